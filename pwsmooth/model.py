@@ -1,0 +1,115 @@
+"""The lowered model: what a System becomes once its notation is lifted and a view is chosen.
+
+    dx/dt = f(t, x, mult; p),      mult = (lambda_1, ..., R_1, ..., a_1, ...)
+
+Three kinds of multiplier share one mechanism. Each has a residual g(t, x, mult; p) that vanishes while
+the multiplier is *solved*, and a fixed value otherwise:
+
+    switch     g = dh/dt     fixed at +1 or -1 off its surface, solved while sliding
+    contact    g = d2h/dt2   fixed at 0 while open, solved while closed
+    algebraic  g as given    always solved
+
+Chain: System (notation) -> Model (this file) -> codegen (compiled addresses) -> kernels (numbers only).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import sympy as sp
+
+
+class Select(sp.Function):
+    """Branch selection by a multiplier: `a` where lam = 1, `b` where lam = -1, affine in between.
+
+    Only the active branch is evaluated when lam is exactly 1 or -1, so the other one may be undefined there.
+    """
+
+    nargs = 3
+
+    @classmethod
+    def eval(cls, lam, a, b):
+        if a == b or lam == 1:
+            return a
+        if lam == -1:
+            return b
+        return None
+
+    def fdiff(self, argindex=1):
+        lam, a, b = self.args
+        if argindex == 1:
+            return (a - b) / 2
+        return (1 + lam) / 2 if argindex == 2 else (1 - lam) / 2
+
+    def _eval_derivative(self, s):
+        lam, a, b = self.args
+        # The branches are differentiated inside the selection: an undefined one must stay unevaluated.
+        return Select(lam, a.diff(s), b.diff(s)) + lam.diff(s) * (a - b) / 2
+
+    def affine(self):
+        """The form that serves while the switch slides or its layer is resolved."""
+        lam, a, b = self.args
+        return (a + b) / 2 + lam * (a - b) / 2
+
+
+@dataclass(frozen=True)
+class Multiplier:
+    """One unknown of the right-hand side that is fixed or solved; see the table above."""
+
+    symbol: sp.Symbol
+    kind: str  # "switch" | "contact" | "algebraic"
+    residual: sp.Expr
+    surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
+    regularity: str = "sliding"  # a switch's class: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
+    hidden: bool = False  # the residual is nonlinear in this multiplier
+    impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
+
+
+@dataclass(frozen=True)
+class EventSpec:
+    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`."""
+
+    name: str
+    surface: sp.Expr | None = None
+    every: sp.Expr | None = None
+    at: tuple[sp.Expr, ...] = ()
+    direction: int = 0
+    when: sp.Basic = sp.true
+    update: tuple[tuple[int, sp.Expr], ...] = ()  # (index of state, its new value from the values before)
+    terminal: bool = False
+
+
+@dataclass(frozen=True)
+class LayerState:
+    """A fast internal state that lives only in the layer: dz/dtau = ratio * rate, tau = t/eps.
+
+    `ratio` is sp.oo (slaved), 0 (two-stage) or the parameter symbol that carries the finite ratio.
+    """
+
+    symbol: sp.Symbol
+    ratio: sp.Expr
+    rate: sp.Expr  # Q(t, x, mult, z; p), without its time constant
+    equilibrium: sp.Expr  # z(t, x, mult; p) with rate = 0
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything that codegen needs, in sympy; immutable and hashable.
+
+    `states` holds the dynamic states, then `n_memory` memories (whose rate is 0).
+    `smoothing` lists (h, eps symbol) of a smoothed view: the layers that must not be stepped over.
+    """
+
+    time: sp.Symbol
+    states: tuple[sp.Symbol, ...]
+    parameters: tuple[sp.Symbol, ...]
+    rhs: tuple[sp.Expr, ...]
+    multipliers: tuple[Multiplier, ...] = ()
+    events: tuple[EventSpec, ...] = ()
+    outputs: tuple[tuple[str, sp.Expr], ...] = ()
+    n_memory: int = 0
+    layer_states: tuple[LayerState, ...] = ()
+    layer_residuals: tuple[sp.Expr, ...] = ()  # of every multiplier, with the layered states free
+    eps_ratio: tuple[float, ...] = ()  # of every multiplier: eps_j relative to the first switch's
+    sigmoid: str = "algebraic"
+    smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
