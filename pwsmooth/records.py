@@ -1,0 +1,160 @@
+"""What a solution is made of: how a run ended, its events, ambiguities, segments and polynomials.
+
+Kernels return integers and arrays; these records carry them in words.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+__all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment"]
+
+
+class Outcome(IntEnum):
+    """How a solve ended: the kernels' integer, with a `text` that says what to try next.
+
+    Codes >= 0 are successes: the run did what was asked. A failure keeps the solution up to where it happened.
+    """
+
+    FINISHED = 0
+    TERMINATED = 1
+    AMBIGUITY = -1
+    NOT_FINITE = -2
+    STEP_UNDERFLOW = -3
+    TOO_MANY_STEPS = -4
+    TOO_MANY_EVENTS = -5
+    CHATTERING = -6
+    EVENT_LOOP = -7
+    NO_ROOT = -8
+    SINGULAR = -9
+    NO_CONVERGENCE = -10
+    LAYER_UNSETTLED = -11
+
+    @property
+    def text(self) -> str:
+        """What happened, and what to try."""
+        return _TEXTS[self]
+
+    @property
+    def success(self) -> bool:
+        """Whether the run did what was asked."""
+        return self >= 0
+
+    def __str__(self) -> str:
+        return f"{self.name.lower().replace('_', ' ')}: {self.text}"
+
+
+_TEXTS = {
+    Outcome.FINISHED: "The end of `t_span` was reached.",
+    Outcome.TERMINATED: "A terminal event stopped the run.",
+    Outcome.AMBIGUITY: "The solution is not unique from here (`strict=True` stops there): see `ambiguities` for "
+    "the continuations; `strict=False` follows the recorded one.",
+    Outcome.NOT_FINITE: "The right-hand side became nan or infinite: look at the last state for a pole, a "
+    "negative base of a power, or a missing branch.",
+    Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, or "
+    "the tolerance cannot be met; try a looser `rtol`, or another `method`.",
+    Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
+    Outcome.TOO_MANY_EVENTS: "The bound on events was reached: either switchings accumulate without a limit that "
+    "could be estimated, or the bound is too small for this run.",
+    Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge: check the restitution and "
+    "the surfaces that switch, or add an event that ends the chattering.",
+    Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude each "
+    "other after the update.",
+    Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
+    "system may be unbounded; check the sign of the hidden term.",
+    Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
+    "may constrain the same motion.",
+    Outcome.NO_CONVERGENCE: "Newton's iteration of the implicit step did not converge: try a tighter `rtol`.",
+    Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden oscillation, "
+    "perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
+}
+
+
+@dataclass(frozen=True)
+class EventRecord:
+    """One event of a solution.
+
+    `switch` names the switch, contact or event; `kind` is a term of the field: "crossing", "stick",
+    "slip by tangency", "slip by fold", "sliding to sliding", "reset", "impact", "closed contact", "opening",
+    "terminal", "accumulation", "ambiguity".
+    """
+
+    time: float
+    switch: str
+    kind: str
+    note: str = ""
+
+    def __str__(self) -> str:
+        note = f" ({self.note})" if self.note else ""
+        return f"t = {self.time:.9g}: {self.kind} [{self.switch}]{note}"
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """A point from which the solution is not unique: what it is, what was taken, what else was possible."""
+
+    time: float
+    switch: str
+    kind: str  # "two-fold", "repelling sliding", "grazing", "corner", ...
+    taken: str
+    continuations: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        others = f"; possible: {', '.join(self.continuations)}" if self.continuations else ""
+        return f"t = {self.time:.9g}: {self.kind} [{self.switch}], taken: {self.taken}{others}"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A maximal interval of constant status.
+
+    `status` holds, for every multiplier, +1 or -1 on a side of its surface (+1 for an open contact) and 0 while
+    it is solved; `first` and `last` are the columns of the solution that bound the segment, both included.
+    """
+
+    start: float
+    end: float
+    name: str
+    status: tuple[int, ...]
+    first: int
+    last: int
+
+    @property
+    def duration(self) -> float:
+        """Length in time."""
+        return self.end - self.start
+
+    @property
+    def columns(self) -> slice:
+        """The solution's columns of this segment, to index `t`, `x` and `mult`."""
+        return slice(self.first, self.last + 1)
+
+
+@dataclass(frozen=True)
+class Dense:
+    """Piecewise polynomials in powers of (t - t0), one piece a step.
+
+    Shapes: `t0` and `t1` (ns,), `coefficients` (ns, n, K+1), `mult_coefficients` (ns, m, K+1).
+    """
+
+    t0: np.ndarray
+    t1: np.ndarray
+    coefficients: np.ndarray
+    mult_coefficients: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and multipliers (m, nt); at an event the side after it."""
+        # The last piece that has begun: pieces of zero length and both sides of an event resolve to "after".
+        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
+        s = t - self.t0[piece]
+        return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
+
+
+def _horner(coefficients: np.ndarray, piece: np.ndarray, s: np.ndarray) -> np.ndarray:
+    rows = np.zeros((len(s), coefficients.shape[1]))
+    for k in range(coefficients.shape[2] - 1, -1, -1):
+        rows = rows * s[:, None] + coefficients[piece, :, k]
+    return rows.T

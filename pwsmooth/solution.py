@@ -1,0 +1,345 @@
+"""What a solve returns: states, multipliers and outputs by name, segments, events, itinerary, cost, outcome.
+
+Place in the chain: solve() -> Solution -> plotting, analysis, sweeps. Columns of `t`, `x`, `mult` and `status`
+belong together; an event contributes two columns of equal time, the state before it and the state after.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy as sp
+
+from .model import Model, Select
+from .records import Ambiguity, Dense, EventRecord, Outcome, Segment
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"]
+
+
+@functools.lru_cache(maxsize=256)
+def _vectorised(model: Model, expression: sp.Expr) -> Any:
+    """A numpy function of (t, x, mult, p); a Select picks its branch where its multiplier is exactly +-1."""
+
+    def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
+        return sp.Piecewise((a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(), True))
+
+    while expression.has(Select):
+        # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
+        expression = expression.replace(
+            lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
+            lambda e: piecewise(*e.args),
+        )
+    arguments = [model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters]
+    return sp.lambdify(arguments, expression, modules=["scipy", "numpy"], cse=True)
+
+
+class Solution:
+    """A solved trajectory.
+
+    Parameters
+    ----------
+    system : System
+        The view that was solved; `system.model` gives the names and the outputs.
+    t : ndarray, shape (nt,)
+        Times, not decreasing; an event has two columns, before and after.
+    x, mult : ndarray, shapes (n, nt) and (m, nt)
+        States (memories last) and multipliers.
+    status : ndarray of int8, shape (m, nt)
+        +1 or -1 on a side of a switch's surface (+1 for an open contact), 0 while the multiplier is solved.
+    events, ambiguities : list of EventRecord, list of Ambiguity
+    dense : Dense or None
+    outcome : Outcome
+    cost, tolerances : dict
+        Counts (steps, evaluations, events, ...), and the tolerances that actually ran.
+    parameters : dict
+        Symbol (or name) -> value.
+
+    Attributes
+    ----------
+    y : ndarray
+        The same as `x`, as scipy names it. `success` and `message` are there too.
+    """
+
+    def __init__(
+        self,
+        system: Any,
+        t: np.ndarray,
+        x: np.ndarray,
+        mult: np.ndarray,
+        status: np.ndarray,
+        events: Sequence[EventRecord],
+        dense: Dense | None,
+        outcome: Outcome,
+        cost: Mapping[str, Any],
+        tolerances: Mapping[str, Any],
+        ambiguities: Sequence[Ambiguity],
+        parameters: Mapping[Any, float],
+    ) -> None:
+        self.system = system
+        self.t = np.asarray(t, dtype=float)
+        nt = len(self.t)
+        self.x = np.asarray(x, dtype=float).reshape(-1, nt)
+        self.mult = np.asarray(mult, dtype=float).reshape(-1, nt)
+        self.status = np.asarray(status, dtype=np.int8).reshape(-1, nt)
+        self.events = list(events)
+        self.dense = dense
+        self.outcome = outcome
+        self.cost = dict(cost)
+        self.tolerances = dict(tolerances)
+        self.ambiguities = list(ambiguities)
+        self.parameters = {str(key): float(value) for key, value in parameters.items()}
+
+    # ---- scipy's names -----------------------------------------------------------------------------
+
+    @property
+    def y(self) -> np.ndarray:
+        """States, shape (n, nt)."""
+        return self.x
+
+    @property
+    def success(self) -> bool:
+        """Whether the run did what was asked."""
+        return self.outcome.success
+
+    @property
+    def message(self) -> str:
+        """The outcome in words, with what to try next."""
+        return str(self.outcome)
+
+    # ---- names -------------------------------------------------------------------------------------
+
+    @property
+    def model(self) -> Model:
+        """The lowered model of the view that was solved."""
+        return self.system.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, memories last."""
+        return tuple(str(s) for s in self.model.states)
+
+    @property
+    def multipliers(self) -> tuple[str, ...]:
+        """Names of the multipliers: switches, contact forces, algebraic unknowns."""
+        return tuple(str(m.symbol) for m in self.model.multipliers)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names that are computed from states and multipliers: the system's outputs, and slaved states."""
+        return tuple(self._expressions)
+
+    @functools.cached_property
+    def _expressions(self) -> dict[str, sp.Expr]:
+        named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
+        named.update({str(name): sp.sympify(expression) for name, expression in self.model.outputs})
+        return named
+
+    def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
+        name = str(name)
+        if name in self.states:
+            return x[self.states.index(name)]
+        if name in self._expressions:
+            function = _vectorised(self.model, self._expressions[name])
+            values = [self.parameters[str(p)] for p in self.model.parameters]
+            with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
+                result = function(t, *x, *mult, *values)
+            return np.array(np.broadcast_to(result, t.shape), dtype=float)
+        if name in self.multipliers:
+            return mult[self.multipliers.index(name)]
+        raise KeyError(
+            f"{name!r} is no state, multiplier or output of this solution; "
+            f"they are {', '.join((*self.states, *self.multipliers, *self.outputs))}."
+        )
+
+    def __getitem__(self, name: Any) -> np.ndarray:
+        """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
+        if str(name) == "t" or str(name) == str(self.model.time):
+            return self.t
+        return self._lookup(name, self.t, self.x, self.mult)
+
+    def __call__(self, t: Any, name: Any = None) -> np.ndarray:
+        """Dense evaluation.
+
+        Parameters
+        ----------
+        t : float or array_like
+            Times inside the solved span; at an event the side after it.
+        name : str or Symbol, optional
+            One state, multiplier or output; all states without.
+
+        Returns
+        -------
+        ndarray
+            Shape (n,) or (n, nt) without `name`, () or (nt,) with it.
+
+        Raises
+        ------
+        ValueError
+            No dense output was kept, or a time lies outside the solved span.
+        """
+        if self.dense is None:
+            raise ValueError(
+                "No dense output was kept; solve with `dense_output=True` for values between steps."
+            )
+        at = np.asarray(t, dtype=float)
+        flat = at.ravel()
+        slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
+        if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
+            raise ValueError(f"`t` leaves the solved span [{self.t[0]:.9g}, {self.t[-1]:.9g}].")
+        x, mult = self.dense(flat)
+        if name is None:
+            return x[:, 0] if at.ndim == 0 else x.reshape(len(x), *at.shape)
+        return self._lookup(name, flat, x, mult).reshape(at.shape)
+
+    # ---- segments and events -----------------------------------------------------------------------
+
+    @functools.cached_property
+    def segments(self) -> list[Segment]:
+        """Maximal intervals of constant status, in order; instants are dropped unless nothing else is there."""
+        changes = np.flatnonzero(np.any(np.diff(self.status, axis=1) != 0, axis=0)) + 1
+        firsts = [0, *changes.tolist()]
+        lasts = [*(changes - 1).tolist(), len(self.t) - 1]
+        pieces = [(i, j) for i, j in zip(firsts, lasts) if self.t[j] > self.t[i]] or [(0, len(self.t) - 1)]
+        merged = [pieces[0]]
+        for i, j in pieces[1:]:
+            # An instant between two pieces of one status (a direct re-capture) does not split them.
+            if np.array_equal(self.status[:, i], self.status[:, merged[-1][0]]):
+                merged[-1] = (merged[-1][0], j)
+            else:
+                merged.append((i, j))
+        return [self._segment(i, j) for i, j in merged]
+
+    def _segment(self, first: int, last: int) -> Segment:
+        status = tuple(int(s) for s in self.status[:, first])
+        names = [
+            _status_name(self.model, j, s)
+            for j, s in enumerate(status)
+            if self.model.multipliers[j].kind != "algebraic"
+        ]
+        return Segment(
+            start=float(self.t[first]),
+            end=float(self.t[last]),
+            name=", ".join(names) or "smooth",
+            status=status,
+            first=first,
+            last=last,
+        )
+
+    @property
+    def itinerary(self) -> tuple[str, ...]:
+        """Names of the segments in order."""
+        return tuple(segment.name for segment in self.segments)
+
+    def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
+        """Times of the events of one kind or switch, both, or all; "slip" matches every "slip by ..."."""
+        return np.array(
+            [
+                e.time
+                for e in self.events
+                if (kind is None or e.kind == kind or e.kind.startswith(kind + " by"))
+                and (switch is None or e.switch == str(switch))
+            ]
+        )
+
+    # ---- other forms -------------------------------------------------------------------------------
+
+    def to_dataset(self) -> xarray.Dataset:
+        """An xarray Dataset with every state, multiplier, status and output over time, and provenance.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError("to_dataset() needs xarray: pip install 'pwsmooth[dataset]'.") from error
+        data: dict[str, Any] = {name: ("time", row) for name, row in zip(self.states, self.x)}
+        data.update({name: ("time", row) for name, row in zip(self.multipliers, self.mult)})
+        data.update({f"status_{name}": ("time", row) for name, row in zip(self.multipliers, self.status)})
+        data.update({name: ("time", self[name]) for name in self.outputs})
+        data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
+        data["event_switch"] = ("event", np.array([e.switch for e in self.events], dtype=str))
+        attributes: dict[str, Any] = {f"parameter {k}": v for k, v in self.parameters.items()}
+        attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
+        attributes.update({f"cost {k}": v for k, v in self.cost.items()})
+        attributes["outcome"] = self.message
+        times = ("event", np.array([e.time for e in self.events], dtype=float))
+        return xarray.Dataset(data, coords={"time": self.t, "event_time": times}, attrs=attributes)
+
+    def plot(self, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
+        """States (or `names`) against time, one Axes each, with the stuck or sliding segments shaded.
+
+        Returns
+        -------
+        ndarray of Axes
+        """
+        from . import plotting
+
+        return plotting.plot_solution(self, names, axes)
+
+    # ---- repr --------------------------------------------------------------------------------------
+
+    def _summary(self) -> list[tuple[str, str]]:
+        kinds: dict[str, int] = {}
+        for event in self.events:
+            kinds[event.kind] = kinds.get(event.kind, 0) + 1
+        steps = self.itinerary
+        shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
+        rows = [
+            ("time", f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"),
+            ("end", ", ".join(f"{n} = {v:.9g}" for n, v in zip(self.states, self.x[:, -1]))),
+            ("events", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
+            ("itinerary", shown),
+            ("cost", ", ".join(f"{k} {v}" for k, v in self.cost.items())),
+            ("tolerances", ", ".join(f"{k} {v}" for k, v in self.tolerances.items())),
+        ]
+        if self.ambiguities:
+            rows.append(("ambiguities", "; ".join(str(a) for a in self.ambiguities[:3])))
+        return rows
+
+    def __repr__(self) -> str:
+        rows = self._summary()
+        return "\n".join([f"Solution: {self.message}", *(f"  {key:<11} {value}" for key, value in rows)])
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        body = "".join(
+            f"<tr><th style='text-align:left'>{key}</th><td style='text-align:left'>{escape(value)}</td></tr>"
+            for key, value in self._summary()
+        )
+        return f"<table><caption><b>Solution</b> {escape(self.message)}</caption>{body}</table>"
+
+
+@functools.lru_cache(maxsize=256)
+def _is_slip_velocity(model: Model, j: int) -> bool:
+    """Whether the surface of multiplier j is a state's rate, up to a function of time: then one slips on it."""
+    h = model.multipliers[j].surface
+    if h is None:
+        return False
+    unknowns = {*model.states, *(m.symbol for m in model.multipliers)}
+    return any(
+        rate.free_symbols & unknowns and not sp.expand(rate - sign * h).free_symbols & unknowns
+        for rate in model.rhs
+        for sign in (1, -1)
+    )
+
+
+def _status_name(model: Model, j: int, status: int) -> str:
+    multiplier = model.multipliers[j]
+    name = str(multiplier.symbol)
+    if multiplier.kind == "contact":
+        return f"contact ({name}) " + ("open" if status else "closed")
+    words = ("slip right", "slip left", "stick") if _is_slip_velocity(model, j) else ("", "", "")
+    if status == 0:
+        return f"{words[2]} ({name} sliding)".strip() if words[2] else f"{name} sliding"
+    side = f"{name}={status:+d}"
+    return f"{words[0 if status > 0 else 1]} ({side})" if words[0] else side

@@ -1,0 +1,192 @@
+"""Solution: names, segments, dense evaluation and other forms, on a trajectory known in closed form."""
+
+import pickle
+import types
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth.model import LayerState, Model, Multiplier, Select
+from pwsmooth.solution import Ambiguity, Dense, EventRecord, Outcome, Solution
+
+t, y, v, lam, rho, drive = sp.symbols("t y v lam rho drive", real=True)
+
+
+def decelerating_block(**changes):
+    """v' = drive - lam from v = 1 with drive = 0: slips until t = 1, then sticks at y = 1/2."""
+    friction = lam * (1 + rho * (1 - lam**2))
+    fields = dict(
+        time=t,
+        states=(y, v),
+        parameters=(drive, rho),
+        rhs=(v, drive - friction),
+        multipliers=(Multiplier(lam, "switch", drive - friction, surface=v, hidden=True),),
+        outputs=(("mu", friction), ("power", -lam * v), ("one", sp.Integer(1))),
+    )
+    fields.update(changes)
+    return Model(**fields)
+
+
+def block_solution(model=None, dense=True, **changes):
+    model = model or decelerating_block()
+    slip = np.linspace(0, 1, 5)
+    stick = np.array([1.0, 1.5, 2.0])
+    times = np.concatenate([slip, stick])
+    x = np.array([np.r_[slip - slip**2 / 2, [0.5] * 3], np.r_[1 - slip, [0.0] * 3]])
+    mult = np.array([np.r_[np.ones(5), np.zeros(3)]])
+    coefficients = np.array([[[0, 1, -0.5], [1, -1, 0]], [[0.5, 0, 0], [0, 0, 0]]], dtype=float)
+    polynomials = Dense(np.array([0.0, 1.0]), np.array([1.0, 2.0]), coefficients, np.array([[[1.0]], [[0.0]]]))
+    arguments = dict(
+        system=types.SimpleNamespace(model=model),
+        t=times,
+        x=x,
+        mult=mult,
+        status=np.array([[1] * 5 + [0] * 3], dtype=np.int8),
+        events=[EventRecord(1.0, "lam", "stick")],
+        dense=polynomials if dense else None,
+        outcome=Outcome.FINISHED,
+        cost={"steps": 2, "events": 1},
+        tolerances={"rtol": 1e-9, "atol": 1e-12},
+        ambiguities=[],
+        parameters={drive: 0.0, rho: 3.0},
+    )
+    arguments.update(changes)
+    return Solution(**arguments)
+
+
+def test_states_multipliers_outputs_and_time_are_found_by_name_and_by_symbol():
+    sol = block_solution()
+    assert sol.states == ("y", "v") and sol.multipliers == ("lam",) and sol.outputs == ("mu", "power", "one")
+    np.testing.assert_array_equal(sol[y], sol["y"])
+    np.testing.assert_array_equal(sol["lam"], sol.mult[0])
+    np.testing.assert_array_equal(sol["t"], sol.t)
+    np.testing.assert_array_equal(sol["power"], -sol["v"] * sol["lam"])
+    np.testing.assert_array_equal(sol["one"], np.ones(8))
+    assert sol.y is sol.x
+
+
+def test_an_unknown_name_is_refused_with_the_names_that_exist():
+    with pytest.raises(KeyError, match="'w' is no state.*y, v, lam, mu"):
+        block_solution()["w"]
+
+
+def test_segments_are_the_intervals_of_constant_status_and_are_named_as_slip_and_stick():
+    sol = block_solution()
+    assert sol.itinerary == ("slip right (lam=+1)", "stick (lam sliding)")
+    slip, stick = sol.segments
+    assert (slip.start, slip.end, stick.start, stick.end) == (0.0, 1.0, 1.0, 2.0)
+    assert slip.status == (1,) and stick.duration == 1.0
+    np.testing.assert_array_equal(sol["v"][stick.columns], 0)
+
+
+def test_a_surface_that_is_no_velocity_gets_no_words_of_friction():
+    model = decelerating_block(multipliers=(Multiplier(lam, "switch", v, surface=y - 2),))
+    assert block_solution(model).itinerary == ("lam=+1", "lam sliding")
+
+
+def test_a_belt_velocity_still_counts_as_slip():
+    model = decelerating_block(multipliers=(Multiplier(lam, "switch", -lam, surface=sp.cos(t) - v),))
+    assert block_solution(model).itinerary[0] == "slip right (lam=+1)"
+
+
+def test_a_contact_is_closed_while_its_force_is_solved():
+    model = decelerating_block(multipliers=(Multiplier(lam, "contact", v, surface=y),))
+    assert block_solution(model).itinerary == ("contact (lam) open", "contact (lam) closed")
+
+
+def test_an_instant_of_another_status_neither_makes_nor_splits_a_segment():
+    status = np.array([[1, 1, 0, 1, 1, 0, 0, 0]], dtype=np.int8)
+    times = np.array([0, 0.5, 0.5, 0.5, 1, 1, 1.5, 2])
+    segments = block_solution(status=status, t=times).segments
+    assert [(s.start, s.end, s.status) for s in segments] == [(0, 1, (1,)), (1, 2, (0,))]
+
+
+def test_dense_evaluation_agrees_with_the_closed_form_between_columns():
+    sol = block_solution()
+    at = np.array([0.1, 0.77, 1.0, 1.9])
+    slipping = np.minimum(at, 1)
+    np.testing.assert_allclose(sol(at, "y"), slipping - slipping**2 / 2, atol=1e-15)
+    np.testing.assert_allclose(sol(at)[1], 1 - slipping, atol=1e-15)
+    assert sol(0.25).shape == (2,) and sol(0.25, "y").shape == ()
+    assert sol(at.reshape(2, 2)).shape == (2, 2, 2)
+
+
+def test_dense_evaluation_takes_the_side_after_an_event():
+    sol = block_solution()
+    assert sol(1.0, "lam") == 0 and sol(np.nextafter(1, 0), "lam") == 1
+    np.testing.assert_array_equal(sol([0.5, 1.5], "mu"), [1, 0])
+
+
+def test_dense_evaluation_outside_the_span_or_without_polynomials_is_refused():
+    with pytest.raises(ValueError, match="leaves the solved span"):
+        block_solution()(2.1)
+    with pytest.raises(ValueError, match="leaves the solved span"):
+        block_solution()(np.nan)
+    with pytest.raises(ValueError, match="dense_output=True"):
+        block_solution(dense=False)(0.5)
+
+
+def test_an_output_selects_its_branch_where_the_other_one_is_undefined():
+    force = Select(lam, sp.Integer(0), -((v - 1) ** sp.Rational(3, 2)))  # (v - 1)**1.5 has no value for v < 1
+    nested = Select(lam, Select(lam, y, sp.log(v - 2)), y**2)
+    model = decelerating_block(outputs=(("force", force), ("nested", nested)))
+    sol = block_solution(model, status=np.ones((1, 8), np.int8), mult=np.ones((1, 8)))
+    np.testing.assert_array_equal(sol["force"], 0)
+    np.testing.assert_array_equal(sol["nested"], sol["y"])
+    model = decelerating_block(outputs=(("half", Select(lam, 3 * y, y)),))
+    sliding = block_solution(model, mult=np.zeros((1, 8)))
+    np.testing.assert_allclose(sliding["half"], 2 * sliding["y"])
+
+
+def test_a_slaved_state_is_an_output_at_its_equilibrium():
+    z = sp.Symbol("z", real=True)
+    layer = LayerState(z, sp.oo, 1 - lam**2 - z, 1 - lam**2)
+    sol = block_solution(decelerating_block(layer_states=(layer,)))
+    np.testing.assert_array_equal(sol["z"], np.r_[np.zeros(5), np.ones(3)])
+
+
+def test_events_are_chosen_by_kind_and_switch():
+    events = [
+        EventRecord(0.5, "a", "slip by fold"),
+        EventRecord(0.7, "b", "slip by tangency"),
+        EventRecord(1, "a", "stick"),
+    ]
+    sol = block_solution(events=events)
+    np.testing.assert_array_equal(sol.event_times("slip"), [0.5, 0.7])
+    np.testing.assert_array_equal(sol.event_times(switch="a"), [0.5, 1])
+    np.testing.assert_array_equal(sol.event_times("slip by fold", "b"), [])
+
+
+def test_every_outcome_says_what_happened_and_every_failure_what_to_try():
+    for outcome in Outcome:
+        assert Outcome(int(outcome)) is outcome
+        assert outcome.success == (outcome >= 0)
+        assert outcome.success or len(outcome.text) > 60
+        assert str(outcome).endswith(outcome.text)
+
+
+def test_the_dataset_holds_every_name_and_its_provenance():
+    pytest.importorskip("xarray")
+    data = block_solution().to_dataset()
+    assert {"y", "v", "lam", "mu", "status_lam", "event_kind"} <= set(data.variables)
+    np.testing.assert_array_equal(data["mu"], block_solution()["mu"])
+    assert data.attrs["parameter rho"] == 3.0 and data.attrs["tolerance rtol"] == 1e-9
+    assert data["event_time"].item() == 1.0 and data["event_kind"].item() == "stick"
+
+
+def test_the_repr_tells_outcome_events_itinerary_cost_and_ambiguities():
+    sol = block_solution(ambiguities=[Ambiguity(1.0, "lam", "two-fold", "sliding", ("sliding", "lam=+1"))])
+    for text in (repr(sol), sol._repr_html_()):
+        for piece in ("finished", "1 stick", "slip right", "steps 2", "two-fold", "rtol 1e-09"):
+            assert piece in text
+    failed = block_solution(outcome=Outcome.NOT_FINITE)
+    assert not failed.success and "nan" in repr(failed)
+
+
+def test_a_solution_survives_pickling():
+    sol = block_solution()
+    sol["mu"]
+    again = pickle.loads(pickle.dumps(sol))
+    np.testing.assert_array_equal(again["mu"], sol["mu"])
+    assert again.outcome is Outcome.FINISHED and again.itinerary == sol.itinerary
