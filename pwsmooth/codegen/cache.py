@@ -1,0 +1,209 @@
+"""Where compiled code lives: one directory of kernels, one of models, both named by what they were made from.
+
+numba keys its disk cache by the stamp of *one* source file: a jitted helper edited in another file still hits
+the old machine code. Here the directory carries the hash of every source that can reach the code in it:
+
+    <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels
+    <root>/models-<hash of kernels/ and codegen/>  generated sources m<hash of text>.py and their machine code,
+                                                   and f<hash of model>.txt: which sources belong to a model
+
+Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> load_module -> addresses.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import importlib
+import importlib.util
+import os
+import platform
+import sys
+import tempfile
+import threading
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+import sympy as sp
+
+_lock = threading.RLock()
+
+
+@cache
+def cache_root() -> Path:
+    """Directory of everything compiled: PWSMOOTH_CACHE_DIR, or the user's cache, or a temporary one."""
+    named = os.environ.get("PWSMOOTH_CACHE_DIR")
+    if named:
+        candidates = [Path(named)]
+    else:
+        import platformdirs
+
+        candidates = [Path(platformdirs.user_cache_dir("pwsmooth"))]
+    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+    candidates.append(Path(tempfile.gettempdir()) / f"pwsmooth-{user}")
+    for path in candidates:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                return path
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="pwsmooth-"))
+
+
+@cache
+def _versions() -> str:
+    import llvmlite
+    import numba
+    import numpy
+
+    return "|".join((platform.python_version(), platform.machine(), numba.__version__, llvmlite.__version__,
+                     numpy.__version__, sp.__version__))
+
+
+def sources_key(*packages: str) -> str:
+    """Hash of every source of the named subpackages and of the versions that compile them."""
+    digest = hashlib.sha256(_versions().encode())
+    here = Path(__file__).resolve().parent.parent
+    # model.py defines what the generators read.
+    files = [here / "model.py"] if "codegen" in packages else []
+    for package in packages:
+        files += sorted((here / package).rglob("*.py"))
+    for path in files:
+        digest.update(path.relative_to(here).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+@cache
+def kernels_dir() -> Path:
+    """Directory of the kernels' machine code; its name changes with any kernel source."""
+    path = cache_root() / f"kernels-{sources_key('kernels')}"
+    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+@cache
+def models_dir() -> Path:
+    """Directory of generated models; its name changes with any source of kernels or codegen."""
+    path = cache_root() / f"models-{sources_key('kernels', 'codegen')}"
+    path.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+@contextlib.contextmanager
+def numba_cache(directory: Path | None = None):
+    """`cache=True` functions decorated inside keep their machine code in `directory` (default: kernels_dir)."""
+    from numba import config
+
+    with _lock:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(directory or kernels_dir())
+        try:
+            yield
+        finally:
+            config.CACHE_DIR = before
+
+
+def load_kernels(name: str) -> ModuleType:
+    """Import `pwsmooth.kernels.<name>`, with its machine code in the kernels' directory.
+
+    The first import decides, also for the kernels that it imports in turn: import kernels only through here.
+    """
+    full = f"pwsmooth.kernels.{name}"
+    if full in sys.modules:
+        return sys.modules[full]
+    with numba_cache():
+        return importlib.import_module(full)
+
+
+def _write_atomically(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def write_module(text: str) -> Path:
+    """Path of the generated source `text`, named by its content and written only if absent.
+
+    A second writing would move the file's stamp, by which numba judges its own cache.
+    """
+    path = models_dir() / f"m{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
+    if not path.exists():
+        _write_atomically(path, text)
+    return path
+
+
+def load_module(path: Path) -> ModuleType:
+    """Import a generated source once; its `@cfunc(cache=True)` functions keep their code beside it."""
+    name = f"pwsmooth_generated_{path.stem}"
+    with _lock:
+        if name in sys.modules:
+            return sys.modules[name]
+        spec = importlib.util.spec_from_file_location(name, path)
+        module = importlib.util.module_from_spec(spec)
+        # numba looks the module up by name when it rebuilds cached code.
+        sys.modules[name] = module
+        try:
+            with numba_cache(models_dir()):
+                spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+        return module
+
+
+def fingerprint(model) -> str:
+    """Hash of a Model (or any nest of dataclasses, tuples and sympy expressions), equal in every process.
+
+    As srepr, but each shared subexpression is written once: linear in the size of the graph, not of the tree.
+    """
+    digest = hashlib.sha256()
+    number: dict = {}
+
+    def visit(item) -> str:
+        if isinstance(item, sp.Basic):
+            if item in number:
+                return number[item]
+            if item.is_Symbol:
+                # Two symbols of one name and different assumptions keep different numbers.
+                line = f"{type(item).__name__}:{item.name}"
+            elif item.args:
+                line = f"{type(item).__name__}({','.join(visit(a) for a in item.args)})"
+            else:
+                line = sp.srepr(item)
+            label = number[item] = f"e{len(number)}"
+            digest.update(f"{label}={line}\n".encode())
+            return label
+        if dataclasses.is_dataclass(item):
+            parts = (f"{f.name}={visit(getattr(item, f.name))}" for f in dataclasses.fields(item))
+            return f"{type(item).__name__}({';'.join(parts)})"
+        if isinstance(item, (tuple, list)):
+            return f"[{','.join(visit(i) for i in item)}]"
+        return repr(item)
+
+    digest.update(visit(model).encode())
+    return digest.hexdigest()[:24]
+
+
+def cached_modules(key: str, build) -> dict[str, Path]:
+    """Paths of the sources filed under `key`; `build()` -> {name: text} runs only if some are missing.
+
+    This is what spares a second process the symbolic work.
+    """
+    index = models_dir() / f"f{key}.txt"
+    with contextlib.suppress(OSError, ValueError):
+        lines = index.read_text(encoding="utf-8").split("\n")
+        paths = {name: models_dir() / file for name, file in (line.split(" ") for line in lines if line)}
+        if paths and all(p.exists() for p in paths.values()):
+            return paths
+    paths = {name: write_module(text) for name, text in build().items()}
+    _write_atomically(index, "".join(f"{name} {p.name}\n" for name, p in paths.items()))
+    return paths
