@@ -50,26 +50,26 @@ class Outcome(IntEnum):
 _TEXTS = {
     Outcome.FINISHED: "The end of `t_span` was reached.",
     Outcome.TERMINATED: "A terminal event stopped the run.",
-    Outcome.AMBIGUITY: "The solution is not unique from here (`strict=True` stops there): see `ambiguities` for "
-    "the continuations; `strict=False` follows the recorded one.",
+    Outcome.AMBIGUITY: "The solution is not unique from here (`strict=True` stops there): see `ambiguities` "
+    "for the continuations; `strict=False` follows the recorded one.",
     Outcome.NOT_FINITE: "The right-hand side became nan or infinite: look at the last state for a pole, a "
     "negative base of a power, or a missing branch.",
-    Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, or "
-    "the tolerance cannot be met; try a looser `rtol`, or another `method`.",
+    Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, "
+    "or the tolerance cannot be met; try a looser `rtol`, or another `method`.",
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
-    Outcome.TOO_MANY_EVENTS: "The bound on events was reached: either switchings accumulate without a limit that "
-    "could be estimated, or the bound is too small for this run.",
-    Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge: check the restitution and "
-    "the surfaces that switch, or add an event that ends the chattering.",
-    Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude each "
-    "other after the update.",
+    Outcome.TOO_MANY_EVENTS: "The bound on events was reached: either switchings accumulate without a limit "
+    "that could be estimated, or the bound is too small for this run.",
+    Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge: check the restitution "
+    "and the surfaces that switch, or add an event that ends the chattering.",
+    Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude "
+    "each other after the update.",
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion.",
     Outcome.NO_CONVERGENCE: "Newton's iteration of the implicit step did not converge: try a tighter `rtol`.",
-    Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden oscillation, "
-    "perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
+    Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
+    "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
 }
 
 
