@@ -1,0 +1,65 @@
+"""Calls of generated functions by their address: one compiled core serves every model.
+
+Each `call_*` takes the int64 address of a cfunc and passes arrays as plain data pointers. A function object as an
+argument would compile the core anew for every model and never hit the disk cache.
+"""
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+_DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
+
+
+def _caller(types_in, restype):
+    """Signature and code generator of a call through an address; arrays become pointers to their first element."""
+    signature = restype(*types_in)
+
+    def codegen(context, builder, sig, args):
+        values = []
+        for ty, value in zip(sig.args[1:], args[1:], strict=True):
+            if isinstance(ty, types.Array):
+                value = context.make_array(ty)(context, builder, value=value).data
+            values.append(value)
+        result = ir.VoidType() if restype is types.void else _INT64
+        pointer = builder.inttoptr(args[0], ir.FunctionType(result, [v.type for v in values]).as_pointer())
+        out = builder.call(pointer, values)
+        return context.get_dummy_value() if restype is types.void else out
+
+    return signature, codegen
+
+
+@intrinsic
+def call_fields(typingctx, address, t, x, mult, p, dx, h, g):
+    """fields(t, x, mult, p, dx, h, g): overwrites the rates dx, surfaces h and residuals g."""
+    return _caller((address, t, x, mult, p, dx, h, g), types.void)
+
+
+@intrinsic
+def call_linear(typingctx, address, t, x, mult, p, G, dh):
+    """linear(t, x, mult, p, G, dh): overwrites dg/dmult and the gradients of the surfaces."""
+    return _caller((address, t, x, mult, p, G, dh), types.void)
+
+
+@intrinsic
+def call_act(typingctx, address, i, t, x, mult, p, xnew):
+    """act(i, t, x, mult, p, xnew): fires event i; overwrites the entries of xnew that it sets; 0 if `when` fails."""
+    return _caller((address, i, t, x, mult, p, xnew), types.int64)
+
+
+@intrinsic
+def call_layer(typingctx, address, t, x, mult, z, p, g, q):
+    """layer(t, x, mult, z, p, g, q): overwrites the residuals g with the layered states free, and their rates q."""
+    return _caller((address, t, x, mult, z, p, g, q), types.void)
+
+
+@intrinsic
+def call_jet_slip(typingctx, address, t, x, mult, p, K, stride, rows):
+    """jet_slip(t, x, mult, p, K, stride, rows): overwrites the Taylor rows, all multipliers constant."""
+    return _caller((address, t, x, mult, p, K, stride, rows), types.int64)
+
+
+@intrinsic
+def call_jet_general(typingctx, address, t, x, mult, p, mask, K, stride, rows):
+    """jet_general(t, x, mult, p, mask, K, stride, rows): overwrites the Taylor rows, masked multipliers solved."""
+    return _caller((address, t, x, mult, p, mask, K, stride, rows), types.int64)
