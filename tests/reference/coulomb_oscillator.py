@@ -7,8 +7,10 @@ A slip phase of side s is a damped oscillation plus a sinusoid; with a = c/2, w 
     v  = exp(-a tau) (P cos w tau + Q sin w tau) + omega (A cos theta - B sin theta),
     k y = -sigma sin theta - c v - v' - s N,
 
-and ends at the first zero of v. There the contact sticks when |F| <= N, F = -sigma sin theta - k y, and
-crosses otherwise; a stick ends where F leaves [-N, N], an arcsine. No zero is looked for by sampling: v is
+and ends at the first zero of v. There the contact sticks when |F| <= capture, F = -sigma sin theta - k y, and
+crosses otherwise; a stick ends where |F| reaches `static`, an arcsine. Coulomb's law has capture = static = N. The
+three limits with the hidden term, beta -> 0, differ only in the two thresholds: static = N mu_s in each, and
+capture = N mu_s (slaved), N (two-stage) or F_c(r) (layer ratio r), because z = 0 in every slip phase. No zero is looked for by sampling: v is
 compared on each interval with its cubic Hermite interpolant, whose error is bounded by M4 D^4/384,
 M4 = |Z_h| k^2 + |Z_d| omega^4, and where that decides nothing the interval is bisected under bounds of v'' and
 v''' until v is seen to be of one sign, monotone or of one curvature. Grazing by 1e-13 is still resolved.
@@ -103,7 +105,7 @@ def _careful_zero(lo, hi, M2, M3, theta0, s, P, Q, A, B, a, w, c, k, sigma, omeg
 
 
 @njit(cache=True, error_model="numpy")
-def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
+def trajectory(k, sigma, c, N, omega, capture, static, t0, y0, v0, t_end, times, kinds):
     """Orbit from (t0, y0, v0) to t_end; events go to `times`, `kinds` while there is room.
 
     Returns (number of events, y, v at t_end).
@@ -127,7 +129,7 @@ def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
     sd, cd = math.sin(theta), math.cos(theta)
     v, y = v0, y0
     force = -sigma * sd - k * y
-    stuck = v == 0.0 and abs(force) <= N
+    stuck = v == 0.0 and abs(force) <= static
     s = 1.0 if v > 0 or (v == 0 and force > 0) else -1.0
     acc = force - c * v - s * N  # v' on the side s
 
@@ -135,7 +137,7 @@ def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
         if stuck:
             ky = -sigma * sd - force
             delta = math.inf
-            up, down = -(N + ky) / sigma, (N - ky) / sigma
+            up, down = -(static + ky) / sigma, (static - ky) / sigma
             if abs(up) < 1:
                 delta = (math.pi - math.asin(up) - theta) % TWO_PI
                 # A stick that begins within rounding of its end: the difference of phases may come out just below 0.
@@ -157,7 +159,7 @@ def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
             n += 1
             sd = up if s > 0 else down
             cd = -s * math.sqrt((1 - sd) * (1 + sd))
-            v = acc = 0.0
+            v, acc = 0.0, s * (static - N)
             stuck = False
 
         theta = omega * t
@@ -267,7 +269,7 @@ def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
         force = acc + s * N
         if n < room:
             times[n] = t
-        if abs(force) <= N:
+        if abs(force) <= capture:
             stuck = True
             if n < room:
                 kinds[n] = STICK
@@ -280,18 +282,22 @@ def trajectory(k, sigma, c, N, omega, t0, y0, v0, t_end, times, kinds):
 
 
 @njit(cache=True, error_model="numpy")
-def ensemble(k, sigma, c, N, omega, y0, v0, t_end, times, kinds, counts, final):
+def ensemble(k, sigma, c, N, omega, capture, static, y0, v0, t_end, times, kinds, counts, final):
     """Orbits from t = 0 for arrays k, sigma, y0, v0 (n,); fills times, kinds (n, room), counts (n,), final (n, 2)."""
     for i in range(len(k)):
         counts[i], final[i, 0], final[i, 1] = trajectory(
-            k[i], sigma[i], c, N, omega, 0.0, y0[i], v0[i], t_end, times[i], kinds[i]
+            k[i], sigma[i], c, N, omega, capture, static, 0.0, y0[i], v0[i], t_end, times[i], kinds[i]
         )
 
 
-def solve_closed_form(k, sigma, c=0.1, N=1.0, omega=1.0, y0=0.5, v0=0.3, t_end=20 * TWO_PI, room=400):
-    """One orbit: (times, kinds, (y, v) at t_end), for tests that read better without the arrays."""
+def solve_closed_form(
+    k, sigma, c=0.1, N=1.0, omega=1.0, *, capture=None, static=None, y0=0.5, v0=0.3, t_end=20 * TWO_PI, room=400
+):
+    """One orbit from t = 0: (times, kinds, (y, v) at t_end); Coulomb's law unless thresholds are given."""
+    static = N if static is None else static
+    capture = static if capture is None else capture
     times, kinds = np.empty(room), np.zeros(room, np.int64)
-    args = [float(a) for a in (k, sigma, c, N, omega, 0.0, y0, v0, t_end)]
+    args = [float(a) for a in (k, sigma, c, N, omega, capture, static, 0.0, y0, v0, t_end)]
     n, y, v = trajectory(*args, times, kinds)
     if n > room:
         raise ValueError(f"`room` = {room} is too small: the orbit has {n} events.")
