@@ -1,0 +1,316 @@
+"""Primitives: what a model says beyond ordinary notation.
+
+    Switch      lambda = sign h off the surface h = 0, lambda in [-1, 1] on it
+    Memory      a value that changes only in events
+    Event       at h = 0, or at given instants: resets, latches, flags, stops
+    Unilateral  0 <= h  complementary to  R >= 0, with Newton's law at impacts
+    Algebraic   an unknown that its residual determines inside the right-hand side
+
+`Switch`, `Memory` and the reaction of a `Unilateral` are sympy Symbols: they stand in expressions like any
+other name. What defines them is part of their identity, because sympy shares plain Symbols by name.
+Copies of one element (multistate laws, spring-block chains) are in family.py.
+Chain: primitives (here) -> lifting.py -> system.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+import sympy as sp
+
+
+class Switch(sp.Symbol):
+    """The multiplier lambda of a switching surface: sign(surface) off it, between -1 and 1 on it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the multiplier.
+    surface : sympy expression
+        h(t, x), in the sense lambda = 1 where h > 0. Its unit is the unit of a smoothing width eps.
+
+    Raises
+    ------
+    ValueError
+        The surface is a constant.
+
+    Examples
+    --------
+    >>> v = sp.Symbol("v", real=True)
+    >>> lam = Switch("lam", v)
+    >>> lam.surface
+    v
+    >>> lam == Switch("lam", v + 1)
+    False
+    """
+
+    __slots__ = ("surface",)
+
+    def __new__(cls, name, surface):
+        surface = _expression(surface, f"the surface of Switch {name!r}")
+        if not surface.free_symbols:
+            raise ValueError(
+                f"`surface` of Switch {name!r} is the constant {surface}: it never switches. "
+                "Give an expression of time and states that changes sign."
+            )
+        self = sp.Symbol.__xnew__(cls, _name(name, "Switch"), real=True)
+        self.surface = surface
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.name, self.surface), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.surface)
+
+    def _sympyrepr(self, printer, *args):
+        return f"Switch({self.name!r}, {printer._print(self.surface)})"
+
+
+class Memory(sp.Symbol):
+    """A value that changes only in events: a latched impact speed, a stick/slip flag.
+
+    Parameters
+    ----------
+    name : str
+    initial : float
+        Its value at the start unless the initial state gives another.
+    **assumptions
+        As of `sympy.Symbol`; real by default.
+
+    Examples
+    --------
+    >>> stuck = Memory("stuck", 1)
+    >>> stuck.initial
+    1.0
+    """
+
+    __slots__ = ("initial",)
+
+    def __new__(cls, name, initial=0.0, **assumptions):
+        try:
+            initial = float(initial)
+        except (TypeError, ValueError):
+            raise TypeError(f"`initial` of Memory {name!r} is {initial!r}; give a number.") from None
+        if not isfinite(initial):
+            raise ValueError(f"`initial` of Memory {name!r} is {initial}; give a finite number.")
+        self = sp.Symbol.__xnew__(cls, _name(name, "Memory"), **({"real": True} | assumptions))
+        self.initial = initial
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.name, self.initial), self._assumptions_orig
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.initial)
+
+    def _sympyrepr(self, printer, *args):
+        return f"Memory({self.name!r}, {self.initial!r})"
+
+
+class Reaction(sp.Symbol):
+    """The contact force R of a `Unilateral`, made by it."""
+
+    __slots__ = ("gap", "restitution")
+
+    def __new__(cls, name, gap, restitution):
+        self = sp.Symbol.__xnew__(cls, name, real=True)
+        self.gap, self.restitution = gap, restitution
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.name, self.gap, self.restitution), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.gap, self.restitution)
+
+    def _sympyrepr(self, printer, *args):
+        return f"Reaction({self.name!r}, {printer._print(self.gap)}, {printer._print(self.restitution)})"
+
+
+@dataclass(frozen=True, init=False)
+class Unilateral:
+    """A unilateral constraint 0 <= h, complementary to its reaction R >= 0.
+
+    The reaction stands in the rates of the velocities, in the direction in which it pushes. Impacts follow
+    Newton's law; a closed contact carries the R that keeps d2h/dt2 = 0, until R would become negative.
+
+    Parameters
+    ----------
+    gap : sympy expression
+        h(t, x), the distance that cannot become negative; a position, so that R stands in its second
+        derivative.
+    restitution : float or sympy expression
+        e in  dh/dt after = -e dh/dt before.
+    name : str
+        Name of the reaction.
+
+    Examples
+    --------
+    A ball on a floor, mass 1:
+
+    >>> y, v, g = sp.symbols("y v g", real=True)
+    >>> floor = Unilateral(y, restitution=0.9, name="R")
+    >>> rates = {y: v, v: -g + floor.reaction}
+    """
+
+    gap: sp.Expr
+    restitution: sp.Expr
+    name: str
+
+    def __init__(self, gap, restitution=0, name="R"):
+        gap = _expression(gap, "`gap` of a Unilateral")
+        restitution = _expression(restitution, "`restitution` of a Unilateral")
+        if not gap.free_symbols:
+            raise ValueError(f"`gap` of Unilateral {name!r} is the constant {gap}; give a distance h(t, x).")
+        # An elastic impact returns all; more would make energy out of nothing at every bounce.
+        if restitution.is_number and not 0 <= float(restitution) <= 1:
+            raise ValueError(f"`restitution` of Unilateral {name!r} is {restitution}; give 0 <= e <= 1.")
+        object.__setattr__(self, "gap", gap)
+        object.__setattr__(self, "restitution", restitution)
+        object.__setattr__(self, "name", _name(name, "Unilateral"))
+
+    @property
+    def reaction(self):
+        """The Symbol R, for the right-hand side."""
+        return Reaction(self.name, self.gap, self.restitution)
+
+
+@dataclass(frozen=True, init=False)
+class Algebraic:
+    """An unknown of the right-hand side with residual(t, x, a) = 0: an acceleration in its own friction law.
+
+    Parameters
+    ----------
+    unknown : Symbol or str
+    residual : sympy expression
+        Monotone in the unknown, so that there is one root.
+
+    Examples
+    --------
+    >>> a, v = sp.symbols("a v", real=True)
+    >>> Algebraic(a, a + sp.exp(-v**2)*sp.tanh(a) + v).unknown
+    a
+    """
+
+    unknown: sp.Symbol
+    residual: sp.Expr
+
+    def __init__(self, unknown, residual):
+        residual = _expression(residual, "`residual` of an Algebraic")
+        if isinstance(unknown, str):
+            named = [s for s in residual.free_symbols if s.name == unknown]
+            unknown = named[0] if len(named) == 1 else sp.Symbol(unknown, real=True)
+        if not isinstance(unknown, sp.Symbol):
+            raise TypeError(f"`unknown` of an Algebraic is {unknown!r}; give a Symbol or its name.")
+        if unknown not in residual.free_symbols:
+            raise ValueError(
+                f"`residual` of Algebraic {unknown.name!r} is {residual}, in which the unknown does not stand; "
+                "give a residual that determines it."
+            )
+        object.__setattr__(self, "unknown", unknown)
+        object.__setattr__(self, "residual", residual)
+
+
+@dataclass(frozen=True, init=False)
+class Event:
+    """Something that happens at an instant: `surface` reaches zero, or the clock strikes.
+
+    Without `update` it is only recorded.
+    At one instant all events whose `when` holds act on the values before; this is repeated until none newly
+    acts. Switches are classified afterwards, with the field after.
+
+    Parameters
+    ----------
+    surface : sympy expression, optional
+        h(t, x): the event is a zero of it. Exactly one of `surface`, `every`, `at` is given.
+    every : float or expression, optional
+        The event happens at every, 2*every, ...
+    at : float, expression or sequence of them, optional
+        The instants at which it happens.
+    direction : {0, 1, -1}
+        Only zeros at which h rises (1) or falls (-1); 0: both.
+    update : mapping of state or memory to expression
+        New values, from the values before; what is not named keeps its value.
+    when : condition
+        The event acts only if it holds at that instant.
+    terminal : bool
+        The run stops here.
+    name : str, optional
+
+    Examples
+    --------
+    >>> x, w = sp.symbols("x w", real=True)
+    >>> speed = Memory("speed", 1)
+    >>> Event(x, direction=1, update={speed: w}, name="touch-down").direction
+    1
+    """
+
+    surface: sp.Expr | None
+    every: sp.Expr | None
+    at: tuple[sp.Expr, ...]
+    direction: int
+    update: tuple[tuple[sp.Symbol | str, sp.Expr], ...]
+    when: sp.Basic
+    terminal: bool
+    name: str | None
+
+    def __init__(self, surface=None, *, every=None, at=None, direction=0, update=None, when=True,
+                 terminal=False, name=None):
+        given = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(given) or 'none'}."
+            )
+        if direction not in (0, 1, -1):
+            raise ValueError(
+                f"`direction` of an Event is {direction!r}; give 1 (rising), -1 (falling) or 0 (both)."
+            )
+        if given[0] != "surface" and direction:
+            raise ValueError(f"`direction` has no meaning for an Event with `{given[0]}`; leave it out.")
+        if surface is not None:
+            surface = _expression(surface, "`surface` of an Event")
+            if not surface.free_symbols:
+                raise ValueError(f"`surface` of an Event is the constant {surface}; it never reaches zero.")
+        if every is not None:
+            every = _expression(every, "`every` of an Event")
+            if every.is_number and not (every.is_finite and every > 0):
+                raise ValueError(f"`every` of an Event is {every}; give a period > 0.")
+        if at is not None:
+            at = at if isinstance(at, Iterable) and not isinstance(at, str) else (at,)
+            at = tuple(_expression(a, "`at` of an Event") for a in at)
+            if not at or any(a.is_number and not a.is_finite for a in at):
+                raise ValueError(f"`at` of an Event is {at}; give finite instants.")
+        if update is not None and not isinstance(update, Mapping):
+            raise TypeError(f"`update` of an Event is {update!r}; give a dict of state or memory to value.")
+        update = tuple(
+            (key, _expression(value, f"`update` of an Event, value of {key}"))
+            for key, value in (update or {}).items()
+        )
+        when = sp.sympify(when)
+        if not isinstance(when, (sp.logic.boolalg.Boolean, bool)) and when not in (sp.true, sp.false):
+            raise TypeError(f"`when` of an Event is {when!r}; give a condition, as sp.Eq(flag, 0) or v > 0.")
+        values = (surface, every, at or (), direction, update, when, bool(terminal), name)
+        for key, value in zip(self.__dataclass_fields__, values, strict=True):
+            object.__setattr__(self, key, value)
+
+
+def _expression(value, what):
+    """`value` as a sympy expression, or a TypeError that says what it was meant to be."""
+    try:
+        value = sp.sympify(value, strict=True)
+    except (sp.SympifyError, TypeError):
+        raise TypeError(f"{what} is {value!r}; give a sympy expression or a number.") from None
+    if not isinstance(value, sp.Expr):
+        raise TypeError(f"{what} is {value!r}, no expression; conditions belong into Piecewise or `when`.")
+    if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
+        raise ValueError(f"{what} is {value}, which is not finite.")
+    return value
+
+
+def _name(name, kind):
+    if not isinstance(name, str) or not name:
+        raise TypeError(f"the name of a {kind} is {name!r}; give a string that is not empty.")
+    return name
