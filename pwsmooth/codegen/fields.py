@@ -1,0 +1,126 @@
+"""Pointwise functions of a model: rates, surfaces, residuals, their gradients, resets, outputs, layer rates.
+
+Every one is a C function of pointers to doubles, reached by address:
+
+    fields(t, x, mult, p, dx, h, g)      linear(t, x, mult, p, G, dh)      outputs(t, x, mult, p, out)
+    act(i, t, x, mult, p, xnew) -> 1 if event i fired                     layer(t, x, mult, z, p, g, q)
+
+Chain: Model -> Graph (dag.py) -> text (this file) -> write_module/load_module (cache.py) -> addresses.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from ..model import Model
+from .dag import Graph
+from .scalar import HELPERS, ScalarCode, Writer
+
+HEADER = '''"""Generated from a pwsmooth model; named by its content, never edited."""
+import math
+
+from numba import cfunc, njit, types
+
+D = types.float64
+P = types.CPointer(types.float64)
+I = types.int64
+Q = types.CPointer(types.int64)
+'''
+
+
+class Source:
+    """Text of one generated module: functions and the helpers that they use."""
+
+    def __init__(self):
+        self.functions: list[str] = []
+        self.helpers: set[str] = set()
+
+    def function(self, name: str, arguments: str, body: Writer, returns: str = "types.void",
+                 options: str = "") -> None:
+        kinds = {"t": "D", "i": "I", "K": "I", "stride": "I", "mask": "Q"}
+        types = ", ".join(kinds.get(a, "P") for a in arguments.split(", "))
+        self.functions.append(f"\n\n@cfunc({returns}({types}), cache=True, error_model=\"numpy\"{options})\n"
+                              f"def {name}({arguments}):\n{body.text()}")
+
+    def text(self) -> str:
+        helpers = "".join("\n" + HELPERS[name] for name in sorted(self.helpers))
+        return HEADER + helpers + "".join(self.functions)
+
+
+def _store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict[str, list[int]]) -> None:
+    """A function that fills the given arrays with the given nodes."""
+    body = Writer()
+    code = ScalarCode(graph, body)
+    code.emit([node for nodes in arrays.values() for node in nodes])
+    for array, nodes in arrays.items():
+        for i, node in enumerate(nodes):
+            body.line(f"{array}[{i}] = {code.name(node)}")
+    if not body.lines:
+        body.line("return")
+    source.helpers |= code.helpers
+    source.function(name, arguments, body)
+
+
+def surfaces(graph: Graph) -> list[int]:
+    """Nodes of the surfaces, the multipliers' first, then the events'; 0 where there is none."""
+    holders = (*graph.model.multipliers, *graph.model.events)
+    return [graph.zero if s.surface is None else graph.expression(s.surface) for s in holders]
+
+
+def write_fields(model: Model) -> dict[str, str]:
+    """Sources of the pointwise functions: {"fields": text, ...}, only those that the model has.
+
+    `fields` holds what every run calls; the others are modules of their own, loaded when they are asked for.
+    """
+    graph = Graph(model)
+    rates = [graph.expression(e) for e in model.rhs]
+    residuals = [graph.expression(m.residual) for m in model.multipliers]
+    h = surfaces(graph)
+    sources = {name: Source() for name in ("fields", "linear", "act", "outputs", "layer")}
+    _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
+    if h:
+        unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
+        states = [graph.var("x", i) for i in range(len(model.states))]
+        slopes = [graph.derivative(s, x) for s in h for x in states]
+        slopes += [graph.derivative(s, graph.var("t", 0)) for s in h]
+        matrix = [graph.derivative(r, u) for r in residuals for u in unknowns]
+        _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": matrix, "dh": slopes})
+    if model.outputs:
+        _store(sources["outputs"], graph, "outputs", "t, x, mult, p, out",
+               {"out": [graph.expression(e) for _, e in model.outputs]})
+    if model.layer_states:
+        _store(sources["layer"], graph, "layer", "t, x, mult, z, p, g, q",
+               {"g": [graph.expression(e) for e in model.layer_residuals],
+                "q": [graph.expression(z.rate) for z in model.layer_states]})
+    _write_act(sources["act"], graph)
+    return {name: source.text() for name, source in sources.items() if source.functions}
+
+
+def _write_act(source: Source, graph: Graph) -> None:
+    """Resets of the events, then impacts of the contacts, by number."""
+    model = graph.model
+    acts = [(e.when, e.update) for e in model.events]
+    acts += [(sp.true, tuple(enumerate(m.impact or ()))) for m in model.multipliers]
+    body = Writer()
+    for i, (when, update) in enumerate(acts):
+        if when == sp.true and not update:
+            continue
+        body.line(f"if i == {i}:")
+        body.indent = 2
+        code = ScalarCode(graph, body)
+        condition = graph.expression(when)
+        code.emit([condition])
+        if when != sp.true:
+            body.line(f"if not {code.name(condition)}:")
+            body.line("    return 0")
+        # All new values come from the values before, so none is written until all are known.
+        nodes = [graph.expression(value) for _, value in update]
+        code.emit(nodes)
+        for (index, _), node in zip(update, nodes, strict=True):
+            body.line(f"xnew[{index}] = {code.name(node)}")
+        body.line("return 1")
+        body.indent = 1
+        source.helpers |= code.helpers
+    body.line("return 1")
+    if model.events or any(m.impact for m in model.multipliers):
+        source.function("act", "i, t, x, mult, p, xnew", body, returns="I")

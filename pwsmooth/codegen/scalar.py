@@ -1,0 +1,201 @@
+"""Scalar code of graph nodes, one assignment a node, with selections as lazy `if`s.
+
+A node is emitted in the outermost scope that needs it unconditionally; a node that only one branch needs stands
+inside that branch, so that an undefined branch (0*inf, (-1e-9)**1.5) is never evaluated.
+
+Chain: Graph (dag.py) -> text of a function's body (this file) -> fields.py, jets.py.
+"""
+
+from __future__ import annotations
+
+from .dag import Graph
+
+# What math lacks; only the helpers that a module uses are written into it.
+HELPERS = {
+    "sign": """
+@njit(error_model="numpy")
+def sign(u):
+    return 1.0 if u > 0.0 else (-1.0 if u < 0.0 else (0.0 if u == 0.0 else u))
+""",
+    "heaviside": """
+@njit(error_model="numpy")
+def heaviside(u):
+    return 1.0 if u > 0.0 else (0.0 if u < 0.0 else (0.5 if u == 0.0 else u))
+""",
+    "mod": """
+@njit(error_model="numpy")
+def mod(u, v):
+    return u - v * math.floor(u / v)
+""",
+}
+
+
+def literal(value: float) -> str:
+    """Text of a number that reads back as the same double."""
+    if value != value:
+        return "math.nan"
+    if value in (float("inf"), -float("inf")):
+        return "math.inf" if value > 0 else "(-math.inf)"
+    return repr(value) if value >= 0 else f"({value!r})"
+
+
+class Writer:
+    """Lines of a function body with their indentation."""
+
+    def __init__(self, indent: int = 1):
+        self.lines: list[str] = []
+        self.indent = indent
+
+    def line(self, text: str) -> None:
+        self.lines.append("    " * self.indent + text)
+
+    def text(self) -> str:
+        return "\n".join(self.lines) + "\n"
+
+
+class ScalarCode:
+    """Emits nodes of a graph into a writer; `prefix` distinguishes families of local names.
+
+    `solved`, where given, is the text of a condition on multiplier j under which its selections take the
+    affine form; without it they do so whenever the multiplier is neither 1 nor -1.
+    """
+
+    def __init__(self, graph: Graph, writer: Writer, prefix: str = "v", solved=None):
+        self.graph, self.writer, self.prefix, self.solved = graph, writer, prefix, solved
+        self.scopes: list[set[int]] = [set()]
+        self.helpers: set[str] = set()
+        self._closure: dict[int, int] = {}
+
+    def name(self, node: int) -> str:
+        """Text that stands for an emitted node: its local name, or the number itself."""
+        op, _, data = self.graph.nodes[node]
+        if op == "num":
+            return literal(data)
+        return {"true": "True", "false": "False"}.get(op, f"{self.prefix}{node}")
+
+    def emit(self, roots) -> None:
+        """Emit everything that `roots` need into the current scope."""
+        needed = set(self.graph.reach(roots, lazy=True))
+        for node in sorted(needed):
+            self._ensure(node, needed)
+
+    def available(self, node: int) -> bool:
+        return any(node in scope for scope in self.scopes)
+
+    def statement(self, node: int) -> None:
+        """Write the assignment of one node whose arguments are available."""
+        self.writer.line(f"{self.name(node)} = {self.formula(node)}")
+
+    # ---- scopes ----
+
+    def _ensure(self, node: int, needed: set[int]) -> None:
+        op, args, _ = self.graph.nodes[node]
+        if op in ("num", "true", "false") or self.available(node):
+            return
+        if op == "sel":
+            self._group(node, needed)
+            return
+        if op == "ite":
+            self._ensure(args[0], needed)
+            self._group(node, needed)
+            return
+        for a in args:
+            self._ensure(a, needed)
+        self.statement(node)
+        self.scopes[-1].add(node)
+
+    def closure(self, node: int) -> int:
+        """Bit set of everything below a node, itself included."""
+        found = self._closure.get(node)
+        if found is None:
+            found = 1 << node
+            for a in self.graph.nodes[node].args:
+                found |= self.closure(a)
+            self._closure[node] = found
+        return found
+
+    def _key(self, node: int):
+        op, args, data = self.graph.nodes[node]
+        return (op, data if op == "sel" else args[0])
+
+    def _group(self, first: int, needed: set[int]) -> None:
+        """Write one `if` for all selections of one multiplier (or condition) that do not need each other."""
+        key, group = self._key(first), [first]
+        below = self.closure(first)
+        for node in sorted(needed):
+            if node == first or self.graph.nodes[node].op != key[0] or self._key(node) != key:
+                continue
+            free = not below >> node & 1 and not any(self.closure(node) >> g & 1 for g in group)
+            if free and not self.available(node):
+                group.append(node)
+                below |= self.closure(node)
+        for node in group:
+            # What the scope needs anyway is computed before the branch, not inside it.
+            inside = self.closure(node) & ~(1 << node)
+            for a in sorted(needed):
+                if inside >> a & 1:
+                    self._ensure(a, needed)
+        group = [node for node in group if not self.available(node)]
+        if not group:
+            return
+        write = self.writer.line
+        for head, branch in self._branches(key):
+            write(head)
+            self.writer.indent += 1
+            self.scopes.append(set())
+            results = [self.graph.nodes[node].args[branch] for node in group]
+            self.emit(results)
+            for node, result in zip(group, results, strict=True):
+                write(f"{self.name(node)} = {self.name(result)}")
+            self.scopes.pop()
+            self.writer.indent -= 1
+        self.scopes[-1].update(group)
+
+    def _branches(self, key) -> list[tuple[str, int]]:
+        op, which = key
+        if op == "ite":
+            return [(f"if {self.name(which)}:", 1), ("else:", 2)]
+        if self.solved is None:
+            return [(f"if mult[{which}] == 1.0:", 0), (f"elif mult[{which}] == -1.0:", 1), ("else:", 2)]
+        return [(f"if {self.solved(which)}:", 2), (f"elif mult[{which}] > 0.0:", 0), ("else:", 1)]
+
+    # ---- formulas ----
+
+    def formula(self, node: int) -> str:
+        """Right-hand side of a node's assignment."""
+        op, args, data = self.graph.nodes[node]
+        names = [self.name(a) for a in args]
+        if op == "var":
+            kind, index = data
+            return "t" if kind == "t" else f"{kind}[{index}]"
+        if op == "sum":
+            return linear(zip(data, names, strict=True))
+        if op in ("mul", "div"):
+            return f"{names[0]} {'*' if op == 'mul' else '/'} {names[1]}"
+        if op == "pow":
+            exponent = self.graph.value(args[1])
+            if exponent in (1.5, 2.5):
+                # Half the cost of pow, and as exact.
+                return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"
+            return f"{names[0]} ** {names[1]}"
+        if op in ("fun", "fun2"):
+            if data in HELPERS:
+                self.helpers.add(data)
+                return f"{data}({', '.join(names)})"
+            if data in ("max", "min"):
+                return f"{data}({', '.join(names)})"
+            return f"math.{data}({', '.join(names)})"
+        if op == "rel":
+            return f"{names[0]} {data} {names[1]}"
+        if op == "not":
+            return f"not {names[0]}"
+        return f" {op} ".join(names)  # and, or
+
+
+def linear(terms) -> str:
+    """Text of sum c*name; positive terms first, so that it needs no leading sign where that can be."""
+    text = ""
+    for c, name in sorted(terms, key=lambda term: term[0] < 0):
+        factor = name if abs(c) == 1.0 else f"{literal(abs(c))} * {name}"
+        text = f"{text} {'-' if c < 0 else '+'} {factor}" if text else f"{'-' if c < 0 else ''}{factor}"
+    return text or "0.0"
