@@ -2,18 +2,21 @@
 
     y' = v,   v' = -sigma sin(omega t) - k y - c v - N sign(v)
 
-A slip phase of side s is a damped oscillation plus a sinusoid; with a = c/2, w = sqrt(k - a^2), theta = omega t,
+A slip phase of side s is a damped oscillation plus a sinusoid; with a = c/2, w = sqrt(k - a^2),
+theta = omega t,
 
     v  = exp(-a tau) (P cos w tau + Q sin w tau) + omega (A cos theta - B sin theta),
     k y = -sigma sin theta - c v - v' - s N,
 
 and ends at the first zero of v. There the contact sticks when |F| <= capture, F = -sigma sin theta - k y, and
-crosses otherwise; a stick ends where |F| reaches `static`, an arcsine. Coulomb's law has capture = static = N. The
-three limits with the hidden term, beta -> 0, differ only in the two thresholds: static = N mu_s in each, and
-capture = N mu_s (slaved), N (two-stage) or F_c(r) (layer ratio r), because z = 0 in every slip phase. No zero is looked for by sampling: v is
-compared on each interval with its cubic Hermite interpolant, whose error is bounded by M4 D^4/384,
-M4 = |Z_h| k^2 + |Z_d| omega^4, and where that decides nothing the interval is bisected under bounds of v'' and
-v''' until v is seen to be of one sign, monotone or of one curvature. Grazing by 1e-13 is still resolved.
+crosses otherwise; a stick ends where |F| reaches `static`, an arcsine. Coulomb's law has capture = static = N.
+The three limits with the hidden term, beta -> 0, differ only in the two thresholds: static = N mu_s in each,
+and capture = N mu_s (slaved), N (two-stage) or F_c(r) (layer ratio r), because z = 0 in every slip phase.
+
+No zero is looked for by sampling. On each interval D of a grid, v is compared with its cubic Hermite
+interpolant, whose error is at most M4 D^4/384, M4 = |Z_h| k^2 + |Z_d| omega^4 from the amplitudes. Where that
+decides nothing the interval is bisected under bounds of v'' and v''' until v is seen to be of one sign,
+monotone or of one curvature, so that grazing is decided by the value of v at its extremum.
 
 Underdamped only (c^2 < 4 k).
 """
@@ -29,7 +32,7 @@ CROSSING, STICK, SLIP = 1, 2, 3
 KIND_NAMES = {CROSSING: "crossing", STICK: "stick", SLIP: "slip by tangency"}
 
 TWO_PI = 2 * math.pi
-# Grid of the scan in units of 1/max(sqrt(k), omega): wider fails the Hermite test too often, narrower has more nodes.
+# Grid in units of 1/max(sqrt(k), omega): wider fails the Hermite test too often, narrower has more nodes.
 GRID = 0.6
 # A dip of v beyond zero by less than this is counted as a touch, not as an event.
 TOUCH = 1e-15
@@ -49,7 +52,7 @@ def _slip_values(tau, theta0, s, P, Q, A, B, a, w, c, k, sigma, omega):
 
 @njit(cache=True, error_model="numpy")
 def _careful_zero(lo, hi, M2, M3, theta0, s, P, Q, A, B, a, w, c, k, sigma, omega):
-    """First zero of s*v in (lo, hi], s*v > 0 just after lo; returns (bracket lo, bracket hi), or (-1, -1) for none.
+    """Bracket of the first zero of s*v in (lo, hi], s*v > 0 just after lo; (-1, -1) when there is none.
 
     Bisection under |v''| <= M2 and |v'''| <= M3, left half first, until v is decided on the interval.
     """
@@ -140,7 +143,7 @@ def trajectory(k, sigma, c, N, omega, capture, static, t0, y0, v0, t_end, times,
             up, down = -(static + ky) / sigma, (static - ky) / sigma
             if abs(up) < 1:
                 delta = (math.pi - math.asin(up) - theta) % TWO_PI
-                # A stick that begins within rounding of its end: the difference of phases may come out just below 0.
+                # A stick that begins within rounding of its end: the phases' difference may come out below 0.
                 if delta > TWO_PI - 1e-6 and cd < 0:
                     delta = 0.0
                 s = 1.0
@@ -198,7 +201,7 @@ def trajectory(k, sigma, c, N, omega, capture, static, t0, y0, v0, t_end, times,
                         low, high = x0, x1
                         break
             else:
-                # v = 0 at the start, and v' = 0 too after a stick: that zero is divided out of the Taylor polynomial.
+                # v = 0 at the start, after a stick v' too: that zero is divided out of the Taylor polynomial.
                 j0 = s * (-c * acc - sigma * omega * cd)
                 q0 = -c * j0 - k * a0n + s * sigma * omega * omega * sd
                 if acc != 0:
@@ -283,7 +286,7 @@ def trajectory(k, sigma, c, N, omega, capture, static, t0, y0, v0, t_end, times,
 
 @njit(cache=True, error_model="numpy")
 def ensemble(k, sigma, c, N, omega, capture, static, y0, v0, t_end, times, kinds, counts, final):
-    """Orbits from t = 0 for arrays k, sigma, y0, v0 (n,); fills times, kinds (n, room), counts (n,), final (n, 2)."""
+    """Orbits from t = 0 for k, sigma, y0, v0 (n,); fills times, kinds (n, room), counts (n,), final (n, 2)."""
     for i in range(len(k)):
         counts[i], final[i, 0], final[i, 1] = trajectory(
             k[i], sigma[i], c, N, omega, capture, static, 0.0, y0[i], v0[i], t_end, times[i], kinds[i]

@@ -1,0 +1,132 @@
+"""How long until the first solved oscillator, and how heavy is the import?
+
+Every number is a fresh process, rounds interleaved, medians reported:
+
+import numpy, sympy, numba    the yardstick of a start: nobody can be quicker who uses them
+import sympy                  the yardstick of `import pwsmooth`
+second process                python -> definition -> solve() of the friction oscillator, caches warm
+first process                 the same with an empty cache; the core and the model's functions are told apart by a
+                              second, different model that is solved in the same process
+
+Goals: second process <= 1.8 of the first yardstick, `import pwsmooth` <= 1.2 of the second.
+
+Usage: python experiments/bench_start.py [--rounds 7] [--cold 2] [--out FILE.json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+from benchtools import provenance, write_json
+
+ORACLE = {
+    "python": "pass",
+    "import numpy, sympy, numba": "import numpy, sympy, numba",
+    "import sympy": "import sympy",
+    "import pwsmooth": "import pwsmooth",
+}
+
+FIRST = """
+import sympy as sp
+from pwsmooth import Switch, System, solve
+t, y, v, z = sp.symbols("t y v z", real=True)
+rho, beta, k, c, N, sigma, omega = sp.symbols("rho beta k c N sigma omega", nonnegative=True)
+lam = Switch("lam", v)
+oscillator = System(
+    {y: v, v: -sigma*sp.sin(omega*t) - k*y - c*v - N*lam*(1 + rho*z), z: (1 - lam**2 - z)/beta},
+    time=t,
+    parameters={rho: 3, beta: 0.1, k: 3.1, c: 0.1, N: 1, sigma: 2.4, omega: 1},
+    outputs={"mu": lam*(1 + rho*z)},
+)
+solution = solve(oscillator, (0, 60), {y: 0.5, v: 0.3, z: 0})
+assert solution.success and len(solution.events) > 10
+"""
+
+# A second model in the same process pays for its own functions only; its printed time is the model's share.
+SECOND = (
+    FIRST
+    + """
+import time
+begin = time.perf_counter()
+w = sp.symbols("w", real=True)
+other = System(
+    {y: v, v: -sigma*sp.cos(omega*t) - k*y - c*v - N*sp.sign(v) - k*(y - w)**3, w: y - w},
+    time=t, parameters={k: 2.7, c: 0.2, N: 1, sigma: 2.1, omega: 1},
+)
+solution = solve(other, (0, 60), {y: 0.5, v: 0.3, w: 0})
+assert solution.success
+print(time.perf_counter() - begin)
+"""
+)
+
+
+def seconds(code, cache):
+    """Wall time of `python -c code` and what it printed."""
+    environment = dict(os.environ, PWSMOOTH_CACHE_DIR=cache)
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    took = time.perf_counter() - begin
+    if done.returncode:
+        raise RuntimeError(f"a timed process failed:\n{done.stderr}")
+    return took, done.stdout.strip()
+
+
+def main():
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--cold", type=int, default=2, help="rounds with an empty cache")
+    parser.add_argument("--out", help="write the results as JSON")
+    options = parser.parse_args()
+
+    cold = []
+    for _ in range(options.cold):
+        with tempfile.TemporaryDirectory() as empty:
+            total, model = seconds(SECOND, empty)
+            cold.append((total, float(model), seconds(FIRST, empty)[0]))
+    with tempfile.TemporaryDirectory() as cache:
+        seconds(SECOND, cache)
+        entrants = {**ORACLE, "second process: first solved oscillator": FIRST}
+        times = {name: [] for name in entrants}
+        for _ in range(options.rounds):
+            for name, code in entrants.items():
+                times[name].append(seconds(code, cache)[0])
+
+    median = {name: statistics.median(row) for name, row in times.items()}
+    for name, value in median.items():
+        print(f"{name:45} {value:7.3f} s")
+    first = statistics.median(total - model for total, model, _ in cold)
+    second = statistics.median(model for _, model, _ in cold)
+    warm = statistics.median(warm for *_, warm in cold)
+    print(f"{'first process, empty cache':45} {first:7.3f} s")
+    print(f"{'  of that: compiling (less a warm process)':45} {first - warm:7.3f} s, core and first model")
+    print(f"{'  a second model, compiled and solved':45} {second:7.3f} s")
+    print(f"{'  so the core alone, about':45} {first - warm - second:7.3f} s")
+    ratios = {
+        "second process / import numpy, sympy, numba": (
+            median["second process: first solved oscillator"] / median["import numpy, sympy, numba"],
+            1.8,
+        ),
+        "import pwsmooth / import sympy": (median["import pwsmooth"] / median["import sympy"], 1.2),
+    }
+    for name, (value, goal) in ratios.items():
+        print(f"{name:45} {value:7.3f}   goal <= {goal} {'met' if value <= goal else 'NOT met'}")
+    if options.out:
+        data = {
+            "medians": median,
+            "all rounds": times,
+            "cold": cold,
+            "ratios": ratios,
+            "provenance": provenance(),
+        }
+        write_json(options.out, data)
+
+
+if __name__ == "__main__":
+    main()

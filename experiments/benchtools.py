@@ -1,0 +1,40 @@
+"""What the benchmark scripts share: where the references are, and the provenance of a result file."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+# The references are shared with the tests, which keep them independent of the package.
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+PACKAGES = ("pwsmooth", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "numbalsoda", "scikit-sundae")
+
+
+def provenance():
+    """Versions and kind of machine: ratios travel between machines, absolute times do not."""
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = None
+    return {
+        "versions": versions,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "system": platform.system(),
+        "cores": os.cpu_count(),
+    }
+
+
+def write_json(path, data):
+    """Write whole or not at all."""
+    target = Path(path)
+    part = target.with_name(target.name + ".part")
+    part.write_text(json.dumps(data, indent=1, default=float) + "\n")
+    part.replace(target)
