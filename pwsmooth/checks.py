@@ -1,0 +1,193 @@
+"""Checks at the door: names, parameter values and initial states, each error with its remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import sympy as sp
+from sympy.core.function import AppliedUndef
+
+from .primitives import Reaction, Switch, Unilateral
+
+_PREDICATES = {
+    "positive": lambda v: v > 0,
+    "negative": lambda v: v < 0,
+    "nonnegative": lambda v: v >= 0,
+    "nonpositive": lambda v: v <= 0,
+    "nonzero": lambda v: v != 0,
+    "zero": lambda v: v == 0,
+    "integer": lambda v: v == int(v),
+    "noninteger": lambda v: v != int(v),
+    "even": lambda v: v == int(v) and v % 2 == 0,
+    "odd": lambda v: v == int(v) and v % 2 == 1,
+    "real": lambda v: True,
+    "imaginary": lambda v: False,
+}
+
+
+def expression(value, what):
+    """`value` as a sympy expression that a system can contain."""
+    try:
+        e = sp.sympify(value, strict=True)
+    except (sp.SympifyError, TypeError):
+        e = None
+    if not isinstance(e, sp.Expr):
+        raise TypeError(f"{what} is {value!r}; give a sympy expression or a number.")
+    undefined = e.atoms(AppliedUndef, sp.Derivative)
+    if undefined:
+        first = sorted(map(str, undefined))[0]
+        raise ValueError(f"{what} contains {first}; states are plain Symbols here, write y and not y(t).")
+    if e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
+        raise ValueError(f"{what} is {e}, which is not a finite real expression.")
+    return e
+
+
+def symbols_of(expressions):
+    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
+    found: dict[sp.Symbol, None] = {}
+
+    def visit(e):
+        for s in sorted(e.free_symbols, key=lambda s: s.name):
+            if s in found:
+                continue
+            if isinstance(s, Switch):
+                visit(s.surface)
+            elif isinstance(s, Reaction):
+                visit(s.gap)
+                visit(s.restitution)
+            found[s] = None
+
+    for e in expressions:
+        visit(e)
+    return list(found)
+
+
+class Names:
+    """Symbols by name: a name stands for one symbol in a system."""
+
+    def __init__(self, symbols):
+        self.by_name: dict[str, sp.Symbol] = {}
+        for s in symbols:
+            self.add(s)
+
+    def add(self, symbol):
+        if isinstance(symbol, sp.Dummy):
+            raise TypeError(f"{symbol} is a Dummy, which has no name of its own; give a Symbol.")
+        known = self.by_name.setdefault(symbol.name, symbol)
+        if known == symbol:
+            return symbol
+        if isinstance(known, Switch) and isinstance(symbol, Switch):
+            raise ValueError(
+                f"two switches are named {symbol.name!r}, with the surfaces {known.surface} and "
+                f"{symbol.surface}; give each its own name."
+            )
+        kinds = [f"{type(s).__name__} {assumptions(s)}".strip() for s in (known, symbol)]
+        raise ValueError(
+            f"two different symbols are named {symbol.name!r} ({kinds[0]}; {kinds[1]}). sympy tells symbols "
+            "apart by their assumptions: make the symbol once and use it everywhere, or rename one."
+        )
+
+    def __call__(self, key, what):
+        """The symbol that a Symbol or a string names."""
+        if isinstance(key, str):
+            return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
+        if isinstance(key, sp.Symbol):
+            return self.add(key)
+        raise TypeError(f"{what} names {key!r}; give a Symbol or its name.")
+
+
+def assumptions(symbol):
+    """The assumptions of a symbol in words."""
+    return ", ".join(k if v else f"not {k}" for k, v in symbol._assumptions_orig.items() if k != "commutative")
+
+
+def listing(symbols):
+    return ", ".join(str(s) for s in symbols) or "none"
+
+
+def number(value, what):
+    """`value` as a finite float."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{what} is {value!r}; give a number.") from None
+    if not math.isfinite(result):
+        raise ValueError(f"{what} is {value}; give a finite number.")
+    return result
+
+
+def parameter_value(symbol, value):
+    """The value of a parameter as a float that fits the symbol's assumptions."""
+    result = number(value, f"parameter {symbol.name!r}")
+    for name, wanted in symbol._assumptions_orig.items():
+        if name in _PREDICATES and _PREDICATES[name](result) != wanted:
+            raise ValueError(
+                f"parameter {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
+                "give such a value, or declare the symbol without that assumption."
+            )
+    return result
+
+
+def lookup(key, symbols, what, owner):
+    """The one of `symbols` that a Symbol or name stands for."""
+    name = key if isinstance(key, str) else getattr(key, "name", None)
+    for s in symbols:
+        if s == key or s.name == name:
+            return s
+    raise ValueError(
+        f"{what} names {str(key)!r}, which is no {owner} of this system; it has {listing(symbols)}."
+    )
+
+
+def contacts(given, found):
+    """Contacts given by the user and those whose reaction stands in the equations, by their reaction."""
+    result = {}
+    for c in given:
+        if not isinstance(c, Unilateral):
+            raise TypeError(f"`contacts` contains {c!r}; give Unilateral objects.")
+        result[c.reaction] = c
+        if c.reaction not in found:
+            raise ValueError(
+                f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
+                "`.reaction` to the rate of the velocity on which it acts."
+            )
+    return [s for s in found if isinstance(s, Reaction)]
+
+
+def initial_state(x0, states, memories, initial_memory, gone):
+    """x0 as a list of floats: a mapping by name, or a sequence in the order of the states.
+
+    Memories may be left out; `gone` maps names that are no state of this view to the reason.
+    """
+    if isinstance(x0, Mapping):
+        values = dict(initial_memory)
+        for key, value in x0.items():
+            name = str(key)
+            if name in gone:
+                raise ValueError(
+                    f"`x0` names {name!r}, which is no state of this view: {gone[name]}. Leave it out."
+                )
+            symbol = next((s for s in (*states, *memories) if s.name == name), None)
+            if symbol is None:
+                raise ValueError(
+                    f"`x0` names {name!r}, which is no state of this system; its states are "
+                    f"{listing((*states, *memories))}."
+                )
+            values[symbol] = number(value, f"`x0`, value of {name!r}")
+        missing = [s for s in states if s not in values]
+        if missing:
+            raise ValueError(f"`x0` has no value for {listing(missing)}; give every state of this view.")
+        return [values[s] for s in (*states, *memories)]
+    try:
+        sequence = list(x0)
+    except TypeError:
+        raise TypeError(f"`x0` is {x0!r}; give a dict of states, or a sequence in their order.") from None
+    if len(sequence) not in (len(states), len(states) + len(memories)):
+        raise ValueError(
+            f"`x0` has {len(sequence)} values; this view has {len(states)} states ({listing(states)})"
+            + (f" and {len(memories)} memories ({listing(memories)})." if memories else ".")
+        )
+    names = (*states, *memories)
+    values = [number(v, f"`x0`, value of {s.name!r}") for v, s in zip(sequence, names, strict=False)]
+    return values + [initial_memory[m] for m in memories[len(values) - len(states) :]]

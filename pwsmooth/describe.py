@@ -1,0 +1,69 @@
+"""A System in words: the equations as written, its switches with their classes, hidden terms, values."""
+
+from __future__ import annotations
+
+from html import escape
+
+import sympy as sp
+
+from .model import Model
+
+
+def rows(system):
+    """(heading, lines) of the description of a system."""
+    model: Model = system.model
+    definition = system._definition
+    gone = system._view.get("gone", {})
+    equations = []
+    for x, rate in definition["rates"].items():
+        slaved = gone.get(x)
+        equations.append(f"{x}' = {rate}" + (f"   ({slaved})" if slaved else ""))
+    yield "rates", equations
+    yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition["algebraic"]]
+    classes = {m.symbol.name: m.regularity for m in model.multipliers if m.kind == "switch"}
+    yield "switches", [
+        f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
+        for s in system.switches
+    ]
+    yield "hidden terms", [f"{term}   in {where}'" for where, _, term in system.hidden_terms]
+    yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition["contacts"]]
+    yield "memories", [f"{m}, at first {m.initial:g}" for m in system.initial_memory]
+    events = zip(model.events, definition["events"], strict=True)
+    yield "events", [_event(spec, event) for spec, event in events]
+    yield "outputs", [f"{name} = {e}" for name, e in definition["outputs"].items()]
+    values = ", ".join(f"{p} = {v:g}" for p, v in system.parameters.items())
+    yield "parameters", [values] if values else []
+    yield "view", [*([system._view["title"]] if system._view else []), *system._notes]
+
+
+def _event(spec, event):
+    if event.surface is not None:
+        instant = f"{event.surface} = 0" + {0: "", 1: ", rising", -1: ", falling"}[event.direction]
+    else:
+        instant = f"every {event.every}" if event.every is not None else f"at {', '.join(map(str, event.at))}"
+    effect = ", ".join(f"{key} := {value}" for key, value in event.update)
+    guard = "" if event.when is sp.true else f" if {event.when}"
+    stop = ", stops" if event.terminal else ""
+    return f"{spec.name}: {instant}{guard}" + (f": {effect}" if effect else "") + stop
+
+
+def text(system):
+    """The repr of a system."""
+    lines = [f"System with states {', '.join(map(str, system.states))}"]
+    for heading, entries in rows(system):
+        if entries:
+            lines.append(f"  {heading}")
+            lines += [f"    {entry}" for entry in entries]
+    return "\n".join(lines)
+
+
+def html(system):
+    """The notebook view of a system."""
+    body = "".join(
+        f"<tr><th style='text-align:left;vertical-align:top'>{escape(heading)}</th><td style='text-align:left'>"
+        + "<br>".join(f"<code>{escape(entry)}</code>" for entry in entries)
+        + "</td></tr>"
+        for heading, entries in rows(system)
+        if entries
+    )
+    return f"<table><caption>System</caption>{body}</table>"

@@ -1,0 +1,360 @@
+"""Lifting: ordinary notation -> switches and the selections that they make.
+
+    sign h                    ->  lambda
+    Abs(a), Max(a, b), ...    ->  Select(lambda, a, -a), Select(lambda, a, b), ...
+    Piecewise((a, x > y), (b, True))  ->  Select(lambda, a, b),  lambda the switch of x - y
+
+Surfaces equal up to a constant factor are one switch. A product surface, sign(x*y), is taken factor by factor:
+its zero set has a corner that no single multiplier describes. An inner switch inside an outer surface is a
+part of that surface. Inside the branch of a Piecewise the condition that chose it holds, so that the cases
+x > 0, x < 0 of one surface become one selection. Products of lifted functions stay as written.
+Chain: primitives.py -> lifting (here) -> lowering.py -> system.py.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+from sympy.core.relational import Relational
+
+from .model import Select
+from .pointwise import draw, fingerprint, value
+from .primitives import Memory, Reaction, Switch
+
+_UNSUPPORTED = (sp.floor, sp.ceiling, sp.frac, sp.Mod, sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
+
+
+class Lifting:
+    """Lifts the expressions of one system; collects the switches that it meets.
+
+    Parameters
+    ----------
+    dynamic : iterable of Symbol
+        Time, states, unknowns and reactions: what makes a surface move. Memories and parameters do not, so
+        that conditions on them stay `Piecewise`.
+    user_switches : iterable of Switch
+        Registered first, so that their names win over those of lifted functions.
+
+    Attributes
+    ----------
+    switches : dict
+        Multiplier -> lifted surface, inner switches before the outer ones that contain them.
+    notation : dict
+        Multiplier -> `Switch` with its surface as the user would write it.
+    """
+
+    def __init__(self, dynamic, user_switches=()):
+        self.dynamic = frozenset(dynamic)
+        self.switches: dict[sp.Symbol, sp.Expr] = {}
+        self.notation: dict[sp.Symbol, Switch] = {}
+        self._kinks: set[Select] = set()  # selections whose branches agree on their surface
+        self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
+        self._by_fingerprint: dict[tuple, list[tuple[float, sp.Symbol]]] = {}
+        self._symbols: dict[sp.Symbol, sp.Expr] = {}  # a user's symbol -> what stands for it
+        self._memo: dict[tuple, sp.Basic] = {}
+        self._may_register = True
+        for switch in user_switches:
+            self._symbol(switch)
+
+    def __call__(self, expr, *, new_switches=True):
+        """The lifted form of an expression or condition.
+
+        With `new_switches` false (outputs, updates, guards: what is evaluated at instants, not followed), only
+        surfaces that the field has already are lifted; anything else becomes a Piecewise.
+        """
+        self._may_register = new_switches
+        lift = self._condition if isinstance(expr, sp.logic.boolalg.Boolean) else self._lift
+        return lift(expr, {})
+
+    # ---- expressions; `given` maps multipliers to the value +1 or -1 that the enclosing branch implies
+
+    def _lift(self, e, given):
+        if e.is_Symbol:
+            return self._symbol(e)
+        if not e.args:
+            return e
+        key = (e, frozenset(given.items()), self._may_register)
+        if key not in self._memo:
+            self._memo[key] = self._node(e, given)
+        return self._memo[key]
+
+    def _node(self, e, given):
+        if isinstance(e, sp.Piecewise):
+            return self._piecewise(e, given)
+        if isinstance(e, (sp.Max, sp.Min)):
+            return self._extremum(e, given)
+        if isinstance(e, Select):  # already lifted by hand
+            return Select(*(self._lift(a, given) for a in e.args))
+        args = [self._lift(a, given) for a in e.args]
+        if isinstance(e, sp.sign):
+            return self._sign(args[0], given)
+        if isinstance(e, sp.Abs):
+            return self._kink(args[0], args[0], -args[0], given)
+        if isinstance(e, sp.Heaviside):
+            return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), given)
+        if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
+            raise ValueError(
+                f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
+                "real=True; for what changes by steps use a Memory with an Event."
+            )
+        if e.is_Mul:
+            return self._product(args)
+        if (e.is_Pow and not args[1].is_integer) or isinstance(e, sp.log):
+            return self._inside_kinks(e.func, args)
+        return e.func(*args)
+
+    def _symbol(self, s):
+        """What stands for a user's symbol: primitives become plain symbols, a Switch its multiplier."""
+        if s not in self._symbols:
+            self._symbols[s] = self._switch(s) if isinstance(s, Switch) else plain(s)
+        return self._symbols[s]
+
+    def _switch(self, switch):
+        keep, self._may_register = self._may_register, True
+        surface = self._lift(switch.surface, {})
+        self._may_register = keep
+        if not self._moves(surface):
+            raise ValueError(
+                f"`surface` of Switch {switch.name!r} is {switch.surface}, in which no state, no time stands: "
+                "it is constant between events. Use a Piecewise on the parameter or Memory instead."
+            )
+        found = self._find(surface)
+        if found is None:
+            return self._register(surface, switch)
+        return found[0] * found[1]
+
+    def _sign(self, h, given):
+        factors = self._factors(h)
+        if factors is None:
+            return self._choose(h, _const(sp.S.One), _const(sp.S.NegativeOne), given)
+        result = sp.S.One
+        for surface in factors[1]:
+            if isinstance(surface, tuple):
+                orientation, lam = surface
+                result *= orientation * given.get(lam, lam)
+            else:
+                one = sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
+                result *= one
+        return factors[0] * result
+
+    def _kink(self, h, above, below, given):
+        """above if h > 0 else below, where both agree on h = 0."""
+        result = self._choose(h, _const(above), _const(below), given)
+        self._kinks.update(result.atoms(Select))
+        return result
+
+    def _extremum(self, e, given):
+        first, *rest = (self._lift(a, given) for a in e.args)
+        for other in rest:
+            h = first - other if isinstance(e, sp.Max) else other - first
+            first = self._kink(h, first, other, given)
+        return first
+
+    def _product(self, args):
+        # Heaviside(delta)*delta**1.5 selects the product: the other factors may be undefined where it is 0.
+        for i, a in enumerate(args):
+            if isinstance(a, Select) and 0 in a.args[1:]:
+                others = args[:i] + args[i + 1 :]
+                result = Select(a.args[0], *(b if b == 0 else self._product([b, *others]) for b in a.args[1:]))
+                if a in self._kinks and isinstance(result, Select):
+                    self._kinks.add(result)
+                return result
+        return sp.Mul(*args)
+
+    def _inside_kinks(self, func, args):
+        """A root or logarithm of Max(0, d) is taken of the active branch: its series at 0 does not exist."""
+        kinks = [s for s in sorted(args[0].atoms(Select), key=sp.default_sort_key) if s in self._kinks]
+        if not kinks:
+            return func(*args)
+        outer = max(kinks, key=lambda s: s.count_ops())
+        lam, above, below = outer.args
+        result = Select(
+            lam, *(self._inside_kinks(func, [args[0].xreplace({outer: b}), *args[1:]]) for b in (above, below))
+        )
+        if isinstance(result, Select):
+            self._kinks.add(result)
+        return result
+
+    def _piecewise(self, e, given):
+        cases = list(e.args)
+
+        def case(i):
+            if i == len(cases):
+                return _const(sp.nan)
+            branch, condition = cases[i]
+            return lambda given: self._decide(
+                condition, lambda given: self._lift(branch, given), case(i + 1), given
+            )
+
+        result = case(0)(given)
+        if result.has(sp.nan):
+            raise ValueError(f"{e} has no value where none of its conditions holds; add a branch (…, True).")
+        return result
+
+    # ---- conditions
+
+    def _decide(self, condition, yes, no, given):
+        """yes(given) if the condition holds, else no(given)."""
+        if condition in (sp.true, sp.false):
+            return yes(given) if condition == sp.true else no(given)
+        if isinstance(condition, sp.Not):
+            return self._decide(condition.args[0], no, yes, given)
+        if isinstance(condition, (sp.And, sp.Or)):
+            # Conditions on memories and parameters come first: they stay a Piecewise around the selection.
+            first, *rest = sorted(condition.args, key=lambda c: self._moves(c))
+            others = condition.func(*rest)
+            if isinstance(condition, sp.And):
+                return self._decide(first, lambda g: self._decide(others, yes, no, g), no, given)
+            return self._decide(first, yes, lambda g: self._decide(others, yes, no, g), given)
+        if not isinstance(condition, Relational):
+            return self._decide(sp.to_nnf(condition, simplify=False), yes, no, given)
+        if isinstance(condition, (sp.Lt, sp.Le)):
+            return self._decide(condition.negated, no, yes, given)
+        left, right = (self._lift(a, given) for a in condition.args)
+        difference = left - right
+        if not self._moves(difference) and not difference.is_number:
+            lifted = condition.func(left, right)
+            return sp.Piecewise((yes(given), lifted), (no(given), True), evaluate=False)
+        if isinstance(condition, (sp.Gt, sp.Ge)):
+            return self._choose(difference, yes, no, given, at_zero=yes if isinstance(condition, sp.Ge) else no)
+        equal, unequal = (yes, no) if isinstance(condition, sp.Eq) else (no, yes)
+        if difference.free_symbols & self.dynamic and self._may_register:
+            raise ValueError(
+                f"the condition {condition} holds only on a surface. What acts on the surface alone is a "
+                "hidden term: write it with a Switch, such as 1 - lam**2; a jump there is an Event."
+            )
+        return self._choose(difference, unequal, unequal, given, at_zero=equal)
+
+    def _condition(self, condition, given):
+        """A condition that stays one: its sides lifted."""
+        if isinstance(condition, Relational):
+            return condition.func(*(self._lift(a, given) for a in condition.args))
+        if condition in (sp.true, sp.false) or not condition.args:
+            return condition
+        return condition.func(*(self._condition(c, given) for c in condition.args))
+
+    # ---- surfaces
+
+    def _choose(self, h, above, below, given, at_zero=None):
+        """above(given) where h > 0, below(given) where h < 0; `at_zero` for what is constant and 0."""
+        at_zero = at_zero or below
+        if h.is_number:
+            return (above if h > 0 else below if h < 0 else at_zero)(given)
+        inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
+        if inner and not h.free_symbols & self.dynamic:
+            # sign(x) > 0 and the like: one of finitely many values.
+            lam = inner[0]
+            above_, below_ = (
+                self._choose(h.xreplace({lam: sp.Integer(side)}), above, below, given | {lam: side}, at_zero)
+                for side in ((given[lam],) * 2 if lam in given else (1, -1))
+            )
+            return Select(lam, above_, below_)
+        factors = self._factors(h)
+        if factors is None:
+            if above is below:  # Eq, Ne at an instant
+                return sp.Piecewise((at_zero(given), sp.Eq(h, 0)), (above(given), True), evaluate=False)
+            return sp.Piecewise((above(given), h > 0), (below(given), True), evaluate=False)
+        return self._by_factors(*factors, above, below, given)
+
+    def _by_factors(self, sign, surfaces, above, below, given):
+        if not surfaces:
+            return (above if sign > 0 else below)(given)
+        first, *rest = surfaces
+        if not isinstance(first, tuple):
+            branches = [self._by_factors(s * sign, rest, above, below, given) for s in (1, -1)]
+            return sp.Piecewise((branches[0], first > 0), (branches[1], True), evaluate=False)
+        orientation, lam = first
+        if lam in given:
+            return self._by_factors(sign * orientation * given[lam], rest, above, below, given)
+        return Select(
+            lam,
+            self._by_factors(sign * orientation, rest, above, below, given | {lam: 1}),
+            self._by_factors(-sign * orientation, rest, above, below, given | {lam: -1}),
+        )
+
+    def _factors(self, h):
+        """sign h as (sign, factors): (orientation, multiplier) of a surface, or a constant of unknown sign.
+
+        None if a factor is no known surface and no new one may be made.
+        """
+        sign, factors = 1, []
+        for factor in sp.Mul.make_args(h):
+            if factor.is_Pow:
+                base, exponent = factor.args
+                if exponent.is_integer is False:
+                    continue  # a real root is positive
+                if exponent.is_even:
+                    continue
+                if exponent.is_odd:
+                    factor = base
+            if factor.is_nonnegative or factor.is_nonpositive:
+                sign = -sign if factor.is_nonpositive else sign
+            elif self._moves(factor):
+                found = self._find(factor)
+                if found is None and not self._may_register:
+                    return None
+                factors.append(found or self._lifted_switch(factor))
+            else:
+                factors.append(factor)
+        return sign, factors
+
+    def _find(self, h):
+        """(orientation, multiplier) of a known surface equal to h up to a constant factor, or None."""
+        if h not in self._by_surface:
+            key, size = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
+            for known, lam in self._by_fingerprint.get(key, ()):
+                orientation = self._orientation(h, self.switches[lam], size / known)
+                if orientation is not None:
+                    self._by_surface[h] = (orientation, lam)
+                    break
+            else:
+                return None
+        return self._by_surface[h]
+
+    def _orientation(self, h, known, ratio):
+        symbols = h.free_symbols | known.free_symbols
+        point = {s: draw(s, 7) for s in symbols}
+        other = value(h, point) / (value(known, point) or 1)
+        if abs(other - ratio) < 1e-9 * abs(ratio):
+            return 1 if ratio > 0 else -1
+        # The factor depends on parameters: its sign has to be known for all their values.
+        factor = sp.cancel(h / known)
+        if not self._moves(factor) and (factor.is_nonnegative or factor.is_nonpositive):
+            return -1 if factor.is_nonpositive else 1
+        return None
+
+    def _lifted_switch(self, h):
+        orientation = -1 if h.could_extract_minus_sign() else 1
+        h = orientation * h
+        name = f"sgn({h})"
+        if len(name) > 32 or h.has(Select):
+            name = f"sgn{len(self.switches) + 1}"
+        return orientation, self._register(h, Switch(name, h))
+
+    def _register(self, h, switch):
+        lam = plain(switch)
+        if lam in self.switches:
+            raise ValueError(
+                f"two switches are named {switch.name!r}, with the surfaces {self.notation[lam].surface} and "
+                f"{switch.surface}; give each its own name."
+            )
+        self.switches[lam], self.notation[lam] = h, switch
+        self._by_surface[h] = (1, lam)
+        key, size = fingerprint(h, h.free_symbols - self.dynamic - self.switches.keys())
+        if key is not None:
+            self._by_fingerprint.setdefault(key, []).append((size, lam))
+        return lam
+
+    def _moves(self, e):
+        """Does an expression, lifted or not, change between events?"""
+        return any(s in self.dynamic or isinstance(s, Switch) or s in self.switches for s in e.free_symbols)
+
+
+def plain(symbol):
+    """A Switch, Memory or Reaction as the plain Symbol of the lowered model; other symbols as they are."""
+    if isinstance(symbol, (Switch, Memory, Reaction)):
+        return sp.Symbol(symbol.name, **symbol._assumptions_orig)
+    return symbol
+
+
+def _const(expr):
+    return lambda given: expr

@@ -1,0 +1,149 @@
+"""Lowering: the lifted system -> `Model`.
+
+    switch     g = dh/dt
+    contact    g = d2h/dt2;   impact  x+ = x + (df/dR) J  with the J that makes  h'+ = -e h'-
+    algebraic  g as given
+
+Chain: lifting.py, regularity.py -> lowering (here) -> system.py; the result is the input of codegen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import sympy as sp
+
+from .model import EventSpec, Model, Multiplier
+from .regularity import classify, total_derivative
+
+
+@dataclass(frozen=True)
+class Field:
+    """A lifted system: plain symbols, multipliers and selections only."""
+
+    time: sp.Symbol
+    states: tuple[sp.Symbol, ...]
+    rates: tuple[sp.Expr, ...]
+    parameters: tuple[sp.Symbol, ...]
+    memories: tuple[sp.Symbol, ...] = ()
+    switches: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    contacts: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()  # R, gap, restitution
+    algebraic: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    events: tuple[EventSpec, ...] = ()
+    outputs: tuple[tuple[str, sp.Expr], ...] = ()
+    initial_memory: tuple[float, ...] = ()
+
+    def expressions(self):
+        """All expressions whose symbols must be known."""
+        yield from self.rates
+        yield from (h for _, h in self.switches)
+        for _, gap, e in self.contacts:
+            yield from (gap, e)
+        yield from (r for _, r in self.algebraic)
+        yield from (e for _, e in self.outputs)
+        for event in self.events:
+            yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
+            yield from (e for _, e in event.update)
+
+    @property
+    def memory_values(self):
+        """Memory -> values that it is seen to take."""
+        values = {m: {0.0, 1.0, v} for m, v in zip(self.memories, self.initial_memory, strict=True)}
+        n = len(self.states)
+        for event in self.events:
+            for i, e in event.update:
+                if i >= n and e.is_number:
+                    values[self.memories[i - n]].add(float(e))
+        return {m: tuple(sorted(v)) for m, v in values.items()}
+
+    def map(self, change, **fields):
+        """This field with `change` applied to every expression, and other fields replaced."""
+        events = tuple(
+            replace(
+                event,
+                surface=None if event.surface is None else change(event.surface),
+                when=change(event.when),
+                update=tuple((i, change(e)) for i, e in event.update),
+            )
+            for event in self.events
+        )
+        mapped = {
+            "rates": tuple(map(change, self.rates)),
+            "switches": tuple((s, change(h)) for s, h in self.switches),
+            "contacts": tuple((s, change(gap), change(e)) for s, gap, e in self.contacts),
+            "algebraic": tuple((s, change(r)) for s, r in self.algebraic),
+            "outputs": tuple((name, change(e)) for name, e in self.outputs),
+            "events": events,
+        }
+        return replace(self, **(mapped | fields))
+
+
+def multipliers(field):
+    """Switches, contacts and algebraic unknowns of a field, with their residuals."""
+    result = []
+    for index, (lam, h) in enumerate(field.switches):
+        regularity, residual, hidden = classify(field, index)
+        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
+    for R, gap, restitution in field.contacts:
+        residual, impact = _contact(field, R, gap, restitution)
+        result.append(Multiplier(R, "contact", residual, gap, impact=impact))
+    result += [Multiplier(a, "algebraic", residual) for a, residual in field.algebraic]
+    return tuple(result)
+
+
+def _contact(field, R, gap, restitution):
+    """(d2h/dt2, state after an impact) of a unilateral contact."""
+    speed = total_derivative(gap, field.time, field.states, field.rates)
+    if R in speed.free_symbols:
+        raise ValueError(
+            f"the reaction {R} of the contact with gap {gap} stands in the gap's first derivative {speed}. "
+            "A reaction acts on velocities: give a gap between positions."
+        )
+    acceleration = total_derivative(speed, field.time, field.states, field.rates)
+    push = [f.diff(R) for f in field.rates]
+    if R not in acceleration.free_symbols:
+        raise ValueError(
+            f"the reaction {R} does not stand in the second derivative {acceleration} of its gap {gap}. "
+            f"Add {R} to the rate of the velocity on which the contact acts."
+        )
+    if any(R in b.free_symbols for b in push):
+        raise ValueError(f"the rates are not linear in the reaction {R}: an impact has no finite impulse then.")
+    # Newton's law. The push is taken as it is before the impact: with friction in it, the impulse keeps the
+    # direction of slip (or the sticking force) from before.
+    along = sp.Add(*(speed.diff(x) * b for x, b in zip(field.states, push, strict=True)))
+    impulse = -(1 + restitution) * speed / along
+    after = [sp.expand(x + b * impulse) if b != 0 else x for x, b in zip(field.states, push, strict=True)]
+    return acceleration, (*after, *field.memories)
+
+
+def lower(field, *, layer=(), layer_field=None, eps_ratio=None, sigmoid="algebraic", smoothing=(), extra=()):
+    """The `Model` of a field; `extra` are the parameters that the view brings with it."""
+    multiplier = multipliers(field)
+    layer_residuals = tuple(m.residual for m in multipliers(layer_field)) if layer_field else ()
+    ratios = eps_ratio or {}
+    model = Model(
+        time=field.time,
+        states=(*field.states, *field.memories),
+        parameters=(),
+        rhs=(*field.rates, *(sp.S.Zero for _ in field.memories)),
+        multipliers=multiplier,
+        events=field.events,
+        outputs=field.outputs,
+        n_memory=len(field.memories),
+        layer_states=tuple(layer),
+        layer_residuals=layer_residuals,
+        eps_ratio=tuple(ratios.get(m.symbol, 1.0) for m in multiplier),
+        sigmoid=sigmoid,
+        smoothing=tuple(smoothing),
+    )
+    used = set().union(*(e.free_symbols for e in _all_expressions(field, model)))
+    return replace(model, parameters=tuple(p for p in (*field.parameters, *extra) if p in used))
+
+
+def _all_expressions(field, model):
+    yield from field.expressions()
+    yield from (s.rate for s in model.layer_states)
+    yield from (sp.sympify(s.ratio) for s in model.layer_states)
+    for h, eps in model.smoothing:
+        yield from (h, eps)
+    yield from model.layer_residuals

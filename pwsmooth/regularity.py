@@ -1,0 +1,158 @@
+"""Classes of switches: what the field does across a surface h = 0.
+
+    kink      f(lambda) is the same for all lambda on h = 0: never slides, has no layer
+    sliding   relative degree 1: lambda stands in  dh/dt = grad h . f + h_t
+    crossing  relative degree 2 and more (position surfaces), or h depends on time alone
+
+Whether two expressions agree *on a surface* is asked at random points of it (pointwise.py): exact for what is
+generic, and independent of the values of parameters, so that one lowered model serves a whole sweep.
+Chain: lifting.py -> regularity (here) -> lowering.py.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+import sympy as sp
+
+from .model import Select
+from .pointwise import draw, value
+
+POINTS = 8  # on the surface; two would do for polynomials, more reach the branches of a Piecewise
+TRIES = 40
+TOLERANCE = 1e-9  # rounding of f, relative to its size beside the surface
+_BETWEEN = (1.0, -1.0, 0.3, -0.6)  # values of lambda: even, odd and higher terms all show
+
+
+def total_derivative(h, time, states, rates):
+    """dh/dt along the field, switches and unknowns held."""
+    terms = [h.diff(time)]
+    terms += [h.diff(x) * f for x, f in zip(states, rates, strict=True) if x in h.free_symbols]
+    return sp.Add(*terms)
+
+
+def affine_in(e, lam):
+    """`e` with the selections by one multiplier in their affine form."""
+    selections = {s: s.affine() for s in e.atoms(Select) if s.args[0] == lam}
+    return e.xreplace(selections) if selections else e
+
+
+class Surface:
+    """Random points on the surface of one switch of a lifted field, each with the values of all symbols."""
+
+    def __init__(self, field, index):
+        self.field = field
+        self.lam, self.h = field.switches[index]
+        self.index = index
+        symbols = set().union(*(e.free_symbols for e in field.expressions()))
+        self.symbols = sorted(symbols | {field.time, *field.states}, key=lambda s: s.name)
+        unknowns = [u for u, *_ in (*field.algebraic, *field.contacts)]
+        self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in self.h.free_symbols]
+        self.points = []
+        for k in range(TRIES if self.coordinates else 0):
+            pair = self._pair(k)
+            if pair is not None:
+                self.points.append(pair)
+                if len(self.points) == POINTS:
+                    break
+
+    def _pair(self, k):
+        """A point beside the surface and one on it, which differ in one coordinate."""
+        point = {s: draw(s, k) for s in self.symbols}
+        for memory, choices in self.field.memory_values.items():
+            # Flags matter at the values that they can take, not at random reals.
+            point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
+        # Draw the sign of a coordinate anew: states declared positive are so in the sample too.
+        coordinate = self.coordinates[k % len(self.coordinates)]
+        beside = self._with_signs(dict(point))
+        on = dict(point)
+        if self.h == coordinate:
+            on[coordinate] = 0.0
+        elif not self._solve(on, coordinate):
+            return None
+        return beside, self._with_signs(on)
+
+    def _at(self, point, coordinate, c):
+        point[coordinate] = c
+        for lam, h in self.field.switches[: self.index]:
+            self._set_sign(point, lam, h)
+        return value(self.h, point)
+
+    def _solve(self, point, coordinate):
+        """Put h = 0 by one coordinate: a secant for what is affine in it, else bisection."""
+        a, b = point[coordinate], point[coordinate] + 1.0
+        ha, hb = (self._at(point, coordinate, c) for c in (a, b))
+        if ha != hb:
+            root = a - ha * (b - a) / (hb - ha)
+            if abs(self._at(point, coordinate, root)) <= 1e-13 * (abs(ha) + abs(hb)):
+                return True
+        grid = [-6.02 + 0.25 * i for i in range(49)]
+        values = [self._at(point, coordinate, c) for c in grid]
+        for a, b, ha, hb in zip(grid, grid[1:], values, values[1:], strict=False):
+            if ha * hb < 0:
+                for _ in range(60):
+                    middle = (a + b) / 2
+                    a, b = (middle, b) if self._at(point, coordinate, middle) * ha > 0 else (a, middle)
+                # At a pole h changes sign too.
+                return abs(self._at(point, coordinate, a)) <= 1e-9 * (abs(ha) + abs(hb))
+        return False
+
+    def _with_signs(self, point):
+        for lam, h in self.field.switches:
+            self._set_sign(point, lam, h)
+        return point
+
+    @staticmethod
+    def _set_sign(point, lam, h):
+        size = value(h, point)
+        # Where two surfaces meet by construction any side of the other one will do.
+        point[lam] = math.copysign(1.0, size) if size else 1.0
+
+    def differ(self, expr, values=_BETWEEN):
+        """Does `expr` depend on lambda on the surface? None if no point could tell."""
+        told = False
+        for beside, on in self.points:
+            at = [value(expr, on | {self.lam: s}) for s in values]
+            scale = abs(at[0]) + sum(abs(value(expr, beside | {self.lam: s})) for s in (1.0, -1.0))
+            if any(math.isnan(a) for a in (*at, scale)):
+                continue
+            told = True
+            if max(at) - min(at) > TOLERANCE * scale:
+                return True
+        return False if told else None
+
+    def nonlinear(self, expr, symbol=None):
+        """Is `expr` nonlinear in lambda (or in another symbol) on the surface?"""
+        symbol = symbol or self.lam
+        for _, on in self.points:
+            low, middle, off, high = (value(expr, on | {symbol: s}) for s in (-1.0, 0.0, 0.5, 1.0))
+            defects = abs(middle - (low + high) / 2), abs(off - (low + 3 * high) / 4)
+            if max(defects) > TOLERANCE * (abs(low) + abs(high) + abs(middle)):
+                return True
+        return False
+
+
+def classify(field, index):
+    """(class, residual, hidden) of one switch of a lifted field."""
+    lam, h = field.switches[index]
+    unknowns = [(a, r) for a, r in field.algebraic if a in h.free_symbols]
+    degree_zero = bool(unknowns) or any(R in h.free_symbols for R, *_ in field.contacts)
+    # A surface that contains an unknown of the same instant (friction that depends on the acceleration) is
+    # kept by h itself: nothing has to be differentiated.
+    residual = h if degree_zero else total_derivative(h, field.time, field.states, field.rates)
+    functions = [*field.rates, *(r for _, r in field.algebraic)]
+    dependent = [e for e in functions if lam in e.free_symbols]
+    if not dependent:
+        return "kink", residual, False
+    surface = Surface(field, index)
+    if all(surface.differ(e) is False for e in dependent):
+        return "kink", residual, False
+    through = [(a, r) for a, r in field.algebraic if a in residual.free_symbols and lam in r.free_symbols]
+    explicit = lam in residual.free_symbols and surface.differ(residual) is not False
+    if not explicit and not through:
+        return "crossing", residual, False
+    hidden = surface.nonlinear(residual) or any(
+        surface.nonlinear(r) or surface.nonlinear(r, a) or surface.nonlinear(residual, a) for a, r in through
+    )
+    return "sliding", residual, hidden
