@@ -54,7 +54,9 @@ class Problem(NamedTuple):
     layer: int
     jet_slip: int
     jet_general: int
-    jet_fold: int
+    jet_fold: int  # the same along the arc of a multiplier (see folds.py), 0 where no fold can occur
+    fields_fold: int
+    linear_fold: int
     n: int
     m: int
     ne: int
@@ -100,7 +102,7 @@ class State(NamedTuple):
     deflate: np.ndarray  # (m + ne,) known zero orders of the surfaces at the step's start
     side: np.ndarray  # (ne,) sign of each event surface
     counts: np.ndarray  # int64: see the C_ names
-    last: np.ndarray  # (m, 3) time of the last event, last interval, its ratio to the one before
+    last: np.ndarray  # (m, 4) time last met, interval before it, ratio of the last two intervals, and the one before
 
 
 (C_STEPS, C_EVENTS, C_POINTS, C_DENSE, C_AMBIGUITIES, C_CLOCK, C_EVAL, C_STALLED, C_JETS, C_LAYERS, C_STARTED) = range(11)
@@ -143,3 +145,12 @@ class Work(NamedTuple):
     fold_x: np.ndarray  # states of the fold program
     fold_mult: np.ndarray
     fold_mask: np.ndarray
+    fold_slope: np.ndarray  # (order + 4,) dt/ds along a fold step
+    code: np.ndarray  # int64: return code of a helper; multiplier at its fold or -1; direction there
+    tau: np.ndarray  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
+    exit_side: np.ndarray  # (m,) bound that a solved multiplier runs into
+    hit: np.ndarray  # (m + ne,) met at this instant
+    before: np.ndarray  # (n,)
+    after: np.ndarray  # (n,)
+    active: np.ndarray  # (m,)
+    arrival: np.ndarray  # (m,) side of arrival of the active switches

@@ -1,0 +1,297 @@
+"""The trajectory loop: step, look for the earliest event on the step's polynomial, act, go on.
+
+It reads like the theory: slipping and sliding steps alike give polynomials of the states and of every surface; a
+surface met is a crossing, a stick or an event; a solved multiplier that meets its bound is a tangency exit, and one
+that meets a zero of dt/dlambda a fold.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from .instants import at_instant, record_point, start, two_fold
+from .roots import NO_ROOT, first_root
+from .sliding import follow, keep_on_surface
+from .state import (
+    C_CLOCK,
+    C_DENSE,
+    C_EVAL,
+    C_EVENTS,
+    C_JETS,
+    C_AMBIGUITIES,
+    C_POINTS,
+    C_STALLED,
+    C_STARTED,
+    C_STEPS,
+    CONTACT,
+    ALGEBRAIC,
+    DONE,
+    FULL,
+    HELD,
+    MAX_STEPS,
+    NEWTON_FAILED,
+    NOT_FINITE,
+    SOLVED,
+    UNDERFLOW,
+)
+from .steps import dot, fold_step_size, near_fold, powers, take_fold_jet, take_jet, taylor_step_size
+
+
+@njit(cache=True, inline="always")
+def _scaled(row, power, poly, degree, drop, sign):
+    """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
+    for k in range(degree - drop + 1):
+        poly[k] = sign * row[k + drop] * power[k]
+    for k in range(degree - drop + 1, 7):
+        poly[k] = 0.0
+
+
+@njit(cache=True)
+def _meet(row, power, degree, drop, sign, work):
+    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
+    poly = work.poly
+    _scaled(row, power, poly, degree, drop, sign)
+    if poly[0] <= 0.0 and drop < 3:
+        size = 0.0
+        for k in range(degree - drop + 1):
+            size += abs(poly[k])
+        if abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
+            _scaled(row, power, poly, degree, drop + 1, sign)
+            drop += 1
+    return first_root(poly, degree - drop, work.bernstein)
+
+
+@njit(cache=True)
+def find_first(P, C, S, surface_rows, mult_row, h, work):
+    """Overwrites work.tau with where in the step each surface or bound is met; returns the earliest."""
+    m, ne, K = P.m, P.ne, C.order
+    rows, power, tau = work.rows, work.power, work.tau
+    best = NO_ROOT
+    for j in range(m):
+        tau[j] = NO_ROOT
+        status = S.status[j]
+        if status == SOLVED:
+            if P.kind[j] == ALGEBRAIC:
+                continue
+            row = rows[mult_row + j]
+            if P.kind[j] == CONTACT:
+                tau[j] = _meet(row, power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, work)
+                work.exit_side[j] = 1
+            else:
+                poly = work.poly
+                for side in (1, -1):
+                    # 1 - side * lambda, whose zero is the tangency exit.
+                    drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
+                    _scaled(row, power, poly, K, drop, -1.0 * side)
+                    if drop == 0:
+                        poly[0] += 1.0
+                    s = first_root(poly, K - drop, work.bernstein)
+                    if s < tau[j]:
+                        tau[j] = s
+                        work.exit_side[j] = side
+        elif surface_rows[j] >= 0 and status != HELD:
+            tau[j] = _meet(rows[surface_rows[j]], power, K, S.deflate[j], float(status), work)
+        best = min(best, tau[j])
+    for i in range(m, m + ne):
+        tau[i] = NO_ROOT
+        if surface_rows[i] >= 0:
+            tau[i] = _meet(rows[surface_rows[i]], power, K, S.deflate[i], float(S.side[i - m]), work)
+            best = min(best, tau[i])
+    return best
+
+
+@njit(cache=True)
+def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
+    """Fills the asked-for instants inside the step just made."""
+    m, K = P.m, C.order
+    while S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
+        i = S.counts[C_EVAL]
+        s = R.t_eval[i] - S.now[0]
+        if time_row >= 0:
+            # Along a multiplier's arc: invert t(s), monotone, by Newton inside [0, h].
+            want = R.t_eval[i]
+            lo, hi = 0.0, h
+            s = 0.5 * h
+            for _ in range(100):
+                powers(work.power, s, K + 1)
+                value = dot(rows[time_row], work.power, K + 1) - want
+                if value > 0.0:
+                    hi = s
+                else:
+                    lo = s
+                slope = 0.0
+                for k in range(K, 0, -1):
+                    slope = slope * s + k * rows[time_row, k]
+                new = s - value / slope if slope > 0.0 else 0.5 * (lo + hi)
+                if not lo <= new <= hi:
+                    new = 0.5 * (lo + hi)
+                if abs(new - s) <= 1e-16:
+                    break
+                s = new
+        powers(work.power, s, K + 1)
+        for k in range(P.n):
+            R.x_eval[i, k] = dot(rows[k], work.power, K + 1)
+        for j in range(m):
+            solved = S.status[j] == SOLVED
+            R.mult_eval[i, j] = dot(rows[mult_row + j], work.power, K + 1) if solved else S.mult[j]
+        S.counts[C_EVAL] += 1
+
+
+@njit(cache=True)
+def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
+    """Stores the step's polynomials: states, multipliers, time."""
+    if R.dense.shape[0] == 0:
+        return
+    i = S.counts[C_DENSE]
+    K = C.order
+    block = R.dense[i]
+    for k in range(P.n):
+        for r in range(K + 1):
+            block[k, r] = rows[k, r]
+    for j in range(P.m):
+        for r in range(K + 1):
+            block[P.n + j, r] = rows[mult_row + j, r] if S.status[j] == SOLVED else 0.0
+        if S.status[j] != SOLVED:
+            block[P.n + j, 0] = S.mult[j]
+    for r in range(K + 1):
+        block[P.n + P.m, r] = rows[time_row, r] if time_row >= 0 else 0.0
+    if time_row < 0:
+        block[P.n + P.m, 0] = S.now[0]
+        block[P.n + P.m, 1] = 1.0
+    R.dense_s[i] = h
+    S.counts[C_DENSE] += 1
+
+
+@njit(cache=True)
+def _room(R, S):
+    """Whether the buffers can take another step with all that may happen at its end."""
+    return (
+        S.counts[C_POINTS] + 8 < R.t.shape[0]
+        and S.counts[C_EVENTS] + 2 * S.last.shape[0] + S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.counts[C_AMBIGUITIES] + 8 < R.ambiguity_t.shape[0]
+        and (R.dense.shape[0] == 0 or S.counts[C_DENSE] + 1 < R.dense.shape[0])
+    )
+
+
+@njit(cache=True)
+def run(P, C, S, R, W):
+    """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
+    n, m, K = P.n, P.m, C.order
+    if S.counts[C_STARTED] == 0:
+        S.counts[C_STARTED] = 1
+        code = start(P, C, S, R, W)
+        if code != DONE:
+            return code
+    while S.now[0] < C.t_end:
+        if not _room(R, S):
+            return FULL
+        if S.counts[C_STEPS] >= C.max_steps:
+            return MAX_STEPS
+        any_solved = False
+        for j in range(m):
+            if S.status[j] == SOLVED:
+                any_solved = True
+        if any_solved:
+            for j in range(m):
+                W.mask[j] = 1 if S.status[j] == SOLVED else 0
+            if not follow(P, S.now[0], S.x, S.mult, W.mask, W):
+                return NEWTON_FAILED
+        mult_row = take_jet(P, C, S, any_solved, W)
+        S.counts[C_JETS] += 1
+        S.counts[C_STEPS] += 1
+        if mult_row < 0:
+            return NEWTON_FAILED
+        rows = W.rows
+        surface_rows = P.rows_general if any_solved else P.rows_slip
+        h = taylor_step_size(P, C, S, rows, mult_row, any_solved)
+        if math.isnan(h):
+            return NOT_FINITE
+        fold = -1
+        if any_solved and P.jet_fold != 0:
+            fold = near_fold(P, S, rows, mult_row, h)
+        toward, time_row = 0, -1
+        if fold >= 0:
+            toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
+            if take_fold_jet(P, C, S, fold, toward, W):
+                S.counts[C_JETS] += 1
+                time_row = n
+                mult_row = n + 1
+                surface_rows = P.rows_fold
+                h = fold_step_size(P, C, S, rows)
+                if math.isnan(h):
+                    return NOT_FINITE
+            else:
+                return NEWTON_FAILED
+        t0 = S.now[0]
+        stop = C.t_end
+        clock = -1
+        if S.counts[C_CLOCK] < C.clock.shape[0] and C.clock[S.counts[C_CLOCK]] <= stop:
+            clock = S.counts[C_CLOCK]
+            stop = C.clock[clock]
+        capped = False
+        if time_row < 0 and h >= stop - t0:
+            h = stop - t0
+            capped = True
+        if time_row < 0 and h <= 1e-15 * abs(t0) + 1e-300:
+            return UNDERFLOW
+        powers(W.power, h, K + 4)
+        best = find_first(P, C, S, surface_rows, mult_row, h, W)
+        fraction, folded = 1.0, False
+        if time_row >= 0:
+            # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
+            slope = W.fold_slope
+            for k in range(K):
+                slope[k] = (k + 1.0) * rows[time_row, k + 1]
+            s = _meet(slope, W.power, K - 1, 0, 1.0, W)
+            if s < best:
+                folded, best = True, s
+            for k in range(K + 1):
+                W.poly[k] = -rows[time_row, k] * W.power[k]
+            W.poly[0] += stop
+            s = first_root(W.poly, K, W.bernstein)
+            if s < min(best, 1.0):
+                fraction, folded, capped = s, False, True
+        happened = best <= fraction
+        if happened:
+            fraction, capped = best, False
+        s_end = fraction * h
+        if fraction < 1.0:
+            powers(W.power, s_end, K + 1)
+        t_new = dot(rows[time_row], W.power, K + 1) if time_row >= 0 else t0 + s_end
+        if capped or abs(t_new - stop) <= 4e-16 * abs(stop):
+            t_new = stop
+        at_clock = clock >= 0 and t_new >= stop
+        _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
+        if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
+            _sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
+            powers(W.power, s_end, K + 1)
+        for i in range(n):
+            S.x[i] = dot(rows[i], W.power, K + 1)
+        if any_solved:
+            for j in range(m):
+                if S.status[j] == SOLVED:
+                    S.mult[j] = dot(rows[mult_row + j], W.power, K + 1)
+        S.now[0] = t_new
+        S.now[1] = h
+        for i in range(n):
+            if not math.isfinite(S.x[i]):
+                return NOT_FINITE
+        if any_solved:
+            for j in range(m):
+                if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
+                    keep_on_surface(P, t_new, S.x, S.mult, j, W)
+            if two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
+                record_point(P, S, R)
+                return W.code[0]
+        if happened or at_clock:
+            W.code[1] = fold if folded else -1
+            W.code[2] = toward
+            code = at_instant(P, C, S, R, best if happened else NO_ROOT, h, at_clock, t_new - t0, W)
+            if code != DONE:
+                return code
+        else:
+            S.deflate[:] = 0
+            S.counts[C_STALLED] = 0
+            record_point(P, S, R)
+    return DONE
