@@ -116,7 +116,7 @@ class Heyoka:
             work(ta)
             return True
 
-        # lam v falls through zero at the end of a slip, N^2 - F^2 at the end of a stick: one event suffices. With
+        # lam v falls through zero at the end of a slip, N^2 - F^2 at the end of a stick: one event. With
         # two events, or without the direction, the double zero after a stick is found again: a wrong orbit.
         cycle = hy.t_event(
             slip * lam * v + (1 - slip) * (N_LOAD**2 - force**2),

@@ -5,7 +5,7 @@ Every number is a fresh process, rounds interleaved, medians reported:
 import numpy, sympy, numba    the yardstick of a start: nobody can be quicker who uses them
 import sympy                  the yardstick of `import pwsmooth`
 second process                python -> definition -> solve() of the friction oscillator, caches warm
-first process                 the same with an empty cache; the core and the model's functions are told apart by a
+first process                 the same with an empty cache; core and model are told apart by a
                               second, different model that is solved in the same process
 
 Goals: second process <= 1.8 of the first yardstick, `import pwsmooth` <= 1.2 of the second.

@@ -87,10 +87,11 @@ def _careful_zero(lo, hi, M2, M3, theta0, s, P, Q, A, B, a, w, c, k, sigma, omeg
                     right = x
                 step = -ax / (-c * ax - k * vx - s * sigma * omega * cd)
                 x += step
-                if not left < x < right:
-                    x = 0.5 * (left + right)
                 if abs(step) < 1e-13 or right - left < 1e-15 * (1 + right):
                     break
+                if not left < x < right:
+                    x = 0.5 * (left + right)
+            x = min(max(x, left), right)  # at an end of the interval when v' has no zero inside
             vx = _slip_values(x, theta0, s, P, Q, A, B, a, w, c, k, sigma, omega)[0]
             if vx < -TOUCH:
                 return x0, x
@@ -249,7 +250,8 @@ def trajectory(k, sigma, c, N, omega, capture, static, t0, y0, v0, t_end, times,
                 high = tau
             dt = -sv * sa / (sa * sa - 0.5 * sv * sj)  # Halley
             new = tau + dt
-            if abs(dt) < 1e-5:
+            curl = sj * dt / sa
+            if abs(dt) < 1e-5 and curl * curl * abs(dt) < 4e-16:
                 break  # cubic convergence: the next correction is below rounding
             if not low < new < high:
                 new = 0.5 * (low + high)
