@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
+
 from ..model import Model
 from . import cache
 
@@ -27,6 +29,16 @@ class Compiled:
         Numbers of states (memories included), multipliers, events, layer states, parameters.
     fields, linear, act, outputs, layer : int
         Addresses of the pointwise functions (fields.py), 0 where the model has none. Loaded when asked for.
+    jet_slip, jet_general : int
+        Addresses of the Taylor programs (jets.py), 0 where the model has none.
+    has_jets : bool
+        False when some function of the model has no recurrence.
+    nrows_slip, nrows_general : int
+        Rows that the programs write; a row needs a stride of at least K + 4.
+    surface_rows_slip, surface_rows_general : ndarray of int64, shape (m + ne,)
+        Row of each surface, -1 where there is none.
+    mult_row0 : int
+        Row of the first multiplier in the general program.
     """
 
     def __init__(self, model: Model):
@@ -36,13 +48,16 @@ class Compiled:
         self._key = cache.fingerprint(model)
         self._modules: list = []  # keeps the machine code alive
 
-    def _address(self, name: str) -> int:
-        path = self._fields.get(name)
-        if path is None:
-            return 0
-        module = cache.load_module(path)
+    def _load(self, paths, name: str):
+        if name not in paths:
+            return None
+        module = cache.load_module(paths[name])
         self._modules.append(module)
-        return getattr(module, name).address
+        return module
+
+    def _address(self, name: str) -> int:
+        module = self._load(self._fields, name)
+        return getattr(module, name).address if module else 0
 
     @cached_property
     def _fields(self):
@@ -52,6 +67,23 @@ class Compiled:
             return write_fields(self.model)
 
         return cache.cached_modules(f"{self._key}-fields", build)
+
+    @cached_property
+    def _jets(self):
+        def build():
+            from .jets import write_jets
+
+            return write_jets(self.model)
+
+        return cache.cached_modules(f"{self._key}-jets", build)
+
+    @cached_property
+    def _slip(self):
+        return self._load(self._jets, "slip")
+
+    @cached_property
+    def _general(self):
+        return self._load(self._jets, "general")
 
     @cached_property
     def fields(self) -> int:
@@ -72,6 +104,38 @@ class Compiled:
     @cached_property
     def layer(self) -> int:
         return self._address("layer")
+
+    @property
+    def has_jets(self) -> bool:
+        return "slip" in self._jets
+
+    @cached_property
+    def jet_slip(self) -> int:
+        return self._slip.jet_slip.address if self._slip else 0
+
+    @cached_property
+    def jet_general(self) -> int:
+        return self._general.jet_general.address if self._general else 0
+
+    @property
+    def nrows_slip(self) -> int:
+        return self._slip.NROWS if self._slip else 0
+
+    @property
+    def nrows_general(self) -> int:
+        return self._general.NROWS if self._general else 0
+
+    @cached_property
+    def surface_rows_slip(self) -> np.ndarray:
+        return np.array(self._slip.SURFACE_ROWS if self._slip else (), dtype=np.int64)
+
+    @cached_property
+    def surface_rows_general(self) -> np.ndarray:
+        return np.array(self._general.SURFACE_ROWS if self._general else (), dtype=np.int64)
+
+    @property
+    def mult_row0(self) -> int:
+        return self.n
 
 
 def compile_model(model: Model) -> Compiled:

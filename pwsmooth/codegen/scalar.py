@@ -192,10 +192,10 @@ class ScalarCode:
         return f" {op} ".join(names)  # and, or
 
 
-def linear(terms) -> str:
-    """Text of sum c*name; positive terms first, so that it needs no leading sign where that can be."""
+def linear(terms, keep_order: bool = False) -> str:
+    """Text of sum c*name; positive terms first unless the order matters."""
     text = ""
-    for c, name in sorted(terms, key=lambda term: term[0] < 0):
+    for c, name in terms if keep_order else sorted(terms, key=lambda term: term[0] < 0):
         factor = name if abs(c) == 1.0 else f"{literal(abs(c))} * {name}"
         text = f"{text} {'-' if c < 0 else '+'} {factor}" if text else f"{'-' if c < 0 else ''}{factor}"
     return text or "0.0"
