@@ -47,6 +47,7 @@ class Lifting:
         self.switches: dict[sp.Symbol, sp.Expr] = {}
         self.notation: dict[sp.Symbol, Switch] = {}
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
+        self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
         self._by_fingerprint: dict[tuple, list[tuple[float, sp.Symbol]]] = {}
         self._symbols: dict[sp.Symbol, sp.Expr] = {}  # a user's symbol -> what stands for it
@@ -81,16 +82,16 @@ class Lifting:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e, given)
         if isinstance(e, (sp.Max, sp.Min)):
-            return self._extremum(e, given)
+            return self._noted(self._extremum(e, given), e)
         if isinstance(e, Select):  # already lifted by hand
             return Select(*(self._lift(a, given) for a in e.args))
         args = [self._lift(a, given) for a in e.args]
         if isinstance(e, sp.sign):
             return self._sign(args[0], given)
         if isinstance(e, sp.Abs):
-            return self._kink(args[0], args[0], -args[0], given)
+            return self._noted(self._kink(args[0], args[0], -args[0], given), e)
         if isinstance(e, sp.Heaviside):
-            return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), given)
+            return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), given, at_zero=_const(args[1]))
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
@@ -125,7 +126,7 @@ class Lifting:
     def _sign(self, h, given):
         factors = self._factors(h)
         if factors is None:
-            return self._choose(h, _const(sp.S.One), _const(sp.S.NegativeOne), given)
+            return self._choose(h, _const(sp.S.One), _const(-sp.S.One), given, at_zero=_const(sp.S.Zero))
         result = sp.S.One
         for surface in factors[1]:
             if isinstance(surface, tuple):
@@ -136,6 +137,11 @@ class Lifting:
                 result *= one
         return factors[0] * result
 
+    def _noted(self, result, e):
+        if isinstance(result, Select):
+            self._written[result] = e
+        return result
+
     def _kink(self, h, above, below, given):
         """above if h > 0 else below, where both agree on h = 0."""
         result = self._choose(h, _const(above), _const(below), given)
@@ -143,11 +149,31 @@ class Lifting:
         return result
 
     def _extremum(self, e, given):
+        side = 1 if isinstance(e, sp.Max) else -1
         first, *rest = (self._lift(a, given) for a in e.args)
         for other in rest:
-            h = first - other if isinstance(e, sp.Max) else other - first
-            first = self._kink(h, first, other, given)
+            first = self._larger(first, other, side, given)
         return first
+
+    def _larger(self, a, b, side, given):
+        """The larger (side 1) or smaller (side -1) of two lifted expressions."""
+        # Max(-L, Min(L, x)): where Min gives L the larger one is known, so that the surfaces are those of
+        # x - L and x + L, and no selection stands in them.
+        for inner, other in ((a, b), (b, a)):
+            if inner in self._kinks:
+                lam, *branches = inner.args
+                known = [_order(branch, other) for branch in branches]
+                if any(known):
+                    pick = [
+                        (branch if order == side else other) if order
+                        else self._larger(branch, other, side, given | {lam: sign})
+                        for branch, order, sign in zip(branches, known, (1, -1), strict=True)
+                    ]  # fmt: skip
+                    result = Select(lam, *pick)
+                    if isinstance(result, Select):
+                        self._kinks.add(result)
+                    return result
+        return self._kink(side * (a - b), a, b, given)
 
     def _product(self, args):
         # Heaviside(delta)*delta**1.5 selects the product: the other factors may be undefined where it is 0.
@@ -325,10 +351,11 @@ class Lifting:
     def _lifted_switch(self, h):
         orientation = -1 if h.could_extract_minus_sign() else 1
         h = orientation * h
-        name = f"sgn({h})"
-        if len(name) > 32 or h.has(Select):
+        written = h.xreplace(self._written)
+        name = f"sgn({written})"
+        if len(name) > 40 or written.has(Select):
             name = f"sgn{len(self.switches) + 1}"
-        return orientation, self._register(h, Switch(name, h))
+        return orientation, self._register(h, Switch(name, written))
 
     def _register(self, h, switch):
         lam = plain(switch)
@@ -354,6 +381,12 @@ def plain(symbol):
     if isinstance(symbol, (Switch, Memory, Reaction)):
         return sp.Symbol(symbol.name, **symbol._assumptions_orig)
     return symbol
+
+
+def _order(a, b):
+    """1 if a >= b for all values of the symbols, -1 if a <= b, 0 if that is not known."""
+    difference = a - b
+    return 1 if difference.is_nonnegative else -1 if difference.is_nonpositive else 0
 
 
 def _const(expr):

@@ -32,6 +32,7 @@ class Field:
     events: tuple[EventSpec, ...] = ()
     outputs: tuple[tuple[str, sp.Expr], ...] = ()
     initial_memory: tuple[float, ...] = ()
+    typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
 
     def expressions(self):
         """All expressions whose symbols must be known."""

@@ -4,8 +4,9 @@
     sliding   relative degree 1: lambda stands in  dh/dt = grad h . f + h_t
     crossing  relative degree 2 and more (position surfaces), or h depends on time alone
 
-Whether two expressions agree *on a surface* is asked at random points of it (pointwise.py): exact for what is
-generic, and independent of the values of parameters, so that one lowered model serves a whole sweep.
+Whether two expressions agree *on a surface* is asked at random points of it (pointwise.py). Parameters are
+drawn beside their values: what agrees for one special value only (a friction force of 0) is not generic, and
+one lowered model serves a whole sweep, while the order of thresholds (z_ba < z_max) is kept.
 Chain: lifting.py -> regularity (here) -> lowering.py.
 """
 
@@ -49,6 +50,8 @@ class Surface:
         self.symbols = sorted(symbols | {field.time, *field.states}, key=lambda s: s.name)
         unknowns = [u for u, *_ in (*field.algebraic, *field.contacts)]
         self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in self.h.free_symbols]
+        typical = zip(field.parameters, field.typical, strict=False)
+        self.typical = {p: size for p, size in typical if size != 0}
         self.points = []
         for k in range(TRIES if self.coordinates else 0):
             pair = self._pair(k)
@@ -63,7 +66,8 @@ class Surface:
         for memory, choices in self.field.memory_values.items():
             # Flags matter at the values that they can take, not at random reals.
             point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
-        # Draw the sign of a coordinate anew: states declared positive are so in the sample too.
+        for p, size in self.typical.items():
+            point[p] = size * (1 + 0.03 * draw(p, k))
         coordinate = self.coordinates[k % len(self.coordinates)]
         beside = self._with_signs(dict(point))
         on = dict(point)

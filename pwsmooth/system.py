@@ -231,6 +231,7 @@ class System:
                 (str(name), lift(e, **at_instants)) for name, e in zip(outputs, output_of, strict=True)
             ),
             initial_memory=tuple(m.initial for m in self._memories),
+            typical=tuple(self.parameters.values()),
         )
 
     # ---- what a system knows
@@ -255,15 +256,13 @@ class System:
         field = self._field
         equations = [*zip(field.states, field.rates, strict=True), *field.algebraic]
         for index, (lam, _) in enumerate(field.switches):
-            surface = None
-            for x, e in equations:
-                term = hidden_part(e, lam) if lam in e.free_symbols else sp.S.Zero
-                if term == 0:
-                    continue
-                surface = surface or Surface(field, index)
-                # lambda*|v| is nonlinear in lambda, but vanishes with v on the surface.
-                if surface.nonlinear(term):
-                    terms.append(HiddenTerm(x.name, lam, term))
+            surface = Surface(field, index)
+            # On the surface: lambda*|v| is nonlinear in lambda, but vanishes with v.
+            terms += [
+                HiddenTerm(x.name, lam, hidden_part(e, lam))
+                for x, e in equations
+                if lam in e.free_symbols and surface.nonlinear(e)
+            ]
         return tuple(terms)
 
     def initial_state(self, x0):
