@@ -1,0 +1,118 @@
+"""Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once.
+
+Lane e of every array holds the system of eigenvalue mu_e: lane 0 is the real one, the others are complex. The order of
+elimination is fixed at generation (least fill, pivots on the diagonal): mu/h dominates there, and a bad
+pivot costs only a slower Newton iteration, which the step control answers.
+"""
+
+from __future__ import annotations
+
+# Beyond this many multiplications a dense factorisation in a loop serves better than unrolled text.
+MOST_PRODUCTS = 700
+
+
+class Elimination:
+    """Symbolic LU: `factor` and `solve` as lists of operations on (row, column) entries."""
+
+    def __init__(self, n: int, pattern: set[tuple[int, int]]):
+        rows = {i: {j for (r, j) in pattern if r == i} | {i} for i in range(n)}
+        left = set(range(n))
+        self.order: list[int] = []
+        self.lower: list[tuple[int, int]] = []  # (i, k): entry i of column k, divided by the pivot
+        self.upper: dict[int, list[int]] = {}  # pivot -> columns right of it
+        self.products = 0
+        while left:
+            columns = {j: [i for i in left if j in rows[i]] for j in left}
+            k = min(left, key=lambda q: ((len(rows[q] & left) - 1) * (len(columns[q]) - 1), q))
+            left.remove(k)
+            self.order.append(k)
+            self.upper[k] = sorted(rows[k] & left)
+            for i in columns[k]:
+                if i != k:
+                    self.lower.append((i, k))
+                    rows[i] |= rows[k] & left
+                    self.products += len(self.upper[k]) + 1
+        self.slots: dict[tuple[int, int], int] = {}
+        for k in self.order:
+            for entry in [(k, k)] + [(i, q) for i, q in self.lower if q == k] + [(k, j) for j in self.upper[k]]:
+                self.slots[entry] = len(self.slots)
+
+    @property
+    def worthwhile(self) -> bool:
+        return self.products <= MOST_PRODUCTS
+
+
+class _Complex:
+    """Names of the parts of an entry; im is None where it is real in every lane."""
+
+    def __init__(self, re: str, im: str | None):
+        self.re, self.im = re, im
+
+
+def _product(a: _Complex, b: _Complex) -> tuple[str, str | None]:
+    re = f"{a.re} * {b.re}"
+    if a.im and b.im:
+        return f"({re} - {a.im} * {b.im})", f"({a.re} * {b.im} + {a.im} * {b.re})"
+    if a.im or b.im:
+        return re, f"{a.im} * {b.re}" if a.im else f"{a.re} * {b.im}"
+    return re, None
+
+
+def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
+    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten (pivots inverted)."""
+    lines = [f"    j{i}_{j} = J[{i * n + j}]" for i, j in sorted(pattern)]
+    lines += ["    mr, mi = load4(m, 0), load4(m, 4)"]
+    entry: dict[tuple[int, int], _Complex] = {}
+    for i in range(n):
+        lines.append(f"    a{i}_{i}r = mr - j{i}_{i}" if (i, i) in pattern else f"    a{i}_{i}r = mr")
+        entry[i, i] = _Complex(f"a{i}_{i}r", "mi")
+    for i, j in sorted(pattern):
+        if i != j:
+            lines.append(f"    a{i}_{j}r = splat4(-j{i}_{j})")
+            entry[i, j] = _Complex(f"a{i}_{j}r", None)
+    for k in elimination.order:
+        pivot = entry[k, k]
+        lines += [f"    d{k} = 1.0 / ({pivot.re} * {pivot.re} + {pivot.im} * {pivot.im})",
+                  f"    v{k}r = {pivot.re} * d{k}", f"    v{k}i = -{pivot.im} * d{k}"]  # fmt: skip
+        inverse = _Complex(f"v{k}r", f"v{k}i")
+        for i in [i for i, q in elimination.lower if q == k]:
+            re, im = _product(entry[i, k], inverse)
+            lines += [f"    l{i}_{k}r = {re}", f"    l{i}_{k}i = {im}"]
+            multiplier = _Complex(f"l{i}_{k}r", f"l{i}_{k}i")
+            for j in elimination.upper[k]:
+                re, im = _product(multiplier, entry[k, j])
+                old = entry.get((i, j))
+                name = f"a{i}_{j}"
+                lines.append(f"    {name}r = {old.re} - {re}" if old else f"    {name}r = -{re}")
+                lines.append(f"    {name}i = {old.im} - {im}" if old and old.im else f"    {name}i = -{im}")
+                entry[i, j] = _Complex(f"{name}r", f"{name}i")
+            entry[i, k] = multiplier
+        entry[k, k] = inverse
+    for key, slot in elimination.slots.items():
+        part = entry[key]
+        lines.append(f"    store4(lu, {8 * slot}, {part.re})")
+        lines.append(f"    store4(lu, {8 * slot + 4}, {part.im or 'splat4(0.0)'})")
+    return lines
+
+
+def solve_lines(n: int, elimination: Elimination) -> list[str]:
+    """Body of solve(lu, r): r[8 i + e] and r[8 i + 4 + e] hold the two parts and are overwritten."""
+    lines = [f"    r{i}, q{i} = load4(r, {8 * i}), load4(r, {8 * i + 4})" for i in range(n)]
+    load = "    ar, ai = load4(lu, {0}), load4(lu, {1})"
+
+    def subtract(i, k, slot):
+        return [load.format(8 * slot, 8 * slot + 4), f"    r{i} = r{i} - (ar * r{k} - ai * q{k})",
+                f"    q{i} = q{i} - (ar * q{k} + ai * r{k})"]  # fmt: skip
+
+    for k in elimination.order:
+        for i in [i for i, q in elimination.lower if q == k]:
+            lines += subtract(i, k, elimination.slots[i, k])
+    for k in reversed(elimination.order):
+        for j in elimination.upper[k]:
+            lines += subtract(k, j, elimination.slots[k, j])
+        slot = elimination.slots[k, k]
+        lines += [load.format(8 * slot, 8 * slot + 4),
+                  f"    r{k}, q{k} = ar * r{k} - ai * q{k}, ar * q{k} + ai * r{k}"]  # fmt: skip
+    for i in range(n):
+        lines += [f"    store4(r, {8 * i}, r{i})", f"    store4(r, {8 * i + 4}, q{i})"]
+    return lines

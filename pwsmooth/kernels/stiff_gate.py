@@ -1,0 +1,106 @@
+"""The rules that keep a step from passing over a layer of width eps around a surface h = 0.
+
+    R1  the error of h counts relative to its distance from the layer: rtol (eps + |h|), no atol
+    R2  before the step: towards the layer from |h| > C eps, at most 0.9 theta (|h| + C eps) / |dh/dt|
+    R3  after the step: reject if h moved towards or through zero by more than theta (|h| + C eps), at the end
+        and at every stage
+
+R1 alone and R2-R3 alone both fail; together they found every layer. A change of sign is thus accepted only from
+within about C eps. The constants may vary widely (theta 0.5..0.97, C 0.5..50) without harm.
+"""
+
+import numpy as np
+from numba import njit
+
+from pwsmooth.kernels.stiff_call import SURFACES, SURFACES8, call_lanes, call_point
+
+THETA, REACH = 0.9, 2.0
+
+
+@njit(cache=True)
+def look(adr, n, t, x, p, surface_state, surf):
+    """Overwrites surf[j] = (h, dh/dt at fixed x, eps, gradient) where the surface is no state; else only h."""
+    full = False
+    for j in range(len(surface_state)):
+        full = full or surface_state[j] < 0
+    if full:
+        call_point(adr[SURFACES], t, x, p, surf)
+    else:
+        for j in range(len(surface_state)):
+            surf[j, 0] = x[surface_state[j]]
+
+
+@njit(cache=True)
+def speed(n, surf, f, j):
+    """dh_j/dt along the flow f."""
+    v = surf[j, 1]
+    for i in range(n):
+        v += surf[j, 3 + i] * f[i]
+    return v
+
+
+@njit(cache=True)
+def step_limit(n, surf, f):
+    """R2: longest step allowed before the layers are looked at again."""
+    limit = np.inf
+    for j in range(surf.shape[0]):
+        h, eps = surf[j, 0], surf[j, 2]
+        v = speed(n, surf, f, j)
+        if h * v < 0.0 and abs(h) > REACH * eps:
+            limit = min(limit, 0.9 * THETA * (abs(h) + REACH * eps) / abs(v))
+    return limit
+
+
+@njit(cache=True)
+def passed(adr, n, t8, X, p, surface_state, surf, values, lanes):
+    """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the step."""
+    factor = 0.0
+    if adr[SURFACES8] == 0:
+        return factor
+    called = False
+    for j in range(surf.shape[0]):
+        h, eps, state = surf[j, 0], surf[j, 2], surface_state[j]
+        if state < 0 and not called:
+            call_lanes(adr[SURFACES8], t8, X, p, values)
+            called = True
+        allowed = THETA * (abs(h) + REACH * eps)
+        far = 0.0
+        for k in range(lanes):
+            g = X[state, k] if state >= 0 else values[j, k]
+            far = max(far, h - g if h > 0.0 else g - h)
+        if far > allowed:
+            shrink = min(0.7, max(0.2, 0.9 * allowed / far))
+            factor = shrink if factor == 0.0 else min(factor, shrink)
+    return factor
+
+
+@njit(cache=True)
+def set_scales(n, x, rtol, atol, surf, scale, newton_scale):
+    """Overwrites the scales of the error test and of the Newton iteration (which R1 tightens, state by state)."""
+    for i in range(n):
+        scale[i] = atol[i] + rtol * abs(x[i])
+        newton_scale[i] = scale[i]
+    for j in range(surf.shape[0]):
+        weight = rtol * (surf[j, 2] + abs(surf[j, 0]))
+        for i in range(n):
+            g = abs(surf[j, 3 + i])
+            if g > 0.0:
+                newton_scale[i] = min(newton_scale[i], weight / g)
+
+
+@njit(cache=True)
+def error_norm(n, err, scale, surf, rtol):
+    """Largest error in units of its tolerance, R1 included; nan if any is."""
+    norm = 0.0
+    for i in range(n):
+        e = abs(err[i]) / scale[i]
+        if not e <= norm:
+            norm = e
+    for j in range(surf.shape[0]):
+        e = 0.0
+        for i in range(n):
+            e += surf[j, 3 + i] * err[i]
+        e = abs(e) / (rtol * (surf[j, 2] + abs(surf[j, 0])))
+        if not e <= norm:
+            norm = e
+    return norm

@@ -1,0 +1,213 @@
+"""Vectors of 4 or 8 doubles as numba values: one instruction serves all stages of a step.
+
+LLVM's own vectoriser gives up on these loops (short, many pointers that might overlap), so the vectors are explicit:
+`load8(a, i)` and `store8(a, i, v)` move 8 doubles from index i of an array or pointer, and + - * / and negation
+work lane by lane, also with a plain float. Functions of the C library are called lane by lane.
+"""
+
+import math
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+_DOUBLE = ir.DoubleType()
+
+
+class LanesType(types.Type):
+    """Type of a vector of `width` doubles."""
+
+    def __init__(self, width):
+        self.width = width
+        super().__init__(name=f"lanes{width}")
+
+
+lanes4, lanes8 = LanesType(4), LanesType(8)
+
+
+@register_model(LanesType)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, ir.VectorType(_DOUBLE, fe_type.width))
+
+
+def _is_lanes(ty):
+    return isinstance(ty, LanesType)
+
+
+def _splat(builder, value, width):
+    vector = ir.VectorType(_DOUBLE, width)
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
+    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
+
+
+def _register(op, method):
+    @infer_global(op)
+    class _Typing(AbstractTemplate):
+        def generic(self, args, kws):
+            a, b = args
+            if _is_lanes(a) and (a == b or b == types.float64):
+                return signature(a, a, b)
+            if _is_lanes(b) and a == types.float64:
+                return signature(b, a, b)
+            return None
+
+    def lower(context, builder, sig, args):
+        width = sig.return_type.width
+        values = [v if _is_lanes(ty) else _splat(builder, v, width) for ty, v in zip(sig.args, args, strict=True)]
+        return getattr(builder, method)(*values)
+
+    lower_builtin(op, LanesType, LanesType)(lower)
+    lower_builtin(op, LanesType, types.Float)(lower)
+    lower_builtin(op, types.Float, LanesType)(lower)
+
+
+for _op, _method in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+    _register(_op, _method)
+
+
+@infer_global(operator.neg)
+class _Negation(AbstractTemplate):
+    def generic(self, args, kws):
+        return signature(args[0], args[0]) if _is_lanes(args[0]) else None
+
+
+@lower_builtin(operator.neg, LanesType)
+def _lower_negation(context, builder, sig, args):
+    return builder.fneg(args[0])
+
+
+def _address(context, builder, ty, value, index, width):
+    if isinstance(ty, types.Array):
+        value = context.make_array(ty)(context, builder, value=value).data
+    element = builder.gep(value, [index])
+    return builder.bitcast(element, ir.VectorType(_DOUBLE, width).as_pointer())
+
+
+def _memory(width):
+    lanes = LanesType(width)
+
+    @intrinsic
+    def load(typingctx, a, i):
+        def codegen(context, builder, sig, args):
+            pointer = _address(context, builder, sig.args[0], args[0], args[1], width)
+            return builder.load(pointer, align=8)
+
+        return lanes(a, types.int64), codegen
+
+    @intrinsic
+    def store(typingctx, a, i, v):
+        def codegen(context, builder, sig, args):
+            pointer = _address(context, builder, sig.args[0], args[0], args[1], width)
+            builder.store(args[2], pointer, align=8)
+            return context.get_dummy_value()
+
+        return types.void(a, types.int64, lanes), codegen
+
+    @intrinsic
+    def splat(typingctx, x):
+        def codegen(context, builder, sig, args):
+            return _splat(builder, args[0], width)
+
+        return lanes(types.float64), codegen
+
+    return load, store, splat
+
+
+load4, store4, splat4 = _memory(4)
+load8, store8, splat8 = _memory(8)
+
+
+def _instruction(name):
+    @intrinsic
+    def function(typingctx, v):
+        def codegen(context, builder, sig, args):
+            vector = args[0].type
+            declared = cgutils.get_or_insert_function(
+                builder.module, ir.FunctionType(vector, [vector]), f"llvm.{name}.v{vector.count}f64"
+            )
+            return builder.call(declared, args)
+
+        return v(v), codegen
+
+    return function
+
+
+vsqrt, vabs = _instruction("sqrt"), _instruction("fabs")
+
+
+@intrinsic
+def vmax(typingctx, a, b):
+    """Lane by lane maximum; a nan in either lane stays."""
+
+    def codegen(context, builder, sig, args):
+        larger = builder.fcmp_unordered(">", args[0], args[1])
+        nan = builder.fcmp_unordered("uno", args[1], args[1])
+        return builder.select(builder.or_(larger, nan), builder.select(nan, args[1], args[0]), args[1])
+
+    return a(a, a), codegen
+
+
+@intrinsic
+def lane(typingctx, v, i):
+    """One lane as a float."""
+
+    def codegen(context, builder, sig, args):
+        return builder.extract_element(args[0], args[1])
+
+    return types.float64(v, types.int64), codegen
+
+
+def _library(scalar):
+    @intrinsic
+    def function(typingctx, v):
+        def codegen(context, builder, sig, args):
+            result = args[0]
+            for k in range(sig.return_type.width):
+                index = ir.Constant(ir.IntType(32), k)
+                x = builder.extract_element(args[0], index)
+                y = context.compile_internal(builder, scalar, types.float64(types.float64), [x])
+                result = builder.insert_element(result, y, index)
+            return result
+
+        return v(v), codegen
+
+    return function
+
+
+def _power(x, r):
+    return x**r
+
+
+@intrinsic
+def vpow(typingctx, v, r):
+    """Lane by lane power with one real exponent."""
+
+    def codegen(context, builder, sig, args):
+        result = args[0]
+        for k in range(sig.return_type.width):
+            index = ir.Constant(ir.IntType(32), k)
+            x = builder.extract_element(args[0], index)
+            y = context.compile_internal(builder, _power, types.float64(types.float64, types.float64), [x, args[1]])
+            result = builder.insert_element(result, y, index)
+        return result
+
+    return v(v, types.float64), codegen
+
+
+def _scalar(name):
+    """A function of its own per name: numba compiles it by the global it calls."""
+    scope = {"f": getattr(math, name)}
+    exec(f"def {name}(x):\n    return f(x)", scope)
+    return scope[name]
+
+
+vexp, vlog, vsin, vcos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, verfc = (
+    _library(_scalar(name))
+    for name in "exp log sin cos tan sinh cosh tanh atan asin acos erf erfc".split()
+)
+FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())

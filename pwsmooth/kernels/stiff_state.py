@@ -1,0 +1,59 @@
+"""What the stiff loop is told and what it carries from call to call: plain arrays, no objects."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Why the loop returned.
+DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP = range(7)
+
+# Which method takes the next step, and what the user allows.
+RADAU, TAYLOR = 0, 1
+
+# Entries of `num`.
+T, T_END, H, H_OLD, ERR_OLD, ETA, RTOL, RTOL_TAYLOR, H_MAX, KAPPA, RADIUS, REACHED = range(12)
+# Entries of `cnt`: settings, then the state of the loop, then counters.
+(ORDER, K, MODE, MAY_RADAU, MAY_TAYLOR, DENSE_WANTED, PREDICTED, FIRST, REJECTED, STIFF_STEPS, ROWS_AT, ROWS_VALID,
+ N_EVAL, STEPS, REJECTIONS, F_EVALS, JACOBIANS, NEWTON, TAYLOR_STEPS, STEPS_LEFT, MEMORY) = range(21)  # fmt: skip
+
+
+class Stiff(NamedTuple):
+    """One run. n states, q surfaces (layers), e events."""
+
+    adr: np.ndarray  # addresses of the generated functions
+    p: np.ndarray
+    atol: np.ndarray  # (n,)
+    surface_state: np.ndarray  # (q,) state index of a surface that is one, else -1
+    surface_row: np.ndarray  # (q,) its row in the Taylor coefficients
+    num: np.ndarray
+    cnt: np.ndarray
+    x: np.ndarray  # (n,)
+    f: np.ndarray  # (n,) rates at x
+    poly: np.ndarray  # (n, 8) last collocation polynomial, from its end
+    rows: np.ndarray  # (2, rows, 24) Taylor coefficients, at x and at the end of the step under trial
+    power: np.ndarray  # (n,) vector of the power iteration
+    surf: np.ndarray  # (q, n + 3)
+    J: np.ndarray  # (n, n)
+    lu: np.ndarray  # elimination
+    lanes: np.ndarray  # (6, n, 8) Z, W, X, F, R and spare
+    hoisted: np.ndarray  # (rows, 8)
+    values: np.ndarray  # (max(q, e, 1), 8)
+
+
+class Output(NamedTuple):
+    """Buffers of one call; `count` = (points written, event records written)."""
+
+    t: np.ndarray  # (capacity,)
+    x: np.ndarray  # (capacity, n)
+    degree: np.ndarray  # (capacity,) of the step that ends here
+    coefficients: np.ndarray  # (capacity, n, 17) of powers of (t - start)/length; empty unless dense
+    length: np.ndarray  # (capacity,)
+    count: np.ndarray
+    t_eval: np.ndarray
+    x_eval: np.ndarray
+    event_t: np.ndarray
+    event_index: np.ndarray
+    event_x: np.ndarray  # (events, 2, n): before and after
+
+
+STRIDE = 24

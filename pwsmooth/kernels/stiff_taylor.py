@@ -1,0 +1,98 @@
+"""Explicit Taylor steps of the stiff path: for the transients inside a layer, and for everything that is not stiff.
+
+    x(t + s h) = sum_k x_k h^k s^k,   h from the last two coefficients (Jorba and Zou, 2005)
+
+A truncated series cannot see a layer ahead (all derivatives of erf(h/eps) underflow outside it), so besides the gate
+every step is judged by its defect, h |x'(h) - f(x(h))| / (K+1), which the next expansion gives for nothing.
+"""
+
+import numpy as np
+from numba import njit
+
+from pwsmooth.kernels.stiff_gate import REACH, THETA
+from pwsmooth.kernels.stiff_lanes import load8, splat8, store8
+
+CONTRACT = {"contract", "nsz"}
+SAMPLES = np.arange(1, 9) / 8.0
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def _order_size(n, k, rows, surface_row, surf, scale, rtol):
+    size = 0.0
+    for i in range(n):
+        e = abs(rows[i, k]) / scale[i]
+        if not e <= size:
+            size = e
+    for j in range(surf.shape[0]):
+        e = abs(rows[surface_row[j], k]) / (rtol * (surf[j, 2] + abs(surf[j, 0])))
+        if not e <= size:
+            size = e
+    return size
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def taylor_length(n, K, rows, surface_row, surf, scale, rtol):
+    """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
+    length = np.inf
+    for k in (K - 1, K):
+        size = _order_size(n, k, rows, surface_row, surf, scale, rtol)
+        if size != size:
+            return np.nan
+        if size > 0.0:
+            length = min(length, size ** (-1.0 / k))
+    return 0.9 * length
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def evaluate(n, K, rows, h, x):
+    """Overwrites x with the polynomial at h."""
+    for i in range(n):
+        v = rows[i, K]
+        for k in range(K - 1, -1, -1):
+            v = v * h + rows[i, k]
+        x[i] = v
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def taylor_passed(K, rows, surface_row, surf, h):
+    """R3 over the whole step: 0, or the factor by which to shrink it.
+
+    The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points.
+    """
+    factor = 0.0
+    for j in range(surf.shape[0]):
+        row, h0 = surface_row[j], surf[j, 0]
+        allowed = THETA * (abs(h0) + REACH * surf[j, 2])
+        bound = 0.0
+        for k in range(K, 0, -1):
+            bound = (bound + abs(rows[row, k])) * h
+        if bound <= allowed:
+            continue
+        tau = load8(SAMPLES, 0) * h
+        v = splat8(rows[row, K])
+        for k in range(K - 1, 0, -1):
+            v = v * tau + rows[row, k]
+        v = v * tau
+        moved = np.empty(8)
+        store8(moved, 0, v)
+        far = 0.0
+        for k in range(8):
+            far = max(far, -moved[k] if h0 > 0.0 else moved[k])
+        if far > allowed:
+            shrink = min(0.7, max(0.2, 0.9 * allowed / far))
+            factor = shrink if factor == 0.0 else min(factor, shrink)
+    return factor
+
+
+@njit(cache=True, fastmath=CONTRACT)
+def defect(n, K, rows, rates, h, scale):
+    """Estimated error of the step in units of its tolerance, from the rates at its end."""
+    size = 0.0
+    for i in range(n):
+        v = K * rows[i, K]
+        for k in range(K - 1, 0, -1):
+            v = v * h + k * rows[i, k]
+        e = h * abs(v - rates[i]) / ((K + 1) * scale[i])
+        if not e <= size:
+            size = e
+    return size
