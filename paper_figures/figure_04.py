@@ -1,0 +1,119 @@
+"""Figure 4: equilibria of the fast transition, y = (q'' - N mu(lam))/k with mu = lam (1 + rho gamma(lam)).
+
+The attracting branch d mu/d lam > 0 ends in folds at lam = +-lam_s if rho > 1/2, and at lam = +-1 otherwise.
+"""
+
+import numpy as np
+import sympy as sp
+
+from pwsmooth.analysis.sticking import fold
+from pwsmooth.figures import Claim
+from pwsmooth.plotting import COLOUR, LINEAR_SHADE, NONLINEAR_SHADE, new_figure
+
+NAME = "4"
+TITLE = "Sticking equilibria and their folds"
+CAPTION = """
+The graph y = (q'' - N mu(lam))/k at q'' = 0, k = 3.1, N = 1 with gamma = 1 - lam^2. Full: attracting in the
+fast transition; dashed: repelling. Left, rho = 3: folds at lam = +-2/3. Right, rho = 0.4 < 1/2: no fold inside,
+the extreme values lie at lam = +-1. Shaded: displacements of linear (dark) and nonlinear (light) sticking.
+"""
+K, N = 3.1, 1.0
+LAM, RHO = sp.Symbol("lam", real=True), sp.Symbol("rho", positive=True)
+GAMMA = 1 - LAM**2
+
+
+def displacement(lam, rho):
+    """y at q'' = 0."""
+    return -N * lam * (1 + rho * (1 - lam**2)) / K
+
+
+def claims():
+    """Eqs. (16), (17) and the closed forms for gamma = 1 - lam**2."""
+    symbolic = fold(GAMMA, LAM, RHO)
+    three = fold(GAMMA, LAM, 3)
+    lam = np.linspace(0, 1, 100_001)
+    mu = lam * (1 + 3 * (1 - lam**2))
+    printed = 2 * RHO * ((1 + RHO) / (3 * RHO)) ** sp.Rational(3, 2)
+    same = sp.simplify(symbolic.mu_s.args[0][0] - printed) == 0
+    slope = sp.diff(GAMMA, LAM).subs(LAM, three.lam_s)
+    return [
+        Claim(
+            "lam_s = sqrt((1 + rho)/(3 rho)); at rho = 3",
+            "2/3",
+            str(three.lam_s),
+            three.lam_s == sp.Rational(2, 3),
+            "-",
+        ),
+        Claim(
+            "mu_s = 2 rho ((1 + rho)/(3 rho))^(3/2) for rho > 1/2, else 1; at rho = 3",
+            "16/9",
+            f"{three.mu_s} (largest mu on a grid: {mu.max():.6f})",
+            bool(same) and three.mu_s == sp.Rational(16, 9),
+            "the closed form differs",
+        ),
+        Claim(
+            "(17): mu_s = -rho (d gamma/dv) lam_s^2",
+            "derivative by v",
+            f"derivative by lam: {-3 * slope * three.lam_s**2}",
+            False,
+            "d gamma/dv is infinite on v = 0; with d gamma/d lam the formula is the fold's height",
+        ),
+        Claim(
+            "for rho <= 1/2 the extreme values lie at lam = +-1",
+            "mu_s = 1",
+            f"mu_s = {fold(GAMMA, LAM, sp.Rational(2, 5)).mu_s} at rho = 0.4",
+            fold(GAMMA, LAM, sp.Rational(2, 5)).mu_s == 1,
+            "a fold lies inside",
+        ),
+        Claim(
+            "appendix B: attracting for |zeta| < max(1, lam_s)",
+            "max(1, lam_s)",
+            "min(1, lam_s)",
+            False,
+            "the source's own proof gives min: for lam_s < 1 the branch beyond the fold is of saddle type",
+        ),
+    ]
+
+
+def _panel(ax, rho):
+    lam = np.linspace(-1, 1, 801)
+    y = displacement(lam, rho)
+    attracting = np.gradient(y, lam) < 0
+    top = float(np.max(np.abs(y)))
+    ax.axhspan(-top, top, color=NONLINEAR_SHADE, linewidth=0, zorder=0)
+    ax.axhspan(-N / K, N / K, color=LINEAR_SHADE, linewidth=0, zorder=0)
+    ax.plot(lam, np.where(attracting, y, np.nan), color=COLOUR["stick"], linewidth=2, label="attracting")
+    if not attracting.all():
+        ax.plot(
+            lam, np.where(attracting, np.nan, y), "--", color=COLOUR["stick"], linewidth=1.6, label="repelling"
+        )
+        lam_s = float(fold(GAMMA, LAM, sp.nsimplify(rho)).lam_s)
+        for sign in (1, -1):
+            ax.plot(sign * lam_s, displacement(sign * lam_s, rho), "o", color=COLOUR["mark"], markersize=5)
+            ax.vlines(
+                sign * lam_s,
+                -0.78,
+                displacement(sign * lam_s, rho),
+                colors=COLOUR["mark"],
+                linewidth=0.7,
+                linestyles=":",
+            )
+            name = r"$\lambda_s=\frac{2}{3}$" if sign > 0 else r"$-\lambda_s$"
+            ax.text(sign * lam_s + 0.03, -0.76, name, ha="left")
+    ax.axhline(0, color=COLOUR["mark"], linewidth=0.5)
+    ax.text(0.98, N / K - 0.02, "linear sticking", va="top", ha="right", fontsize=8)
+    if top > 1.01 * N / K:
+        ax.text(0.98, top - 0.02, "nonlinear sticking", va="top", ha="right", fontsize=8)
+    ax.set(xlim=(-1, 1), ylim=(-0.8, 0.8), xticks=np.linspace(-1, 1, 5), xlabel=r"$\lambda$")
+    return ax
+
+
+def draw(fast):
+    """Both panels."""
+    figure = new_figure(7.2, 3.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    _panel(left, 3).set_title(r"(i) $\rho=3$: folds at $\pm\lambda_s$")
+    _panel(right, 0.4).set_title(r"(ii) $\rho=0.4<\frac{1}{2}$: extremes at $\pm1$")
+    left.set_ylabel(r"$y=(\ddot q-N\mu(\lambda))/k$  at $\ddot q=0$")
+    left.legend(loc="upper right", handlelength=2.4)
+    return figure, claims()

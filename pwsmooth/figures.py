@@ -1,0 +1,284 @@
+"""The command `pwsmooth figures`: finds the figures of a checkout, makes them, and tabulates their claims.
+
+A figure is one file `paper_figures/figure_NN.py` with NAME, TITLE, CAPTION and `draw(fast)`, which returns a
+matplotlib Figure and its Claims. Files appear whole or not at all: written beside their place, then moved.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import json
+import os
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+__all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
+
+
+class FiguresError(Exception):
+    """The command cannot run as asked; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the source beside what the equations give here.
+
+    Parameters
+    ----------
+    statement : str
+    source, ours : str
+        The source's value or words, and ours.
+    reproduced : bool
+    reason : str
+        Why they differ; required if they do.
+    """
+
+    statement: str
+    source: str
+    ours: str
+    reproduced: bool
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.reproduced and not self.reason:
+            raise ValueError(f"`reason` is empty although {self.statement!r} differs; say why it does.")
+
+    @classmethod
+    def number(
+        cls, statement: str, source: float, ours: float, tolerance: float, *, digits: int = 6, reason: str = ""
+    ) -> Claim:
+        """A claim on a number, reproduced if |source - ours| <= tolerance."""
+        same = abs(source - ours) <= tolerance
+        why = "" if same else reason or f"off by {ours - source:.3g}, tolerance {tolerance:.2g}"
+        return cls(statement, f"{source:.{digits}g}", f"{ours:.{digits}g}", same, why)
+
+    @property
+    def verdict(self) -> str:
+        """reproduced or differs."""
+        return "reproduced" if self.reproduced else "differs"
+
+    def record(self) -> dict[str, str]:
+        """The claim as it stands in claims.json."""
+        return {
+            "claim": self.statement,
+            "source": self.source,
+            "ours": self.ours,
+            "verdict": self.verdict,
+            "reason": self.reason,
+        }
+
+
+def checkout() -> Path:
+    """The checkout's root: where the package was installed from, or the working directory.
+
+    Raises
+    ------
+    FiguresError
+        Neither holds the figures' scripts.
+    """
+    for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
+        if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
+            return root
+    raise FiguresError(
+        "the scripts of the figures are not part of the installed package. Run this in a checkout of the "
+        "project, installed with `pip install -e .`"
+    )
+
+
+def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
+    """Modules of the figures by name, in the order of their numbers.
+
+    Raises
+    ------
+    FiguresError
+        There is no checkout, or a name is unknown.
+    """
+    root = checkout()
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    found: dict[str, ModuleType] = {}
+    for path in sorted((root / "paper_figures").glob("figure_*.py")):
+        module = importlib.import_module(f"paper_figures.{path.stem}")
+        found[str(module.NAME)] = module
+    wanted = [_plain(name) for name in names]
+    unknown = [name for name in wanted if name not in found]
+    if unknown:
+        raise FiguresError(f"no figure is named {', '.join(unknown)}; there are {', '.join(found)}")
+    return {name: module for name, module in found.items() if not wanted or name in wanted}
+
+
+def _plain(name: str) -> str:
+    """ "4", "04", "figure_04" and "figure 4" all name figure 4."""
+    bare = name.lower().removesuffix(".py").removeprefix("figure").strip(" _-")
+    return bare.lstrip("0") or name
+
+
+def print_list() -> None:
+    """Print the name and title of every figure."""
+    from rich.console import Console
+
+    console = Console()
+    for name, module in discover().items():
+        console.print(f"{name:>3}  {module.TITLE}", highlight=False, soft_wrap=True)
+
+
+def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
+    """Make figures and write `figure_NN.png`, `figure_NN.pdf`, `captions.md` and `claims.json` into `out`.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Figures to make; all if empty.
+    out : Path
+        Made if missing.
+    fast : bool
+        Coarser curves and shorter sweeps.
+
+    Returns
+    -------
+    bool
+        Whether every figure was made; a figure that fails is reported and the others go on.
+
+    Raises
+    ------
+    FiguresError
+        There is no checkout, a name is unknown, or `out` cannot be written.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    modules = discover(names)
+    out = Path(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(out)
+    except OSError as error:
+        raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
+    # Off a terminal the table keeps its columns instead of folding them to 80 characters.
+    console = Console() if sys.stdout.isatty() else Console(width=160)
+    entries: dict[str, dict[str, Any]] = {}
+    failures: list[str] = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("figures", total=len(modules))
+        for name, module in modules.items():
+            progress.update(task, description=f"figure {name}")
+            begun = time.perf_counter()
+            try:
+                claims = _make_one(module, out, fast)
+            except Exception:  # one broken figure must not cost the others
+                failures.append(name)
+                progress.console.print(f"figure {name} FAILED\n{traceback.format_exc()}", markup=False)
+            else:
+                entries[name] = _entry(module, claims, fast)
+                _write_records(out, entries)
+                seconds = time.perf_counter() - begun
+                progress.console.print(f"figure {name:>2}  {seconds:5.1f} s  {module.TITLE}", highlight=False)
+            progress.advance(task)
+    print_claims(console, entries)
+    console.print(f"written to {out}", highlight=False, soft_wrap=True)
+    if failures:
+        console.print(f"FAILED: figures {', '.join(failures)}", style="bold red")
+    return not failures
+
+
+def _stem(module: ModuleType) -> str:
+    return module.__name__.rpartition(".")[2]
+
+
+def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
+    from . import plotting
+
+    with plotting.style():
+        figure, claims = module.draw(fast)
+        for suffix in ("png", "pdf"):
+            buffer = io.BytesIO()
+            # Without a date the same input gives the same file.
+            metadata = {"Title": module.TITLE} | ({"CreationDate": None} if suffix == "pdf" else {})
+            figure.savefig(buffer, format=suffix, metadata=metadata)
+            write_whole(out / f"{_stem(module)}.{suffix}", buffer.getvalue())
+    return list(claims)
+
+
+def _entry(module: ModuleType, claims: Sequence[Claim], fast: bool) -> dict[str, Any]:
+    from importlib.metadata import version
+
+    return {
+        "title": module.TITLE,
+        "caption": " ".join(module.CAPTION.split()),
+        "files": [f"{_stem(module)}.png", f"{_stem(module)}.pdf"],
+        "fast": fast,
+        "pwsmooth": version("pwsmooth"),
+        "claims": [claim.record() for claim in claims],
+    }
+
+
+def _write_records(out: Path, entries: dict[str, dict[str, Any]]) -> None:
+    """claims.json and captions.md; figures of an earlier run that are still there keep their entries."""
+    path = out / "claims.json"
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        kept = {}
+    merged = {**kept, **entries}
+    merged = {name: merged[name] for name in sorted(merged, key=lambda n: (len(n), n))}
+    write_whole(path, (json.dumps(merged, indent=2, ensure_ascii=False) + "\n").encode())
+    parts = [f"## Figure {name}. {entry['title']}\n\n{entry['caption']}\n" for name, entry in merged.items()]
+    write_whole(out / "captions.md", "\n".join(parts).encode())
+
+
+_PARTIAL = ".partial-"
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write `path` so that it holds either its old content or all of the new one, also after Ctrl-C."""
+    handle, name = tempfile.mkstemp(prefix=_PARTIAL, suffix=path.suffix, dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.chmod(name, 0o644)  # mkstemp's files are their owner's alone
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def remove_leftovers(out: Path) -> None:
+    """Remove what a killed run left beside the figures."""
+    for leftover in out.glob(f"{_PARTIAL}*"):
+        leftover.unlink(missing_ok=True)
+
+
+def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:
+    """The table: claim, the source's value, ours, verdict with its reason."""
+    from rich.table import Table
+
+    table = Table(title="What the source claims and what its equations give", show_lines=True)
+    for header, ratio in (("figure", 1), ("claim", 7), ("source", 4), ("ours", 5), ("verdict", 6)):
+        table.add_column(header, ratio=ratio, overflow="fold")
+    counts = {"reproduced": 0, "differs": 0}
+    for name, entry in entries.items():
+        for claim in entry["claims"]:
+            counts[claim["verdict"]] += 1
+            good = claim["verdict"] == "reproduced"
+            verdict = "[green]reproduced[/]" if good else "[yellow]differs[/]: " + _escape(claim["reason"])
+            table.add_row(
+                name, _escape(claim["claim"]), _escape(claim["source"]), _escape(claim["ours"]), verdict
+            )
+    if table.row_count:
+        console.print(table)
+        console.print(f"{counts['reproduced']} reproduced, {counts['differs']} differ")
+
+
+def _escape(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

@@ -1,0 +1,160 @@
+"""The one style of every chart: a colour per meaning, and plot functions that take and return Axes.
+
+Nothing here solves or chooses parameters; figures, experiments and `Solution.plot` draw with these.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .solution import Solution
+
+# One colour a meaning, the same in every chart (Okabe and Ito's palette, distinct for colour-blind readers).
+COLOUR = {
+    "right": "#0072B2",  # slip right, lam = +1
+    "left": "#D55E00",  # slip left, lam = -1
+    "stick": "#009E73",  # sticking, sliding
+    "fast": "#CC79A7",  # fast transition through the layer
+    "exact": "#000000",  # event-driven, or a closed form
+    "smoothed": "#56B4E9",
+    "approximation": "#E69F00",  # an asymptotic form
+    "velocity": "#7A5195",
+    "mark": "#555555",
+}
+LINEAR_SHADE, NONLINEAR_SHADE = "#BDBDBD", "#E6E6E6"
+
+_RC: Any = {
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 9.5,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "lines.linewidth": 1.4,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 200,
+    "pdf.fonttype": 42,
+    # One font for text and mathematics, and the same one on every machine.
+    "font.family": "DejaVu Sans",
+    "mathtext.fontset": "dejavusans",
+}
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """The project's matplotlib settings, for as long as the block lasts."""
+    import matplotlib
+
+    with matplotlib.rc_context(_RC):
+        yield
+
+
+def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
+    """An empty figure (inches) that needs no display and lays itself out."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def phase(status: int) -> str:
+    """Key of `COLOUR` for the status of a switch."""
+    return {1: "right", -1: "left", 0: "stick"}[int(status)]
+
+
+def sticking_regions(
+    ax: Axes,
+    t: np.ndarray,
+    linear: tuple[np.ndarray, np.ndarray],
+    nonlinear: tuple[np.ndarray, np.ndarray],
+    *,
+    label: bool = True,
+) -> Axes:
+    """Shade the displacements at which the contact can stick, linear region dark on the nonlinear one light."""
+    names = ("nonlinear sticking", "linear sticking") if label else (None, None)
+    for (low, high), shade, name in zip((nonlinear, linear), (NONLINEAR_SHADE, LINEAR_SHADE), names):
+        ax.fill_between(t, low, high, color=shade, linewidth=0, label=name, zorder=0)
+    return ax
+
+
+def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any) -> Any:
+    """One curve in the colours of its phases; `status` belongs to the points, `ax` may be a 3-D one."""
+    status = np.asarray(status)
+    # Each piece keeps the first point of the next one, so that the curve stays connected.
+    ends = [*(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
+    first = 0
+    for end in ends:
+        piece = slice(first, min(end + 1, len(status)))
+        ax.plot(*(c[piece] for c in coordinates), color=COLOUR[phase(status[first])], **line)
+        first = end
+    return ax
+
+
+def direction_arrows(
+    ax: Axes,
+    x: np.ndarray,
+    y: np.ndarray,
+    at: Sequence[float],
+    *,
+    colour: str = COLOUR["mark"],
+    size: float = 9,
+) -> Axes:
+    """Arrow heads along a curve, at fractions `at` of its length as drawn."""
+    box = (np.ptp(ax.get_xlim()) or 1.0, np.ptp(ax.get_ylim()) or 1.0)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / box[0], np.diff(y) / box[1]))])
+    for fraction in at:
+        i = int(np.clip(np.searchsorted(length, fraction * length[-1]), 1, len(x) - 1))
+        # A head needs a visible direction: walk back until the points are one hundredth of the axes apart.
+        j = i - 1
+        while j > 0 and length[i] - length[j] < 0.01:
+            j -= 1
+        head = dict(arrowstyle="-|>", color=colour, mutation_scale=size, shrinkA=0, shrinkB=0, linewidth=0)
+        ax.annotate("", (x[i], y[i]), (x[j], y[j]), arrowprops=head, zorder=5)
+    return ax
+
+
+def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
+    """States (or `names`) against time, one Axes each; intervals in which a multiplier is solved are shaded.
+
+    Parameters
+    ----------
+    sol : Solution
+    names : sequence of str or Symbol, optional
+        States, multipliers or outputs.
+    axes : sequence of Axes, optional
+        One for each name; a new figure without.
+
+    Returns
+    -------
+    ndarray of Axes
+    """
+    wanted = list(names) if names is not None else list(sol.states)
+    if axes is None:
+        from matplotlib import pyplot
+
+        with style():
+            size = (7.0, 0.6 + 1.5 * len(wanted))
+            _, axes = pyplot.subplots(len(wanted), 1, sharex=True, figsize=size, layout="constrained")
+    panels = np.atleast_1d(np.asarray(axes, dtype=object))
+    if len(panels) != len(wanted):
+        raise ValueError(f"`axes` holds {len(panels)} Axes for {len(wanted)} names; give one for each.")
+    solved = [s for s in sol.segments if any(v == 0 for v in s.status)]
+    for ax, name in zip(panels, wanted):
+        for segment in solved:
+            ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
+        ax.plot(sol.t, sol[name], color=COLOUR["exact"])
+        ax.set_ylabel(str(name))
+        ax.margins(x=0)
+    panels[-1].set_xlabel(str(sol.model.time))
+    return panels

@@ -1,0 +1,62 @@
+"""The command line: what it accepts, what it prints, how it ends."""
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from pwsmooth import figures
+from pwsmooth.cli import app
+
+
+@pytest.fixture
+def run():
+    return lambda *arguments: CliRunner().invoke(app, list(arguments))
+
+
+def test_the_list_names_every_figure(run):
+    result = run("figures", "--list")
+    assert result.exit_code == 0
+    assert [line.split()[0] for line in result.output.splitlines()] == list(figures.discover())
+
+
+def test_figures_are_made_where_out_says(run, tmp_path):
+    result = run("figures", "4", "--fast", "--out", str(tmp_path / "new" / "place"))
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "new" / "place" / "figure_04.png").exists()
+
+
+def test_an_unknown_figure_ends_with_2_and_says_which_exist(run, tmp_path):
+    result = run("figures", "99", "--out", str(tmp_path))
+    assert result.exit_code == 2 and "no figure is named 99" in result.output
+
+
+def test_a_figure_that_fails_ends_with_1(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "make", lambda *a, **k: False)
+    assert run("figures", "--out", str(tmp_path)).exit_code == 1
+
+
+def test_an_interruption_ends_with_130_and_says_what_is_complete(run, tmp_path, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(figures, "make", interrupted)
+    result = run("figures", "--out", str(tmp_path))
+    assert result.exit_code == 130 and "complete" in result.output
+
+
+def test_the_version_is_printed(run):
+    from importlib.metadata import version
+
+    assert run("--version").output.strip() == f"pwsmooth {version('pwsmooth')}"
+
+
+def test_help_imports_neither_numba_nor_matplotlib_nor_sympy():
+    code = (
+        "import sys\nfrom pwsmooth.cli import app\n"
+        "try:\n    app(['figures', '--help'])\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numba', 'matplotlib', 'sympy', 'scipy', 'numpy') if m in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip().endswith("[]")

@@ -1,0 +1,174 @@
+"""The machinery of the figures: whole files, claims with verdicts, names, failures, interruption."""
+
+import json
+import os
+import subprocess
+import sys
+import types
+
+import pytest
+
+from pwsmooth import figures
+from pwsmooth.figures import Claim, FiguresError
+
+
+def a_figure(name="7", draw=None):
+    def blank(fast):
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(1, 1))
+        figure.subplots().plot([0, 1])
+        return figure, [Claim("it is drawn", "yes", "yes", True), Claim("1 = 2", "2", "1", False, "arithmetic")]
+
+    module = types.ModuleType(f"paper_figures.figure_{int(name):02d}")
+    module.NAME, module.TITLE, module.CAPTION, module.draw = (
+        name,
+        f"Figure {name}",
+        "A\ncaption.",
+        draw or blank,
+    )
+    return module
+
+
+@pytest.fixture
+def only(monkeypatch):
+    def use(*modules):
+        table = {m.NAME: m for m in modules}
+        monkeypatch.setattr(
+            figures, "discover", lambda names=(): {n: m for n, m in table.items() if not names or n in names}
+        )
+
+    return use
+
+
+def test_a_claim_that_differs_needs_a_reason():
+    with pytest.raises(ValueError, match="`reason` is empty"):
+        Claim("x", "1", "2", False)
+    assert Claim.number("x", 1.0, 1.5, 0.6).verdict == "reproduced"
+    differs = Claim.number("x", 1.0, 1.5, 0.4)
+    assert differs.verdict == "differs" and "0.5" in differs.reason
+
+
+def test_a_figure_leaves_png_pdf_caption_and_claims(only, tmp_path, capsys):
+    only(a_figure())
+    assert figures.make(out=tmp_path)
+    assert (tmp_path / "figure_07.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "figure_07.pdf").read_bytes().startswith(b"%PDF")
+    entry = json.loads((tmp_path / "claims.json").read_text())["7"]
+    assert [c["verdict"] for c in entry["claims"]] == ["reproduced", "differs"]
+    assert entry["caption"] == "A caption." and "A caption." in (tmp_path / "captions.md").read_text()
+    printed = capsys.readouterr().out
+    assert "1 reproduced, 1 differ" in printed and "arithmetic" in printed
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "captions.md",
+        "claims.json",
+        "figure_07.pdf",
+        "figure_07.png",
+    ]
+
+
+def test_the_same_figure_is_written_as_the_same_bytes(only, tmp_path):
+    only(a_figure())
+    figures.make(out=tmp_path / "a")
+    figures.make(out=tmp_path / "b")
+    for name in ("figure_07.png", "figure_07.pdf", "claims.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_claims_of_other_figures_stay_when_one_is_made_again(only, tmp_path):
+    only(a_figure("10"), a_figure("7"))
+    figures.make(out=tmp_path)
+    figures.make(["7"], out=tmp_path)
+    assert list(json.loads((tmp_path / "claims.json").read_text())) == ["7", "10"]
+
+
+def test_a_figure_that_fails_is_reported_and_the_others_are_made(only, tmp_path, capsys):
+    def broken(fast):
+        raise ArithmeticError("no such orbit")
+
+    only(a_figure("1", broken), a_figure("7"))
+    assert not figures.make(out=tmp_path)
+    assert (tmp_path / "figure_07.png").exists() and not (tmp_path / "figure_01.png").exists()
+    printed = capsys.readouterr().out
+    assert "no such orbit" in printed and "FAILED: figures 1" in printed
+
+
+def test_an_interruption_while_writing_leaves_the_old_file_and_no_leftover(monkeypatch, tmp_path):
+    target = tmp_path / "claims.json"
+    figures.write_whole(target, b"old")
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        figures.write_whole(target, b"new")
+    assert target.read_bytes() == b"old" and list(tmp_path.iterdir()) == [target]
+
+
+def test_leftovers_of_a_killed_run_are_removed(only, tmp_path):
+    (tmp_path / ".partial-xyz.png").write_bytes(b"half")
+    only(a_figure())
+    figures.make(out=tmp_path)
+    assert not list(tmp_path.glob(".partial-*"))
+
+
+def test_ctrl_c_between_figures_keeps_the_complete_ones(only, tmp_path):
+    def interrupted(fast):
+        raise KeyboardInterrupt
+
+    only(a_figure("7"), a_figure("8", interrupted))
+    with pytest.raises(KeyboardInterrupt):
+        figures.make(out=tmp_path)
+    assert list(json.loads((tmp_path / "claims.json").read_text())) == ["7"]
+    assert not list(tmp_path.glob("figure_08*"))
+
+
+def test_names_are_taken_in_every_spelling_and_unknown_ones_refused():
+    for spelling in ("4", "04", "figure_04", "figure 4", "figure_04.py"):
+        assert list(figures.discover([spelling])) == ["4"]
+    with pytest.raises(FiguresError, match="no figure is named 99; there are .*4"):
+        figures.discover(["99"])
+
+
+def test_every_figure_of_the_checkout_says_what_it_is():
+    for name, module in figures.discover().items():
+        assert module.__name__.endswith(f"figure_{int(name):02d}")
+        assert module.TITLE and len(module.CAPTION.split()) > 15 and callable(module.draw)
+
+
+def test_outside_a_checkout_the_command_says_that_it_needs_one(monkeypatch, tmp_path):
+    monkeypatch.setattr(figures, "__file__", str(tmp_path / "site-packages" / "pwsmooth" / "figures.py"))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FiguresError, match="checkout"):
+        figures.discover()
+
+
+def test_an_output_place_that_cannot_be_written_is_named(only, tmp_path):
+    only(a_figure())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FiguresError, match="`--out` .*file"):
+        figures.make(out=tmp_path / "file")
+
+
+def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
+    made = figures.make(["2", "4"], out=tmp_path, fast=True)
+    claims = {n: e["claims"] for n, e in json.loads((tmp_path / "claims.json").read_text()).items()}
+    assert made and list(claims) == ["2", "4"]
+    verdicts = {c["claim"]: c for entry in claims.values() for c in entry}
+    height = next(c for text, c in verdicts.items() if text.startswith("height of the peak"))
+    assert (height["source"], height["ours"], height["verdict"]) == ("1.63073", "1.48587", "differs")
+    assert next(c for text, c in verdicts.items() if text.startswith("peak lies at"))["verdict"] == "reproduced"
+
+
+def test_drawing_needs_no_display_and_no_pyplot():
+    code = (
+        "import sys, pwsmooth.figures as f\n"
+        "f.discover(['4'])['4'].draw(True)\n"
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
+    environment = {**os.environ, "MPLBACKEND": "TkAgg", "DISPLAY": ""}
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
+    )
+    assert result.stdout.strip() == "False"
