@@ -1,0 +1,157 @@
+"""The compile cache: hits in a second process, and none that is stale."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import sympy as sp
+
+from pwsmooth.codegen import cache
+from pwsmooth.model import Model, Multiplier
+
+PACKAGE = Path(cache.__file__).resolve().parent.parent
+
+# Three models through one kernel, which reaches each of them by address; reports what was compiled and loaded.
+PROGRAM = """
+import json, sys
+import numpy as np, sympy as sp
+from pwsmooth.codegen import cache, compile_model
+from pwsmooth.model import Model
+
+built = []
+original = cache.cached_modules
+def counting(key, build):
+    def counted():
+        built.append(key)
+        return build()
+    return original(key, counted)
+cache.cached_modules = counting
+
+probe = cache.load_kernels("probe")
+t, x = sp.symbols("t x", real=True)
+results, objects = [], []
+for rate in (-x, sp.sin(x), x * t):
+    compiled = compile_model(Model(t, (x,), (), (rate,)))
+    results.append(probe.sum_of_jet(compiled.jet_slip, np.array([2.0]), np.zeros((compiled.nrows_slip, 8))))
+    objects += [compiled._slip.jet_slip]
+core = probe.sum_of_jet.stats
+print(json.dumps({
+    "results": results, "built": len(built),
+    "core": [sum(core.cache_hits.values()), sum(core.cache_misses.values())],
+    "models": [sum(f.cache_hits > 0 for f in objects), len(objects)],
+    "kernels": cache.kernels_dir().name, "signatures": len(probe.sum_of_jet.signatures)}))
+"""
+
+PROBE = """
+import numpy as np
+from numba import njit
+
+from .helper import weight
+from .pointers import call_jet_slip
+
+
+@njit(cache=True)
+def sum_of_jet(address, x, rows):
+    call_jet_slip(address, 0.5, x, x, x, 2, rows.shape[1], rows)
+    return weight() * rows[0, :3].sum()
+"""
+
+HELPER = """
+from numba import njit
+
+
+@njit(cache=True)
+def weight():
+    return {value}
+"""
+
+
+def run(tmp_path):
+    """Run PROGRAM in a new process on the copy of the package; its report."""
+    env = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-c", PROGRAM]
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_one_core_serves_three_models_hits_in_a_second_process_and_is_never_stale(tmp_path):
+    kernels = tmp_path / "pwsmooth" / "kernels"
+    shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
+    (kernels / "probe.py").write_text(PROBE)
+    (kernels / "helper.py").write_text(HELPER.format(value=1.0))
+    sums = [2 - 2 + 1, None, 2 + 1 + 1.25]
+
+    first = run(tmp_path)
+    assert first["signatures"] == 1 and first["core"] == [0, 1]
+    assert first["models"] == [0, 3] and first["built"] == 3
+    assert first["results"][0] == sums[0] and first["results"][2] == sums[2]
+
+    second = run(tmp_path)
+    assert second["core"] == [1, 0] and second["models"] == [3, 3] and second["built"] == 0
+    assert second["results"] == first["results"]
+
+    # A helper in another file than the jitted core: numba's own stamp would not see it. Its size stays equal,
+    # and so does its time.
+    stamp = (kernels / "helper.py").stat()
+    (kernels / "helper.py").write_text(HELPER.format(value=3.0))
+    os.utime(kernels / "helper.py", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    third = run(tmp_path)
+    assert third["results"] == [3 * r for r in first["results"]]
+    assert third["core"] == [0, 1] and third["kernels"] != first["kernels"]
+
+
+def test_a_source_is_written_once_and_keeps_its_stamp(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "models_dir", lambda: tmp_path)
+    path = cache.write_module("value = 1\n")
+    stamp = path.stat().st_mtime_ns
+    os.utime(path, ns=(stamp - 10**9, stamp - 10**9))
+    assert cache.write_module("value = 1\n") == path
+    assert path.stat().st_mtime_ns == stamp - 10**9
+    assert cache.write_module("value = 2\n") != path
+    assert not list(tmp_path.glob(".*"))  # no temporary file is left behind
+
+
+def test_an_unwritable_directory_falls_back_to_a_temporary_one(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("no directory")
+    monkeypatch.setenv("PWSMOOTH_CACHE_DIR", str(blocked / "below"))
+    root = cache.cache_root.__wrapped__()
+    assert root.is_dir() and blocked not in root.parents
+    with (root / "probe").open("w") as stream:
+        stream.write("writable")
+    (root / "probe").unlink()
+
+
+def test_models_have_one_fingerprint_exactly_if_they_are_equal():
+    t, x, lam = sp.symbols("t x lam", real=True)
+    a = sp.Symbol("a", positive=True)
+
+    rate = -a * sp.sin(x)
+
+    def model(rate=rate, name="lam", hidden=False):
+        switch = Multiplier(sp.Symbol(name, real=True), "switch", -lam, x, hidden=hidden)
+        return Model(t, (x,), (a,), (rate,), (switch,))
+
+    same = cache.fingerprint(model())
+    assert cache.fingerprint(model(sp.sin(x) * -a)) == same
+    others = [model(-a * sp.sin(2 * x)), model(name="mu"), model(hidden=True), model(-a * sp.cos(x))]
+    assert len({same, *map(cache.fingerprint, others)}) == 5
+
+
+def test_fingerprints_do_not_depend_on_the_process():
+    program = ("import sympy as sp\n"
+               "from pwsmooth.codegen.cache import fingerprint\n"
+               "from pwsmooth.model import Model\n"
+               "t, x, y = sp.symbols('t x y', real=True);"
+               "e = sp.Piecewise((x*y + sp.sin(x), sp.And(x > 0, y > t)), (sp.Max(x, y, t), True));"
+               "print(fingerprint(Model(t, (x, y), (), (e, x - y))))")
+    prints, command = set(), [sys.executable, "-c", program]
+    for seed in ("1", "2", "3"):
+        env = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(PACKAGE.parent)}
+        done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
+        prints.add(done.stdout)
+    assert len(prints) == 1

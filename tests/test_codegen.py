@@ -1,0 +1,210 @@
+"""Expression graphs and the pointwise functions of a model, against sympy itself."""
+
+import ctypes
+import math
+import random
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.dag import Graph
+from pwsmooth.codegen.scalar import ScalarCode, Writer
+from pwsmooth.model import EventSpec, LayerState, Model, Multiplier, Select
+
+t, x, y, z, lam, mu = sp.symbols("t x y z lam mu", real=True)
+a, b = sp.symbols("a b", positive=True)
+
+
+def call(compiled, name, sizes, *inputs, number=None):
+    """Call a compiled function by its address with t and arrays; outputs start as nan."""
+    inputs = [np.array([*np.atleast_1d(q), 0.0], float) for q in inputs[1:]], inputs[0]
+    outputs = [np.full(size, np.nan) for size in sizes]
+    pointers = [q.ctypes.data for q in (*inputs[0], *outputs)]
+    head = [ctypes.c_double] if number is None else [ctypes.c_int64, ctypes.c_double]
+    kind = ctypes.CFUNCTYPE(ctypes.c_int64, *head, *[ctypes.c_void_p] * len(pointers))
+    code = kind(getattr(compiled, name))(*([] if number is None else [number]), inputs[1], *pointers)
+    return (*outputs, code)
+
+
+def random_expression(rng, depth):
+    if depth == 0:
+        numbers = [sp.Integer(rng.randint(-3, 3)), sp.Rational(rng.randint(1, 5), 7)]
+        return rng.choice([x, y, t, a, b, lam, *numbers])
+    left, right = (random_expression(rng, depth - 1) for _ in range(2))
+    kind = rng.randrange(9)
+    if kind == 0:
+        return left + right
+    if kind == 1:
+        return left * right
+    if kind == 2:
+        return left / (2 + right**2)
+    if kind == 3:
+        return left ** rng.randint(-2, 4) if left != 0 else right
+    if kind == 4:
+        return rng.choice([sp.sin, sp.cos, sp.tanh, sp.atan, sp.erf])(left) - right
+    if kind == 5:
+        return sp.sqrt(1 + left**2) * right
+    if kind == 6:
+        return sp.Piecewise((left, x < y), (right, sp.Or(x > 2 * y, sp.Not(sp.Eq(a, b)))), (left * right, True))
+    if kind == 7:
+        return sp.Max(left, right) - sp.Abs(left)
+    return (1 + left**2) ** sp.Rational(3, 2) / a - sp.exp(-(right**2))
+
+
+def evaluate(graph, roots, values):
+    """Run the scalar code of some nodes in Python itself."""
+    body = Writer(0)
+    code = ScalarCode(graph, body)
+    code.emit(roots)
+    scope = {"math": math, "sign": lambda u: float(np.sign(u)), **values}
+    exec(body.text(), scope)
+    return [eval(code.name(r), scope) for r in roots]
+
+
+def test_scalar_code_of_random_expressions_agrees_with_sympy():
+    rng = random.Random(5)
+    model = Model(t, (x, y), (a, b), (x, y), (Multiplier(lam, "algebraic", lam),))
+    compared = 0
+    while compared < 150:
+        expression = random_expression(rng, 3)
+        graph = Graph(model)
+        point = {s: rng.uniform(0.3, 1.7) for s in (x, y, t, a, b, lam)}
+        values = {"x": [point[x], point[y]], "t": point[t], "p": [point[a], point[b]], "mult": [point[lam]]}
+        expected = sp.sympify(expression).evalf(30, subs=point)
+        if not expected.is_finite or abs(expected) > 1e9:
+            continue
+        root = graph.expression(expression)
+        slope = graph.derivative(root, graph.var("x", 0))
+        found = evaluate(graph, [root, slope], values)
+        assert found[0] == pytest.approx(float(expected), rel=1e-11, abs=1e-11), expression
+        # Slope against a central difference of sympy's own value: error about h^2 with h = 1e-8 in 40 digits.
+        start, h = sp.Float(point[x], 40), sp.Float("1e-8", 40)
+        up, down = (sp.sympify(expression).evalf(40, subs={**point, x: q}) for q in (start + h, start - h))
+        assert found[1] == pytest.approx(float((up - down) / (2 * h)), rel=1e-6, abs=1e-6), expression
+        compared += 1
+
+
+def test_shared_subexpressions_are_one_node():
+    graph = Graph(Model(t, (x, y), (a,), (x, y)))
+    first = graph.expression(sp.sin(x * y) * a)
+    count = len(graph.nodes)
+    assert graph.expression(a * sp.sin(y * x)) == first and len(graph.nodes) == count
+
+
+def test_what_a_scope_needs_anyway_is_computed_once_and_outside_the_branch():
+    model = Model(t, (x, y), (a,), (x, y), (Multiplier(lam, "switch", -lam, x),))
+    graph = Graph(model)
+    shared = sp.sin(x * y)
+    roots = [graph.expression(e) for e in (Select(lam, shared + x, y), Select(lam, y * x, shared**2), shared)]
+    body = Writer()
+    ScalarCode(graph, body).emit(roots)
+    text = body.text()
+    assert text.count("math.sin") == 1
+    assert text.index("math.sin") < text.index("if ")
+    assert text.count("if mult[0] == 1.0") == 1  # both selections in one branch
+
+
+def test_fields_give_rates_surfaces_and_residuals():
+    switch = Multiplier(lam, "switch", -a * lam + sp.sin(t), x - y)
+    closed = Multiplier(mu, "algebraic", mu + x)
+    events = (EventSpec("top", y - 1), EventSpec("clock", every=sp.Integer(1)))
+    model = Model(t, (x, y), (a,), (y - a * lam, -x + mu), (switch, closed), events)
+    dx, h, g, _ = call(compile_model(model), "fields", (2, 4, 2), 0.3, [1.5, 0.25], [-1.0, 2.0], [0.5])
+    np.testing.assert_allclose(dx, [0.25 + 0.5, -1.5 + 2.0], rtol=1e-15)
+    np.testing.assert_allclose(h, [1.25, 0.0, -0.75, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(g, [0.5 + math.sin(0.3), 3.5], rtol=1e-15)
+
+
+def test_linear_gives_the_gradients_of_residuals_and_surfaces():
+    residuals = (lam**3 * x + lam * mu, sp.sin(mu) * a + lam)
+    surfaces = (x**2 * y + t, sp.exp(x) * t**2)
+    multipliers = (Multiplier(lam, "switch", residuals[0], surfaces[0]),
+                   Multiplier(mu, "switch", residuals[1], surfaces[1]))
+    model = Model(t, (x, y), (a,), (x, y), multipliers, (EventSpec("e", x * y * t),))
+    G, dh, _ = call(compile_model(model), "linear", (4, 9), 0.3, [1.5, 0.25], [0.4, -0.7], [0.5])
+    point = {t: 0.3, x: 1.5, y: 0.25, lam: 0.4, mu: -0.7, a: 0.5}
+    expected_G = [r.diff(s).subs(point) for r in residuals for s in (lam, mu)]
+    expected_dh = [s.diff(q).subs(point) for s in (*surfaces, x * y * t) for q in (x, y)]
+    expected_dh += [s.diff(t).subs(point) for s in (*surfaces, x * y * t)]
+    np.testing.assert_allclose(G, np.array(expected_G, float), rtol=1e-14)
+    np.testing.assert_allclose(dh, np.array(expected_dh, float), rtol=1e-14)
+
+
+def test_the_slope_of_a_selection_by_its_own_multiplier_is_the_affine_one_at_its_ends():
+    model = Model(t, (x,), (), (x,), (Multiplier(lam, "switch", Select(lam, x**2, 3 * x), x),))
+    for value in (1.0, -1.0, 0.2):
+        G, _, _ = call(compile_model(model), "linear", (1, 2), 0.0, [2.0], [value], [])
+        assert G[0] == (4.0 - 6.0) / 2
+
+
+def test_an_undefined_branch_is_never_evaluated():
+    # 0 * inf on the inactive side would be nan, (-0.5)**1.5 is nan.
+    switch = Multiplier(lam, "switch", -lam, x, regularity="kink")
+    rate = Select(lam, x ** sp.Rational(3, 2) / (x + sp.Rational(1, 2)), a * x)
+    model = Model(t, (x,), (a,), (rate,), (switch,), outputs=(("force", rate),))
+    compiled = compile_model(model)
+    assert call(compiled, "outputs", (1,), 0.0, [-0.5], [-1.0], [3.0])[0][0] == -1.5
+    assert call(compiled, "fields", (1, 1, 1), 0.0, [-0.5], [-1.0], [3.0])[0][0] == -1.5
+    assert np.isnan(call(compiled, "outputs", (1,), 0.0, [-0.5], [1.0], [3.0])[0][0])
+
+
+def test_a_nested_selection_is_taken_by_both_statuses():
+    inner = Select(mu, x, sp.log(x))
+    model = Model(t, (x,), (), (Select(lam, inner, sp.log(x) + 1),),
+                  (Multiplier(lam, "switch", -lam, x), Multiplier(mu, "switch", -mu, x - 1)))
+    compiled = compile_model(model)
+    for first, second, expected in ((1, 1, -2.0), (1, -1, math.nan), (-1, 1, math.nan)):
+        dx = call(compiled, "fields", (1, 2, 2), 0.0, [-2.0], [first, second], [])[0]
+        np.testing.assert_equal(dx[0], expected)
+
+
+def test_a_reset_reads_the_values_before_and_writes_only_what_it_updates():
+    events = (EventSpec("swap", x - y, when=sp.And(x > 0, sp.Ne(z, 1)), update=((0, y), (1, x + a))),
+              EventSpec("stop", x, terminal=True))
+    model = Model(t, (x, y, z), (a,), (y, x, sp.Integer(0)), events=events, n_memory=1)
+    compiled = compile_model(model)
+    new, code = call(compiled, "act", (3,), 0.0, [2.0, 5.0, 0.0], [], [0.5], number=0)
+    assert code == 1
+    np.testing.assert_equal(new, [5.0, 2.5, np.nan])
+    for start in ([-2.0, 5.0, 0.0], [2.0, 5.0, 1.0]):
+        new, code = call(compiled, "act", (3,), 0.0, start, [], [0.5], number=0)
+        assert code == 0 and np.all(np.isnan(new))
+    assert call(compiled, "act", (3,), 0.0, [2.0, 5.0, 0.0], [], [0.5], number=1)[1] == 1
+
+
+def test_an_impact_writes_the_whole_state():
+    contact = Multiplier(lam, "contact", -a + lam, x, impact=(x, -b * y))
+    model = Model(t, (x, y), (a, b), (y, -a + lam), (contact,), (EventSpec("e", y),))
+    new, code = call(compile_model(model), "act", (2,), 0.0, [0.0, -3.0], [0.0], [9.81, 0.5], number=1)
+    assert code == 1
+    np.testing.assert_equal(new, [0.0, 1.5])
+
+
+def test_layer_gives_residuals_and_rates_with_the_layered_states_free():
+    layered = LayerState(z, sp.oo, 1 - lam**2 - z, 1 - lam**2)
+    model = Model(t, (x,), (a,), (x,), (Multiplier(lam, "switch", -a * lam * (2 - lam**2), x),),
+                  layer_states=(layered,), layer_residuals=(-a * lam * (1 + z),))
+    compiled = compile_model(model)
+    g, q, _ = call(compiled, "layer", (1, 1), 0.0, [0.0], [0.5], [0.25], [3.0])
+    assert g[0] == -3 * 0.5 * 1.25 and q[0] == 0.5
+    assert compiled.nz == 1
+
+
+def test_functions_that_a_model_lacks_have_address_0():
+    compiled = compile_model(Model(t, (x,), (), (-x,)))
+    assert compiled.fields != 0
+    assert (compiled.linear, compiled.act, compiled.outputs, compiled.layer, compiled.jet_general) == (0,) * 5
+
+
+def test_an_undefined_symbol_is_named():
+    with pytest.raises(ValueError, match="uses y"):
+        _ = compile_model(Model(t, (x,), (), (-y,))).fields
+
+
+def test_equal_models_share_one_compilation():
+    def model():
+        return Model(t, (x,), (a,), (-a * x,))
+
+    assert compile_model(model()) is compile_model(model())
