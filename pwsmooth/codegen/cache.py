@@ -152,6 +152,8 @@ def load_module(path: Path) -> ModuleType:
         # numba looks the module up by name when it rebuilds cached code.
         sys.modules[name] = module
         try:
+            if "pwsmooth.kernels.series" in path.read_text(encoding="utf-8"):
+                load_kernels("series")  # its machine code belongs to the kernels, not to this model
             with numba_cache(models_dir()):
                 spec.loader.exec_module(module)
         except BaseException:

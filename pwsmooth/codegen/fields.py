@@ -29,7 +29,7 @@ Q = types.CPointer(types.int64)
 
 
 class Source:
-    """Text of one generated module: functions and the helpers that they use."""
+    """Text of one generated module: functions and the helpers that they use, its own or of kernels.series."""
 
     def __init__(self):
         self.functions: list[str] = []
@@ -43,8 +43,11 @@ class Source:
                               f"def {name}({arguments}):\n{body.text()}")
 
     def text(self) -> str:
-        helpers = "".join("\n" + HELPERS[name] for name in sorted(self.helpers))
-        return HEADER + helpers + "".join(self.functions)
+        own = "".join("\n" + HELPERS[name] for name in sorted(self.helpers & HELPERS.keys()))
+        shared = ", ".join(sorted(self.helpers - HELPERS.keys()))
+        # The kernels' functions are compiled once for all models.
+        shared = f"\nfrom pwsmooth.kernels.series import {shared}\n" if shared else ""
+        return HEADER + shared + own + "".join(self.functions)
 
 
 def _store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict[str, list[int]]) -> None:

@@ -20,51 +20,8 @@ from __future__ import annotations
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
-from .recurrences import AFFINE, CONSTANT, CONVOLUTIONS, Degrees, NoRecurrence, OrderK, OrderZero, bits, rewrite
-from .scalar import HELPERS, Writer
-
-SOLVERS = {
-    "lu_factor": """
-@njit(error_model="numpy")
-def lu_factor(rows, a, n):  # in place, row pivots after the matrix; 1 where singular
-    scale = 0.0
-    for i in range(n * n):
-        scale = max(scale, abs(rows[a + i]))
-    for c in range(n):
-        best = c
-        for r in range(c + 1, n):
-            if abs(rows[a + r * n + c]) > abs(rows[a + best * n + c]):
-                best = r
-        rows[a + n * n + c] = best
-        for i in range(n):
-            rows[a + c * n + i], rows[a + best * n + i] = rows[a + best * n + i], rows[a + c * n + i]
-        pivot = rows[a + c * n + c]
-        if not abs(pivot) > 2e-15 * scale:
-            return 1
-        for r in range(c + 1, n):
-            f = rows[a + r * n + c] / pivot
-            rows[a + r * n + c] = f
-            for i in range(c + 1, n):
-                rows[a + r * n + i] -= f * rows[a + c * n + i]
-    return 0
-""",
-    "lu_solve": """
-@njit(error_model="numpy")
-def lu_solve(rows, a, n):  # right-hand side and solution stand after the pivots
-    b = a + n * n + n
-    for c in range(n):
-        best = b + int(rows[a + n * n + c])
-        rows[b + c], rows[best] = rows[best], rows[b + c]
-    for r in range(n):
-        for i in range(r):
-            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
-    for r in range(n - 1, -1, -1):
-        for i in range(r + 1, n):
-            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
-        rows[b + r] /= rows[a + r * n + r]
-""",
-}
-HELPERS |= CONVOLUTIONS | SOLVERS
+from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, rewrite
+from .scalar import Writer
 
 # A row holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5

@@ -18,56 +18,6 @@ from .scalar import ScalarCode, linear, literal
 
 CONSTANT, AFFINE, GENERAL, SWITCHABLE = range(4)
 
-CONVOLUTIONS = {
-    "conv": """
-@njit(fastmath={"contract"}, error_model="numpy")
-def conv(rows, a, b, k):  # sum over 0 < j < k of a_j b_(k-j)
-    b += k
-    s0, s1 = 0.0, 0.0
-    j = 1
-    while j < k - 1:
-        s0 += rows[a + j] * rows[b - j]
-        s1 += rows[a + j + 1] * rows[b - j - 1]
-        j += 2
-    if j < k:
-        s0 += rows[a + j] * rows[b - j]
-    return s0 + s1
-""",
-    "square": """
-@njit(fastmath={"contract"}, error_model="numpy")
-def square(rows, a, k):  # sum over 0 < j < k of a_j a_(k-j)
-    b = a + k
-    s0, s1 = 0.0, 0.0
-    half = (k + 1) // 2
-    j = 1
-    while j < half - 1:
-        s0 += rows[a + j] * rows[b - j]
-        s1 += rows[a + j + 1] * rows[b - j - 1]
-        j += 2
-    if j < half:
-        s0 += rows[a + j] * rows[b - j]
-    s0 = 2.0 * (s0 + s1)
-    if k % 2 == 0:
-        s0 += rows[a + half] * rows[a + half]
-    return s0
-""",
-    "weighted": """
-@njit(fastmath={"contract"}, error_model="numpy")
-def weighted(rows, a, b, k):  # sum over 0 < j < k of j a_j b_(k-j)
-    b += k
-    s0, s1, w = 0.0, 0.0, 1.0
-    j = 1
-    while j < k - 1:
-        s0 += w * rows[a + j] * rows[b - j]
-        s1 += (w + 1.0) * rows[a + j + 1] * rows[b - j - 1]
-        w += 2.0
-        j += 2
-    if j < k:
-        s0 += w * rows[a + j] * rows[b - j]
-    return s0 + s1
-""",
-}
-
 # Functions whose slope q in w' = q u' is itself a node with a series.
 BY_SLOPE = ("sin", "cos", "sinh", "cosh", "tan", "tanh", "atan", "asin", "acos", "asinh", "acosh", "atanh",
             "erf", "erfc")
