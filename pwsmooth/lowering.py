@@ -112,8 +112,11 @@ def _contact(field, R, gap, restitution):
     # Newton's law. The push is taken as it is before the impact: with friction in it, the impulse keeps the
     # direction of slip (or the sticking force) from before.
     along = sp.Add(*(speed.diff(x) * b for x, b in zip(field.states, push, strict=True)))
-    impulse = -(1 + restitution) * speed / along
-    after = [sp.expand(x + b * impulse) if b != 0 else x for x, b in zip(field.states, push, strict=True)]
+    stop = [b * speed / along for b in push]  # what takes dh/dt away; e times it gives the rebound
+    after = [
+        sp.expand(x - s) - restitution * sp.expand(s) if s != 0 else x
+        for x, s in zip(field.states, stop, strict=True)
+    ]
     return acceleration, (*after, *field.memories)
 
 

@@ -290,7 +290,7 @@ class Event:
             for key, value in (update or {}).items()
         )
         when = sp.sympify(when)
-        if not isinstance(when, (sp.logic.boolalg.Boolean, bool)) and when not in (sp.true, sp.false):
+        if isinstance(when, sp.Symbol) or not isinstance(when, sp.logic.boolalg.Boolean):
             raise TypeError(f"`when` of an Event is {when!r}; give a condition, as sp.Eq(flag, 0) or v > 0.")
         values = (surface, every, at or (), direction, update, when, bool(terminal), name)
         for key, value in zip(self.__dataclass_fields__, values, strict=True):
