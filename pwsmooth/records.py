@@ -32,6 +32,7 @@ class Outcome(IntEnum):
     SINGULAR = -9
     NO_CONVERGENCE = -10
     LAYER_UNSETTLED = -11
+    DETERMINACY_LOST = -12
 
     @property
     def text(self) -> str:
@@ -70,6 +71,8 @@ _TEXTS = {
     Outcome.NO_CONVERGENCE: "Newton's iteration of the implicit step did not converge: try a tighter `rtol`.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
     "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
+    Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none is "
+    "distinguished: see `ambiguities`; a smoothed view decides for one.",
 }
 
 
@@ -135,22 +138,39 @@ class Segment:
 
 @dataclass(frozen=True)
 class Dense:
-    """Piecewise polynomials in powers of (t - t0), one piece a step.
+    """Piecewise polynomials, one piece a step, in the step's own variable s.
 
-    Shapes: `t0` and `t1` (ns,), `coefficients` (ns, n, K+1), `mult_coefficients` (ns, m, K+1).
+    Shapes: `t0`, `t1`, `length` (ns,), `coefficients` (ns, n, K+1), `mult_coefficients` (ns, m, K+1),
+    `time_coefficients` (ns, K+1). A step in time has t = t0 + s. Beside a fold s is the arc of a multiplier, where
+    t(s) is a polynomial and lambda(t) has only a square-root expansion.
     """
 
     t0: np.ndarray
     t1: np.ndarray
     coefficients: np.ndarray
     mult_coefficients: np.ndarray
+    time_coefficients: np.ndarray
+    length: np.ndarray
 
     def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States (n, nt) and multipliers (m, nt); at an event the side after it."""
         # The last piece that has begun: pieces of zero length and both sides of an event resolve to "after".
         piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
         s = t - self.t0[piece]
+        for i in np.flatnonzero(np.any(self.time_coefficients[piece, 2:] != 0, axis=1)):
+            s[i] = self._arc(piece[i], t[i])
         return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
+
+    def _arc(self, piece: int, t: float) -> float:
+        """s with t(s) = t on a piece along a multiplier's arc, where t(s) increases."""
+        from scipy.optimize import brentq
+
+        rest = self.time_coefficients[piece, ::-1].copy()
+        rest[-1] -= t
+        end = self.length[piece]
+        if rest[-1] >= 0:
+            return 0.0
+        return brentq(lambda s: np.polyval(rest, s), 0.0, end, xtol=1e-15) if np.polyval(rest, end) > 0 else end
 
 
 def _horner(coefficients: np.ndarray, piece: np.ndarray, s: np.ndarray) -> np.ndarray:

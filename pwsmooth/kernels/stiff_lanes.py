@@ -122,6 +122,22 @@ load4, store4, splat4 = _memory(4)
 load8, store8, splat8 = _memory(8)
 
 
+@intrinsic
+def borrow(typingctx, a):
+    """The same array without its reference count: counting is atomic and costs more than a whole stage.
+
+    Only valid while the lender is alive.
+    """
+
+    def codegen(context, builder, sig, args):
+        array = context.make_array(sig.args[0])(context, builder, value=args[0])
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()
+
+    return a(a), codegen
+
+
 def _instruction(name):
     @intrinsic
     def function(typingctx, v):

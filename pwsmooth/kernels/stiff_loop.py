@@ -13,6 +13,7 @@ from pwsmooth.kernels.stiff_call import (
     JACOBIAN, RATES1, SURFACES, TAYLOR, call_point, call_taylor,
 )  # fmt: skip
 from pwsmooth.kernels.stiff_gate import error_norm, look, passed, set_scales, step_limit
+from pwsmooth.kernels.stiff_lanes import borrow
 from pwsmooth.kernels.stiff_radau import (
     embedded_error, end_polynomial, extrapolate, factorise, newton, set_stages, step_polynomial,
 )  # fmt: skip
@@ -159,7 +160,7 @@ def taylor_step(s, scale, scratch):
     if natural != natural:
         return False, 0.0, S.NOT_FINITE
     h = min(num[S.H], natural)
-    gate = taylor_passed(K, rows, s.surface_row, s.surf, h)
+    gate = taylor_passed(K, rows, s.surface_row, s.surf, h, scratch)
     if gate > 0.0:
         num[S.H] = gate * h
         return False, h, S.DONE
@@ -229,16 +230,41 @@ def _value(coefficients, degree, i, theta):
 
 
 @njit(cache=True)
-def integrate(s, out, steps):
+def integrate(lent, lent_out, steps):
     """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
+    s, out = _borrow_run(lent), _borrow_output(lent_out)
+    work = np.empty((8, len(s.x) + 8))
+    status = _advance(s, out, steps, borrow(work))
+    # Named once more: the scratch memory must outlive its borrowed form.
+    work[0, 0] = status
+    return status
+
+
+@njit(cache=True)
+def _borrow_run(s):
+    return S.Stiff(
+        borrow(s.adr), borrow(s.p), borrow(s.atol), borrow(s.surface_state), borrow(s.surface_row), borrow(s.num),
+        borrow(s.cnt), borrow(s.x), borrow(s.f), borrow(s.poly), borrow(s.rows), borrow(s.power), borrow(s.surf),
+        borrow(s.J), borrow(s.lu), borrow(s.lanes), borrow(s.hoisted), borrow(s.values),
+        borrow(s.coefficients),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _borrow_output(o):
+    return S.Output(
+        borrow(o.t), borrow(o.x), borrow(o.degree), borrow(o.coefficients), borrow(o.length), borrow(o.count),
+        borrow(o.t_eval), borrow(o.x_eval), borrow(o.event_t), borrow(o.event_index), borrow(o.event_x),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _advance(s, out, steps, work):
     adr, num, cnt, n, p = s.adr, s.num, s.cnt, len(s.x), s.p
     q = len(s.surface_state)
-    scale, newton_scale, err = np.empty(n), np.empty(n), np.empty(n)
-    scale_t, newton_t = np.empty(n), np.empty(n)
-    scratch, scratch2 = np.empty(n + 8), np.empty(n + 8)
-    t8, mu = np.empty(8), np.empty(8)
-    start = np.empty(n)
-    coefficients = np.empty((n, 17))
+    scale, newton_scale, err, start = work[0], work[1], work[2], work[3]
+    scratch, scratch2, t8, mu = work[4], work[5], work[6], work[7]
+    coefficients = s.coefficients
     out.count[:] = 0
     if cnt[S.FIRST] == 2:
         _begin(s)
@@ -268,8 +294,8 @@ def integrate(s, out, steps):
         else:
             ratio = num[S.RTOL_TAYLOR] / num[S.RTOL]
             for i in range(n):
-                scale_t[i] = (s.atol[i] + num[S.RTOL] * abs(s.x[i])) * ratio
-            accepted, h, status = taylor_step(s, scale_t, scratch)
+                scale[i] = (s.atol[i] + num[S.RTOL] * abs(s.x[i])) * ratio
+            accepted, h, status = taylor_step(s, scale, scratch)
         if status != S.DONE:
             return status
         if not accepted:

@@ -38,6 +38,7 @@ class Stiff(NamedTuple):
     lanes: np.ndarray  # (6, n, 8) Z, W, X, F, R and spare
     hoisted: np.ndarray  # (rows, 8)
     values: np.ndarray  # (max(q, e, 1), 8)
+    coefficients: np.ndarray  # (n, 17) polynomial of the last step, where it is needed
 
 
 class Output(NamedTuple):

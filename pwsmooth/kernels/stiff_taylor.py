@@ -54,7 +54,7 @@ def evaluate(n, K, rows, h, x):
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def taylor_passed(K, rows, surface_row, surf, h):
+def taylor_passed(K, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
     The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points.
@@ -73,7 +73,6 @@ def taylor_passed(K, rows, surface_row, surf, h):
         for k in range(K - 1, 0, -1):
             v = v * tau + rows[row, k]
         v = v * tau
-        moved = np.empty(8)
         store8(moved, 0, v)
         far = 0.0
         for k in range(8):

@@ -1,0 +1,122 @@
+"""A model's compiled addresses as the kernels' Problem: kinds, couplings, rows, scratch arrays.
+
+Chain: codegen.compile_model -> **Problem** -> kernels.trajectory.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import sympy as sp
+
+from .codegen import compile_model
+from .codegen.cache import load_kernels
+from .folds import fold_model
+from .model import Model, Multiplier
+
+_SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
+
+
+class CompiledProblem:
+    """What of a Problem does not depend on parameter values; made once a model and process."""
+
+    def __init__(self, model: Model):
+        names = load_kernels("state")
+        self.model = model
+        code = self.code = compile_model(model)
+        self.has_jets = code.has_jets
+        n, m, ne = code.n, code.m, code.ne
+        kinds = {"kink": names.KINK, "sliding": names.SLIDING, "crossing": names.CROSSING}
+        self.kind = np.array([_kind(mu, kinds, names) for mu in model.multipliers], np.int64)
+        slides = bool(m) and bool(np.any((self.kind != names.KINK) & (self.kind != names.CROSSING)))
+        hidden = np.array([mu.hidden for mu in model.multipliers], np.int64)
+        folds = bool(np.any((self.kind == names.SLIDING) & (hidden != 0)))
+        self.fold = compile_model(fold_model(model)) if folds else None
+        symbols = [mu.symbol for mu in model.multipliers]
+        coupled = np.zeros((m, m), np.int64)
+        for i, mu in enumerate(model.multipliers):
+            free = mu.residual.free_symbols
+            for j, symbol in enumerate(symbols):
+                coupled[i, j] = symbol in free
+        surface_state = np.array([_surface_state(model, mu) for mu in model.multipliers], np.int64)
+        finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
+        self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
+        fold = self.fold
+        empty = np.zeros(0, np.int64)
+        self.fixed = dict(
+            fields=code.fields,
+            linear=code.linear,
+            act=code.act if ne or any(mu.kind == "contact" for mu in model.multipliers) else 0,
+            layer=code.layer if self.ratios else 0,
+            jet_slip=code.jet_slip,
+            jet_general=code.jet_general if slides else 0,
+            jet_fold=fold.jet_general if fold else 0,
+            fields_fold=fold.fields if fold else 0,
+            linear_fold=fold.linear if fold else 0,
+            n=n,
+            m=m,
+            ne=ne,
+            nz=len(self.ratios),
+            kind=self.kind,
+            hidden=hidden,
+            coupled=coupled,
+            surface_state=surface_state,
+            direction=np.array([e.direction for e in model.events], np.int64),
+            terminal=np.array([e.terminal for e in model.events], np.int64),
+            rows_slip=code.surface_rows_slip,
+            rows_general=code.surface_rows_general if slides else empty,
+            # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
+            rows_fold=fold.surface_rows_general[1:] if fold else empty,
+            mult_row=code.mult_row0,
+            sigmoid=_SIGMOIDS[model.sigmoid],
+        )
+        self.nrows = max(code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0)
+
+    def problem(self, p: np.ndarray):
+        """The Problem at parameter values p (one per symbol of model.parameters)."""
+        at = dict(zip(self.model.parameters, p.tolist(), strict=True))
+        ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]
+        weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)
+        return load_kernels("state").Problem(
+            p=p,
+            fold_bias=np.zeros(len(p) + self.code.m),
+            weight=1.0 / weight,
+            ratio=np.array(ratio, float),
+            **self.fixed,
+        )
+
+    def work(self, order: int):
+        """Scratch arrays for one run."""
+        n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
+        width = order + 4
+        return load_kernels("state").Work(
+            dx=np.zeros(n), h=np.zeros(m + ne), g=np.zeros(m), G=np.zeros(m * m), dh=np.zeros((m + ne) * (n + 1)),
+            mask=np.zeros(m, np.int64), rows=np.zeros((self.nrows, width)), power=np.zeros(width), poly=np.zeros(width),
+            bernstein=np.zeros(2 * 48 * width), z=np.zeros(nz), q=np.zeros(nz), fold_x=np.zeros(n + 1 + m),
+            fold_mult=np.zeros(m + 1), fold_mask=np.zeros(m + 1, np.int64), fold_slope=np.zeros(width),
+            code=np.zeros(3, np.int64), tau=np.zeros(m + ne), exit_side=np.zeros(m, np.int64),
+            hit=np.zeros(m + ne, np.bool_), before=np.zeros(n), after=np.zeros(n), active=np.zeros(m, np.int64),
+            arrival=np.zeros(m, np.int64),
+        )
+
+
+def _kind(mu: Multiplier, kinds, names) -> int:
+    if mu.kind == "switch":
+        return kinds[mu.regularity]
+    return names.CONTACT if mu.kind == "contact" else names.ALGEBRAIC
+
+
+def _surface_state(model: Model, mu: Multiplier) -> int:
+    """Index of the state whose zero is the surface, or -1."""
+    if mu.surface is not None:
+        for i, state in enumerate(model.states):
+            if mu.surface in (state, -state):
+                return i
+    return -1
+
+
+@functools.lru_cache(maxsize=256)
+def compiled_problem(model: Model) -> CompiledProblem:
+    """The compiled problem of a model; kept, so that its addresses stay valid."""
+    return CompiledProblem(model)

@@ -1,0 +1,328 @@
+"""solve(): checks at the door, the choice of path, and the kernel's integers turned into words.
+
+Event-driven for systems that switch (kernels/trajectory.py), the stiff path for smoothed views (stiff.py).
+Chain: System -> Model -> codegen -> kernels -> **solve** -> Solution.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .model import Model
+from .records import Ambiguity, Dense, EventRecord, Outcome
+from .solution import Solution
+
+_LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
+_CHUNK = 2048  # points recorded between two visits to Python: Ctrl-C works there
+
+
+def solve(
+    system: Any,
+    t_span: Sequence[float],
+    x0: Mapping[Any, float] | Sequence[float],
+    *,
+    method: str = "auto",
+    rtol: float = 1e-9,
+    atol: float | Sequence[float] = 1e-12,
+    t_eval: Any = None,
+    dense_output: bool = False,
+    max_step: float = math.inf,
+    max_steps: int = 10_000_000,
+    order: int | None = None,
+    strict: bool = False,
+    parameters: Mapping[Any, float] | None = None,
+) -> Solution:
+    """Solve a piecewise-smooth system from `x0` over `t_span`.
+
+    A system with switches, contacts or algebraic unknowns runs event-driven: slipping, the fast transition and
+    sliding, with every event located on the step's polynomial. A smoothed view runs on the stiff path.
+
+    Parameters
+    ----------
+    system : System
+        A system or one of its views (`smoothed`, `layered`).
+    t_span : (float, float)
+        Start and end, increasing.
+    x0 : mapping or sequence of float
+        Initial value of every state by name or Symbol, or positionally; memories may be left at their initial value.
+    method : str
+        "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative); smoothed: "radau5",
+        "radau9", "radau13", "taylor", and SciPy's "Radau", "BDF", "LSODA", "DOP853" as an independent cross-check.
+    rtol, atol : float, float or sequence
+        Tolerances; rtol looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
+    t_eval : array_like, optional
+        Times at which the solution is returned, instead of the steps' own.
+    dense_output : bool
+        Keep the steps' polynomials, so that `solution(t)` works.
+    max_step : float
+        Bound on the step.
+    max_steps : int
+        Bound on the number of steps; reaching it is an outcome with the partial solution.
+    order : int, optional
+        Order of the Taylor polynomials (8 to 28), by default chosen by `rtol`.
+    strict : bool
+        Stop at the first ambiguity instead of following the recorded continuation.
+    parameters : mapping, optional
+        Values that replace the system's own for this run.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy. A numerical failure is an Outcome, not an exception.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch, System, solve
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> relay = System({x: 1 - 2 * sp.sign(x - 2)}, time=t)
+    >>> solve(relay, (0, 5), {x: 0}).itinerary
+    ('lam_x=-1', 'lam_x sliding')
+    """
+    if parameters:
+        system = system.with_parameters(parameters)
+    model, values = system.model, system.parameters
+    t0, t1 = _span(t_span)
+    start = np.array(system.initial_state(x0), float)
+    p = np.array(system.parameter_values, float)
+    times = _wanted_times(t_eval, t0, t1)
+    smoothed = bool(model.smoothing) and not model.multipliers
+    if not (isinstance(rtol, (int, float)) and 0 < rtol < 1):
+        raise ValueError(f"`rtol` is {rtol!r}; give a number between 0 and 1, such as 1e-9.")
+    atol = np.broadcast_to(np.asarray(atol, float), (len(model.states),)).copy()
+    if not (np.isfinite(atol).all() and (atol >= 0).all()):
+        raise ValueError(f"`atol` is {atol.tolist()}; give finite numbers >= 0, one or one a state.")
+    if not max_step > 0:
+        raise ValueError(f"`max_step` is {max_step!r}; give a number > 0.")
+    if not max_steps >= 1:
+        raise ValueError(f"`max_steps` is {max_steps!r}; give an integer >= 1.")
+    rtol = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
+    if smoothed:
+        from .smooth_path import solve_smoothed
+
+        if order is not None or strict:
+            raise ValueError("`order` and `strict` belong to event-driven systems; leave them out for a smoothed view.")
+        return solve_smoothed(system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step,
+                              max_steps)
+    if method not in ("auto", "taylor", "rk"):
+        raise ValueError(
+            f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
+            "(the others are for `system.smoothed(...)`)."
+        )
+    if order is not None and not 8 <= order <= 28:
+        raise ValueError(f"`order` is {order!r}; give an integer from 8 to 28, or leave it out.")
+    run = _EventDriven(system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method)
+    run.begin(t0, start)
+    return run.finish()
+
+
+def _span(t_span: Sequence[float]) -> tuple[float, float]:
+    try:
+        t0, t1 = (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        raise TypeError(f"`t_span` is {t_span!r}; give two numbers, (start, end).") from None
+    if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
+        raise ValueError(f"`t_span` is ({t0:g}, {t1:g}); give finite times with start < end.")
+    return t0, t1
+
+
+def _wanted_times(t_eval: Any, t0: float, t1: float) -> np.ndarray | None:
+    if t_eval is None:
+        return None
+    times = np.asarray(t_eval, float)
+    if times.ndim != 1 or not np.isfinite(times).all() or np.any(np.diff(times) < 0):
+        raise ValueError("`t_eval` must be a one-dimensional, finite, increasing sequence of times.")
+    outside = times[(times < t0) | (times > t1)]
+    if outside.size:
+        raise ValueError(f"`t_eval` contains {outside[0]:g}, outside of `t_span` ({t0:g}, {t1:g}); leave it out.")
+    return times
+
+
+class _EventDriven:
+    """One event-driven run: the arrays that the kernel works on, and what it recorded."""
+
+    def __init__(self, system, values, p, rtol, atol, t1, times, dense, max_step, max_steps, order, strict, method):
+        from .codegen.cache import load_kernels
+        from .compiled import compiled_problem
+
+        self.system, self.values, self.times, self.dense = system, values, times, dense
+        self.kernel = load_kernels("trajectory")
+        self.names = load_kernels("state")
+        model = self.model = system.model
+        parts = compiled_problem(model)
+        if method == "taylor" and not parts.has_jets:
+            raise ValueError("`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'.")
+        self.order = order or _order_for(rtol)
+        self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
+        self.problem = parts.problem(p)
+        self.work = parts.work(self.order)
+        self.control = dict(
+            order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), max_step=float(max_step), t_end=t1,
+            max_steps=int(max_steps), strict=int(strict),
+        )
+
+    def begin(self, t0, start):
+        """Runs the kernel to its end, emptying its buffers as they fill."""
+        names, model = self.names, self.model
+        n, m, ne = len(model.states), len(model.multipliers), len(model.events)
+        clock, which = _clock(model, self.values, t0, self.control["t_end"])
+        control = names.Control(**self.control, clock=clock, clock_event=which)
+        state = names.State(
+            now=np.array([t0, 0.0]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
+            side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
+        )
+        cap, dense_cap = _CHUNK, (_CHUNK if self.dense else 0)
+        asked = np.empty(0) if self.times is None else self.times
+        record = names.Record(
+            t=np.empty(cap), x=np.empty((cap, n)), mult=np.empty((cap, m)), status=np.empty((cap, m), np.int8),
+            event_t=np.empty(cap), event=np.empty((cap, 4), np.int64),
+            ambiguity_t=np.empty(64), ambiguity=np.empty((64, 3), np.int64),
+            dense=np.empty((dense_cap, n + m + 1, self.order + 1)), dense_s=np.empty(dense_cap),
+            t_eval=asked, x_eval=np.empty((len(asked), n)), mult_eval=np.empty((len(asked), m)),
+        )
+        self.points, self.happened, self.unclear, self.pieces = [], [], [], []
+        while True:
+            code = self.kernel.run(self.problem, control, state, record, self.work)
+            counts = state.counts
+            k = counts[names.C_POINTS]
+            self.points.append((record.t[:k].copy(), record.x[:k].copy(), record.mult[:k].copy(), record.status[:k].copy()))
+            k = counts[names.C_EVENTS]
+            self.happened.append((record.event_t[:k].copy(), record.event[:k].copy()))
+            k = counts[names.C_AMBIGUITIES]
+            self.unclear.append((record.ambiguity_t[:k].copy(), record.ambiguity[:k].copy()))
+            k = counts[names.C_DENSE]
+            self.pieces.append((record.dense[:k].copy(), record.dense_s[:k].copy()))
+            counts[[names.C_POINTS, names.C_EVENTS, names.C_AMBIGUITIES, names.C_DENSE]] = 0
+            if code != names.FULL:
+                break
+        self.code, self.state, self.record = code, state, record
+
+    def finish(self) -> Solution:
+        """The Solution, in words."""
+        names, model, counts = self.names, self.model, self.state.counts
+        t, x, mult, status = (np.concatenate(parts) for parts in zip(*self.points, strict=True))
+        status = np.where(status == names.HELD, 0, status)
+        event_t, event = (np.concatenate(parts) for parts in zip(*self.happened, strict=True))
+        when, what = (np.concatenate(parts) for parts in zip(*self.unclear, strict=True))
+        outcome = _outcomes(names)[self.code]
+        cost = {
+            "steps": int(counts[names.C_STEPS]),
+            "jets": int(counts[names.C_JETS]),
+            "events": len(event_t),
+            "layers": int(counts[names.C_LAYERS]),
+        }
+        dense = self._dense() if self.dense else None
+        if self.times is not None:
+            # What was asked for and reached, with the status of the step that holds each instant.
+            k = counts[names.C_EVAL]
+            column = np.clip(np.searchsorted(t, self.times[:k], side="right") - 1, 0, len(t) - 1)
+            column = np.where(t[column] == self.times[:k], column, np.minimum(column + 0, len(t) - 1))
+            t, x, mult, status = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k], status[column]
+        return Solution(
+            self.system, t, x.T, mult.T, status.T, _events_in_words(names, model, event_t, event), dense, outcome, cost,
+            self.tolerances, _ambiguities_in_words(names, model, when, what), self.values,
+        )
+
+    def _dense(self) -> Dense:
+        blocks, lengths = (np.concatenate(parts) for parts in zip(*self.pieces, strict=True))
+        n = len(self.model.states)
+        time = blocks[:, -1]
+        ends = np.zeros(len(lengths))
+        for k in range(time.shape[1] - 1, -1, -1):
+            ends = ends * lengths + time[:, k]
+        return Dense(time[:, 0].copy(), ends, blocks[:, :n], blocks[:, n:-1], time, lengths)
+
+
+def _order_for(rtol: float) -> int:
+    """Order of the Taylor polynomials: 20 is the highest whose worst case stays at rounding (measured)."""
+    return 12 if rtol > 1e-8 else 16 if rtol > 1e-10 else 20
+
+
+def _clock(model: Model, values: Mapping[sp.Symbol, float], t0: float, t1: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sorted instants of the time events in (t0, t1], and the event of each."""
+    instants: list[tuple[float, int]] = []
+    for i, event in enumerate(model.events):
+        if event.every is not None:
+            every = float(event.every.subs(values))
+            if not every > 0:
+                raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")
+            first = math.floor(t0 / every) + 1
+            instants += [(k * every, i) for k in range(first, math.floor(t1 / every) + 1) if t0 < k * every <= t1]
+        instants += [(float(at.subs(values)), i) for at in event.at if t0 < float(at.subs(values)) <= t1]
+    instants.sort()
+    return np.array([when for when, _ in instants]), np.array([i for _, i in instants], np.int64)
+
+
+@functools.cache
+def _outcomes(names) -> dict[int, Outcome]:
+    return {
+        names.DONE: Outcome.FINISHED,
+        names.TERMINAL: Outcome.TERMINATED,
+        names.NOT_FINITE: Outcome.NOT_FINITE,
+        names.UNDERFLOW: Outcome.STEP_UNDERFLOW,
+        names.CHATTERING: Outcome.CHATTERING,
+        names.NO_ROOT_FOUND: Outcome.NO_ROOT,
+        names.HIDDEN_OSCILLATION: Outcome.LAYER_UNSETTLED,
+        names.MAX_STEPS: Outcome.TOO_MANY_STEPS,
+        names.STRICT: Outcome.AMBIGUITY,
+        names.NEWTON_FAILED: Outcome.SINGULAR,
+        names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
+    }
+
+
+def _events_in_words(names, model: Model, times, events) -> list[EventRecord]:
+    kinds = {
+        names.EV_CROSSING: "crossing",
+        names.EV_STICK: "stick",
+        names.EV_TANGENCY: "slip by tangency",
+        names.EV_FOLD: "slip by fold",
+        names.EV_FOLD_TO_SLIDING: "sliding to sliding",
+        names.EV_EVENT: "reset",
+        names.EV_IMPACT: "impact",
+        names.EV_CLOSED: "closed contact",
+        names.EV_OPENING: "opening",
+        names.EV_ACCUMULATION: "accumulation",
+        names.EV_RESET: "slip by reset",
+    }
+    switches = [str(mu.symbol) for mu in model.multipliers]
+    words = []
+    for t, (index, kind, came, went) in zip(times.tolist(), events.tolist(), strict=True):
+        if index >= len(switches):
+            event = model.events[index - len(switches)]
+            words.append(EventRecord(t, event.name, "terminal" if event.terminal else "reset"))
+        else:
+            contact = model.multipliers[index].kind == "contact"
+            words.append(EventRecord(t, switches[index], kinds[kind], "" if contact else f"{came:+d} to {went:+d}"))
+    return words
+
+
+def _ambiguities_in_words(names, model: Model, times, records) -> list[Ambiguity]:
+    words = {
+        names.AMB_REPELLING: ("repelling sliding", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_SEVERAL_ROOTS: ("several attracting states of the layer", ("from lam = 0", "from -1", "from +1")),
+        names.AMB_TWO_FOLD: ("two-fold", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
+        names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
+        names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
+    }
+    found = []
+    for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
+        name, continuations = words[kind]
+        if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
+            choice = "stopped"
+        elif kind == names.AMB_REPELLING:
+            choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
+        else:
+            choice = continuations[0]
+        found.append(Ambiguity(t, str(model.multipliers[index].symbol), name, choice, continuations))
+    return found
