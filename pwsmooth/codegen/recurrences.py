@@ -197,6 +197,8 @@ class OrderK(JetCode):
         self.rows: dict[int, int] = {}
         self.reciprocals: set[int] = set()
         self.carried: set[int] = set()  # the last order's value is needed, in l
+        self.states = {graph.var("x", i) for i in range(len(degrees.rates))}
+        self._lateness: dict[int, int] = {}
         self.transient: set[int] = set()  # affine nodes: slope at order 1, then 0, in z
 
     def row(self, node: int) -> str:
@@ -226,6 +228,20 @@ class OrderK(JetCode):
         self.carried.add(node)
         return f"l{node}"
 
+    def lateness(self, node: int) -> int:
+        """Operations from the last order's rates to this coefficient; 0 for a state whose rate is a state."""
+        found = self._lateness.get(node)
+        if found is None:
+            op, args, data = self.graph.nodes[node]
+            if op == "var" or self.degrees.of(node) in (CONSTANT, AFFINE):
+                late = op == "var" and data[0] == "x" and self.degrees.rates[data[1]] not in self.states
+                found = 1 if late else 0
+            else:
+                found = max(self.lateness(a) for a in args)
+                found += found > 0
+            self._lateness[node] = found
+        return found
+
     def available(self, node: int) -> bool:
         return self.degrees.of(node) in (CONSTANT, AFFINE) or super().available(node)
 
@@ -249,9 +265,9 @@ class OrderK(JetCode):
     def formula(self, node: int) -> str:
         op, args, data = self.graph.nodes[node]
         if op == "sum":
-            # Early values first: the state of this order arrives last, and the chain waits for it.
+            # Early values first: the chain from order to order then waits for one addition, not for all.
             terms = [(c, a) for c, a in zip(data, args, strict=True) if self.degrees.of(a) != CONSTANT]
-            terms.sort(key=lambda term: (self.graph.depends[term[1]], term[1]))
+            terms.sort(key=lambda term: (self.lateness(term[1]), term[1]))
             return linear([(c, self.coefficient(a)) for c, a in terms], keep_order=True)
         if op == "mul":
             return self._product(*args)
