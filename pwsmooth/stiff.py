@@ -87,17 +87,18 @@ def integrate(
     cnt[S.FIRST] = 2
     cnt[S.STEPS_LEFT] = max_steps
     slots = compiled.n_slots or n * n + n
-    run = S.Stiff(
-        compiled.address, np.ascontiguousarray(p, float), np.ascontiguousarray(atol), compiled.surface_state,
+    run = S.Run(
+        n, q, e, compiled.address, np.ascontiguousarray(p, float), np.ascontiguousarray(atol), compiled.surface_state,
         compiled.surface_row, num, cnt, np.array(x0, float), np.zeros(n), np.zeros((n, 8)),
         np.zeros((2, n + q, S.STRIDE)), 1.0 / (1.0 + np.arange(n)), np.zeros((q, n + 3)), np.zeros((n, n)),
-        np.zeros((slots, 8)), np.zeros((6, n, 8)), np.zeros((compiled.n_hoisted + 1, 8)), np.zeros((max(q, e, 1), 8)),
+        np.zeros((slots, 8)), np.zeros((5, n, 8)), np.zeros((compiled.n_hoisted + 1, 8)), np.zeros((max(q, e, 1), 8)),
+        np.zeros((8, n + 8)), np.zeros((n, 17)),
     )  # fmt: skip
     t_eval = np.zeros(0) if t_eval is None else np.ascontiguousarray(t_eval, float)
     x_eval = np.full((len(t_eval), n), np.nan)
     out = S.Output(
-        np.zeros(_CHUNK), np.zeros((_CHUNK, n)), np.zeros(_CHUNK, np.int64),
-        np.zeros((_CHUNK if dense else 0, n, 17)), np.zeros(_CHUNK), np.zeros(2, np.int64), t_eval, x_eval,
+        np.zeros(_CHUNK), np.zeros((_CHUNK, n)), np.zeros(_CHUNK), np.zeros(_CHUNK, np.int64),
+        np.zeros((_CHUNK if dense else 0, n, 17)), np.zeros(2, np.int64), t_eval, x_eval,
         np.zeros(64), np.zeros(64, np.int64), np.zeros((64, 2, n)),
     )  # fmt: skip
     ts, xs, polynomials, events = [np.array([t0])], [run.x[None].copy()], [], []

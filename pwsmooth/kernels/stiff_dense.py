@@ -12,39 +12,39 @@ def dense_factor(n, J, mu, lu):
         for i in range(n):
             for j in range(n):
                 a = n + i * n + j
-                lu[a, e] = -J[i, j]
-                lu[a, 4 + e] = 0.0
-            lu[n + i * n + i, e] += mu[e]
-            lu[n + i * n + i, 4 + e] = mu[4 + e]
+                lu[8 * a + e] = -J[i * n + j]
+                lu[8 * a + 4 + e] = 0.0
+            lu[8 * (n + i * n + i) + e] += mu[e]
+            lu[8 * (n + i * n + i) + 4 + e] = mu[4 + e]
         for k in range(n):
             best, row = -1.0, k
             for i in range(k, n):
                 a = n + i * n + k
-                size = abs(lu[a, e]) + abs(lu[a, 4 + e])
+                size = abs(lu[8 * a + e]) + abs(lu[8 * a + 4 + e])
                 if size > best:
                     best, row = size, i
-            lu[k, e] = row
+            lu[8 * k + e] = row
             if row != k:
                 for j in range(n):
                     a, b = n + k * n + j, n + row * n + j
-                    lu[a, e], lu[b, e] = lu[b, e], lu[a, e]
-                    lu[a, 4 + e], lu[b, 4 + e] = lu[b, 4 + e], lu[a, 4 + e]
+                    lu[8 * a + e], lu[8 * b + e] = lu[8 * b + e], lu[8 * a + e]
+                    lu[8 * a + 4 + e], lu[8 * b + 4 + e] = lu[8 * b + 4 + e], lu[8 * a + 4 + e]
             a = n + k * n + k
-            size2 = lu[a, e] ** 2 + lu[a, 4 + e] ** 2
-            vr, vi = lu[a, e] / size2, -lu[a, 4 + e] / size2
-            lu[a, e], lu[a, 4 + e] = vr, vi
+            size2 = lu[8 * a + e] ** 2 + lu[8 * a + 4 + e] ** 2
+            vr, vi = lu[8 * a + e] / size2, -lu[8 * a + 4 + e] / size2
+            lu[8 * a + e], lu[8 * a + 4 + e] = vr, vi
             for i in range(k + 1, n):
                 a = n + i * n + k
-                ar, ai = lu[a, e], lu[a, 4 + e]
+                ar, ai = lu[8 * a + e], lu[8 * a + 4 + e]
                 if ar == 0.0 and ai == 0.0:
                     continue
                 lr, li = ar * vr - ai * vi, ar * vi + ai * vr
-                lu[a, e], lu[a, 4 + e] = lr, li
+                lu[8 * a + e], lu[8 * a + 4 + e] = lr, li
                 for j in range(k + 1, n):
                     b, c = n + k * n + j, n + i * n + j
-                    ur, ui = lu[b, e], lu[b, 4 + e]
-                    lu[c, e] -= lr * ur - li * ui
-                    lu[c, 4 + e] -= lr * ui + li * ur
+                    ur, ui = lu[8 * b + e], lu[8 * b + 4 + e]
+                    lu[8 * c + e] -= lr * ur - li * ui
+                    lu[8 * c + 4 + e] -= lr * ui + li * ur
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -52,23 +52,23 @@ def dense_solve(n, lu, R):
     """Overwrites R[i] (8 lanes) with the solutions."""
     for e in range(4):
         for k in range(n):
-            row = int(lu[k, e])
+            row = int(lu[8 * k + e])
             if row != k:
-                R[k, e], R[row, e] = R[row, e], R[k, e]
-                R[k, 4 + e], R[row, 4 + e] = R[row, 4 + e], R[k, 4 + e]
+                R[8 * k + e], R[8 * row + e] = R[8 * row + e], R[8 * k + e]
+                R[8 * k + 4 + e], R[8 * row + 4 + e] = R[8 * row + 4 + e], R[8 * k + 4 + e]
         for i in range(n):
-            re, im = R[i, e], R[i, 4 + e]
+            re, im = R[8 * i + e], R[8 * i + 4 + e]
             for j in range(i):
                 a = n + i * n + j
-                re -= lu[a, e] * R[j, e] - lu[a, 4 + e] * R[j, 4 + e]
-                im -= lu[a, e] * R[j, 4 + e] + lu[a, 4 + e] * R[j, e]
-            R[i, e], R[i, 4 + e] = re, im
+                re -= lu[8 * a + e] * R[8 * j + e] - lu[8 * a + 4 + e] * R[8 * j + 4 + e]
+                im -= lu[8 * a + e] * R[8 * j + 4 + e] + lu[8 * a + 4 + e] * R[8 * j + e]
+            R[8 * i + e], R[8 * i + 4 + e] = re, im
         for i in range(n - 1, -1, -1):
-            re, im = R[i, e], R[i, 4 + e]
+            re, im = R[8 * i + e], R[8 * i + 4 + e]
             for j in range(i + 1, n):
                 a = n + i * n + j
-                re -= lu[a, e] * R[j, e] - lu[a, 4 + e] * R[j, 4 + e]
-                im -= lu[a, e] * R[j, 4 + e] + lu[a, 4 + e] * R[j, e]
+                re -= lu[8 * a + e] * R[8 * j + e] - lu[8 * a + 4 + e] * R[8 * j + 4 + e]
+                im -= lu[8 * a + e] * R[8 * j + 4 + e] + lu[8 * a + 4 + e] * R[8 * j + e]
             a = n + i * n + i
-            vr, vi = lu[a, e], lu[a, 4 + e]
-            R[i, e], R[i, 4 + e] = re * vr - im * vi, re * vi + im * vr
+            vr, vi = lu[8 * a + e], lu[8 * a + 4 + e]
+            R[8 * i + e], R[8 * i + 4 + e] = re * vr - im * vi, re * vi + im * vr

@@ -18,33 +18,34 @@ THETA, REACH = 0.9, 2.0
 
 
 @njit(cache=True)
-def look(adr, n, t, x, p, surface_state, surf):
-    """Overwrites surf[j] = (h, dh/dt at fixed x, eps, gradient) where the surface is no state; else only h."""
+def look(adr, n, q, t, x, p, surface_state, surf):
+    """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a state)."""
     full = False
-    for j in range(len(surface_state)):
+    for j in range(q):
         full = full or surface_state[j] < 0
     if full:
         call_point(adr[SURFACES], t, x, p, surf)
     else:
-        for j in range(len(surface_state)):
-            surf[j, 0] = x[surface_state[j]]
+        for j in range(q):
+            surf[j * (n + 3)] = x[surface_state[j]]
 
 
 @njit(cache=True)
 def speed(n, surf, f, j):
     """dh_j/dt along the flow f."""
-    v = surf[j, 1]
+    base = j * (n + 3)
+    v = surf[base + 1]
     for i in range(n):
-        v += surf[j, 3 + i] * f[i]
+        v += surf[base + 3 + i] * f[i]
     return v
 
 
 @njit(cache=True)
-def step_limit(n, surf, f):
+def step_limit(n, q, surf, f):
     """R2: longest step allowed before the layers are looked at again."""
     limit = np.inf
-    for j in range(surf.shape[0]):
-        h, eps = surf[j, 0], surf[j, 2]
+    for j in range(q):
+        h, eps = surf[j * (n + 3)], surf[j * (n + 3) + 2]
         v = speed(n, surf, f, j)
         if h * v < 0.0 and abs(h) > REACH * eps:
             limit = min(limit, 0.9 * THETA * (abs(h) + REACH * eps) / abs(v))
@@ -52,21 +53,21 @@ def step_limit(n, surf, f):
 
 
 @njit(cache=True)
-def passed(adr, n, t8, X, p, surface_state, surf, values, lanes):
+def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
     """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the step."""
     factor = 0.0
     if adr[SURFACES8] == 0:
         return factor
     called = False
-    for j in range(surf.shape[0]):
-        h, eps, state = surf[j, 0], surf[j, 2], surface_state[j]
+    for j in range(q):
+        h, eps, state = surf[j * (n + 3)], surf[j * (n + 3) + 2], surface_state[j]
         if state < 0 and not called:
             call_lanes(adr[SURFACES8], t8, X, p, values)
             called = True
         allowed = THETA * (abs(h) + REACH * eps)
         far = 0.0
         for k in range(lanes):
-            g = X[state, k] if state >= 0 else values[j, k]
+            g = X[8 * state + k] if state >= 0 else values[8 * j + k]
             far = max(far, h - g if h > 0.0 else g - h)
         if far > allowed:
             shrink = min(0.7, max(0.2, 0.9 * allowed / far))
@@ -75,32 +76,31 @@ def passed(adr, n, t8, X, p, surface_state, surf, values, lanes):
 
 
 @njit(cache=True)
-def set_scales(n, x, rtol, atol, surf, scale, newton_scale):
-    """Overwrites the scales of the error test and of the Newton iteration (which R1 tightens, state by state)."""
+def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
+    """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1 tightens)."""
     for i in range(n):
-        scale[i] = atol[i] + rtol * abs(x[i])
-        newton_scale[i] = scale[i]
-    for j in range(surf.shape[0]):
-        weight = rtol * (surf[j, 2] + abs(surf[j, 0]))
+        weight[i] = 1.0 / (atol[i] + rtol * abs(x[i]))
+        newton_weight[i] = weight[i]
+    for j in range(q):
+        base = j * (n + 3)
+        layer = 1.0 / (rtol * (surf[base + 2] + abs(surf[base])))
         for i in range(n):
-            g = abs(surf[j, 3 + i])
-            if g > 0.0:
-                newton_scale[i] = min(newton_scale[i], weight / g)
+            newton_weight[i] = max(newton_weight[i], abs(surf[base + 3 + i]) * layer)
 
 
 @njit(cache=True)
-def error_norm(n, err, scale, surf, rtol):
+def error_norm(n, q, err, weight, surf, rtol):
     """Largest error in units of its tolerance, R1 included; nan if any is."""
     norm = 0.0
     for i in range(n):
-        e = abs(err[i]) / scale[i]
+        e = abs(err[i]) * weight[i]
         if not e <= norm:
             norm = e
-    for j in range(surf.shape[0]):
-        e = 0.0
+    for j in range(q):
+        base, e = j * (n + 3), 0.0
         for i in range(n):
-            e += surf[j, 3 + i] * err[i]
-        e = abs(e) / (rtol * (surf[j, 2] + abs(surf[j, 0])))
+            e += surf[base + 3 + i] * err[i]
+        e = abs(e) / (rtol * (surf[base + 2] + abs(surf[base])))
         if not e <= norm:
             norm = e
     return norm

@@ -123,19 +123,26 @@ load8, store8, splat8 = _memory(8)
 
 
 @intrinsic
-def borrow(typingctx, a):
-    """The same array without its reference count: counting is atomic and costs more than a whole stage.
+def pointer(typingctx, a):
+    """Pointer to the first element of an array: free of reference counts, which are atomic and cost more than a stage.
 
-    Only valid while the lender is alive.
+    Only valid while the array is alive.
     """
 
     def codegen(context, builder, sig, args):
-        array = context.make_array(sig.args[0])(context, builder, value=args[0])
-        array.meminfo = cgutils.get_null_value(array.meminfo.type)
-        array.parent = cgutils.get_null_value(array.parent.type)
-        return array._getvalue()
+        return context.make_array(sig.args[0])(context, builder, value=args[0]).data
 
-    return a(a), codegen
+    return types.CPointer(a.dtype)(a), codegen
+
+
+@intrinsic
+def at(typingctx, p, i):
+    """Pointer to the element i of what p points to."""
+
+    def codegen(context, builder, sig, args):
+        return builder.gep(args[0], [args[1]])
+
+    return p(p, types.int64), codegen
 
 
 def _instruction(name):

@@ -35,7 +35,7 @@ def reduce_max(v, scratch):
 @njit(cache=True, fastmath=CONTRACT)
 def set_stages(adr, m, t, h, p, t8, c8):
     """Overwrites the stage times t8 and everything that depends on time alone, c8."""
-    store8(t8, 0, load8(NODES[m], 0) * h + t)
+    store8(t8, 0, load8(NODES, 8 * m) * h + t)
     if adr[HOIST] != 0:
         call_hoist(adr[HOIST], t8, p, c8)
 
@@ -44,35 +44,35 @@ def set_stages(adr, m, t, h, p, t8, c8):
 def extrapolate(m, n, ratio, poly, Z):
     """Overwrites Z with the last collocation polynomial beyond its end: at (1 + ratio c_k), less its end value."""
     s = 3 + 2 * m
-    tau = load8(NODES[m], 0) * ratio
+    tau = load8(NODES, 8 * m) * ratio
     for i in range(n):
-        v = tau * poly[i, s - 1]
+        v = tau * poly[8 * i + s - 1]
         for j in range(s - 2, -1, -1):
-            v = tau * (v + poly[i, j])
+            v = tau * (v + poly[8 * i + j])
         store8(Z, 8 * i, v)
 
 
 @njit(cache=True, fastmath=CONTRACT)
 def end_polynomial(m, n, Z, poly):
-    """Overwrites poly[i, j] with the coefficient of (theta - 1)^(j+1) of the step just taken."""
+    """Overwrites poly[8 i + j] with the coefficient of (theta - 1)^(j+1) of the step just taken."""
     for i in range(n):
         v = splat8(0.0)
         for l in range(3 + 2 * m):
-            v = v + load8(PREDICT[m, l], 0) * Z[i, l]
+            v = v + load8(PREDICT, 64 * m + 8 * l) * Z[8 * i + l]
         store8(poly, 8 * i, v)
 
 
 @njit(cache=True, fastmath=CONTRACT)
 def step_polynomial(m, n, Z, x, coefficients):
-    """Overwrites coefficients[i, j], of theta^j, j = 0..s, with the collocation polynomial of the step."""
+    """Overwrites coefficients[17 i + j], of theta^j, j = 0..s, with the collocation polynomial of the step."""
     s = 3 + 2 * m
     for i in range(n):
-        coefficients[i, 0] = x[i]
+        coefficients[17 * i] = x[i]
         for j in range(s):
             v = 0.0
             for l in range(s):
-                v += DENSE[m, l, j] * Z[i, l]
-            coefficients[i, j + 1] = v
+                v += DENSE[m, l, j] * Z[8 * i + l]
+            coefficients[17 * i + j + 1] = v
     return s
 
 
@@ -81,9 +81,9 @@ def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
     """J at the predicted middle stage and the elimination of (mu/h) I - J; overwrites J, mu and lu."""
     middle = 1 + m
     for i in range(n):
-        scratch[i] = x[i] + Z[i, middle] if predicted else x[i]
+        scratch[i] = x[i] + Z[8 * i + middle] if predicted else x[i]
     call_point(adr[JACOBIAN], t + NODES[m, middle] * h, scratch, p, J)
-    store8(mu, 0, load8(MU[m], 0) * (1.0 / h))
+    store8(mu, 0, load8(MU, 8 * m) * (1.0 / h))
     if adr[FACTOR] != 0:
         call_factor(adr[FACTOR], J, mu, lu)
     else:
@@ -99,19 +99,18 @@ def _solve(adr, n, lu, R):
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, scale, kappa, eta, scratch):
+def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta, scratch):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
-    Converged when the estimated rest eta * |last increment| is below kappa, in units of `scale`. `eta` at entry is
+    Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta` at entry is
     the last step's: a good predictor may then need one iteration only.
     """
     s = 3 + 2 * m
-    wlane, to_w, to_z = WLANE[m], TO_W[m], TO_Z[m]
     for i in range(n):
         if predicted:
             v = splat8(0.0)
             for l in range(s):
-                v = v + load8(to_w, 8 * l) * Z[i, l]
+                v = v + load8(TO_W, 64 * m + 8 * l) * Z[8 * i + l]
             store8(W, 8 * i, v)
         else:
             store8(W, 8 * i, splat8(0.0))
@@ -125,7 +124,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, scale, kap
         for i in range(n):
             v = splat8(0.0)
             for l in range(s):
-                v = v + load8(to_w, 8 * l) * F[i, l]
+                v = v + load8(TO_W, 64 * m + 8 * l) * F[8 * i + l]
             store8(R, 8 * i, v)
             wr, wi = load4(W, 8 * i), load4(W, 8 * i + 4)
             store4(R, 8 * i, load4(R, 8 * i) - (mr * wr - mi * wi))
@@ -136,9 +135,9 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, scale, kap
             store8(W, 8 * i, load8(W, 8 * i) + load8(R, 8 * i))
             v = splat8(0.0)
             for q in range(s):
-                v = v + load8(to_z, 8 * q) * R[i, wlane[q]]
+                v = v + load8(TO_Z, 64 * m + 8 * q) * R[8 * i + WLANE[m, q]]
             store8(Z, 8 * i, load8(Z, 8 * i) + v)
-            largest = vmax(largest, vabs(v) * (1.0 / scale[i]))
+            largest = vmax(largest, vabs(v) * weight[i])
         norm = reduce_max(largest, scratch)
         if not np.isfinite(norm):
             return False, it + 1, eta, 2.0
@@ -163,19 +162,19 @@ def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, 
     for i in range(n):
         v = 0.0
         for k in range(3 + 2 * m):
-            v += ERROR[m, k] * Z[i, k]
+            v += ERROR[m, k] * Z[8 * i + k]
         err[i] = v / h
         store8(R, 8 * i, splat8(0.0))
-        R[i, 0] = f0[i] + err[i]
+        R[8 * i] = f0[i] + err[i]
     _solve(adr, n, lu, R)
     if again:
         for i in range(n):
-            scratch[i] = x[i] + R[i, 0]
+            scratch[i] = x[i] + R[8 * i]
         call_point(adr[RATES1], t, scratch, p, scratch2)
         for i in range(n):
             r = scratch2[i] + err[i]
             store8(R, 8 * i, splat8(0.0))
-            R[i, 0] = r
+            R[8 * i] = r
         _solve(adr, n, lu, R)
     for i in range(n):
-        err[i] = R[i, 0]
+        err[i] = R[8 * i]

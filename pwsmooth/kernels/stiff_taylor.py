@@ -17,25 +17,26 @@ SAMPLES = np.arange(1, 9) / 8.0
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def _order_size(n, k, rows, surface_row, surf, scale, rtol):
+def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
     size = 0.0
     for i in range(n):
-        e = abs(rows[i, k]) / scale[i]
+        e = abs(rows[i * stride + k]) * weight[i]
         if not e <= size:
             size = e
-    for j in range(surf.shape[0]):
-        e = abs(rows[surface_row[j], k]) / (rtol * (surf[j, 2] + abs(surf[j, 0])))
+    for j in range(q):
+        base = j * (n + 3)
+        e = abs(rows[surface_row[j] * stride + k]) / (rtol * (surf[base + 2] + abs(surf[base])))
         if not e <= size:
             size = e
     return size
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def taylor_length(n, K, rows, surface_row, surf, scale, rtol):
+def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
     length = np.inf
-    for k in (K - 1, K):
-        size = _order_size(n, k, rows, surface_row, surf, scale, rtol)
+    for k in range(K - 1, K + 1):
+        size = _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol)
         if size != size:
             return np.nan
         if size > 0.0:
@@ -44,36 +45,36 @@ def taylor_length(n, K, rows, surface_row, surf, scale, rtol):
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def evaluate(n, K, rows, h, x):
+def evaluate(n, K, stride, rows, h, x):
     """Overwrites x with the polynomial at h."""
     for i in range(n):
-        v = rows[i, K]
+        row = i * stride
+        v = rows[row + K]
         for k in range(K - 1, -1, -1):
-            v = v * h + rows[i, k]
+            v = v * h + rows[row + k]
         x[i] = v
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def taylor_passed(K, rows, surface_row, surf, h, moved):
+def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
-    The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points.
+    The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points (`moved`).
     """
     factor = 0.0
-    for j in range(surf.shape[0]):
-        row, h0 = surface_row[j], surf[j, 0]
-        allowed = THETA * (abs(h0) + REACH * surf[j, 2])
+    for j in range(q):
+        row, h0 = surface_row[j] * stride, surf[j * (n + 3)]
+        allowed = THETA * (abs(h0) + REACH * surf[j * (n + 3) + 2])
         bound = 0.0
         for k in range(K, 0, -1):
-            bound = (bound + abs(rows[row, k])) * h
+            bound = (bound + abs(rows[row + k])) * h
         if bound <= allowed:
             continue
         tau = load8(SAMPLES, 0) * h
-        v = splat8(rows[row, K])
+        v = splat8(rows[row + K])
         for k in range(K - 1, 0, -1):
-            v = v * tau + rows[row, k]
-        v = v * tau
-        store8(moved, 0, v)
+            v = v * tau + rows[row + k]
+        store8(moved, 0, v * tau)
         far = 0.0
         for k in range(8):
             far = max(far, -moved[k] if h0 > 0.0 else moved[k])
@@ -84,14 +85,15 @@ def taylor_passed(K, rows, surface_row, surf, h, moved):
 
 
 @njit(cache=True, fastmath=CONTRACT)
-def defect(n, K, rows, rates, h, scale):
-    """Estimated error of the step in units of its tolerance, from the rates at its end."""
+def defect(n, K, stride, rows, ahead, h, weight):
+    """Estimated error of the step in units of its tolerance, from the expansion `ahead` at its end."""
     size = 0.0
     for i in range(n):
-        v = K * rows[i, K]
+        row = i * stride
+        v = K * rows[row + K]
         for k in range(K - 1, 0, -1):
-            v = v * h + k * rows[i, k]
-        e = h * abs(v - rates[i]) / ((K + 1) * scale[i])
+            v = v * h + k * rows[row + k]
+        e = abs(v - ahead[row + 1]) * weight[i]
         if not e <= size:
             size = e
-    return size
+    return h * size / (K + 1)

@@ -1,0 +1,122 @@
+"""One attempt at a step of the stiff path, by Radau IIA or by Taylor: error test, gate, next length."""
+
+import numpy as np
+from numba import njit
+
+from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.stiff_call import RATES1, TAYLOR, call_point, call_taylor
+from pwsmooth.kernels.stiff_gate import error_norm, passed
+from pwsmooth.kernels.stiff_lanes import at
+from pwsmooth.kernels.stiff_radau import embedded_error, end_polynomial, extrapolate, factorise, newton, set_stages
+from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylor_passed
+
+GROWTH, SHRINK = 8.0, 0.2
+
+
+@njit(cache=True)
+def _reject(s, h):
+    s.num[S.H] = h
+    s.cnt[S.REJECTED] = 1
+    return False
+
+
+@njit(cache=True)
+def radau_step(s):
+    """One attempt with step num[H]; whether it was accepted. Then x, f, t and the next H are set."""
+    adr, num, cnt, n, x = s.adr, s.num, s.cnt, s.n, s.x
+    m = cnt[S.ORDER]
+    stages = 3 + 2 * m
+    t, h = num[S.T], num[S.H]
+    set_stages(adr, m, t, h, s.p, s.t8, s.hoisted)
+    ratio = h / num[S.H_OLD] if cnt[S.PREDICTED] else np.inf
+    predicted = ratio < 4.0 - m
+    if predicted:
+        extrapolate(m, n, ratio, s.poly, s.Z)
+    factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
+    cnt[S.JACOBIANS] += 1
+    eta = max(num[S.ETA], 1e-16) ** 0.8
+    converged, iterations, eta, theta = newton(
+        adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
+        num[S.KAPPA], eta, s.scratch,
+    )  # fmt: skip
+    cnt[S.NEWTON] += iterations
+    cnt[S.F_EVALS] += iterations * stages
+    if not converged:
+        num[S.ETA] = 1.0
+        return _reject(s, h * (0.5 if theta < 1.5 else 0.25))
+    num[S.ETA] = eta
+    embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, False)
+    size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
+    if size >= 1.0 and (cnt[S.FIRST] == 1 or cnt[S.REJECTED] == 1):
+        embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, True)
+        size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
+        cnt[S.F_EVALS] += 1
+    if not np.isfinite(size):
+        return _reject(s, 0.25 * h)
+    size = max(size, 1e-12)
+    exponent = -1.0 / (stages + 1)
+    # A step that needed many iterations should not grow: its predictor was poor.
+    safety = 0.9 * 31.0 / (30.0 + iterations)
+    factor = min(GROWTH, max(SHRINK, safety * size**exponent))
+    if size >= 1.0:
+        return _reject(s, h * (0.1 if cnt[S.FIRST] else min(factor, 0.9)))
+    for i in range(n):
+        for k in range(stages):
+            s.X[8 * i + k] = x[i] + s.Z[8 * i + k]
+    gate = passed(adr, n, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
+    if gate > 0.0:
+        return _reject(s, gate * h)
+    if cnt[S.FIRST] == 0:
+        predictive = safety * (h / num[S.H_OLD]) * (size * size / num[S.ERR_OLD]) ** exponent
+        factor = max(SHRINK, min(factor, predictive))
+    num[S.ERR_OLD] = max(1e-2, size)
+    if cnt[S.REJECTED]:
+        factor = min(factor, 1.0)
+    end_polynomial(m, n, s.Z, s.poly)
+    for i in range(n):
+        x[i] = s.X[8 * i + stages - 1]
+    cnt[S.PREDICTED], cnt[S.FIRST], cnt[S.REJECTED], cnt[S.ROWS_VALID] = 1, 0, 0, 0
+    num[S.H_OLD] = num[S.TAKEN] = h
+    num[S.T] = t + h
+    num[S.H] = factor * h
+    call_point(adr[RATES1], num[S.T], x, s.p, s.f)
+    cnt[S.F_EVALS] += 1
+    return True
+
+
+@njit(cache=True)
+def taylor_step(s):
+    """One attempt of at most num[H]; whether it was accepted. A coefficient that is nan leaves num[TAKEN] nan."""
+    adr, num, cnt, n = s.adr, s.num, s.cnt, s.n
+    K = cnt[S.K]
+    block = (n + s.q) * S.STRIDE
+    rows, ahead = at(s.rows, block * cnt[S.ROWS_AT]), at(s.rows, block * (1 - cnt[S.ROWS_AT]))
+    if not cnt[S.ROWS_VALID]:
+        call_taylor(adr[TAYLOR], num[S.T], s.x, s.p, K, S.STRIDE, rows)
+        cnt[S.F_EVALS] += 1
+        cnt[S.ROWS_VALID] = 1
+    natural = taylor_length(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, s.weight, num[S.RTOL_TAYLOR])
+    if natural != natural:
+        num[S.TAKEN] = np.nan
+        return False
+    h = min(num[S.H], natural)
+    gate = taylor_passed(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, h, s.scratch)
+    if gate > 0.0:
+        return _reject(s, gate * h)
+    evaluate(n, K, S.STRIDE, rows, h, s.scratch)
+    call_taylor(adr[TAYLOR], num[S.T] + h, s.scratch, s.p, K, S.STRIDE, ahead)
+    cnt[S.F_EVALS] += 1
+    size = defect(n, K, S.STRIDE, rows, ahead, h, s.weight)
+    if not size <= 1.0:
+        return _reject(s, h * (max(0.2, min(0.8, 0.9 * size ** (-1.0 / (K + 1)))) if size == size else 0.2))
+    for i in range(n):
+        s.x[i] = s.scratch[i]
+        s.f[i] = ahead[i * S.STRIDE + 1]
+    num[S.T] += h
+    cnt[S.ROWS_AT] = 1 - cnt[S.ROWS_AT]
+    cnt[S.TAYLOR_STEPS] += 1
+    cnt[S.REJECTED] = cnt[S.FIRST] = 0
+    num[S.H_OLD] = num[S.TAKEN] = h
+    # Growth is left to the next expansion: it knows its own length.
+    num[S.H] = GROWTH * h
+    return True
