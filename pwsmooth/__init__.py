@@ -15,6 +15,7 @@ _HOME = {
     "Memory": "primitives",
     "Unilateral": "primitives",
     "Algebraic": "primitives",
+    "Family": "family",
     "solve": "solve",
     "Solution": "solution",
     "Outcome": "solution",

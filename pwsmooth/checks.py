@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from .primitives import Reaction, Switch, Unilateral
+from .primitives import Reaction, Switch
 
 _PREDICATES = {
     "positive": lambda v: v > 0,
@@ -140,13 +140,24 @@ def lookup(key, symbols, what, owner):
     )
 
 
-def contacts(given, found):
-    """Contacts given by the user and those whose reaction stands in the equations, by their reaction."""
-    result = {}
-    for c in given:
-        if not isinstance(c, Unilateral):
-            raise TypeError(f"`contacts` contains {c!r}; give Unilateral objects.")
-        result[c.reaction] = c
+def all_of_kind(argument, items, kind):
+    for item in items:
+        if not isinstance(item, kind):
+            raise TypeError(f"`{argument}` contains {item!r}; give {kind.__name__} objects.")
+
+
+def states(symbols):
+    """Each state once, each a plain Symbol."""
+    for i, x in enumerate(symbols):
+        if x in symbols[:i]:
+            raise ValueError(f"`rates` lists the state {x.name!r} twice; give it one rate.")
+        if type(x) is not sp.Symbol:
+            raise ValueError(f"`rates` gives a rate to {x.name!r}, a {type(x).__name__}; a state is a Symbol.")
+
+
+def reactions(contacts, found):
+    """Reactions in the equations; those of the given contacts must be among them."""
+    for c in contacts:
         if c.reaction not in found:
             raise ValueError(
                 f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
@@ -155,11 +166,29 @@ def contacts(given, found):
     return [s for s in found if isinstance(s, Reaction)]
 
 
-def initial_state(x0, states, memories, initial_memory, gone):
+def positive(value, what):
+    value = number(value, what)
+    if value <= 0:
+        raise ValueError(f"{what} is {value:g}; give a number > 0.")
+    return value
+
+
+def ratio(value, what):
+    """sp.oo, 0 or a positive float."""
+    if value == sp.oo or value == math.inf:
+        return sp.oo
+    value = number(value, what)
+    if value < 0:
+        raise ValueError(f"{what} is {value:g}; give 0, a positive number or sympy.oo.")
+    return value or 0
+
+
+def initial_state(x0, states, initial_memory, gone):
     """x0 as a list of floats: a mapping by name, or a sequence in the order of the states.
 
     Memories may be left out; `gone` maps names that are no state of this view to the reason.
     """
+    memories = tuple(initial_memory)
     if isinstance(x0, Mapping):
         values = dict(initial_memory)
         for key, value in x0.items():

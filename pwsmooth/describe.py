@@ -8,31 +8,33 @@ import sympy as sp
 
 from .model import Model
 
+SHOWN = 12  # entries of a list; families can be long
+
 
 def rows(system):
     """(heading, lines) of the description of a system."""
     model: Model = system.model
-    definition = system._definition
+    definition = system.definition
     gone = system._view.get("gone", {})
     equations = []
-    for x, rate in definition["rates"].items():
+    for x, rate in definition.rates:
         slaved = gone.get(x)
         equations.append(f"{x}' = {rate}" + (f"   ({slaved})" if slaved else ""))
     yield "rates", equations
-    yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition["algebraic"]]
+    yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition.algebraic]
     classes = {m.symbol.name: m.regularity for m in model.multipliers if m.kind == "switch"}
     yield "switches", [
         f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
         for s in system.switches
     ]
     yield "hidden terms", [f"{term}   in {where}'" for where, _, term in system.hidden_terms]
-    yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition["contacts"]]
+    yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition.contacts]
     yield "memories", [f"{m}, at first {m.initial:g}" for m in system.initial_memory]
-    events = zip(model.events, definition["events"], strict=True)
+    events = zip(model.events, definition.events, strict=True)
     yield "events", [_event(spec, event) for spec, event in events]
-    yield "outputs", [f"{name} = {e}" for name, e in definition["outputs"].items()]
-    values = ", ".join(f"{p} = {v:g}" for p, v in system.parameters.items())
-    yield "parameters", [values] if values else []
+    yield "outputs", [f"{name} = {e}" for name, e in definition.outputs]
+    values = _short([f"{p} = {v:g}" for p, v in system.parameters.items()])
+    yield "parameters", [", ".join(values)] if values else []
     yield "view", [*([system._view["title"]] if system._view else []), *system._notes]
 
 
@@ -47,13 +49,19 @@ def _event(spec, event):
     return f"{spec.name}: {instant}{guard}" + (f": {effect}" if effect else "") + stop
 
 
+def _short(entries):
+    """The first entries of a long list."""
+    return entries if len(entries) <= SHOWN + 1 else [*entries[:SHOWN], f"... and {len(entries) - SHOWN} more"]
+
+
 def text(system):
     """The repr of a system."""
-    lines = [f"System with states {', '.join(map(str, system.states))}"]
+    states = [str(x) for x in system.states]
+    lines = [f"System with states {', '.join(_short(states))}"]
     for heading, entries in rows(system):
         if entries:
             lines.append(f"  {heading}")
-            lines += [f"    {entry}" for entry in entries]
+            lines += [f"    {entry}" for entry in _short(entries)]
     return "\n".join(lines)
 
 
@@ -61,7 +69,7 @@ def html(system):
     """The notebook view of a system."""
     body = "".join(
         f"<tr><th style='text-align:left;vertical-align:top'>{escape(heading)}</th><td style='text-align:left'>"
-        + "<br>".join(f"<code>{escape(entry)}</code>" for entry in entries)
+        + "<br>".join(f"<code>{escape(entry)}</code>" for entry in _short(entries))
         + "</td></tr>"
         for heading, entries in rows(system)
         if entries

@@ -9,12 +9,13 @@ Chain: lifting.py, regularity.py -> lowering (here) -> system.py; the result is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import sympy as sp
 
 from .model import EventSpec, Model, Multiplier
-from .regularity import classify, total_derivative
+from .regularity import classify, residual_of, total_derivative
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Field:
     outputs: tuple[tuple[str, sp.Expr], ...] = ()
     initial_memory: tuple[float, ...] = ()
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
+    copies: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
 
     def expressions(self):
         """All expressions whose symbols must be known."""
@@ -46,7 +48,31 @@ class Field:
             yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
             yield from (e for _, e in event.update)
 
-    @property
+    @cached_property
+    def _by_multiplier(self):
+        """Multiplier -> rates and algebraic residuals in which it stands."""
+        found = {lam: [] for lam, _ in self.switches}
+        for e in dict.fromkeys((*self.rates, *(r for _, r in self.algebraic))):
+            for s in e.free_symbols:
+                if s in found:
+                    found[s].append(e)
+        return found
+
+    def functions_of(self, lam):
+        """Rates and algebraic residuals in which a multiplier stands."""
+        return self._by_multiplier[lam]
+
+    def switches_of(self, expressions):
+        """The switches that stand in expressions or in surfaces of these, the inner ones first."""
+        needed = set().union(*(e.free_symbols for e in expressions))
+        result = []
+        for lam, h in reversed(self.switches):
+            if lam in needed:
+                needed |= h.free_symbols
+                result.append((lam, h))
+        return result[::-1]
+
+    @cached_property
     def memory_values(self):
         """Memory -> values that it is seen to take."""
         values = {m: {0.0, 1.0, v} for m, v in zip(self.memories, self.initial_memory, strict=True)}
@@ -82,14 +108,27 @@ class Field:
 def multipliers(field):
     """Switches, contacts and algebraic unknowns of a field, with their residuals."""
     result = []
+    classes = {}
     for index, (lam, h) in enumerate(field.switches):
-        regularity, residual, hidden = classify(field, index)
-        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
+        residual = residual_of(field, index)
+        kind = _pattern(h, field.copies)
+        if kind not in classes:
+            classes[kind] = classify(field, index, residual)
+        result.append(Multiplier(lam, "switch", residual, h, *classes[kind]))
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
     result += [Multiplier(a, "algebraic", residual) for a, residual in field.algebraic]
     return tuple(result)
+
+
+def _pattern(h, copies):
+    """A surface with the members of a family counted from the first one in it: the same for all copies."""
+    found = {s: copies[s] for s in h.free_symbols if s in copies}
+    if not found:
+        return h
+    first = min(k for _, k in found.values())
+    return h.xreplace({s: sp.Symbol(f"{name}[{k - first}]") for s, (name, k) in found.items()})
 
 
 def _contact(field, R, gap, restitution):

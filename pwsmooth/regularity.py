@@ -28,9 +28,9 @@ _BETWEEN = (1.0, -1.0, 0.3, -0.6)  # values of lambda: even, odd and higher term
 
 def total_derivative(h, time, states, rates):
     """dh/dt along the field, switches and unknowns held."""
-    terms = [h.diff(time)]
-    terms += [h.diff(x) * f for x, f in zip(states, rates, strict=True) if x in h.free_symbols]
-    return sp.Add(*terms)
+    free = h.free_symbols
+    terms = [h.diff(x) * f for x, f in zip(states, rates, strict=True) if x in free]
+    return sp.Add(h.diff(time) if time in free else 0, *terms)
 
 
 def affine_in(e, lam):
@@ -40,16 +40,21 @@ def affine_in(e, lam):
 
 
 class Surface:
-    """Random points on the surface of one switch of a lifted field, each with the values of all symbols."""
+    """Random points on the surface of one switch of a lifted field.
 
-    def __init__(self, field, index):
+    A point is a dict with the values of all symbols of the given expressions.
+    """
+
+    def __init__(self, field, index, expressions):
         self.field = field
         self.lam, self.h = field.switches[index]
-        self.index = index
-        symbols = set().union(*(e.free_symbols for e in field.expressions()))
-        self.symbols = sorted(symbols | {field.time, *field.states}, key=lambda s: s.name)
+        self.switches = field.switches_of([self.h, *expressions])
+        symbols = set().union(self.h.free_symbols, *(e.free_symbols for e in expressions))
+        symbols = symbols.union(*(h.free_symbols for _, h in self.switches))
+        self.symbols = sorted(symbols, key=lambda s: s.name)
         unknowns = [u for u, *_ in (*field.algebraic, *field.contacts)]
-        self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in self.h.free_symbols]
+        free = self.h.free_symbols
+        self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in free]
         typical = zip(field.parameters, field.typical, strict=False)
         self.typical = {p: size for p, size in typical if size != 0}
         self.points = []
@@ -63,11 +68,12 @@ class Surface:
     def _pair(self, k):
         """A point beside the surface and one on it, which differ in one coordinate."""
         point = {s: draw(s, k) for s in self.symbols}
-        for memory, choices in self.field.memory_values.items():
+        for memory in (m for m in self.field.memories if m in point):
             # Flags matter at the values that they can take, not at random reals.
+            choices = self.field.memory_values[memory]
             point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
-        for p, size in self.typical.items():
-            point[p] = size * (1 + 0.03 * draw(p, k))
+        for p in self.typical.keys() & point.keys():
+            point[p] = self.typical[p] * (1 + 0.03 * draw(p, k))
         coordinate = self.coordinates[k % len(self.coordinates)]
         beside = self._with_signs(dict(point))
         on = dict(point)
@@ -79,7 +85,9 @@ class Surface:
 
     def _at(self, point, coordinate, c):
         point[coordinate] = c
-        for lam, h in self.field.switches[: self.index]:
+        for lam, h in self.switches:
+            if lam == self.lam:
+                break
             self._set_sign(point, lam, h)
         return value(self.h, point)
 
@@ -103,7 +111,7 @@ class Surface:
         return False
 
     def _with_signs(self, point):
-        for lam, h in self.field.switches:
+        for lam, h in self.switches:
             self._set_sign(point, lam, h)
         return point
 
@@ -137,26 +145,32 @@ class Surface:
         return False
 
 
-def classify(field, index):
-    """(class, residual, hidden) of one switch of a lifted field."""
-    lam, h = field.switches[index]
-    unknowns = [(a, r) for a, r in field.algebraic if a in h.free_symbols]
-    degree_zero = bool(unknowns) or any(R in h.free_symbols for R, *_ in field.contacts)
-    # A surface that contains an unknown of the same instant (friction that depends on the acceleration) is
-    # kept by h itself: nothing has to be differentiated.
-    residual = h if degree_zero else total_derivative(h, field.time, field.states, field.rates)
-    functions = [*field.rates, *(r for _, r in field.algebraic)]
-    dependent = [e for e in functions if lam in e.free_symbols]
+def residual_of(field, index):
+    """g of a switch: dh/dt, or h where h contains an unknown of the same instant.
+
+    Friction that depends on the acceleration has such a surface: h itself is kept, nothing is differentiated.
+    """
+    h = field.switches[index][1]
+    unknowns = {u for u, *_ in (*field.algebraic, *field.contacts)}
+    if not unknowns.isdisjoint(h.free_symbols):
+        return h
+    return total_derivative(h, field.time, field.states, field.rates)
+
+
+def classify(field, index, residual):
+    """(class, hidden) of one switch of a lifted field."""
+    lam = field.switches[index][0]
+    dependent = field.functions_of(lam)
     if not dependent:
-        return "kink", residual, False
-    surface = Surface(field, index)
-    if all(surface.differ(e) is False for e in dependent):
-        return "kink", residual, False
+        return "kink", False
     through = [(a, r) for a, r in field.algebraic if a in residual.free_symbols and lam in r.free_symbols]
+    surface = Surface(field, index, [residual, *dependent])
+    if all(surface.differ(e) is False for e in dependent):
+        return "kink", False
     explicit = lam in residual.free_symbols and surface.differ(residual) is not False
     if not explicit and not through:
-        return "crossing", residual, False
+        return "crossing", False
     hidden = surface.nonlinear(residual) or any(
         surface.nonlinear(r) or surface.nonlinear(r, a) or surface.nonlinear(residual, a) for a, r in through
     )
-    return "sliding", residual, hidden
+    return "sliding", hidden

@@ -17,7 +17,6 @@ Chain: primitives.py (what can be said) -> lifting.py (notation to switches) -> 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -25,11 +24,9 @@ from typing import NamedTuple
 import sympy as sp
 
 from . import checks
+from .definition import read
 from .describe import html, text
-from .lifting import Lifting, plain
-from .lowering import Field, lower
-from .model import EventSpec
-from .primitives import Algebraic, Event, Memory, Switch
+from .lowering import lower
 from .regularity import Surface
 from .sigmoids import sigmoid as sigmoid_of
 from .views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
@@ -73,6 +70,8 @@ class System:
         Symbol -> float, of this view.
     states : tuple of Symbol
         States of this view, then memories.
+    definition : Definition
+        What was written.
     switches : tuple of Switch
         Given ones and those found in ordinary notation, the inner ones first.
     initial_memory : dict
@@ -104,135 +103,14 @@ class System:
                  convention="hidden"):
         if convention not in ("hidden", "filippov"):
             raise ValueError(f"`convention` is {convention!r}; choose 'hidden' (as written) or 'filippov'.")
-        pairs = list(rates.items()) if isinstance(rates, Mapping) else [tuple(pair) for pair in rates]
-        if not pairs:
-            raise ValueError("`rates` is empty; give the rate of at least one state.")
-        outputs = dict(outputs or {})
-        events, algebraic = tuple(events), tuple(algebraic)
-        self._check_types(events, algebraic)
-
-        rate_of = [checks.expression(e, f"the rate of {x}") for x, e in pairs]
-        output_of = [checks.expression(e, f"output {name!r}") for name, e in outputs.items()]
-        found = checks.symbols_of([*rate_of, *(a.residual for a in algebraic)])
-        reactions = checks.contacts(contacts, found)
-        found = checks.symbols_of([*found, *output_of, *_event_expressions(events)])
-        names = checks.Names(found)
-        states = [names(x, "`rates`") for x, _ in pairs]
-        self._check_states(states)
-        time = self._time(time, names, states)
-        self._memories = _memories(found, events, names)
-        unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
-        self.parameters = self._parameters(parameters or {}, names, found, states, time, unknowns, reactions)
-        self._definition = {
-            "rates": dict(zip(states, rate_of, strict=True)),
-            "events": events,
-            "contacts": reactions,
-            "algebraic": algebraic,
-            "outputs": outputs,
-        }
-
-        moving = {time, *states, *unknowns, *(plain(R) for R in reactions)}
-        lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
-        field = self._lift(lift, time, states, rate_of, outputs, output_of, events, unknowns, reactions)
-        self._field = filippov(field) if convention == "filippov" else field
-        self.switches = tuple(lift.notation[lam] for lam, _ in field.switches)
+        self.definition = read(
+            rates, time, parameters, outputs, tuple(events), tuple(contacts), tuple(algebraic)
+        )
+        self.switches = self.definition.switches
+        self.parameters = self.definition.parameters
+        self._field = filippov(self.definition.field) if convention == "filippov" else self.definition.field
         self.model = lower(self._field)
         self._base, self._view, self._notes, self._cache = None, {}, (), {}
-
-    # ---- reading the definition
-
-    @staticmethod
-    def _check_types(events, algebraic):
-        for argument, items, kind in (("events", events, Event), ("algebraic", algebraic, Algebraic)):
-            for item in items:
-                if not isinstance(item, kind):
-                    raise TypeError(f"`{argument}` contains {item!r}; give {kind.__name__} objects.")
-
-    @staticmethod
-    def _check_states(states):
-        for i, x in enumerate(states):
-            if x in states[:i]:
-                raise ValueError(f"`rates` lists the state {x.name!r} twice; give it one rate.")
-            if type(x) is not sp.Symbol:
-                kind = type(x).__name__
-                raise ValueError(f"`rates` gives a rate to {x.name!r}, a {kind}; a state is a Symbol.")
-
-    @staticmethod
-    def _time(time, names, states):
-        if time is None:
-            return sp.Symbol("t" if "t" not in names.by_name else "time", real=True)
-        time = names(time, "`time`")
-        if time in states:
-            raise ValueError(f"`time` is {time}, which is a state; time needs no rate.")
-        return time
-
-    def _parameters(self, given, names, found, states, time, unknowns, reactions):
-        values = {}
-        taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-        for key, number in given.items():
-            p = names(key, "`parameters`")
-            if p in taken or type(p) is not sp.Symbol:
-                meaning = taken.get(p, f"a {type(p).__name__}")
-                raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}.")
-            if p not in found:
-                raise ValueError(
-                    f"`parameters` names {p.name!r}, which stands nowhere in this system; leave it out. "
-                    f"Its symbols without another meaning: {checks.listing(_open(found, taken))}."
-                )
-            values[p] = checks.parameter_value(p, number)
-        undefined = [s for s in _open(found, taken) if s not in values]
-        if undefined:
-            first = undefined[0].name
-            hint = f" If {first} is time, say time={first}." if first in ("t", "time") else ""
-            raise ValueError(
-                f"the system uses {checks.listing(undefined)}, without a rate or a value; add to `rates` or "
-                f"`parameters`.{hint}"
-            )
-        return values
-
-    def _lift(self, lift, time, states, rates, outputs, output_of, events, unknowns, reactions):
-        rates = tuple(lift(e) for e in rates)
-        algebraic = tuple(
-            (a, lift(item.residual)) for a, item in zip(unknowns, self._definition["algebraic"], strict=True)
-        )
-        gaps = [lift(R.gap) for R in reactions]
-        surfaces = [None if e.surface is None else lift(e.surface) for e in events]
-        # What follows is evaluated at instants: it makes no switches of its own.
-        at_instants = {"new_switches": False}
-        contacts = tuple(
-            (plain(R), gap, lift(R.restitution, **at_instants)) for R, gap in zip(reactions, gaps, strict=True)
-        )
-        order = [*states, *self._memories]
-        specs = []
-        for k, (event, surface) in enumerate(zip(events, surfaces, strict=True)):
-            what = f"`update` of event {event.name or k + 1}"
-            update = tuple(
-                (order.index(checks.lookup(key, order, what, "state or memory")), lift(e, **at_instants))
-                for key, e in event.update
-            )
-            specs.append(EventSpec(
-                event.name or f"event {k + 1}", surface, event.every, event.at, event.direction,
-                lift(event.when, **at_instants), update, event.terminal,
-            ))  # fmt: skip
-        _check_instants(specs, [*order, *unknowns, time])
-        if len({s.name for s in specs}) < len(specs):
-            raise ValueError(f"two events have the same name: {checks.listing(sorted(s.name for s in specs))}.")
-        return Field(
-            time=time,
-            states=tuple(states),
-            rates=rates,
-            parameters=tuple(self.parameters),
-            memories=tuple(plain(m) for m in self._memories),
-            switches=tuple(lift.switches.items()),
-            contacts=contacts,
-            algebraic=algebraic,
-            events=tuple(specs),
-            outputs=tuple(
-                (str(name), lift(e, **at_instants)) for name, e in zip(outputs, output_of, strict=True)
-            ),
-            initial_memory=tuple(m.initial for m in self._memories),
-            typical=tuple(self.parameters.values()),
-        )
 
     # ---- what a system knows
 
@@ -242,7 +120,7 @@ class System:
 
     @property
     def initial_memory(self):
-        return {m: m.initial for m in self._memories}
+        return {m: m.initial for m in self.definition.memories}
 
     @property
     def parameter_values(self):
@@ -256,12 +134,11 @@ class System:
         field = self._field
         equations = [*zip(field.states, field.rates, strict=True), *field.algebraic]
         for index, (lam, _) in enumerate(field.switches):
-            surface = Surface(field, index)
+            inside = [(x, e) for x, e in equations if lam in e.free_symbols]
+            surface = Surface(field, index, [e for _, e in inside])
             # On the surface: lambda*|v| is nonlinear in lambda, but vanishes with v.
             terms += [
-                HiddenTerm(x.name, lam, hidden_part(e, lam))
-                for x, e in equations
-                if lam in e.free_symbols and surface.nonlinear(e)
+                HiddenTerm(x.name, lam, hidden_part(e, lam)) for x, e in inside if surface.nonlinear(e)
             ]
         return tuple(terms)
 
@@ -273,10 +150,11 @@ class System:
         ValueError, TypeError
             Names that this view does not have, missing states, wrong length, nan or infinity.
         """
-        states = self.states[: len(self.states) - len(self._memories)]
+        memory = dict(zip(self._field.memories, self._field.initial_memory, strict=True))
         gone = {z.name: note for z, note in self._view.get("gone", {}).items()}
-        memory = {plain(m): m.initial for m in self._memories}
-        return checks.initial_state(x0, states, tuple(memory), memory, gone)
+        if isinstance(x0, Mapping):
+            x0 = self._spread(x0, "`x0`")
+        return checks.initial_state(x0, self._field.states, memory, gone)
 
     def with_parameters(self, values):
         """The same view with other values of some parameters; nothing is derived or compiled anew.
@@ -287,7 +165,7 @@ class System:
         """
         other = copy.copy(self)
         other.parameters = dict(self.parameters)
-        for key, number in values.items():
+        for key, number in self._spread(values, "`values`").items():
             p = checks.lookup(key, self.parameters, "`values`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
         return other
@@ -319,7 +197,7 @@ class System:
             raise ValueError("this system has no switches: there is nothing to smooth.")
         family = sigmoid_of(sigmoid)
         lams = [lam for lam, _ in self._field.switches]
-        values = _by_switch(eps, lams, "eps")
+        values = self._by_switch(eps, "eps")
         if isinstance(eps, Mapping):
             missing = [lam for lam in lams if lam not in values]
             if missing:
@@ -375,14 +253,10 @@ class System:
         family = sigmoid_of(sigmoid)
         states = list(self._field.states)
         given = {}
-        for key, r in ratios.items():
+        for key, r in self._spread(ratios, "`layered`").items():
             z = checks.lookup(key, states, "`layered`", "state")
-            r = math.inf if r == sp.oo else _number_at_least_zero(r, f"the ratio of {z.name!r}")
-            given[z] = sp.oo if math.isinf(r) else r or 0
-        relative = {
-            lam: 1.0 if eps_ratio is None else _by_switch(eps_ratio, self._lams, "eps_ratio").get(lam, 1.0)
-            for lam in self._lams
-        }
+            given[z] = checks.ratio(r, f"the ratio of {z.name!r}")
+        relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(eps_ratio or {}, "eps_ratio")
         constants = self._constants(given, time_constant or {})
         symbols, values = {}, {}
         for z, r in given.items():
@@ -407,6 +281,20 @@ class System:
 
     # ---- making views
 
+    def _spread(self, values, what):
+        """`values` with the entries of families written out."""
+        return self.definition.families.spread(values, what)
+
+    def _by_switch(self, values, argument):
+        """Multiplier -> positive number, from one number for all or a mapping."""
+        if not isinstance(values, Mapping):
+            return dict.fromkeys(self._lams, checks.positive(values, f"`{argument}`"))
+        what = f"`{argument}`"
+        return {
+            checks.lookup(key, self._lams, what, "switch"): checks.positive(value, f"{what} of {key}")
+            for key, value in self._spread(values, what).items()
+        }
+
     @property
     def _lams(self):
         return [lam for lam, _ in self._field.switches]
@@ -416,7 +304,7 @@ class System:
         rates = dict(zip(self._field.states, self._field.rates, strict=True))
         given = {
             checks.lookup(key, self._field.states, "`time_constant`", "state"): sp.sympify(beta)
-            for key, beta in given.items()
+            for key, beta in self._spread(given, "`time_constant`").items()
         }
         return {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
 
@@ -448,57 +336,3 @@ class System:
 
     def _repr_html_(self):
         return html(self)
-
-
-def _event_expressions(events):
-    for event in events:
-        yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
-        yield from (e for _, e in event.update)
-
-
-def _memories(found, events, names):
-    """Memories in the order in which they appear, those that are only updated last."""
-    updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
-    return tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
-
-
-def _open(found, taken):
-    """Symbols that have no meaning yet: they must be parameters."""
-    return [s for s in found if type(s) is sp.Symbol and s not in taken]
-
-
-def _check_instants(specs, moving):
-    for spec in specs:
-        for e in (spec.every, *spec.at):
-            inside = [s for s in moving if e is not None and s in e.free_symbols]
-            if inside:
-                raise ValueError(
-                    f"the instants of event {spec.name!r} depend on {checks.listing(inside)}; `every` and `at` "
-                    "take numbers and parameters. Use a surface for what the state decides."
-                )
-
-
-def _by_switch(values, lams, argument):
-    """Multiplier -> positive number, from one number for all or a mapping."""
-    if not isinstance(values, Mapping):
-        return dict.fromkeys(lams, _positive(values, f"`{argument}`"))
-    return {
-        checks.lookup(key, lams, f"`{argument}`", "switch"): _positive(value, f"`{argument}` of {key}")
-        for key, value in values.items()
-    }
-
-
-def _positive(value, what):
-    value = checks.number(value, what)
-    if value <= 0:
-        raise ValueError(f"{what} is {value:g}; give a number > 0.")
-    return value
-
-
-def _number_at_least_zero(value, what):
-    if isinstance(value, float) and math.isinf(value) and value > 0:
-        return value
-    value = checks.number(value, what)
-    if value < 0:
-        raise ValueError(f"{what} is {value:g}; give 0, a positive number or sympy.oo.")
-    return value

@@ -10,12 +10,13 @@ Chain: lowering.py (Field) -> views (here) -> system.py.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isnan
 
 import sympy as sp
 
 from .model import LayerState, Select
 from .pointwise import draw, value
-from .regularity import affine_in, classify
+from .regularity import affine_in, classify, residual_of
 
 
 def smoothed(field, sigmoid, eps):
@@ -26,56 +27,69 @@ def smoothed(field, sigmoid, eps):
     the other side (delta**1.5 for delta < 0) goes on selecting; its surface stays in `smoothing`, because it
     must not be stepped over either.
     """
-    values, smoothing, cases = {}, [], {}
+    blend = _Blend(field)
+    smoothing = []
     for index, (lam, surface) in enumerate(field.switches):
-        h = _insert(surface, values, cases)
-        values[lam] = sigmoid.smooth(h, eps[lam])
-        smoothing.append((h, eps[lam]))
-        one_sided = [s for s in _selections(field, lam) if _one_sided(field, s, surface)]
-        if one_sided and classify(field, index)[0] != "kink":
+        h = blend(surface)
+        one_sided = [s for s in blend.selections[lam] if _one_sided(field, s, surface)]
+        if one_sided and classify(field, index, residual_of(field, index))[0] != "kink":
             raise ValueError(
                 f"the field jumps across {surface} = 0, and one of its branches {one_sided[0].args[1]} and "
                 f"{one_sided[0].args[2]} does not exist on the other side: there is nothing to blend. Continue "
                 "that branch beyond the surface, with Max(0, ...) for example."
             )
-        cases.update(dict.fromkeys(one_sided, h))
-    return field.map(lambda e: _insert(e, values, cases), switches=()), tuple(smoothing)
+        blend.add(lam, sigmoid.smooth(h, eps[lam]), dict.fromkeys(one_sided, h))
+        smoothing.append((h, eps[lam]))
+    return field.map(blend, switches=()), tuple(smoothing)
 
 
-def _insert(e, values, cases):
-    """`e` with multipliers replaced by their smooth values, from the innermost selection outwards."""
-    if isinstance(e, Select):
+class _Blend:
+    """Expressions with multipliers replaced by their smooth values, from the innermost selection outwards."""
+
+    def __init__(self, field):
+        self.selections = {lam: [] for lam, _ in field.switches}
+        for s in sorted(set().union(*(e.atoms(Select) for e in field.expressions())), key=sp.default_sort_key):
+            self.selections[s.args[0]].append(s)
+        self._values, self._cases, self._memo = {}, {}, {}
+
+    def add(self, lam, smooth, cases):
+        """From now on `lam` is replaced; the selections `cases` go on selecting, by the sign of their h."""
+        self._values[lam] = smooth
+        self._cases.update(cases)
+        self._memo.clear()
+
+    def __call__(self, e):
+        if e not in self._memo:
+            self._memo[e] = self._replaced(e)
+        return self._memo[e]
+
+    def _replaced(self, e):
+        if e in self._values:
+            return self._values[e]
+        if not e.args or e.free_symbols.isdisjoint(self._values):
+            return e
+        if not isinstance(e, Select):
+            return e.func(*map(self, e.args))
         lam, above, below = e.args
-        a, b = (_insert(x, values, cases) for x in (above, below))
-        if e in cases:
-            return sp.Piecewise((a, cases[e] > 0), (b, True), evaluate=False)
-        if lam not in values:
-            return Select(lam, a, b)
-        return (a + b) / 2 + values[lam] * (a - b) / 2
-    if e in values:
-        return values[e]
-    if not e.args or e.free_symbols.isdisjoint(values):
-        return e
-    return e.func(*(_insert(a, values, cases) for a in e.args))
-
-
-def _selections(field, lam):
-    found = set().union(*(e.atoms(Select) for e in field.expressions()))
-    return sorted((s for s in found if s.args[0] == lam), key=sp.default_sort_key)
+        a, b = self(above), self(below)
+        if e in self._cases:
+            return sp.Piecewise((a, self._cases[e] > 0), (b, True), evaluate=False)
+        return (a + b) / 2 + self._values[lam] * (a - b) / 2 if lam in self._values else Select(lam, a, b)
 
 
 def _one_sided(field, select, h):
     """Does a branch exist where it acts, but not everywhere where the other one does?"""
-    symbols = set().union(select.free_symbols, *(s.free_symbols for _, s in field.switches))
+    switches = field.switches_of([select, h])
+    symbols = set().union(select.free_symbols, *(s.free_symbols for _, s in switches))
     lost, own = [False, False], [False, False]
     for k in range(24):
         point = {s: draw(s, k) for s in symbols}
-        for lam, surface in field.switches:
+        for lam, surface in switches:
             point[lam] = 1.0 if value(surface, point) > 0 else -1.0
         active = 0 if value(h, point) > 0 else 1
         for branch in (0, 1):
             # An argument out of range on both sides (sqrt(1 - x**2)) is no matter of this surface.
-            missing = value(select.args[1 + branch], point) != value(select.args[1 + branch], point)
+            missing = isnan(value(select.args[1 + branch], point))
             (own if branch == active else lost)[branch] |= missing
     return any(gone and not at_home for gone, at_home in zip(lost, own, strict=True))
 

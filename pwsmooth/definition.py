@@ -1,0 +1,173 @@
+"""A definition as the user writes it -> the lifted field, after all checks of names and values.
+
+Chain: primitives.py, family.py -> definition (here), lifting.py -> lowering.py -> system.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from . import checks
+from .family import Expansion
+from .lifting import Lifting, plain
+from .lowering import Field
+from .model import EventSpec
+from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+
+_INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What was written, and the field that it means."""
+
+    rates: tuple[tuple[sp.Symbol, sp.Expr], ...]  # as written, families in one line
+    outputs: tuple[tuple[str, sp.Expr], ...]
+    events: tuple[Event, ...]
+    contacts: tuple[Reaction, ...]
+    algebraic: tuple[Algebraic, ...]
+    switches: tuple[Switch, ...]
+    memories: tuple[Memory, ...]
+    parameters: dict[sp.Symbol, float]
+    families: Expansion
+    field: Field
+
+
+def read(rates, time, parameters, outputs, events, contacts, algebraic):
+    """The `Definition` of the arguments of a System.
+
+    Raises
+    ------
+    ValueError, TypeError
+        What `System` raises at the door.
+    """
+    pairs = list(rates.items()) if isinstance(rates, Mapping) else [tuple(pair) for pair in rates]
+    if not pairs:
+        raise ValueError("`rates` is empty; give the rate of at least one state.")
+    written = tuple((x, checks.expression(e, f"the rate of {x}")) for x, e in pairs)
+    seen = tuple((str(name), checks.expression(e, f"output {name!r}")) for name, e in (outputs or {}).items())
+    for argument, items, kind in (
+        ("events", events, Event), ("contacts", contacts, Unilateral), ("algebraic", algebraic, Algebraic)
+    ):  # fmt: skip
+        checks.all_of_kind(argument, items, kind)
+
+    families = Expansion()
+    pairs, outputs = families.rates(written), families.outputs(dict(seen))
+    events, contacts, algebraic = (
+        tuple(copy for item in items for copy in families.items(item))
+        for items in (events, contacts, algebraic)
+    )
+    found = checks.symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    reactions = checks.reactions(contacts, found)
+    found = checks.symbols_of([*found, *outputs.values(), *_event_expressions(events)])
+    names = checks.Names(found)
+    states = [names(x, "`rates`") for x, _ in pairs]
+    checks.states(states)
+    time = _time(time, names, states)
+    updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
+    memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
+    unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
+    taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
+    values = _parameters(families.spread(parameters or {}, "`parameters`"), names, found, taken)
+
+    moving = {time, *states, *unknowns, *map(plain, reactions)}
+    lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
+    # Rates first: their surfaces give the switches their order.
+    lifted = {
+        "rates": tuple(lift(e) for _, e in pairs),
+        "algebraic": tuple((a, lift(item.residual)) for a, item in zip(unknowns, algebraic, strict=True)),
+    }
+    gaps = [lift(R.gap) for R in reactions]
+    specs = _events(events, lift, [*states, *memories], [*states, *memories, *unknowns, time])
+    field = Field(
+        time=time,
+        states=tuple(states),
+        parameters=tuple(values),
+        memories=tuple(map(plain, memories)),
+        switches=tuple(lift.switches.items()),
+        contacts=tuple(
+            (plain(R), gap, lift(R.restitution, **_INSTANT)) for R, gap in zip(reactions, gaps, strict=True)
+        ),
+        events=specs,
+        outputs=tuple((name, lift(e, **_INSTANT)) for name, e in outputs.items()),
+        initial_memory=tuple(m.initial for m in memories),
+        typical=tuple(values.values()),
+        copies=families.copies,
+        **lifted,
+    )
+    switches = tuple(lift.notation[lam] for lam, _ in field.switches)
+    return Definition(
+        written, seen, events, tuple(reactions), algebraic, switches, memories, values, families, field
+    )  # fmt: skip
+
+
+def _time(time, names, states):
+    if time is None:
+        return sp.Symbol("t" if "t" not in names.by_name else "time", real=True)
+    time = names(time, "`time`")
+    if time in states:
+        raise ValueError(f"`time` is {time}, which is a state; time needs no rate.")
+    return time
+
+
+def _parameters(given, names, found, taken):
+    """Parameter -> value, in the order given; every symbol without another meaning has one."""
+    open_symbols = [s for s in found if type(s) is sp.Symbol and s not in taken]
+    values = {}
+    for key, value in given.items():
+        p = names(key, "`parameters`")
+        if p in taken or type(p) is not sp.Symbol:
+            meaning = taken.get(p, f"a {type(p).__name__}")
+            raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}.")
+        if p not in found:
+            raise ValueError(
+                f"`parameters` names {p.name!r}, which stands nowhere in this system; leave it out. Its "
+                f"symbols without another meaning: {checks.listing(open_symbols)}."
+            )
+        values[p] = checks.parameter_value(p, value)
+    undefined = [s for s in open_symbols if s not in values]
+    if undefined:
+        first = undefined[0].name
+        hint = f" If {first} is time, say time={first}." if first in ("t", "time") else ""
+        raise ValueError(
+            f"the system uses {checks.listing(undefined)}, without a rate or a value; add to `rates` or "
+            f"`parameters`.{hint}"
+        )
+    return values
+
+
+def _events(events, lift, order, moving):
+    # All surfaces first: guards and updates then find their switches.
+    surfaces = [None if event.surface is None else lift(event.surface) for event in events]
+    specs = []
+    for k, (event, surface) in enumerate(zip(events, surfaces, strict=True)):
+        name = event.name or f"event {k + 1}"
+        update = tuple(
+            (order.index(checks.lookup(key, order, f"`update` of event {name!r}", "state or memory")),
+             lift(e, **_INSTANT))
+            for key, e in event.update
+        )  # fmt: skip
+        for e in (event.every, *event.at):
+            inside = [s for s in moving if e is not None and s in e.free_symbols]
+            if inside:
+                raise ValueError(
+                    f"the instants of event {name!r} depend on {checks.listing(inside)}; `every` and `at` take "
+                    "numbers and parameters. Use a surface for what the state decides."
+                )
+        when = lift(event.when, **_INSTANT)
+        specs.append(
+            EventSpec(name, surface, event.every, event.at, event.direction, when, update, event.terminal)
+        )
+    names = [s.name for s in specs]
+    if len(set(names)) < len(names):
+        raise ValueError(f"two events have the same name; they are {checks.listing(names)}.")
+    return tuple(specs)
+
+
+def _event_expressions(events):
+    for event in events:
+        yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
+        yield from (e for _, e in event.update)

@@ -1,0 +1,336 @@
+"""Family: n copies of one symbolic element, for multistate laws and spring-block chains.
+
+    dz_i/dt = q(z_i, z_{i+1}, z_{i-1}, kappa_i, ...),   i = 1, ..., n;     sums over i in any rate
+
+An element is written once, with member symbols; the System writes the n copies out. (The lowered model has
+plain scalar states z_1, ..., z_n, so that its compile time grows with n; members keep their family and offset,
+which is what a looped form of the generated code needs.)
+Chain: primitives.py -> family (here) -> system.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import singledispatchmethod
+
+import sympy as sp
+
+from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+
+
+@dataclass(frozen=True)
+class Family:
+    """n copies of one element.
+
+    Parameters
+    ----------
+    n : int
+        Number of copies, at least 1.
+    periodic : bool
+        The neighbour of the last element is the first one.
+    name : str
+        Tells families of the same size apart.
+
+    Examples
+    --------
+    Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:
+
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> elements = Family(10)
+    >>> (f,) = elements.symbols("f")
+    >>> kappa, strength = elements.symbols("kappa strength", positive=True)
+    >>> rates = {f: kappa*v*sp.Heaviside(strength - f*sp.sign(v)), v: -x - elements.sum(f), x: v}
+    >>> values = {kappa: [2.5/i for i in range(1, 11)], strength: 0.2}
+
+    A chain of blocks: `chain.neighbour(y, 1)` is the element after, `chain.neighbour(y, -1)` the one before.
+    """
+
+    n: int
+    periodic: bool = False
+    name: str = "element"
+
+    def __post_init__(self):
+        if not isinstance(self.n, int) or self.n < 1:
+            raise ValueError(f"`n` of a Family is {self.n!r}; give a number of copies >= 1.")
+
+    def symbols(self, names, **assumptions):
+        """Symbols of the element: states, parameters or unknowns, by what the System makes of them.
+
+        Parameters
+        ----------
+        names : str
+            Separated by spaces or commas.
+        **assumptions
+            As of `sympy.symbols`; real by default.
+
+        Returns
+        -------
+        tuple of Member
+        """
+        assumptions = {"real": True} | assumptions
+        return tuple(Member(name, self, **assumptions) for name in names.replace(",", " ").split())
+
+    def memory(self, name, initial=0.0):
+        """A Memory of the element."""
+        return MemberMemory(name, initial, self)
+
+    @property
+    def index(self):
+        """The number i = 1, ..., n of the element, as a symbol."""
+        return Member("i", self, integer=True, positive=True)
+
+    def neighbour(self, member, offset, outside=None):
+        """The member `offset` places further along the chain.
+
+        Parameters
+        ----------
+        member : Member
+        offset : int
+        outside : expression, optional
+            What stands for it beyond an end of the chain; by default the member itself, which makes the ends
+            free (differences vanish there).
+        """
+        if not isinstance(member, Member) or member.family != self:
+            raise TypeError(f"`member` is {member!r}; give a symbol of this family.")
+        if self.periodic and outside is not None:
+            raise ValueError("`outside` has no meaning in a periodic family, which has no ends.")
+        outside = member if outside is None else sp.sympify(outside)
+        return Member(member.name, self, member.offset + offset, outside, **member._assumptions_orig)
+
+    def sum(self, expr):
+        """The sum of an expression over all elements."""
+        expr = sp.sympify(expr)
+        return MemberSum(expr) if members(expr) else self.n * expr
+
+
+class Member(sp.Symbol):
+    """A symbol of every element of a family; made by `Family.symbols` and `Family.neighbour`."""
+
+    __slots__ = ("family", "offset", "outside")
+
+    def __new__(cls, name, family, offset=0, outside=None, **assumptions):
+        self = sp.Symbol.__xnew__(cls, name, **assumptions)
+        self.family, self.offset, self.outside = family, offset, outside
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.name, self.family, self.offset, self.outside), self._assumptions_orig
+
+    def _hashable_content(self):
+        family = (self.family.name, self.family.n, self.family.periodic)
+        outside = sp.S.NaN if self.outside is None else self.outside
+        return (*super()._hashable_content(), *family, self.offset, outside)
+
+    def _sympystr(self, printer):
+        return self.name if not self.offset else f"{self.name}[{self.offset:+d}]"
+
+    def copy(self, k):
+        """The plain symbol of element k = 0, ..., n - 1, or what stands for it outside of the chain."""
+        k += self.offset
+        if self.family.periodic:
+            k %= self.family.n
+        elif not 0 <= k < self.family.n:
+            return None
+        if self.name == "i" and self.is_integer:
+            return sp.Integer(k + 1)
+        return sp.Symbol(f"{self.name}_{k + 1}", **self._assumptions_orig)
+
+
+class MemberMemory(Memory):
+    """A Memory of every element of a family; made by `Family.memory`."""
+
+    __slots__ = ("family",)
+
+    def __new__(cls, name, initial, family):
+        self = Memory.__new__(cls, name, initial)
+        self.family = family
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.name, self.initial, self.family), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.family.name, self.family.n)
+
+    def copy(self, k):
+        return Memory(f"{self.name}_{k + 1}", self.initial)
+
+
+class MemberSum(sp.Function):
+    """A sum over all elements of the family of the members inside; made by `Family.sum`."""
+
+    nargs = 1
+
+
+def members(e):
+    """Members outside of sums, also those inside of surfaces and gaps."""
+    if isinstance(e, MemberSum):
+        return set()
+    if isinstance(e, (Member, MemberMemory)):
+        return {e}
+    if isinstance(e, Switch):
+        return members(e.surface)
+    if isinstance(e, Reaction):
+        return members(e.gap) | members(e.restitution)
+    return set().union(*(members(a) for a in e.args)) if e.args else set()
+
+
+def involved(e):
+    """Do members stand in an expression, sums and surfaces included?"""
+    for s in e.free_symbols:
+        if isinstance(s, (Member, MemberMemory)):
+            return True
+        inner = [getattr(s, a) for a in ("surface", "gap", "restitution") if isinstance(s, (Switch, Reaction))
+                 and hasattr(s, a)]  # fmt: skip
+        if any(map(involved, inner)):
+            return True
+    return False
+
+
+def family_of(*expressions):
+    """The one family whose members stand in the expressions, or None."""
+    families = {m.family for e in expressions for m in members(e)}
+    if len(families) > 1:
+        names = ", ".join(sorted(f.name for f in families))
+        raise ValueError(f"members of several families ({names}) stand in one equation; sum over one of them.")
+    return families.pop() if families else None
+
+
+class Expansion:
+    """Writes the copies of families out.
+
+    Attributes
+    ----------
+    groups : dict
+        Name of a member (or of a switch, event, output with members) -> names of its copies.
+    copies : dict
+        Plain symbol -> (name of the member, number of the element).
+    """
+
+    def __init__(self):
+        self.groups: dict[str, tuple[str, ...]] = {}
+        self.copies: dict[sp.Symbol, tuple[str, int]] = {}
+
+    def element(self, e, k):
+        """The expression (or condition) of element k; k is None outside of all families."""
+        if isinstance(e, MemberSum):
+            family = family_of(e.args[0])
+            return sp.Add(*(self.element(e.args[0], j) for j in range(family.n)))
+        if isinstance(e, (Member, MemberMemory)):
+            return self._member(e, k)
+        if isinstance(e, (Switch, Reaction)):
+            return self._primitive(e, k)
+        if not e.args or not involved(e):
+            return e
+        return e.func(*(self.element(a, k) for a in e.args))
+
+    def _member(self, m, k):
+        if k is None:
+            raise ValueError(f"{m} is a member of a family of {m.family.n}; outside of its rates take a sum.")
+        symbol = m.copy(k)
+        if symbol is None:
+            return self.element(m.outside, k)
+        if symbol.is_Symbol:
+            self.copies[symbol] = (m.name, k)
+            self._group(m.name, m.family.n)
+        return symbol
+
+    def _primitive(self, s, k):
+        if not involved(s):
+            return s
+        if not members(s):  # only inside of sums
+            return self._rebuilt(s, s.name, None)
+        if k is None:
+            raise ValueError(f"{s} belongs to every element of a family; outside of its own rates take a sum.")
+        self._group(s.name, family_of(s).n)
+        return self._rebuilt(s, f"{s.name}_{k + 1}", k)
+
+    def _rebuilt(self, s, name, k):
+        if isinstance(s, Switch):
+            return Switch(name, self.element(s.surface, k))
+        return Reaction(name, self.element(s.gap, k), self.element(s.restitution, k))
+
+    def _group(self, name, n):
+        self.groups[name] = tuple(f"{name}_{i + 1}" for i in range(n))
+
+    # ---- parts of a system
+
+    def rates(self, pairs):
+        result = []
+        for x, e in pairs:
+            copies = range(x.family.n) if isinstance(x, Member) else [None]
+            result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in copies]
+        return result
+
+    def outputs(self, outputs):
+        result = {}
+        for name, e in outputs.items():
+            family = family_of(e)
+            if family is None:
+                result[name] = self.element(e, None)
+            else:
+                self._group(name, family.n)
+                result |= {f"{name}_{k + 1}": self.element(e, k) for k in range(family.n)}
+        return result
+
+    def spread(self, values: Mapping, what):
+        """A mapping by name with the entries of members written out: a scalar for all, or one value each."""
+        result = {}
+        for key, value in values.items():
+            names = self.groups.get(key if isinstance(key, str) else getattr(key, "name", None))
+            if names is None:
+                result[key] = value
+                continue
+            single = not isinstance(value, Sequence) and not hasattr(value, "__len__")
+            if not single and len(value) != len(names):
+                raise ValueError(f"{what} gives {len(value)} values to {key}, which has {len(names)} copies.")
+            result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
+        return result
+
+    @singledispatchmethod
+    def items(self, item):
+        """The copies of an event, a contact or an algebraic unknown."""
+        return [item]
+
+    @items.register
+    def _(self, item: Event):
+        parts = [e for e in (item.surface, item.every, *item.at, item.when) if e is not None]
+        parts += [e for pair in item.update for e in pair if isinstance(e, sp.Basic)]
+        family = family_of(*parts)
+        if not any(map(involved, parts)):
+            return [item]
+        return [self._event(item, k) for k in (range(family.n) if family else [None])]
+
+    def _event(self, item, k):
+        def part(e):
+            return self.element(e, k) if isinstance(e, sp.Basic) else e
+
+        name = item.name if k is None or item.name is None else f"{item.name} {k + 1}"
+        return Event(
+            part(item.surface),
+            every=part(item.every),
+            at=tuple(map(part, item.at)) or None,
+            direction=item.direction,
+            update={part(key): part(value) for key, value in item.update},
+            when=part(item.when),
+            terminal=item.terminal,
+            name=name,
+        )
+
+    @items.register
+    def _(self, item: Unilateral):
+        family = family_of(item.reaction)
+        if family is None:
+            return [item]
+        return [
+            Unilateral(self.element(item.gap, k), self.element(item.restitution, k), f"{item.name}_{k + 1}")
+            for k in range(family.n)
+        ]
+
+    @items.register
+    def _(self, item: Algebraic):
+        if not isinstance(item.unknown, Member):
+            return [Algebraic(item.unknown, self.element(item.residual, None))]
+        copies = range(item.unknown.family.n)
+        return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in copies]
