@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from . import checks
-from .family import Expansion
+from .family import Expansion, spread
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import EventSpec
@@ -32,7 +32,7 @@ class Definition:
     switches: tuple[Switch, ...]
     memories: tuple[Memory, ...]
     parameters: dict[sp.Symbol, float]
-    families: Expansion
+    groups: dict[str, tuple[str, ...]]  # member of a family -> names of its copies
     field: Field
 
 
@@ -71,7 +71,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
     memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(families.spread(parameters or {}, "`parameters`"), names, found, taken)
+    values = _parameters(spread(parameters or {}, families.groups, "`parameters`"), names, found, taken)
 
     moving = {time, *states, *unknowns, *map(plain, reactions)}
     lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
@@ -100,7 +100,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
     )
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)
     return Definition(
-        written, seen, events, tuple(reactions), algebraic, switches, memories, values, families, field
+        written, seen, events, tuple(reactions), algebraic, switches, memories, values, families.groups, field
     )  # fmt: skip
 
 

@@ -10,7 +10,6 @@ Chain: primitives.py -> family (here) -> system.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatchmethod
 
@@ -211,6 +210,7 @@ class Expansion:
     def __init__(self):
         self.groups: dict[str, tuple[str, ...]] = {}
         self.copies: dict[sp.Symbol, tuple[str, int]] = {}
+        self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
 
     def element(self, e, k):
         """The expression (or condition) of element k; k is None outside of all families."""
@@ -221,9 +221,12 @@ class Expansion:
             return self._member(e, k)
         if isinstance(e, (Switch, Reaction)):
             return self._primitive(e, k)
-        if not e.args or not involved(e):
+        if not e.args:
             return e
-        return e.func(*(self.element(a, k) for a in e.args))
+        if (e, k) not in self._memo:
+            copies = involved(e)
+            self._memo[e, k] = e.func(*(self.element(a, k) for a in e.args)) if copies else e
+        return self._memo[e, k]
 
     def _member(self, m, k):
         if k is None:
@@ -259,7 +262,7 @@ class Expansion:
     def rates(self, pairs):
         result = []
         for x, e in pairs:
-            copies = range(x.family.n) if isinstance(x, Member) else [None]
+            copies = range(family_of(x, e).n) if isinstance(x, Member) else [None]
             result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in copies]
         return result
 
@@ -272,20 +275,6 @@ class Expansion:
             else:
                 self._group(name, family.n)
                 result |= {f"{name}_{k + 1}": self.element(e, k) for k in range(family.n)}
-        return result
-
-    def spread(self, values: Mapping, what):
-        """A mapping by name with the entries of members written out: a scalar for all, or one value each."""
-        result = {}
-        for key, value in values.items():
-            names = self.groups.get(key if isinstance(key, str) else getattr(key, "name", None))
-            if names is None:
-                result[key] = value
-                continue
-            single = not isinstance(value, Sequence) and not hasattr(value, "__len__")
-            if not single and len(value) != len(names):
-                raise ValueError(f"{what} gives {len(value)} values to {key}, which has {len(names)} copies.")
-            result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
         return result
 
     @singledispatchmethod
@@ -334,3 +323,18 @@ class Expansion:
             return [Algebraic(item.unknown, self.element(item.residual, None))]
         copies = range(item.unknown.family.n)
         return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in copies]
+
+
+def spread(values, groups, what):
+    """A mapping by name with the entries of members written out: a scalar for all, or one value each."""
+    result = {}
+    for key, value in values.items():
+        names = groups.get(key if isinstance(key, str) else getattr(key, "name", None))
+        if names is None:
+            result[key] = value
+            continue
+        single = isinstance(value, str) or not hasattr(value, "__len__")
+        if not single and len(value) != len(names):
+            raise ValueError(f"{what} gives {len(value)} values to {key}, which has {len(names)} copies.")
+        result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
+    return result

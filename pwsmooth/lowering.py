@@ -108,13 +108,14 @@ class Field:
 def multipliers(field):
     """Switches, contacts and algebraic unknowns of a field, with their residuals."""
     result = []
-    classes = {}
+    classes: dict[sp.Expr, tuple] = {}
+    patterns: dict[sp.Symbol, sp.Expr] = {}
     for index, (lam, h) in enumerate(field.switches):
         residual = residual_of(field, index)
-        kind = _pattern(h, field.copies)
-        if kind not in classes:
-            classes[kind] = classify(field, index, residual)
-        result.append(Multiplier(lam, "switch", residual, h, *classes[kind]))
+        pattern = patterns[lam] = _pattern(h, field.copies, patterns)
+        if pattern not in classes:
+            classes[pattern] = classify(field, index, residual)
+        result.append(Multiplier(lam, "switch", residual, h, *classes[pattern]))
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
@@ -122,13 +123,15 @@ def multipliers(field):
     return tuple(result)
 
 
-def _pattern(h, copies):
+def _pattern(h, copies, patterns):
     """A surface with the members of a family counted from the first one in it: the same for all copies."""
     found = {s: copies[s] for s in h.free_symbols if s in copies}
     if not found:
         return h
     first = min(k for _, k in found.values())
-    return h.xreplace({s: sp.Symbol(f"{name}[{k - first}]") for s, (name, k) in found.items()})
+    general = {s: sp.Symbol(f"{name}[{k - first}]") for s, (name, k) in found.items()}
+    inner = {s: sp.Symbol(f"sign({patterns[s]})") for s in h.free_symbols if s in patterns}
+    return h.xreplace(general | inner)
 
 
 def _contact(field, R, gap, restitution):

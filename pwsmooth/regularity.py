@@ -49,6 +49,7 @@ class Surface:
         self.field = field
         self.lam, self.h = field.switches[index]
         self.switches = field.switches_of([self.h, *expressions])
+        self.inner = field.switches_of([self.h])
         symbols = set().union(self.h.free_symbols, *(e.free_symbols for e in expressions))
         symbols = symbols.union(*(h.free_symbols for _, h in self.switches))
         self.symbols = sorted(symbols, key=lambda s: s.name)
@@ -85,9 +86,7 @@ class Surface:
 
     def _at(self, point, coordinate, c):
         point[coordinate] = c
-        for lam, h in self.switches:
-            if lam == self.lam:
-                break
+        for lam, h in self.inner:
             self._set_sign(point, lam, h)
         return value(self.h, point)
 

@@ -26,6 +26,7 @@ import sympy as sp
 from . import checks
 from .definition import read
 from .describe import html, text
+from .family import spread
 from .lowering import lower
 from .regularity import Surface
 from .sigmoids import sigmoid as sigmoid_of
@@ -283,7 +284,7 @@ class System:
 
     def _spread(self, values, what):
         """`values` with the entries of families written out."""
-        return self.definition.families.spread(values, what)
+        return spread(values, self.definition.groups, what)
 
     def _by_switch(self, values, argument):
         """Multiplier -> positive number, from one number for all or a mapping."""
