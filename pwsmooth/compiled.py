@@ -23,6 +23,7 @@ class CompiledProblem:
 
     def __init__(self, model: Model):
         names = load_kernels("state")
+        sliding, layer, steps = (load_kernels(name) for name in ("sliding", "layer", "steps"))
         self.model = model
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
@@ -45,6 +46,11 @@ class CompiledProblem:
         fold = self.fold
         empty = np.zeros(0, np.int64)
         self.fixed = dict(
+            newton_unit=sliding.newton.address,
+            layer_unit=layer.layer.address,
+            fold_unit=steps.fold_jet.address,
+            start_unit=load_kernels("starting").start.address,
+            instant_unit=load_kernels("instants").at_instant.address,
             fields=code.fields,
             linear=code.linear,
             act=code.act if ne or any(mu.kind == "contact" for mu in model.multipliers) else 0,
@@ -91,13 +97,30 @@ class CompiledProblem:
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
         width = order + 4
         return load_kernels("state").Work(
-            dx=np.zeros(n), h=np.zeros(m + ne), g=np.zeros(m), G=np.zeros(m * m), dh=np.zeros((m + ne) * (n + 1)),
-            mask=np.zeros(m, np.int64), rows=np.zeros((self.nrows, width)), power=np.zeros(width), poly=np.zeros(width),
-            bernstein=np.zeros(2 * 48 * width), z=np.zeros(nz), q=np.zeros(nz), fold_x=np.zeros(n + 1 + m),
-            fold_mult=np.zeros(m + 1), fold_mask=np.zeros(m + 1, np.int64), fold_slope=np.zeros(width),
-            code=np.zeros(3, np.int64), tau=np.zeros(m + ne), exit_side=np.zeros(m, np.int64),
-            hit=np.zeros(m + ne, np.bool_), before=np.zeros(n), after=np.zeros(n), active=np.zeros(m, np.int64),
-            arrival=np.zeros(m, np.int64),
+            rows=np.zeros((self.nrows, width)),
+            bernstein=np.zeros(2 * 48 * width),
+            layer_k=np.zeros((7, m + nz)),
+            matrix=np.zeros((m + 1, m + 1)),
+            code=np.zeros(8),
+            answer=np.zeros(8),
+            **{name: np.zeros(width) for name in ("power", "poly", "fold_slope")},
+            **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
+            **{name: np.zeros(m + ne) for name in ("h", "tau", "hit")},
+            **{name: np.zeros(ne) for name in ("pending",)},
+            **{
+                name: np.zeros(m)
+                for name in ("g", "mask", "exit_side", "active", "arrival", "group", "came", "keep_status", "keep_mult")
+            },
+            **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
+            **{name: np.zeros(nz) for name in ("z", "q")},
+            **{name: np.zeros(m + nz) for name in ("layer_y", "layer_new")},
+            G=np.zeros(m * m),
+            dh=np.zeros((m + ne) * (n + 1)),
+            fold_x=np.zeros(n + 1 + m),
+            fold_dx=np.zeros(n + 1 + m),
+            fold_h=np.zeros(m + 1 + ne),
+            fold_G=np.zeros((m + 1) ** 2),
+            fold_dh=np.zeros((m + 1 + ne) * (n + 2 + m)),
         )
 
 

@@ -9,17 +9,20 @@ moves monotonically in lambda, so the first zero of g on its way decides. Otherw
 import math
 
 import numpy as np
-from numba import njit
+from numba import types
 
-from .pointers import call_fields, call_layer
-from .sliding import follow, instant_mask, newton
-from .state import SLIDING, SOLVED
+from .compiling import kernel, unit
+from .pointers import call_fields, call_layer, call_newton
+from .sliding import follow, mask_instant, mask_solved
+from .state import SLIDING, SOLVED, Problem, State, Work
 
+# Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
+ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
 SETTLED, OSCILLATES, LOST = range(3)
 _SCAN = 48  # intervals over [-1, 1] in which the first zero of a hidden g is sought
 
 
-@njit(cache=True)
+@kernel
 def sigmoid(kind, u):
     """Lambda(u): algebraic u/sqrt(1+u^2), tanh u, erf u."""
     if kind == 0:
@@ -27,9 +30,10 @@ def sigmoid(kind, u):
     return math.tanh(u) if kind == 1 else math.erf(u)
 
 
-@njit(cache=True)
+@kernel
 def sigmoid_inverse(kind, lam):
-    """u with Lambda(u) = lam, |lam| < 1."""
+    """u with Lambda(u) = lam; lam = +-1 counts as the last number before it."""
+    lam = max(min(lam, 1.0 - 1e-15), -1.0 + 1e-15)
     if kind == 0:
         return lam / math.sqrt((1.0 - lam) * (1.0 + lam))
     if kind == 1:
@@ -44,94 +48,97 @@ def sigmoid_inverse(kind, lam):
     return 0.5 * (lo + hi)
 
 
-@njit(cache=True)
-def _g(P, t, x, mult, j, lam, frozen, work):
-    """Residual of switch j at lambda_j = lam, the multipliers of every instant solved along."""
-    mult[j] = lam
+@kernel
+def _push(P, S, W, j, lam, toward, frozen):
+    """toward * g_j at lambda_j = lam, the multipliers of every instant (W.mask) solved along.
+
+    `frozen`: with the layered states held at W.z.
+    """
+    S.mult[j] = lam
     if frozen:
-        call_layer(P.layer, t, x, mult, work.z, P.p, work.g, work.q)
-        return work.g[j]
-    has_instant = False
-    for i in range(P.m):
-        if work.mask[i]:
-            has_instant = True
-    if has_instant:
-        newton(P, t, x, mult, work.mask, work)
-    call_fields(P.fields, t, x, mult, P.p, work.dx, work.h, work.g)
-    return work.g[j]
+        call_layer(P.layer, S.now[0], S.x, S.mult, W.z, P.p, W.g, W.q)
+        return toward * W.g[j]
+    if W.code[3]:
+        call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    return toward * W.g[j]
 
 
-@njit(cache=True)
-def first_zero(P, t, x, mult, status, j, start, toward, frozen, work):
+@kernel
+def _prepare(P, S, W, j):
+    """Masks the multipliers of every instant, without switch j."""
+    W.code[3] = 1 if mask_instant(P, S, W) else 0
+    W.mask[j] = 0
+
+
+@kernel
+def _first_zero(P, S, W, j, start, toward, frozen):
     """First lambda_j from `start` on the way to `toward` (+1 or -1) where g_j stops pushing that way.
 
-    Returns (found, lambda). `frozen`: with the layered states held at work.z.
+    Returns whether there is one; leaves it in S.mult[j] (else the end of the way).
     """
-    instant_mask(P, status, work.mask)
-    work.mask[j] = 0
-    g0 = _g(P, t, x, mult, j, start, frozen, work) * toward
-    if g0 <= 0.0:
-        return True, start
+    _prepare(P, S, W, j)
     end = float(toward)
+    push = _push(P, S, W, j, start, toward, frozen)
+    if push <= 0.0:
+        return True
     if not P.hidden[j] and not frozen:
-        g1 = _g(P, t, x, mult, j, end, frozen, work) * toward
-        if g1 > 0.0:
-            return False, end
-        lam = start + (end - start) * g0 / (g0 - g1)
-        return True, lam
+        last = _push(P, S, W, j, end, toward, frozen)
+        if last > 0.0:
+            return False
+        S.mult[j] = start + (end - start) * push / (push - last)
+        return True
     steps = max(4, int(math.ceil(_SCAN * abs(end - start) / 2.0)))
-    a, ga = start, g0
-    before, g_before = start, g0
+    a, before, push_before = start, start, push
     for i in range(1, steps + 1):
         b = start + (end - start) * i / steps if i < steps else end
-        gb = _g(P, t, x, mult, j, b, frozen, work) * toward
-        if gb <= 0.0:
-            return True, _bisect(P, t, x, mult, j, a, b, toward, frozen, work)
-        if i > 1 and ga <= g_before and ga <= gb:
+        ahead = _push(P, S, W, j, b, toward, frozen)
+        if ahead <= 0.0:
+            _bisect(P, S, W, j, a, b, toward, frozen)
+            return True
+        if i > 1 and push <= push_before and push <= ahead:
             # An interior minimum: the pair of zeros beside a fold may hide in it.
-            c = _lowest(P, t, x, mult, j, before, b, toward, frozen, work)
-            if _g(P, t, x, mult, j, c, frozen, work) * toward <= 0.0:
-                return True, _bisect(P, t, x, mult, j, before, c, toward, frozen, work)
-        before, g_before = a, ga
-        a, ga = b, gb
-    return False, end
+            c = _lowest(P, S, W, j, before, b, toward, frozen)
+            if _push(P, S, W, j, c, toward, frozen) <= 0.0:
+                _bisect(P, S, W, j, before, c, toward, frozen)
+                return True
+        before, push_before = a, push
+        a, push = b, ahead
+    S.mult[j] = end
+    return False
 
 
-@njit(cache=True)
-def _bisect(P, t, x, mult, j, a, b, toward, frozen, work):
-    """Zero of g_j between a (pushing toward) and b (not)."""
+@kernel
+def _bisect(P, S, W, j, a, b, toward, frozen):
+    """Leaves in S.mult[j] the zero of g_j between a (pushing toward) and b (not)."""
     for _ in range(80):
         c = 0.5 * (a + b)
         if c == a or c == b:
             break
-        if _g(P, t, x, mult, j, c, frozen, work) * toward > 0.0:
+        if _push(P, S, W, j, c, toward, frozen) > 0.0:
             a = c
         else:
             b = c
-    return 0.5 * (a + b)
+    S.mult[j] = 0.5 * (a + b)
 
 
-@njit(cache=True)
-def _lowest(P, t, x, mult, j, a, b, toward, frozen, work):
+@kernel
+def _lowest(P, S, W, j, a, b, toward, frozen):
     """Minimum of toward * g_j in [a, b] by golden sections, ended as soon as a value is not positive."""
     ratio = 0.6180339887498949
-    c, d = b - ratio * (b - a), a + ratio * (b - a)
-    gc = _g(P, t, x, mult, j, c, frozen, work) * toward
-    gd = _g(P, t, x, mult, j, d, frozen, work) * toward
     for _ in range(50):
-        if gc <= 0.0:
+        c, d = b - ratio * (b - a), a + ratio * (b - a)
+        push_c = _push(P, S, W, j, c, toward, frozen)
+        if push_c <= 0.0:
             return c
-        if gd <= 0.0:
+        push_d = _push(P, S, W, j, d, toward, frozen)
+        if push_d <= 0.0:
             return d
-        if gc < gd:
-            b, d, gd = d, c, gc
-            c = b - ratio * (b - a)
-            gc = _g(P, t, x, mult, j, c, frozen, work) * toward
+        if push_c < push_d:
+            b = d
         else:
-            a, c, gc = c, d, gd
-            d = a + ratio * (b - a)
-            gd = _g(P, t, x, mult, j, d, frozen, work) * toward
-    return c if gc < gd else d
+            a = c
+    return 0.5 * (a + b)
 
 
 # Dormand-Prince 5(4).
@@ -149,51 +156,44 @@ _A = np.array(
 _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-@njit(cache=True)
-def _rates(P, t, x, mult, active, size, y, out, work):
+@kernel
+def _rates(P, S, W, size, y, out, stage):
+    """Overwrites out[stage] with the rates of the layer system at y = (u of W.group, z)."""
+    mult = S.mult
     for i in range(size):
-        mult[active[i]] = sigmoid(P.sigmoid, y[i])
+        mult[W.group[i]] = sigmoid(P.sigmoid, y[i])
     if P.nz > 0:
         for i in range(P.nz):
-            work.z[i] = y[size + i]
-        call_layer(P.layer, t, x, mult, work.z, P.p, work.g, work.q)
+            W.z[i] = y[size + i]
+        call_layer(P.layer, S.now[0], S.x, mult, W.z, P.p, W.g, W.q)
         for i in range(P.nz):
-            out[size + i] = P.ratio[i] * work.q[i]
+            out[stage, size + i] = P.ratio[i] * W.q[i]
     else:
-        has_instant = False
-        for i in range(P.m):
-            if work.mask[i]:
-                has_instant = True
-        if has_instant:
-            newton(P, t, x, mult, work.mask, work)
-        call_fields(P.fields, t, x, mult, P.p, work.dx, work.h, work.g)
+        if W.code[3]:
+            call_newton(P.newton_unit, P, S, W)
+        call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
-        out[i] = P.weight[active[i]] * work.g[active[i]]
+        out[stage, i] = P.weight[W.group[i]] * W.g[W.group[i]]
 
 
-@njit(cache=True)
-def integrate(P, t, x, mult, status, active, size, u, work):
-    """Runs the layer system of the switches active[:size] from u (and work.z) until all are settled.
+@kernel
+def _integrate(P, S, W, size):
+    """Runs the layer system of W.group[:size] from u = W.layer_y (and W.z) until all are settled.
 
-    Overwrites mult, status, work.z. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
+    Overwrites S.mult, S.status, W.z, W.group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
     A switch that runs out to u = +-inf gets that side; the rest goes on without it.
     """
-    instant_mask(P, status, work.mask)
-    nz = P.nz
-    y = np.zeros(size + nz)
-    for i in range(size):
-        y[i] = u[i]
-        work.mask[active[i]] = 0
-    for i in range(nz):
-        y[size + i] = work.z[i]
+    nz, y, new, k = P.nz, W.layer_y, W.layer_new, W.layer_k
+    W.code[3] = 1 if mask_instant(P, S, W) else 0
     reach = 1e3
     for i in range(size):
-        reach = max(reach, 10.0 * abs(u[i]))
+        W.mask[W.group[i]] = 0
+        reach = max(reach, 10.0 * abs(y[i]))
+    for i in range(nz):
+        y[size + i] = W.z[i]
     tau, step, scale = 0.0, 1e-3, 0.0
-    k = np.zeros((7, size + nz))
-    new = np.zeros(size + nz)
-    _rates(P, t, x, mult, active, size, y, k[0], work)
-    quiet = 0
+    _rates(P, S, W, size, y, k, 0)
+    quiet, settled = 0, False
     for attempt in range(200000):
         dim = size + nz
         for s in range(1, 7):
@@ -202,14 +202,14 @@ def integrate(P, t, x, mult, status, active, size, u, work):
                 for r in range(s):
                     total += _A[s, r] * k[r, i]
                 new[i] = y[i] + step * total
-            _rates(P, t, x, mult, active, size, new, k[s], work)
+            _rates(P, S, W, size, new, k, s)
         error = 0.0
         for i in range(dim):
             total = 0.0
             for r in range(7):
                 total += _E[r] * k[r, i]
             error = max(error, abs(step * total) / (1e-10 + 1e-10 * abs(new[i])))
-        if not np.isfinite(error):
+        if not error < math.inf:
             step *= 0.1
             if step < 1e-14:
                 return LOST
@@ -220,86 +220,80 @@ def integrate(P, t, x, mult, status, active, size, u, work):
             continue
         tau += step
         step *= min(5.0, factor)
+        speed, gone = 0.0, -1
         for i in range(dim):
             y[i] = new[i]
             k[0, i] = k[6, i]
-        speed = 0.0
-        for i in range(dim):
             speed = max(speed, abs(k[0, i]))
-        scale = max(scale, speed)
-        gone = -1
-        for i in range(size):
-            if abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
+            if i < size and abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
                 gone = i
+        scale = max(scale, speed)
         if gone >= 0:
-            j = active[gone]
-            status[j] = 1 if y[gone] > 0.0 else -1
-            mult[j] = float(status[j])
+            j = W.group[gone]
+            S.status[j] = 1 if y[gone] > 0.0 else -1
+            S.mult[j] = float(S.status[j])
             for i in range(gone, dim - 1):
                 y[i] = y[i + 1]
-                if i < size - 1:
-                    active[i] = active[i + 1]
+            for i in range(gone, size - 1):
+                W.group[i] = W.group[i + 1]
             size -= 1
             if size == 0:
                 return SETTLED
-            _rates(P, t, x, mult, active, size, y, k[0], work)
+            _rates(P, S, W, size, y, k, 0)
             step = min(step, 0.1)
             continue
         quiet = quiet + 1 if speed <= 1e-9 * scale else 0
         if quiet >= 3:
+            settled = True
             break
-        if tau > 1e5 * (1.0 + reach / max(scale, 1e-3) * 1e-3) and attempt > 20000:
-            return OSCILLATES
-    else:
+    if not settled:
         return OSCILLATES
     for i in range(size):
-        status[active[i]] = SOLVED
-    for j in range(P.m):
-        work.mask[j] = 1 if status[j] == SOLVED else 0
-    return SETTLED if newton(P, t, x, mult, work.mask, work) else LOST
+        S.status[W.group[i]] = SOLVED
+    mask_solved(P, S, W)
+    return SETTLED if call_newton(P.newton_unit, P, S, W) else LOST
 
 
-@njit(cache=True)
-def relax(P, t, x, mult, status, j, along, work):
+@kernel
+def _root_along(P, S, W, j):
+    """Moves lambda_j onto the zero of g_j at frozen z by secant steps; False when there is none beside it."""
+    a = S.mult[j]
+    b = a + 1e-7
+    push_a = _push(P, S, W, j, a, 1, True)
+    for _ in range(30):
+        push_b = _push(P, S, W, j, b, 1, True)
+        if push_b == push_a:
+            return push_b == 0.0
+        c = b - push_b * (b - a) / (push_b - push_a)
+        a, push_a, b = b, push_b, c
+        if abs(b - a) < 1e-14:
+            S.mult[j] = b
+            return True
+    return False
+
+
+@kernel
+def _relax(P, S, W, j, along):
     """Lets the layered states run to rest at fixed lambda_j, or along the root of g_j (two-stage layer).
 
-    Overwrites work.z and mult. Returns the side that lambda_j left by, or 0 when everything came to rest.
+    Overwrites W.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest.
     """
-    z, q = work.z, work.q
-    k = np.zeros((4, P.nz))
-    z0 = np.zeros(P.nz)
-    shift = np.array([0.0, 0.5, 0.5, 1.0])
+    z, q, z0, k = W.z, W.q, W.layer_new, W.layer_k
     dt = 0.02
-    for sweep in range(100000):
+    for _ in range(100000):
         for i in range(P.nz):
             z0[i] = z[i]
         for s in range(4):
+            part = 0.0 if s == 0 else (1.0 if s == 3 else 0.5)
             for i in range(P.nz):
-                z[i] = z0[i] + (shift[s] * dt * k[s - 1, i] if s > 0 else 0.0)
+                z[i] = z0[i] + (part * dt * k[s - 1, i] if s > 0 else 0.0)
             if along:
-                lam = mult[j]
-                toward = 1.0
-                found = False
-                # Secant steps on g_j(lambda; z): the root moves little between stages.
-                a = lam
-                ga = _g(P, t, x, mult, j, a, True, work)
-                b = a + 1e-7
-                for _ in range(30):
-                    gb = _g(P, t, x, mult, j, b, True, work)
-                    if gb == ga:
-                        found = gb == 0.0
-                        break
-                    c = b - gb * (b - a) / (gb - ga)
-                    a, ga, b = b, gb, c
-                    if abs(b - a) < 1e-15:
-                        found = True
-                        break
-                if not found and not abs(b - a) < 1e-10:
-                    return 1 if lam > 0 else -1
-                mult[j] = b
-                if abs(b) >= 1.0:
-                    return 1 if b > 0 else -1
-            call_layer(P.layer, t, x, mult, z, P.p, work.g, q)
+                was = S.mult[j]
+                if not _root_along(P, S, W, j):
+                    return 1 if was > 0.0 else -1
+                if abs(S.mult[j]) >= 1.0:
+                    return 1 if S.mult[j] > 0.0 else -1
+            call_layer(P.layer, S.now[0], S.x, S.mult, z, P.p, W.g, q)
             for i in range(P.nz):
                 k[s, i] = q[i]
         speed = 0.0
@@ -311,118 +305,113 @@ def relax(P, t, x, mult, status, j, along, work):
     return 0
 
 
-@njit(cache=True)
-def _tail(P, g):
-    """Distance |u| from which a layer run starts or ends: far enough that fast layered states have settled."""
-    slowest = 1.0
+@kernel
+def _relax_from_zero(P, S, W, j):
+    for i in range(P.nz):
+        W.z[i] = 0.0
+    _relax(P, S, W, j, False)
+
+
+@kernel
+def _close(P, S, W):
+    """Polishes every solved multiplier; SETTLED or LOST."""
+    mask_solved(P, S, W)
+    return SETTLED if follow(P, S, W) else LOST
+
+
+@kernel
+def _settle_one(P, S, W, j, start, toward):
+    """One switch without layered states, or with two-stage ones: the first zero of g on its way decides."""
+    two_stage = P.nz > 0
+    found = _first_zero(P, S, W, j, start, toward, two_stage)
+    if found and two_stage:
+        left = _relax(P, S, W, j, True)
+        if left != 0:
+            found, toward = False, left
+    S.status[j] = SOLVED if found else toward
+    if not found:
+        S.mult[j] = float(toward)
+    return _close(P, S, W)
+
+
+@kernel
+def _arrive(P, S, W, size):
+    """Settles the switches W.group[:size], come to their surfaces from W.arrival (0: at rest there, u = 0)."""
+    one = size == 1 and (P.nz == 0 or P.ratio[0] == 0.0)
+    if one:
+        j = W.group[0]
+        side = W.arrival[0]
+        S.mult[j] = float(side)
+        if P.nz > 0:
+            _relax_from_zero(P, S, W, j)
+        toward = -side
+        if side == 0:
+            _prepare(P, S, W, j)
+            toward = 1 if _push(P, S, W, j, 0.0, 1, P.nz > 0) > 0.0 else -1
+        return _settle_one(P, S, W, j, float(side), toward)
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    top, slowest = 1e-300, 1.0
+    for i in range(size):
+        if W.arrival[i] != 0:
+            top = max(top, abs(W.g[W.group[i]]) * P.weight[W.group[i]])
     for i in range(P.nz):
         slowest = min(slowest, P.ratio[i])
-    return 1e3 + 50.0 * abs(g) / slowest
-
-
-@njit(cache=True)
-def arrive(P, t, x, mult, status, active, size, side, work):
-    """Settles switches that came to their surfaces from `side` (0: on the surface at rest, u = 0).
-
-    Overwrites mult and status; returns SETTLED, OSCILLATES or LOST.
-    """
-    call_fields(P.fields, t, x, mult, P.p, work.dx, work.h, work.g)
-    slaved = P.nz == 0
-    two_stage = P.nz > 0 and P.ratio.max() == 0.0
-    if size == 1 and (slaved or two_stage):
-        j = active[0]
-        start = float(side[0])
-        toward = -side[0]
-        frozen = False
-        if two_stage:
-            mult[j] = start
-            relax(P, t, x, mult, status, j, False, work)
-            frozen = True
-        if side[0] == 0:
-            instant_mask(P, status, work.mask)
-            work.mask[j] = 0
-            toward = 1 if _g(P, t, x, mult, j, 0.0, frozen, work) > 0.0 else -1
-        found, lam = first_zero(P, t, x, mult, status, j, start, toward, frozen, work)
-        if found and two_stage:
-            mult[j] = lam
-            left = relax(P, t, x, mult, status, j, True, work)
-            if left != 0:
-                found = False
-                toward = left
-            lam = mult[j]
-        if not found:
-            status[j] = toward
-            mult[j] = float(toward)
-            instant_mask(P, status, work.mask)
-            return SETTLED if follow(P, t, x, mult, work.mask, work) else LOST
-        status[j] = SOLVED
-        mult[j] = lam
-        for i in range(P.m):
-            work.mask[i] = 1 if status[i] == SOLVED else 0
-        return SETTLED if follow(P, t, x, mult, work.mask, work) else LOST
-    top = 1e-300
+    # Far enough that fast layered states have settled on the way.
+    tail = 1e3 + 50.0 * top / slowest
     for i in range(size):
-        if side[i] != 0:
-            top = max(top, abs(work.g[active[i]]) * P.weight[active[i]])
-    u = np.zeros(size)
-    for i in range(size):
-        j = active[i]
-        if side[i] == 0:
-            u[i] = sigmoid_inverse(P.sigmoid, mult[j]) if abs(mult[j]) < 1.0 else 0.0
+        j = W.group[i]
+        if W.arrival[i] == 0:
+            W.layer_y[i] = sigmoid_inverse(P.sigmoid, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
-            share = abs(work.g[j]) * P.weight[j] / top
-            u[i] = side[i] * _tail(P, top) * max(share, 1e-6)
-            mult[j] = sigmoid(P.sigmoid, u[i])
+            share = abs(W.g[j]) * P.weight[j] / top
+            W.layer_y[i] = W.arrival[i] * tail * max(share, 1e-6)
+            S.mult[j] = sigmoid(P.sigmoid, W.layer_y[i])
     if P.nz > 0:
-        for i in range(P.nz):
-            work.z[i] = 0.0
-        relax(P, t, x, mult, status, active[0], False, work)
-    return integrate(P, t, x, mult, status, active, size, u, work)
+        _relax_from_zero(P, S, W, W.group[0])
+    return _integrate(P, S, W, size)
 
 
-@njit(cache=True)
-def leave_fold(P, t, x, mult, status, j, toward, work):
-    """After a fold of switch j's root the layer decides again, going on in the direction `toward`.
-
-    Overwrites mult and status; returns SETTLED, OSCILLATES or LOST.
-    """
-    start = mult[j] + 1e-6 * toward
-    others = 0
-    active = np.empty(P.m, np.int64)
+@kernel
+def _leave_fold(P, S, W, j, toward):
+    """After a fold of switch j's root the layer decides again, going on in the direction `toward`."""
+    size = 1
+    W.group[0] = j
     for i in range(P.m):
-        if i != j and status[i] == SOLVED and P.kind[i] == SLIDING and (P.coupled[i, j] or P.coupled[j, i]):
-            active[1 + others] = i
-            others += 1
-    slaved = P.nz == 0
-    two_stage = P.nz > 0 and P.ratio.max() == 0.0
-    if others == 0 and slaved:
-        found, lam = first_zero(P, t, x, mult, status, j, start, toward, False, work)
-        if found and abs(lam - start) < 1e-5:
-            # Still on the rounding of the fold: look on from beyond it.
-            found, lam = first_zero(P, t, x, mult, status, j, mult[j] + 1e-3 * toward, toward, False, work)
-        if found:
-            status[j], mult[j] = SOLVED, lam
-        else:
-            status[j], mult[j] = toward, float(toward)
-        for i in range(P.m):
-            work.mask[i] = 1 if status[i] == SOLVED else 0
-        return SETTLED if follow(P, t, x, mult, work.mask, work) else LOST
-    mult[j] = mult[j] + 1e-3 * toward
+        if i != j and S.status[i] == SOLVED and P.kind[i] == SLIDING and (P.coupled[i, j] or P.coupled[j, i]):
+            W.group[size] = i
+            size += 1
+    fold = S.mult[j]
+    if size == 1 and P.nz == 0:
+        _prepare(P, S, W, j)
+        # g vanishes to second order here: start where it pushes clearly.
+        ahead = fold + 1e-6 * toward
+        if _push(P, S, W, j, ahead, toward, False) <= 0.0:
+            ahead = fold + 1e-3 * toward
+        return _settle_one(P, S, W, j, ahead, toward)
+    S.mult[j] = fold + 1e-3 * toward
     if P.nz > 0:
-        for i in range(P.nz):
-            work.z[i] = 0.0
-        relax(P, t, x, mult, status, j, False, work)
-    if two_stage and others == 0:
-        left = relax(P, t, x, mult, status, j, True, work)
-        if left != 0:
-            status[j], mult[j] = left, float(left)
-        for i in range(P.m):
-            work.mask[i] = 1 if status[i] == SOLVED else 0
-        return SETTLED if follow(P, t, x, mult, work.mask, work) else LOST
-    active[0] = j
-    u = np.zeros(1 + others)
-    for i in range(1 + others):
-        lam = min(max(mult[active[i]], -1.0 + 1e-12), 1.0 - 1e-12)
-        u[i] = sigmoid_inverse(P.sigmoid, lam)
-    return integrate(P, t, x, mult, status, active, 1 + others, u, work)
+        _relax_from_zero(P, S, W, j)
+        if size == 1 and P.ratio[0] == 0.0:
+            left = _relax(P, S, W, j, True)
+            if left != 0:
+                S.status[j] = left
+                S.mult[j] = float(left)
+            return _close(P, S, W)
+    for i in range(size):
+        W.layer_y[i] = sigmoid_inverse(P.sigmoid, S.mult[W.group[i]])
+    return _integrate(P, S, W, size)
+
+
+@unit(
+    types.int64(
+        Problem.numba_type, State.numba_type, Work.numba_type, types.int64, types.int64, types.int64, types.float64
+    )
+)
+def layer(P, S, W, task, j, toward, start):
+    """Overwrites S.mult and S.status; SETTLED, OSCILLATES or LOST (FIRST_ZERO: 1 if found, lambda in S.mult[j])."""
+    if task == ARRIVE:
+        return _arrive(P, S, W, j)
+    if task == LEAVE_FOLD:
+        return _leave_fold(P, S, W, j, toward)
+    return 1 if _first_zero(P, S, W, j, start, toward, P.nz > 0 and P.ratio[0] == 0.0) else 0

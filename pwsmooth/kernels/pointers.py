@@ -63,3 +63,27 @@ def call_jet_slip(typingctx, address, t, x, mult, p, K, stride, rows):
 def call_jet_general(typingctx, address, t, x, mult, p, mask, K, stride, rows):
     """jet_general(t, x, mult, p, mask, K, stride, rows): overwrites the Taylor rows, masked multipliers solved."""
     return _caller((address, t, x, mult, p, mask, K, stride, rows), types.int64)
+
+
+@intrinsic
+def call_unit(typingctx, address, P, C, S, R, W):
+    """unit(P, C, S, R, W) -> int64."""
+    return _caller((address, P, C, S, R, W), types.int64)
+
+
+@intrinsic
+def call_newton(typingctx, address, P, S, W):
+    """newton(P, S, W) -> int64: solves the multipliers of W.mask, 0 when it did not converge."""
+    return _caller((address, P, S, W), types.int64)
+
+
+@intrinsic
+def call_layer_unit(typingctx, address, P, S, W, task, j, toward, start):
+    """layer(P, S, W, task, j or size, toward, start) -> int64; see layer.py for the tasks."""
+    return _caller((address, P, S, W, task, j, toward, start), types.int64)
+
+
+@intrinsic
+def call_fold(typingctx, address, P, C, S, W, j, toward):
+    """fold jet(P, C, S, W, j, toward) -> int64: overwrites W.rows, 0 where it is singular."""
+    return _caller((address, P, C, S, W, j, toward), types.int64)

@@ -5,15 +5,17 @@ polynomial and their sign changes bound the number of roots (Descartes): none ->
 more -> subdivide, left half first. Most steps are settled by a Bernstein form of degree 6 plus a remainder.
 """
 
+import math
+
 import numpy as np
-from numba import njit
+
+from .compiling import kernel
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 
 
-@njit(cache=True)
 def _quick_table():
     table = np.zeros((_LOW + 1, _LOW + 1))
     for i in range(_LOW + 1):
@@ -24,17 +26,17 @@ def _quick_table():
     return table
 
 
-_TABLE = _quick_table.py_func()
+_TABLE = _quick_table()
 
 
-@njit(cache=True, inline="always")
+@kernel
 def quick_bounds(a, degree):
     """Lower and upper bound of the polynomial on [0, 1], from a Bernstein form of degree 6 and the remainder."""
     rest = 0.0
     for k in range(_LOW + 1, degree + 1):
         rest += abs(a[k])
     top = min(degree, _LOW)
-    lo, hi = np.inf, -np.inf
+    lo, hi = math.inf, -math.inf
     for i in range(_LOW + 1):
         b = 0.0
         for k in range(min(i, top) + 1):
@@ -44,7 +46,7 @@ def quick_bounds(a, degree):
     return lo - rest, hi + rest
 
 
-@njit(cache=True)
+@kernel
 def to_bernstein(a, degree, b):
     """Overwrites b[0..degree] with the Bernstein coefficients of a on [0, 1]."""
     scale = 1.0
@@ -56,7 +58,7 @@ def to_bernstein(a, degree, b):
             b[i] += b[i - 1]
 
 
-@njit(cache=True)
+@kernel
 def evaluate(a, degree, s):
     """Value of the polynomial at s."""
     value = a[degree]
@@ -65,7 +67,7 @@ def evaluate(a, degree, s):
     return value
 
 
-@njit(cache=True)
+@kernel
 def refine(a, degree, lo, hi, s):
     """The single root in [lo, hi] by Halley steps from s, kept inside the bracket."""
     f_lo = evaluate(a, degree, lo)
@@ -95,7 +97,7 @@ def refine(a, degree, lo, hi, s):
     return s
 
 
-@njit(cache=True)
+@kernel
 def first_root(a, degree, work):
     """First s in [0, 1] where the polynomial, positive at 0, ceases to be positive; NO_ROOT if there is none.
 
@@ -117,7 +119,7 @@ def first_root(a, degree, work):
     depth = 0
     # Depth-first over dyadic intervals; slot d of `work` keeps the right half that waits at depth d.
     left, size = 0.0, 1.0
-    pending = np.zeros(_DEEPEST + 2, np.bool_)
+    pending = 0  # bit d: a right half waits at depth d
     while True:
         base = depth * width
         c = work[base : base + width]
@@ -153,8 +155,7 @@ def first_root(a, degree, work):
                 d[i] = c[0]
                 for k in range(width - 1 - i):
                     c[k] = 0.5 * (c[k] + c[k + 1])
-            # c now holds the right half reversed order of construction: c[k] is already in place.
-            pending[depth] = True
+            pending |= 1 << depth
             size *= 0.5
             depth += 1
             continue
@@ -162,9 +163,9 @@ def first_root(a, degree, work):
         while depth > 0:
             depth -= 1
             size *= 2.0
-            if pending[depth]:
-                pending[depth] = False
-                left_parent = np.floor(left / size) * size
+            if pending >> depth & 1:
+                pending ^= 1 << depth
+                left_parent = math.floor(left / size) * size
                 left = left_parent + 0.5 * size
                 size *= 0.5
                 # The right half is processed as if it were one level deeper, in its own slot.

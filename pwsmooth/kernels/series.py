@@ -1,60 +1,70 @@
-"""Convolutions of Taylor rows and the small linear solver of sliding jets, called by generated programs.
+"""Pieces of generated Taylor programs: block sums of convolutions, and the linear solver of sliding jets.
 
-A row is a stretch of one buffer of doubles, given by its offset. The sums leave out both ends, j = 0 and
-j = k: the caller adds them from values that it has in registers.
+Orders come in blocks of four, k = 4q + 1 .. 4q + 4. At a block's start `presum` gives, for its four orders at
+once, the part of sum a_j b_(k-j) whose two factors lie before the block; what remains are at most three pairs,
+which the program keeps in registers. A loop over j at every order costs 4 times as much: its length changes
+with k, so each of its ends is a mispredicted branch, and it reloads numbers that were only just stored.
 """
 
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LANES = 4
+_DOUBLE, _INT = ir.DoubleType(), ir.IntType(64)
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_CONTRACT = ("contract",)
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def conv(rows, a, b, k):
-    """sum over 0 < j < k of a_j b_(k-j); two sums, because one would wait for each addition."""
-    b += k
-    s0, s1 = 0.0, 0.0
-    j = 1
-    while j < k - 1:
-        s0 += rows[a + j] * rows[b - j]
-        s1 += rows[a + j + 1] * rows[b - j - 1]
-        j += 2
-    if j < k:
-        s0 += rows[a + j] * rows[b - j]
-    return s0 + s1
+@intrinsic
+def _block_sum(typingctx, rows, a, b, q, out):
+    """Overwrites rows[out..out+3] with sum over 1 <= j <= 4q, k - j <= 4q of a_j b_(k-j), k = 4q+1 .. 4q+4."""
+    signature = types.void(rows, types.int64, types.int64, types.int64, types.int64)
+
+    def codegen(context, builder, sig, args):
+        rows, a, b, q, out = args
+        zero, undefined = ir.Constant(_VECTOR, [0.0] * LANES), ir.Constant(_VECTOR, ir.Undefined)
+        broadcast = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        # Four sums, because one would wait for each addition.
+        sums = [cgutils.alloca_once_value(builder, zero) for _ in range(LANES)]
+        known = builder.mul(q, _INT(LANES))
+
+        def vector(offset):
+            return builder.bitcast(builder.gep(rows, [offset]), _VECTOR.as_pointer())
+
+        def add(j, into, valid):
+            factor = builder.load(builder.gep(rows, [builder.add(a, j)]))
+            factor = builder.insert_element(undefined, factor, ir.IntType(32)(0))
+            factor = builder.shuffle_vector(factor, undefined, broadcast)
+            first = builder.sub(builder.add(builder.add(b, known), _INT(1)), j)
+            other = builder.load(vector(first), align=8)
+            if valid < LANES:  # beyond are orders that do not exist yet
+                lanes = ir.VectorType(ir.IntType(1), LANES)
+                mask = ir.Constant(lanes, [int(lane < valid) for lane in range(LANES)])
+                other = builder.select(mask, other, zero)
+            product = builder.fmul(factor, other, flags=_CONTRACT)
+            builder.store(builder.fadd(builder.load(into), product, flags=_CONTRACT), into)
+
+        with builder.if_then(builder.icmp_signed(">", q, _INT(0))):
+            for j in range(1, LANES + 1):
+                add(_INT(j), sums[j - 1], j)
+            stop = builder.add(known, _INT(1))
+            with cgutils.for_range_slice(builder, _INT(LANES + 1), stop, _INT(LANES)) as (j, _):
+                for lane in range(LANES):
+                    add(builder.add(j, _INT(lane)), sums[lane], LANES)
+        s = [builder.load(q) for q in sums]
+        total = builder.fadd(builder.fadd(s[0], s[1]), builder.fadd(s[2], s[3]))
+        builder.store(total, vector(out), align=8)
+        return context.get_dummy_value()
+
+    return signature, codegen
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def square(rows, a, k):
-    """sum over 0 < j < k of a_j a_(k-j), each pair once."""
-    b = a + k
-    s0, s1 = 0.0, 0.0
-    half = (k + 1) // 2
-    j = 1
-    while j < half - 1:
-        s0 += rows[a + j] * rows[b - j]
-        s1 += rows[a + j + 1] * rows[b - j - 1]
-        j += 2
-    if j < half:
-        s0 += rows[a + j] * rows[b - j]
-    s0 = 2.0 * (s0 + s1)
-    if k % 2 == 0:
-        s0 += rows[a + half] * rows[a + half]
-    return s0
-
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def weighted(rows, a, b, k):
-    """sum over 0 < j < k of j a_j b_(k-j)."""
-    b += k
-    s0, s1, w = 0.0, 0.0, 1.0
-    j = 1
-    while j < k - 1:
-        s0 += w * rows[a + j] * rows[b - j]
-        s1 += (w + 1.0) * rows[a + j + 1] * rows[b - j - 1]
-        w += 2.0
-        j += 2
-    if j < k:
-        s0 += w * rows[a + j] * rows[b - j]
-    return s0 + s1
+@njit(cache=True, error_model="numpy")
+def presum(rows, a, b, q, out):
+    """Block sum of the rows at offsets a and b for block q; overwrites rows[out..out+3]."""
+    _block_sum(rows, a, b, q, out)
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,14 +4,16 @@ Newton's method on the residuals g of the masked multipliers; the projection x -
 are no coordinate (a coordinate is set to exactly 0).
 """
 
-import numpy as np
-from numba import njit
+import math
 
-from .pointers import call_fields, call_linear
-from .state import ALGEBRAIC, CONTACT, SOLVED
+from numba import types
+
+from .compiling import kernel, unit
+from .pointers import call_fields, call_linear, call_newton
+from .state import ALGEBRAIC, CONTACT, SOLVED, Problem, State, Work
 
 
-@njit(cache=True)
+@kernel
 def solve_dense(A, b, size):
     """Gaussian elimination with partial pivoting; overwrites A and b (the solution); False if singular."""
     for i in range(size):
@@ -19,7 +21,7 @@ def solve_dense(A, b, size):
         for r in range(i + 1, size):
             if abs(A[r, i]) > abs(A[best, i]):
                 best = r
-        if A[best, i] == 0.0 or not np.isfinite(A[best, i]):
+        if not abs(A[best, i]) > 0.0:
             return False
         if best != i:
             for c in range(size):
@@ -27,10 +29,9 @@ def solve_dense(A, b, size):
             b[i], b[best] = b[best], b[i]
         for r in range(i + 1, size):
             factor = A[r, i] / A[i, i]
-            if factor != 0.0:
-                for c in range(i, size):
-                    A[r, c] -= factor * A[i, c]
-                b[r] -= factor * b[i]
+            for c in range(i, size):
+                A[r, c] -= factor * A[i, c]
+            b[r] -= factor * b[i]
     for i in range(size - 1, -1, -1):
         total = b[i]
         for c in range(i + 1, size):
@@ -39,90 +40,95 @@ def solve_dense(A, b, size):
     return True
 
 
-@njit(cache=True)
-def newton(P, t, x, mult, mask, work):
-    """Solves g = 0 for the masked multipliers, overwriting them; False when it does not converge."""
-    m = P.m
-    index = np.empty(m, np.int64)
+@unit(types.int64(Problem.numba_type, State.numba_type, Work.numba_type))
+def newton(P, S, W):
+    """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
+    m, t = P.m, S.now[0]
+    x, mult, g, G, index = S.x, S.mult, W.g, W.G, W.index
+    A, b = W.matrix, W.vector
     size = 0
     for j in range(m):
-        if mask[j]:
+        if W.mask[j]:
             index[size] = j
             size += 1
-    if size == 0:
-        return True
-    dx, h, g = work.dx, work.h, work.g
-    G, dh = work.G, work.dh
-    previous = np.inf
+    previous = math.inf
+    change = 0.0
     for sweep in range(25):
-        call_fields(P.fields, t, x, mult, P.p, dx, h, g)
-        call_linear(P.linear, t, x, mult, P.p, G, dh)
-        A = np.empty((size, size))
-        b = np.empty(size)
+        call_fields(P.fields, t, x, mult, P.p, W.dx, W.h, g)
+        call_linear(P.linear, t, x, mult, P.p, G, W.dh)
+        rest = 0.0
         for r in range(size):
             b[r] = -g[index[r]]
+            rest = max(rest, abs(b[r]))
             for c in range(size):
                 A[r, c] = G[index[r] * m + index[c]]
         if not solve_dense(A, b, size):
-            for r in range(size):
-                if g[index[r]] != 0.0:
-                    return False
-            return True
+            return 1 if rest == 0.0 else 0
         change = 0.0
         for r in range(size):
             mult[index[r]] += b[r]
             change = max(change, abs(b[r]) / (1.0 + abs(mult[index[r]])))
-        if not np.isfinite(change):
-            return False
+        if not change < math.inf:
+            return 0
         # One step more than it takes to see convergence: the residual then sits at rounding.
         if change <= 1e-15 or (sweep > 0 and change < 1e-9 and change >= 0.25 * previous):
-            return True
+            return 1
         previous = change
-    return change < 1e-10
+    return 1 if change < 1e-10 else 0
 
 
-@njit(cache=True)
-def follow(P, t, x, mult, mask, work):
-    """Newton only where a residual is above rounding: the usual case costs one evaluation."""
-    call_fields(P.fields, t, x, mult, P.p, work.dx, work.h, work.g)
+@kernel
+def follow(P, S, W):
+    """Newton only where a masked residual is above rounding: the usual case costs one evaluation."""
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
     clean = True
     for j in range(P.m):
-        if mask[j] and not abs(work.g[j]) <= 1e-15:
+        if W.mask[j] and not abs(W.g[j]) <= 1e-15:
             clean = False
-    return True if clean else newton(P, t, x, mult, mask, work)
+    return clean or call_newton(P.newton_unit, P, S, W) != 0
 
 
-@njit(cache=True)
-def instant_mask(P, status, mask):
-    """Overwrites mask: the multipliers that are solved at every instant, whatever a switch does."""
+@kernel
+def mask_solved(P, S, W):
+    """Overwrites W.mask: the multipliers that are solved now."""
     for j in range(P.m):
-        mask[j] = 1 if P.kind[j] == ALGEBRAIC or (P.kind[j] == CONTACT and status[j] == SOLVED) else 0
+        W.mask[j] = 1 if S.status[j] == SOLVED else 0
 
 
-@njit(cache=True)
-def keep_on_surface(P, t, x, mult, j, work):
-    """Puts x exactly on h_j = 0."""
+@kernel
+def mask_instant(P, S, W):
+    """Overwrites W.mask: those that are solved at every instant, whatever a switch does; True if there are any."""
+    some = False
+    for j in range(P.m):
+        W.mask[j] = 1 if P.kind[j] == ALGEBRAIC or (P.kind[j] == CONTACT and S.status[j] == SOLVED) else 0
+        some = some or W.mask[j] != 0
+    return some
+
+
+@kernel
+def keep_on_surface(P, S, j, W):
+    """Puts S.x exactly on h_j = 0."""
     if P.surface_state[j] >= 0:
-        x[P.surface_state[j]] = 0.0
+        S.x[P.surface_state[j]] = 0.0
         return
     for _ in range(3):
-        call_fields(P.fields, t, x, mult, P.p, work.dx, work.h, work.g)
-        if work.h[j] == 0.0:
+        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        if W.h[j] == 0.0:
             return
-        call_linear(P.linear, t, x, mult, P.p, work.G, work.dh)
+        call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
         for i in range(P.n):
-            square += work.dh[j * P.n + i] ** 2
+            square += W.dh[j * P.n + i] ** 2
         if not square > 0.0:
             return
         for i in range(P.n):
-            x[i] -= work.dh[j * P.n + i] * work.h[j] / square
+            S.x[i] -= W.dh[j * P.n + i] * W.h[j] / square
 
 
-@njit(cache=True)
-def surface_rounding(P, x, j, dh):
-    """The size at which h_j is indistinguishable from 0, from the gradient's row of dh."""
+@kernel
+def surface_rounding(P, S, j, W):
+    """The size at which h_j is indistinguishable from 0, from the gradient's row of W.dh."""
     total = 1e-300
     for i in range(P.n):
-        total += abs(dh[j * P.n + i] * x[i])
+        total += abs(W.dh[j * P.n + i] * S.x[i])
     return 1e-13 * total

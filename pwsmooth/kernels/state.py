@@ -55,6 +55,11 @@ class Problem(Bundle):
     jet_fold: "int"  # the same along the arc of a multiplier (see folds.py), 0 where no fold can occur
     fields_fold: "int"
     linear_fold: "int"
+    newton_unit: "int"  # addresses of the compiled units (compiling.py)
+    layer_unit: "int"
+    fold_unit: "int"
+    start_unit: "int"
+    instant_unit: "int"
     n: "int"
     m: "int"
     ne: "int"
@@ -152,3 +157,21 @@ class Work(Bundle):
     after: "f8[1]"  # (n,)
     active: "i8[1]"  # (m,)
     arrival: "i8[1]"  # (m,) side of arrival of the active switches
+    group: "i8[1]"  # (m,) switches whose layers are settled together
+    came: "i8[1]"  # (m,) status before the instant
+    keep_status: "i8[1]"  # (m,)
+    keep_mult: "f8[1]"  # (m,)
+    answer: "f8[1]"  # numbers that units hand each other (see at_instant)
+    fold_dx: "f8[1]"
+    fold_h: "f8[1]"
+    fold_g: "f8[1]"
+    fold_G: "f8[1]"
+    fold_dh: "f8[1]"
+    matrix: "f8[2]"  # (m + 1, m + 1)
+    vector: "f8[1]"  # (m + 1,)
+    index: "i8[1]"  # (m + 1,)
+    layer_y: "f8[1]"  # (m + nz,) state of a layer run
+    layer_new: "f8[1]"
+    layer_k: "f8[2]"  # (7, m + nz)
+    gradient: "f8[1]"  # (n,)
+    pending: "i8[1]"  # (ne,) events of this instant: 1 pending, 2 fired

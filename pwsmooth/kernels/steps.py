@@ -6,15 +6,15 @@ multiplier (fold): near a fold lambda ~ sqrt(t* - t) has no Taylor series in t, 
 
 import math
 
-import numpy as np
-from numba import njit
+from numba import njit, types
 
+from .compiling import kernel, unit
 from .pointers import call_fields, call_jet_general, call_jet_slip, call_linear
-from .sliding import solve_dense
-from .state import SOLVED
+from .sliding import mask_solved, solve_dense
+from .state import SOLVED, Control, Problem, State, Work
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"}, inline="always")
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def dot(row, power, count):
     """sum row[k] power[k]: with reassociation it runs in vector lanes, a Horner chain does not."""
     total = 0.0
@@ -23,7 +23,7 @@ def dot(row, power, count):
     return total
 
 
-@njit(cache=True, inline="always")
+@kernel
 def powers(power, h, count):
     """Overwrites power[0..count-1] with 1, h, h^2, ... (blocks of eight: no serial product)."""
     power[0] = 1.0
@@ -35,7 +35,7 @@ def powers(power, h, count):
         power[k] = power[k - 8] * h8
 
 
-@njit(cache=True, inline="always")
+@kernel
 def _root_of(e, k):
     """e^(-1/k), to a few per cent: exponent bits and a linear mantissa."""
     mantissa, exponent = math.frexp(e)
@@ -44,7 +44,7 @@ def _root_of(e, k):
     return math.ldexp(1.0 + (y - whole), int(whole))
 
 
-@njit(cache=True)
+@kernel
 def taylor_step_size(P, C, S, rows, mult_row, any_solved):
     """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
 
@@ -72,20 +72,19 @@ def taylor_step_size(P, C, S, rows, mult_row, any_solved):
     return 0.9 * h
 
 
-@njit(cache=True)
+@kernel
 def take_jet(P, C, S, any_solved, work):
     """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, or -1 if it failed."""
     stride = work.rows.shape[1]
     if any_solved:
-        for j in range(P.m):
-            work.mask[j] = 1 if S.status[j] == SOLVED else 0
+        mask_solved(P, S, work)
         code = call_jet_general(P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, C.order, stride, work.rows)
         return P.mult_row if code == 0 else -1
     call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, stride, work.rows)
     return 0
 
 
-@njit(cache=True)
+@kernel
 def near_fold(P, S, rows, mult_row, h):
     """The multiplier whose square-root singularity lies within three steps, or -1.
 
@@ -100,53 +99,51 @@ def near_fold(P, S, rows, mult_row, h):
     return found
 
 
-@njit(cache=True)
-def take_fold_jet(P, C, S, j, toward, work):
-    """Overwrites work.rows with the jet along lambda_j (direction `toward`); False where even that is singular.
+@unit(
+    types.int64(
+        Problem.numba_type, Control.numba_type, State.numba_type, Work.numba_type, types.int64, types.int64
+    )
+)
+def fold_jet(P, C, S, W, j, toward):
+    """Overwrites W.rows with the jet along lambda_j (direction `toward`); 0 where even that is singular.
 
     Rows: x, t, lambda_1..m. The multipliers of this program are dt/ds and dlambda_i/ds; they solve the bordered
     linear system  g_t dt/ds + G dlambda/ds = 0,  c . dlambda/ds = 1,  with c = toward e_j.
     """
-    n, m, np_ = P.n, P.m, P.p.shape[0]
-    work.fold_x[:n] = S.x
-    work.fold_x[n] = S.now[0]
-    P.fold_bias[:np_] = P.p
-    P.fold_bias[np_:] = 0.0
-    P.fold_bias[np_ + j] = float(toward)
-    work.fold_mult[:] = 0.0
-    work.fold_mask[0] = 1
-    index = np.empty(m + 1, np.int64)
+    n, m, count = P.n, P.m, len(P.p)
+    bias, mult, mask, index = P.fold_bias, W.fold_mult, W.fold_mask, W.index
+    for i in range(n):
+        W.fold_x[i] = S.x[i]
+    W.fold_x[n] = S.now[0]
+    for i in range(count):
+        bias[i] = P.p[i]
+    mask[0] = 1
+    mult[0] = 0.0
     index[0] = 0
     size = 1
     for i in range(m):
-        work.fold_x[n + 1 + i] = S.mult[i]
-        work.fold_mask[1 + i] = 1 if S.status[i] == SOLVED else 0
+        bias[count + i] = float(toward) if i == j else 0.0
+        W.fold_x[n + 1 + i] = S.mult[i]
+        mult[1 + i] = 0.0
+        mask[1 + i] = 1 if S.status[i] == SOLVED else 0
         if S.status[i] == SOLVED:
             index[size] = 1 + i
             size += 1
-    big = m + 1
-    surfaces = m + 1 + m + P.ne
-    dx, h, g = np.empty(n + 1 + m), np.empty(surfaces), np.empty(big)
-    G, dh = np.empty(big * big), np.empty(surfaces * (n + 2 + m))
-    call_fields(P.fields_fold, 0.0, work.fold_x, work.fold_mult, P.fold_bias, dx, h, g)
-    call_linear(P.linear_fold, 0.0, work.fold_x, work.fold_mult, P.fold_bias, G, dh)
-    A, b = np.empty((size, size)), np.empty(size)
+    call_fields(P.fields_fold, 0.0, W.fold_x, mult, bias, W.fold_dx, W.fold_h, W.fold_g)
+    call_linear(P.linear_fold, 0.0, W.fold_x, mult, bias, W.fold_G, W.fold_dh)
     for r in range(size):
-        b[r] = -g[index[r]]
+        W.vector[r] = -W.fold_g[index[r]]
         for c in range(size):
-            A[r, c] = G[index[r] * big + index[c]]
-    if not solve_dense(A, b, size):
-        return False
+            W.matrix[r, c] = W.fold_G[index[r] * (m + 1) + index[c]]
+    if not solve_dense(W.matrix, W.vector, size):
+        return 0
     for r in range(size):
-        work.fold_mult[index[r]] = b[r]
-    stride = work.rows.shape[1]
-    code = call_jet_general(
-        P.jet_fold, 0.0, work.fold_x, work.fold_mult, P.fold_bias, work.fold_mask, C.order, stride, work.rows
-    )
-    return code == 0
+        mult[index[r]] = W.vector[r]
+    code = call_jet_general(P.jet_fold, 0.0, W.fold_x, mult, bias, mask, C.order, W.rows.shape[1], W.rows)
+    return 1 if code == 0 else 0
 
 
-@njit(cache=True)
+@kernel
 def fold_step_size(P, C, S, rows):
     """Step along the arc, by the same rule; the multipliers are states of this program."""
     K, n, m = C.order, P.n, P.m

@@ -7,12 +7,11 @@ that meets a zero of dt/dlambda a fold.
 
 import math
 
-import numpy as np
-from numba import njit
-
-from .instants import at_instant, record_point, start, two_fold
+from .compiling import kernel
+from .pointers import call_fold, call_unit
+from .records import record_point
 from .roots import NO_ROOT, first_root
-from .sliding import follow, keep_on_surface
+from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     C_CLOCK,
     C_DENSE,
@@ -35,10 +34,11 @@ from .state import (
     SOLVED,
     UNDERFLOW,
 )
-from .steps import dot, fold_step_size, near_fold, powers, take_fold_jet, take_jet, taylor_step_size
+from .steps import dot, fold_step_size, near_fold, powers, take_jet, taylor_step_size
+from .twofolds import two_fold
 
 
-@njit(cache=True, inline="always")
+@kernel
 def _scaled(row, power, poly, degree, drop, sign):
     """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
     for k in range(degree - drop + 1):
@@ -47,7 +47,7 @@ def _scaled(row, power, poly, degree, drop, sign):
         poly[k] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def _meet(row, power, degree, drop, sign, work):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
     poly = work.poly
@@ -62,7 +62,7 @@ def _meet(row, power, degree, drop, sign, work):
     return first_root(poly, degree - drop, work.bernstein)
 
 
-@njit(cache=True)
+@kernel
 def find_first(P, C, S, surface_rows, mult_row, h, work):
     """Overwrites work.tau with where in the step each surface or bound is met; returns the earliest."""
     m, ne, K = P.m, P.ne, C.order
@@ -80,7 +80,7 @@ def find_first(P, C, S, surface_rows, mult_row, h, work):
                 work.exit_side[j] = 1
             else:
                 poly = work.poly
-                for side in (1, -1):
+                for side in range(1, -2, -2):
                     # 1 - side * lambda, whose zero is the tangency exit.
                     drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
                     _scaled(row, power, poly, K, drop, -1.0 * side)
@@ -101,7 +101,7 @@ def find_first(P, C, S, surface_rows, mult_row, h, work):
     return best
 
 
-@njit(cache=True)
+@kernel
 def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
     """Fills the asked-for instants inside the step just made."""
     m, K = P.m, C.order
@@ -138,7 +138,7 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
         S.counts[C_EVAL] += 1
 
 
-@njit(cache=True)
+@kernel
 def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     """Stores the step's polynomials: states, multipliers, time."""
     if R.dense.shape[0] == 0:
@@ -163,7 +163,7 @@ def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     S.counts[C_DENSE] += 1
 
 
-@njit(cache=True)
+@kernel
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
@@ -174,13 +174,13 @@ def _room(R, S):
     )
 
 
-@njit(cache=True)
+@kernel
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
     n, m, K = P.n, P.m, C.order
     if S.counts[C_STARTED] == 0:
         S.counts[C_STARTED] = 1
-        code = start(P, C, S, R, W)
+        code = call_unit(P.start_unit, P, C, S, R, W)
         if code != DONE:
             return code
     while S.now[0] < C.t_end:
@@ -193,9 +193,8 @@ def run(P, C, S, R, W):
             if S.status[j] == SOLVED:
                 any_solved = True
         if any_solved:
-            for j in range(m):
-                W.mask[j] = 1 if S.status[j] == SOLVED else 0
-            if not follow(P, S.now[0], S.x, S.mult, W.mask, W):
+            mask_solved(P, S, W)
+            if not follow(P, S, W):
                 return NEWTON_FAILED
         mult_row = take_jet(P, C, S, any_solved, W)
         S.counts[C_JETS] += 1
@@ -213,7 +212,7 @@ def run(P, C, S, R, W):
         toward, time_row = 0, -1
         if fold >= 0:
             toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
-            if take_fold_jet(P, C, S, fold, toward, W):
+            if call_fold(P.fold_unit, P, C, S, W, fold, toward):
                 S.counts[C_JETS] += 1
                 time_row = n
                 mult_row = n + 1
@@ -280,14 +279,18 @@ def run(P, C, S, R, W):
         if any_solved:
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
-                    keep_on_surface(P, t_new, S.x, S.mult, j, W)
+                    keep_on_surface(P, S, j, W)
             if two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                 record_point(P, S, R)
                 return W.code[0]
         if happened or at_clock:
             W.code[1] = fold if folded else -1
             W.code[2] = toward
-            code = at_instant(P, C, S, R, best if happened else NO_ROOT, h, at_clock, t_new - t0, W)
+            W.code[4] = 1 if at_clock else 0
+            W.answer[0] = best if happened else NO_ROOT
+            W.answer[1] = h
+            W.answer[2] = t_new - t0
+            code = call_unit(P.instant_unit, P, C, S, R, W)
             if code != DONE:
                 return code
         else:

@@ -1,0 +1,69 @@
+"""Accumulation points: impacts or switchings whose intervals shrink geometrically (chattering, Zeno).
+
+When the limit t + d q/(1 - q) has come within rounding of the present instant it is passed: contacts become closed,
+switches of higher relative degree are held at lambda = 0, the others settled by their layer.
+"""
+
+import math
+
+from .compiling import kernel
+from .records import record_event
+from .settling import close_contact, settle_at_rest, stop_normal_speed
+from .sliding import keep_on_surface
+from .state import (
+    ALGEBRAIC,
+    CONTACT,
+    CROSSING,
+    DONE,
+    EV_ACCUMULATION,
+    EV_CLOSED,
+    EV_OPENING,
+    HELD,
+    KINK,
+    SOLVED,
+)
+
+
+@kernel
+def _time_left(S, j):
+    """Time to the accumulation point if the intervals of surface j shrink geometrically, else inf."""
+    q = S.last[j, 2]
+    if not (q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
+        return math.inf
+    return S.last[j, 1] * q / (1.0 - q)
+
+
+@kernel
+def pass_accumulation(P, C, S, R, W):
+    """Passes an accumulation point that has come within rounding; -1 if there is none, else a code."""
+    t = S.now[0]
+    leader, left = -1, math.inf
+    for j in range(P.m):
+        if W.hit[j] and S.status[j] != SOLVED:
+            estimate = _time_left(S, j)
+            if estimate < left:
+                leader, left = j, estimate
+    if leader < 0 or left > 1e-11 * (1.0 + abs(t)):
+        return -1
+    S.now[0] = t + left
+    size = 0
+    for j in range(P.m):
+        free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
+        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * S.last[leader, 1]
+        if j != leader and not (free and recent):
+            continue
+        record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
+        S.last[j, 1] = 0.0
+        keep_on_surface(P, S, j, W)
+        if P.kind[j] == CONTACT:
+            stop_normal_speed(P, S, j, W, True)
+            closed = close_contact(P, S, j, W)
+            record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
+        elif P.kind[j] == CROSSING or P.kind[j] == KINK:
+            stop_normal_speed(P, S, j, W, False)
+            S.status[j] = HELD
+            S.mult[j] = 0.0
+        else:
+            W.active[size] = j
+            size += 1
+    return settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE

@@ -1,0 +1,227 @@
+"""Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
+
+import math
+
+from .compiling import kernel
+from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES
+from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
+from .records import record_ambiguity
+from .sliding import follow, mask_instant, mask_solved
+from .state import (
+    AMB_HIDDEN_OSCILLATION,
+    AMB_REPELLING,
+    AMB_SEVERAL_ROOTS,
+    C_AMBIGUITIES,
+    C_LAYERS,
+    DONE,
+    HIDDEN_OSCILLATION,
+    NO_ROOT_FOUND,
+    SLIDING,
+    SOLVED,
+    STRICT,
+)
+
+
+@kernel
+def evaluate_surfaces(P, S, W):
+    """Overwrites W.dx, W.h, W.g, W.G, W.dh at the present state."""
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+
+
+@kernel
+def any_solved(P, S):
+    for j in range(P.m):
+        if S.status[j] == SOLVED:
+            return True
+    return False
+
+
+@kernel
+def layer_code(P, S, R, j, outcome):
+    """The loop's return code for what a layer run ended in."""
+    if outcome == OSCILLATES:
+        record_ambiguity(S, R, j, AMB_HIDDEN_OSCILLATION, 0)
+        return HIDDEN_OSCILLATION
+    return NO_ROOT_FOUND if outcome == LOST else DONE
+
+
+@kernel
+def settle_arrivals(P, S, R, W, size):
+    """Runs the layer of W.group[:size], come from W.arrival; returns the loop's code."""
+    S.counts[C_LAYERS] += 1
+    j = W.group[0]
+    return layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0))
+
+
+@kernel
+def residual(P, S, W, j, lam):
+    """g_j at lambda_j = lam with the multipliers of every instant solved along; S.mult[j] is left as it was."""
+    keep = S.mult[j]
+    S.mult[j] = lam
+    if mask_instant(P, S, W):
+        follow(P, S, W)
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.mult[j] = keep
+    return W.g[j]
+
+
+@kernel
+def _one_at_rest(P, S, R, W, j):
+    """One switch on its surface that came from no side: u = 0, lambda = 0. Says so where that does not decide."""
+    plus, minus = residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)
+    middle = residual(P, S, W, j, 0.0)
+    if abs(middle) <= 1e-14 * max(abs(plus), abs(minus)) and residual(P, S, W, j, 1e-4) > 0.0:
+        # lambda = 0 is a repelling root: which way it leaves is not decided by the equations.
+        found = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, 1e-4)
+        S.status[j] = SOLVED if found else 1
+        record_ambiguity(S, R, j, AMB_REPELLING, S.status[j])
+        mask_solved(P, S, W)
+        return DONE if follow(P, S, W) else NO_ROOT_FOUND
+    if plus > 0.0 and minus < 0.0:
+        record_ambiguity(S, R, j, AMB_REPELLING, 1 if middle > 0.0 else -1)
+    elif P.hidden[j]:
+        up = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, -1.0)
+        high = S.mult[j]
+        down = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, -1, 1.0)
+        if up != down or abs(high - S.mult[j]) > 1e-9:
+            record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)
+    S.mult[j] = 0.0
+    W.group[0] = j
+    W.arrival[0] = 0
+    return settle_arrivals(P, S, R, W, 1)
+
+
+@kernel
+def settle_at_rest(P, C, S, R, W, size):
+    """Settles the switches W.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
+    together = False
+    for a in range(size):
+        S.mult[W.active[a]] = 0.0
+        for b in range(size):
+            if a != b and P.coupled[W.active[a], W.active[b]]:
+                together = True
+    code = DONE
+    if together:
+        for a in range(size):
+            W.group[a] = W.active[a]
+            W.arrival[a] = 0
+        code = settle_arrivals(P, S, R, W, size)
+    else:
+        for a in range(size):
+            code = max(code, _one_at_rest(P, S, R, W, W.active[a]))
+    if code == DONE and C.strict and S.counts[C_AMBIGUITIES] > 0:
+        return STRICT
+    return code
+
+
+@kernel
+def leading_order(P, C, S, W, row):
+    """Number of leading zero orders of a surface on the slip trajectory from here, negative if it goes negative.
+
+    Counted from 1: +1 means a nonzero value, +2 a nonzero first derivative, ..., +5 zero as far as it looks.
+    """
+    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, W.rows.shape[1], W.rows)
+    size = 1e-3
+    for i in range(P.n):
+        size += abs(S.x[i]) + abs(W.rows[i, 1])
+    for k in range(4):
+        if abs(W.rows[row, k]) > 1e-12 * size:
+            return k + 1 if W.rows[row, k] > 0.0 else -(k + 1)
+    return 5
+
+
+@kernel
+def approach_speed(P, S, j, W):
+    """dh_j/dt with the present field; leaves in W.answer[3] the size at which it is rounding."""
+    evaluate_surfaces(P, S, W)
+    speed = W.dh[(P.m + P.ne) * P.n + j]
+    size = abs(speed)
+    for i in range(P.n):
+        speed += W.dh[j * P.n + i] * W.dx[i]
+        size += abs(W.dh[j * P.n + i] * W.dx[i])
+    W.answer[3] = 1e-14 * size + 1e-13
+    return speed
+
+
+@kernel
+def close_contact(P, S, j, W):
+    """Contact j touches at zero speed: closed if it presses (R >= 0), else it opens. True if closed."""
+    S.status[j] = SOLVED
+    S.mult[j] = 0.0
+    mask_solved(P, S, W)
+    if call_newton(P.newton_unit, P, S, W) == 0 or S.mult[j] < 0.0:
+        S.status[j] = 1
+        S.mult[j] = 0.0
+        S.deflate[j] = 2
+        return False
+    return True
+
+
+@kernel
+def stop_normal_speed(P, S, j, W, contact):
+    """Removes what is left of dh_j/dt: through the impact map for a contact, along its own gradient for a switch."""
+    if contact:
+        speed = approach_speed(P, S, j, W)
+        for i in range(P.n):
+            W.before[i] = S.x[i]
+            W.after[i] = S.x[i]
+        call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
+        for i in range(P.n):
+            S.x[i] = W.after[i]
+        rebound = approach_speed(P, S, j, W)
+        # The impact map is affine in its impulse: the share of it that leaves dh/dt = 0.
+        share = speed / (speed - rebound) if speed != rebound else 0.0
+        for i in range(P.n):
+            S.x[i] = W.before[i] + share * (W.after[i] - W.before[i])
+        return
+    # dh/dt = dh . f(x): its gradient by differences, minimum-norm Newton, twice.
+    for _ in range(2):
+        speed = approach_speed(P, S, j, W)
+        square = 0.0
+        for i in range(P.n):
+            keep = S.x[i]
+            step = 1e-6 * (1.0 + abs(keep))
+            S.x[i] = keep + step
+            W.gradient[i] = (approach_speed(P, S, j, W) - speed) / step
+            S.x[i] = keep
+            square += W.gradient[i] ** 2
+        if square == 0.0:
+            return
+        for i in range(P.n):
+            S.x[i] -= W.gradient[i] * speed / square
+
+
+@kernel
+def note_interval(S, j):
+    """Remembers when surface j was last met, the interval since, and the ratio to the one before."""
+    t = S.now[0]
+    interval = t - S.last[j, 0]
+    S.last[j, 3] = S.last[j, 2]
+    S.last[j, 2] = interval / S.last[j, 1] if S.last[j, 1] > 0.0 else math.inf
+    S.last[j, 1] = interval
+    S.last[j, 0] = t
+
+
+@kernel
+def resettle(P, S, R, W):
+    """Sliding switches whose residual has jumped follow the layer flow from where they are.
+
+    Leaves the side of those that slip in S.status; returns a code.
+    """
+    if mask_instant(P, S, W) and not follow(P, S, W):
+        return NO_ROOT_FOUND
+    for j in range(P.m):
+        if S.status[j] != SOLVED or P.kind[j] != SLIDING:
+            continue
+        lam = S.mult[j]
+        g = residual(P, S, W, j, lam)
+        if abs(g) <= 1e-12:
+            continue
+        toward = 1 if g > 0.0 else -1
+        if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:
+            S.status[j] = toward
+            S.mult[j] = float(toward)
+            S.deflate[j] = 1
+    mask_solved(P, S, W)
+    return DONE if follow(P, S, W) else NO_ROOT_FOUND

@@ -1,0 +1,68 @@
+"""Classification of every surface at the initial state: a start on a surface is classified, not found."""
+
+from numba import types
+
+from .compiling import unit
+from .pointers import call_fields, call_newton
+from .records import record_point
+from .settling import any_solved, approach_speed, close_contact, evaluate_surfaces, leading_order, settle_at_rest
+from .sliding import mask_instant, surface_rounding
+from .state import ALGEBRAIC, CONTACT, DONE, NO_ROOT_FOUND, SLIDING, SOLVED, Control, Problem, Record, State, Work
+
+
+@unit(
+    types.int64(
+        Problem.numba_type, Control.numba_type, State.numba_type, Record.numba_type, Work.numba_type
+    )
+)
+def start(P, C, S, R, W):
+    """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
+    m, status, mult = P.m, S.status, S.mult
+    for j in range(m):
+        status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
+        mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0
+    # Twice: a surface may depend on an inner switch that is known only after the first look.
+    for _ in range(2):
+        call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
+        for j in range(m):
+            if P.kind[j] < CONTACT:
+                status[j] = 1 if W.h[j] >= 0.0 else -1
+                mult[j] = float(status[j])
+    if mask_instant(P, S, W) and call_newton(P.newton_unit, P, S, W) == 0:
+        return NO_ROOT_FOUND
+    evaluate_surfaces(P, S, W)
+    for i in range(m + P.ne):
+        W.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
+    for i in range(P.ne):
+        S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
+    size = 0
+    for j in range(m):
+        if not W.hit[j]:
+            continue
+        if P.kind[j] == CONTACT:
+            speed = approach_speed(P, S, j, W)
+            if speed > W.answer[3]:
+                S.deflate[j] = 1
+            elif speed >= -W.answer[3]:
+                close_contact(P, S, j, W)
+        elif P.kind[j] == SLIDING:
+            W.active[size] = j
+            size += 1
+        elif not any_solved(P, S):
+            order = leading_order(P, C, S, W, P.rows_slip[j])
+            status[j] = 1 if order > 0 else -1
+            mult[j] = float(status[j])
+            S.deflate[j] = abs(order) - 1
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    slipping = not any_solved(P, S)
+    for i in range(m + P.ne):
+        if not W.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):
+            continue
+        S.deflate[i] = 1
+        if slipping:
+            order = leading_order(P, C, S, W, P.rows_slip[i])
+            S.deflate[i] = abs(order) - 1
+            if i >= m:
+                S.side[i - m] = 1 if order > 0 else -1
+    record_point(P, S, R)
+    return code

@@ -1,0 +1,66 @@
+"""Two-folds: points where attracting sliding turns repelling without a fold of the root."""
+
+from .compiling import kernel
+from .pointers import call_linear
+from .records import record_ambiguity
+from .sliding import keep_on_surface
+from .state import AMB_TWO_FOLD, DETERMINACY_LOST, SLIDING, SOLVED, STRICT
+
+
+@kernel
+def _state_at(P, S, rows, mult_row, s, W):
+    """Overwrites S.x and the solved multipliers with the step's polynomials at s."""
+    K = W.power.shape[0] - 4
+    for i in range(P.n):
+        value = rows[i, K]
+        for k in range(K - 1, -1, -1):
+            value = value * s + rows[i, k]
+        S.x[i] = value
+    for j in range(P.m):
+        if S.status[j] == SOLVED:
+            value = rows[mult_row + j, K]
+            for k in range(K - 1, -1, -1):
+                value = value * s + rows[mult_row + j, k]
+            S.mult[j] = value
+
+
+@kernel
+def _alone(P, j):
+    """Whether residual j depends on no other multiplier: its own slope then tells its stability."""
+    for i in range(P.m):
+        if i != j and P.coupled[j, i]:
+            return False
+    return True
+
+
+@kernel
+def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
+    """Whether attracting sliding has turned repelling inside the step without a fold (a two-fold point).
+
+    If so, S is put back to that point, the ambiguity recorded and the return code left in W.code[0].
+    """
+    m = P.m
+    if time_row >= 0:
+        return False
+    for j in range(m):
+        if S.status[j] == SOLVED and P.kind[j] == SLIDING and not P.hidden[j]:
+            call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+            if W.G[j * m + j] >= 0.0 and _alone(P, j):
+                lo, hi = 0.0, s_end
+                for _ in range(200):
+                    mid = 0.5 * (lo + hi)
+                    if mid == lo or mid == hi:
+                        break
+                    _state_at(P, S, rows, mult_row, mid, W)
+                    call_linear(P.linear, t0 + mid, S.x, S.mult, P.p, W.G, W.dh)
+                    if W.G[j * m + j] < 0.0:
+                        lo = mid
+                    else:
+                        hi = mid
+                _state_at(P, S, rows, mult_row, hi, W)
+                S.now[0] = t0 + hi
+                keep_on_surface(P, S, j, W)
+                record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)
+                W.code[0] = STRICT if C.strict else DETERMINACY_LOST
+                return True
+    return False
