@@ -44,7 +44,7 @@ def test_a_ball_that_loses_energy_comes_to_rest_at_the_sum_of_its_bounces():
 def test_the_ball_at_rest_lies_in_a_closed_contact_that_carries_its_weight():
     solution = solve(ball(0.9), (0, 100 * FALL), {y: H0, v: 0}, **TIGHT)
     assert solution["y"][-1] == 0.0
-    assert solution["v"][-1] == 0.0
+    assert abs(solution["v"][-1]) < 1e-15  # the closing projects the velocity onto the contact, to rounding
     assert solution["R"][-1] == pytest.approx(G, abs=1e-12)
     assert solution.status[0, -1] == 0
 
@@ -58,4 +58,4 @@ def test_the_ball_never_goes_below_the_floor():
 def test_a_plastic_impact_closes_the_contact_at_once():
     solution = solve(ball(0), (0, 3 * FALL), {y: H0, v: 0}, **TIGHT)
     assert solution.events[0].time == pytest.approx(FALL, abs=1e-12)
-    assert (solution["y"][-1], solution["v"][-1]) == (0.0, 0.0)
+    assert (solution["y"][-1], solution["v"][-1]) == pytest.approx((0.0, 0.0), abs=1e-15)
