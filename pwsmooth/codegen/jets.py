@@ -20,7 +20,7 @@ from __future__ import annotations
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
-from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, rewrite
+from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, plain, rewrite
 from .scalar import Writer
 
 # A row holds at least K + 4 >= 5 numbers.
@@ -83,21 +83,32 @@ class JetProgram:
         self._open(start, order_0, roots)
         order_0.emit(roots)
         # Rows and carried values that no root needs at order 0 (slopes of affine states).
-        order_0.emit([a for a in order_k.rows if a not in self.inside])
-        scratch = self._factor(order_0, start, corrections, len(order_k.rows)) if self.general else 0
+        order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])
+        scratch = 4 * len(order_k.products)
+        start.line(f"scratch = {len(order_k.rows)} * stride")
+        if self.general:
+            scratch = self._factor(order_0, start, corrections, scratch)
         self._open_rows(order_k, start)
+        windows, move = order_k.windows()
+        for line in windows:
+            start.line(line)
 
         body = Writer(1)
         body.lines = self._declarations(start, loop) + start.lines
         body.line("for k in range(1, K + 1):")
         body.line("    inv = 1.0 / k")
+        for line in order_k.block_sums():
+            body.line("    " + line)
         body.lines += loop.lines
+        # Affine nodes have no order above 1.
+        for line in (*move, *(f"z{node} = 0.0" for node in sorted(order_k.transient))):
+            body.line("    " + line)
         body.line("return 0")
         self.source.helpers |= order_0.helpers | order_k.helpers
         name = "jet_general" if self.general else "jet_slip"
         arguments = "t, x, mult, p, mask, K, stride, rows" if self.general else "t, x, mult, p, K, stride, rows"
         self.source.function(name, arguments, body, returns="I", options=OPTIONS)
-        nrows = len(order_k.rows) + scratch
+        nrows = len(order_k.rows) - (-scratch // SHORTEST_ROW)
         return f"{self.source.text()}\n\nNROWS = {nrows}\nSURFACE_ROWS = {tuple(surface_rows)}\n"
 
     # ---- before the loop ----
@@ -128,8 +139,8 @@ class JetProgram:
     def _open_rows(self, order_k: OrderK, start: Writer) -> None:
         for node, row in order_k.rows.items():
             start.line(f"o{row} = {row} * stride")
-            start.line(f"rows[o{row}] = {order_k.value(node)}")
-            if self.degrees.of(node) == CONSTANT:
+            start.line(f"rows[o{row}] = {'0.0' if node < 0 else order_k.value(node)}")
+            if self.degrees.of(plain(node)) == CONSTANT:
                 start.line("for k in range(1, K + 1):")
                 start.line(f"    rows[o{row} + k] = 0.0")
         for node in sorted(order_k.transient):
@@ -140,10 +151,9 @@ class JetProgram:
             if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
                 start.line(f"d{i} = {self._frozen(i, order_k.value(rate))}")
 
-    def _factor(self, order_0: OrderZero, start: Writer, corrections, rows: int) -> int:
-        """Slopes S of the nodes to correct and the factorised G; returns the number of scratch rows."""
-        graph, offset = self.graph, 0
-        start.line(f"scratch = {rows} * stride")
+    def _factor(self, order_0: OrderZero, start: Writer, corrections, offset: int) -> int:
+        """Slopes S of the nodes to correct and the factorised G; returns the end of the scratch numbers."""
+        graph = self.graph
         single = {c[0] for c in self.components() if len(c) == 1}
         for j, unknown in enumerate(self.unknowns):
             slopes = {node: graph.derivative(node, unknown) for node, moving in corrections.items()
@@ -192,7 +202,7 @@ class JetProgram:
             order_0.scopes.pop()
             start.indent -= 1
             offset += size * size + 2 * size
-        return -(-offset // SHORTEST_ROW)
+        return offset
 
     def components(self) -> list[list[int]]:
         """Multipliers in groups that solve together: connected blocks of the pattern of G."""
@@ -217,7 +227,7 @@ class JetProgram:
 
     def _correct(self, order_k: OrderK, loop: Writer) -> dict[int, int]:
         """Solve for lambda_k, add S lambda_k; returns the corrected nodes and what they move with."""
-        offset = 0
+        offset = 4 * len(order_k.products)
         for component in self.components():
             size = len(component)
             if size == 1:
@@ -237,7 +247,7 @@ class JetProgram:
                 loop.line(f"    q{j} = rows[scratch + {right + r}]")
             self.source.helpers |= {"lu_factor", "lu_solve"}
             offset += size * size + 2 * size
-        stored = {*order_k.rows, *order_k.carried, *self.rates}
+        stored = {*map(plain, order_k.rows), *order_k.carried, *self.rates}
         corrections = {}
         for node in sorted(stored):
             moving = self.degrees.pair(node)[1]
@@ -257,16 +267,13 @@ class JetProgram:
     def _close_order(self, order_k: OrderK, loop: Writer) -> None:
         """Store the rows and carry what the next order needs."""
         for node, row in order_k.rows.items():
-            coefficient = order_k.coefficient(node)
-            if coefficient is not None:
-                loop.line(f"rows[o{row} + k] = {coefficient}")
+            if self.degrees.of(plain(node)) != CONSTANT:
+                loop.line(f"rows[o{row} + k] = {order_k.last_value(node)}")
         for node in sorted(order_k.carried):
             loop.line(f"l{node} = {order_k.coefficient(node) or '0.0'}")
         for i, rate in enumerate(self.rates):
             if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
                 loop.line(f"d{i} = {self._frozen(i, order_k.coefficient(rate) or '0.0')}")
-        for node in sorted(order_k.transient):
-            loop.line(f"z{node} = 0.0")
 
     def _frozen(self, i: int, rate: str) -> str:
         return f"0.0 if on{self.frozen[i]} else {rate}" if i in self.frozen else rate

@@ -190,11 +190,15 @@ class OrderZero(JetCode):
 
 
 class OrderK(JetCode):
-    """Coefficients k of order k >= 1, and a list of what they need: rows, carried values, reciprocals."""
+    """Coefficients k of order k >= 1, and what they need: rows, block sums, carried values, reciprocals.
+
+    An operand of a product is a node u, or ~u for the series j u_j of its derivative.
+    """
 
     def __init__(self, graph, writer, degrees, solved):
         super().__init__(graph, writer, degrees, "k", solved)
         self.rows: dict[int, int] = {}
+        self.products: dict[tuple[int, int], int] = {}
         self.reciprocals: set[int] = set()
         self.carried: set[int] = set()  # the last order's value is needed, in l
         self.states = {graph.var("x", i) for i in range(len(degrees.rates))}
@@ -253,14 +257,60 @@ class OrderK(JetCode):
 
     # ---- recurrences ----
 
-    def _sum(self, kind: str, a: int, b: int) -> str:
-        """Text of a convolution over 0 < j < k; skipped at run time while a switchable operand is constant."""
-        self.helpers.add("square" if kind == "conv" and a == b else kind)
-        call = f"square(rows, {self.row(a)}, k)" if kind == "conv" and a == b else (
-            f"{kind}(rows, {self.row(a)}, {self.row(b)}, k)")
-        guards = [f"({' or '.join(f'on{j}' for j in bits(self.degrees.pair(u)[1]))})"
-                  for u in sorted({a, b}) if self.degrees.of(u) == SWITCHABLE]
-        return f"({call} if {' and '.join(guards)} else 0.0)" if guards else call
+    def _sum(self, a: int, b: int) -> str:
+        """Text of sum over 0 < j < k of a_j b_(k-j), by blocks (kernels/series.py).
+
+        c1..c3 hold what the block knows of an operand, e1..e3 its orders i, i-1, i-2, with k = 4q + i + 1.
+        While a switchable operand is constant the sum is skipped at run time.
+        """
+        a, b = min(a, b), max(a, b)
+        block = self.products.setdefault((a, b), len(self.products))
+        self.row(a), self.row(b)
+        x, y = label(a), label(b)
+        pairs = " + ".join(f"c{r}{x} * e{r}{y}" for r in (1, 2, 3))
+        if a == b:
+            text = f"rows[scratch + {4 * block} + i] + 2.0 * half * ({pairs})"
+        else:
+            mirrored = " + ".join(f"c{r}{y} * e{r}{x}" for r in (1, 2, 3))
+            text = f"rows[scratch + {4 * block} + i] + half * (({pairs}) + ({mirrored}))"
+        guard = self.guard(a, b)
+        return f"({text} if {guard} else 0.0)" if guard else f"({text})"
+
+    def guard(self, a: int, b: int) -> str:
+        """Text of the condition under which neither operand is constant; empty where that is certain."""
+        masks = {self.degrees.pair(plain(u))[1] for u in (a, b) if self.degrees.of(plain(u)) == SWITCHABLE}
+        return " and ".join(f"({' or '.join(f'on{j}' for j in bits(m))})" for m in sorted(masks))
+
+    def block_sums(self) -> list[str]:
+        """Lines at the top of the loop: where the order stands in its block, and the block's sums."""
+        if not self.products:
+            return []
+        self.helpers.add("presum")
+        lines = ["i = (k - 1) & 3", "half = 0.5 if k < 5 else 1.0", "if i == 0:"]
+        for (a, b), block in self.products.items():
+            call = f"presum(rows, {self.row(a)}, {self.row(b)}, k >> 2, scratch + {4 * block})"
+            guard = self.guard(a, b)
+            lines += [f"    if {guard}:", f"        {call}"] if guard else [f"    {call}"]
+        return lines
+
+    def windows(self) -> tuple[list[str], list[str]]:
+        """First values of the windows c and e, and the lines that move them on at the end of an order."""
+        operands = sorted({u for pair in self.products for u in pair})
+        start = [" = ".join(f"{w}{r}{label(u)}" for w in "ce" for r in (1, 2, 3)) + " = 0.0" for u in operands]
+        move = ["ahead = k & 3", "new = ahead == 0"] if operands else []
+        for u in operands:
+            x, value = label(u), self.last_value(u)
+            # In the first block the low orders are the ones just computed.
+            low = f"{value} if k < 4 else rows[{self.row(u)} + ahead]"
+            move += [f"e3{x} = 0.0 if new else e2{x}", f"e2{x} = 0.0 if new else e1{x}",
+                     f"e1{x} = 0.0 if new else ({low})"]
+            move += [f"c{r}{x} = 0.0 if new else ({value} if i == {r - 1} else c{r}{x})" for r in (1, 2, 3)]
+        return start, move
+
+    def last_value(self, operand: int) -> str:
+        """Text of an operand's final coefficient of this order."""
+        text = self.coefficient(plain(operand)) or "0.0"
+        return f"k * {text}" if operand < 0 else text
 
     def formula(self, node: int) -> str:
         op, args, data = self.graph.nodes[node]
@@ -290,8 +340,8 @@ class OrderK(JetCode):
             line, other = (a, b) if da == AFFINE else (b, a)
             return f"{self.value(line)} * {self.coefficient(other)} + s{line} * {self.last(other)}"
         if a == b:
-            return f"2.0 * {self.value(a)} * k{a} + {self._sum('conv', a, a)}"
-        return f"{self._sum('conv', a, b)} + {self.value(a)} * k{b} + {self.value(b)} * k{a}"
+            return f"2.0 * {self.value(a)} * k{a} + {self._sum(a, a)}"
+        return f"{self._sum(a, b)} + {self.value(a)} * k{b} + {self.value(b)} * k{a}"
 
     def _quotient(self, w: int, a: int, b: int) -> str:
         above = self.coefficient(a)
@@ -301,21 +351,21 @@ class OrderK(JetCode):
         if degree == AFFINE:
             subtract = f"s{b} * {self.last(w)}"
         else:
-            subtract = f"{self._sum('conv', w, b)} - {self.value(w)} * k{b}"
+            subtract = f"{self._sum(w, b)} - {self.value(w)} * k{b}"
         return f"({above or ''} - {subtract}) * {self.reciprocal(b)}"
 
     def _power(self, w: int, u: int, exponent: int) -> str:
         # u w' = alpha u' w
         alpha, uk = self.value(exponent), self.coefficient(u)
-        inner = (f"({alpha} + 1.0) * inv * {self._sum('weighted', u, w)} - {self._sum('conv', u, w)}")
+        inner = (f"({alpha} + 1.0) * inv * {self._sum(~u, w)} - {self._sum(u, w)}")
         return f"({inner} + {alpha} * {self.value(w)} * {uk}) * {self.reciprocal(u)}"
 
     def _function(self, w: int, u: int, name: str) -> str:
         uk, affine = self.coefficient(u), self.degrees.of(u) == AFFINE
         if name == "sqrt":  # w^2 = u
-            return f"({uk} - {self._sum('conv', w, w)}) * (0.5 * {self.reciprocal(w)})"
+            return f"({uk} - {self._sum(w, w)}) * (0.5 * {self.reciprocal(w)})"
         if name == "log":  # u w' = u'
-            return f"({uk} - inv * {self._sum('weighted', w, u)}) * {self.reciprocal(u)}"
+            return f"({uk} - inv * {self._sum(~w, u)}) * {self.reciprocal(u)}"
         if name == "exp":
             factor, q = 1.0, w
         elif name in BY_SLOPE:
@@ -325,7 +375,16 @@ class OrderK(JetCode):
         scale = "" if factor == 1.0 else f"{literal(factor)} * "
         if affine:
             return f"{scale}s{u} * inv * {self.last(q)}"
-        return f"{scale}(inv * {self._sum('weighted', u, q)} + {self.value(q)} * {uk})"
+        return f"{scale}(inv * {self._sum(~u, q)} + {self.value(q)} * {uk})"
+
+
+def plain(operand: int) -> int:
+    """The node u of an operand: u itself, or ~u for the series j u_j."""
+    return operand if operand >= 0 else ~operand
+
+
+def label(operand: int) -> str:
+    return f"x{operand}" if operand >= 0 else f"w{~operand}"
 
 
 def bits(mask: int) -> list[int]:
