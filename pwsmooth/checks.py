@@ -129,6 +129,32 @@ def parameter_value(symbol, value):
     return result
 
 
+def values_fit(field, parameters):
+    """What values of parameters must satisfy beyond the assumptions of their symbols."""
+    zero = {p for p, value in parameters.items() if value == 0}
+    for x, rate in zip(field.states, field.rates) if zero else ():
+        for power in rate.atoms(sp.Pow):
+            base, exponent = power.args
+            inside = base.free_symbols
+            if inside & zero and inside <= parameters.keys() and exponent.is_negative:
+                if float(base.subs(parameters)) == 0:
+                    raise ValueError(
+                        f"the rate of {x.name!r} divides by {base}, which is 0 for {listing(inside & zero)} "
+                        "= 0. A vanishing time constant is a view: system.layered({z: sympy.oo})."
+                    )
+    for event in field.events:
+        if event.every is not None and not event.every.subs(parameters) > 0:
+            raise ValueError(
+                f"`every` of event {event.name!r} is {event.every} = {event.every.subs(parameters)}; give a "
+                "period > 0."
+            )
+    for R, _, e in field.contacts:
+        if e.free_symbols <= parameters.keys() and not 0 <= e.subs(parameters) <= 1:
+            raise ValueError(
+                f"the restitution {e} of contact {R.name!r} is {e.subs(parameters)}; give 0 <= e <= 1."
+            )
+
+
 def lookup(key, symbols, what, owner):
     """The one of `symbols` that a Symbol or name stands for."""
     name = key if isinstance(key, str) else getattr(key, "name", None)

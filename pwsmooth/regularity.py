@@ -21,7 +21,9 @@ from .model import Select
 from .pointwise import draw, value
 
 POINTS = 8  # on the surface; two would do for polynomials, more reach the branches of a Piecewise
-TRIES = 40
+# Sizes of the states, tried until one meets the surface: coordinates of size 1 miss a clearance of 1e-4.
+SIZES = (1.0, *(10.0**-k for k in range(1, 9)), *(10.0**k for k in range(1, 5)))
+TRIES = 8  # in vain, before the next size
 TOLERANCE = 1e-9  # rounding of f, relative to its size beside the surface
 _BETWEEN = (1.0, -1.0, 0.3, -0.6)  # values of lambda: even, odd and higher terms all show
 
@@ -59,28 +61,32 @@ class Surface:
         typical = zip(field.parameters, field.typical, strict=False)
         self.typical = {p: size for p, size in typical if size != 0}
         self.points = []
-        for k in range(TRIES if self.coordinates else 0):
-            pair = self._pair(k)
-            if pair is not None:
-                self.points.append(pair)
+        for size in SIZES if self.coordinates else ():
+            for k in range(4 * POINTS):
+                self.points += filter(None, [self._pair(k, size)])
                 if len(self.points) == POINTS:
+                    return
+                if k >= TRIES and not self.points:
                     break
 
-    def _pair(self, k):
+    def _pair(self, k, size):
         """A point beside the surface and one on it, which differ in one coordinate."""
         point = {s: draw(s, k) for s in self.symbols}
+        for x in self.field.states:
+            if x in point:
+                point[x] *= size
         for memory in (m for m in self.field.memories if m in point):
             # Flags matter at the values that they can take, not at random reals.
             choices = self.field.memory_values[memory]
             point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
         for p in self.typical.keys() & point.keys():
-            point[p] = self.typical[p] * (1 + 0.03 * draw(p, k))
+            point[p] = self.typical[p] * (1.0 if p.is_integer else 1 + 0.03 * draw(p, k))
         coordinate = self.coordinates[k % len(self.coordinates)]
         beside = self._with_signs(dict(point))
         on = dict(point)
         if self.h == coordinate:
             on[coordinate] = 0.0
-        elif not self._solve(on, coordinate):
+        elif not self._solve(on, coordinate, size):
             return None
         return beside, self._with_signs(on)
 
@@ -90,15 +96,15 @@ class Surface:
             self._set_sign(point, lam, h)
         return value(self.h, point)
 
-    def _solve(self, point, coordinate):
+    def _solve(self, point, coordinate, size):
         """Put h = 0 by one coordinate: a secant for what is affine in it, else bisection."""
-        a, b = point[coordinate], point[coordinate] + 1.0
+        a, b = point[coordinate], point[coordinate] + size
         ha, hb = (self._at(point, coordinate, c) for c in (a, b))
         if ha != hb:
             root = a - ha * (b - a) / (hb - ha)
             if abs(self._at(point, coordinate, root)) <= 1e-13 * (abs(ha) + abs(hb)):
                 return True
-        grid = [-6.02 + 0.25 * i for i in range(49)]
+        grid = [size * (-6.02 + 0.5 * i) for i in range(25)]
         values = [self._at(point, coordinate, c) for c in grid]
         for a, b, ha, hb in zip(grid, grid[1:], values, values[1:], strict=False):
             if ha * hb < 0:
@@ -122,16 +128,14 @@ class Surface:
 
     def differ(self, expr, values=_BETWEEN):
         """Does `expr` depend on lambda on the surface? None if no point could tell."""
-        told = False
+        spread, scale = [], 0.0
         for beside, on in self.points:
             at = [value(expr, on | {self.lam: s}) for s in values]
-            scale = abs(at[0]) + sum(abs(value(expr, beside | {self.lam: s})) for s in (1.0, -1.0))
-            if any(math.isnan(a) for a in (*at, scale)):
-                continue
-            told = True
-            if max(at) - min(at) > TOLERANCE * scale:
-                return True
-        return False if told else None
+            sides = [value(expr, beside | {self.lam: s}) for s in (1.0, -1.0)]
+            if not any(map(math.isnan, at)):
+                spread.append(max(at) - min(at))
+                scale = max(scale, abs(at[0]), *(abs(a) for a in sides if not math.isnan(a)))
+        return max(spread) > TOLERANCE * scale if spread else None
 
     def nonlinear(self, expr, symbol=None):
         """Is `expr` nonlinear in lambda (or in another symbol) on the surface?"""

@@ -110,6 +110,7 @@ class System:
         self.switches = self.definition.switches
         self.parameters = self.definition.parameters
         self._field = filippov(self.definition.field) if convention == "filippov" else self.definition.field
+        checks.values_fit(self._field, self.parameters)
         self.model = lower(self._field)
         self._base, self._view, self._notes, self._cache = None, {}, (), {}
 
@@ -169,6 +170,7 @@ class System:
         for key, number in self._spread(values, "`values`").items():
             p = checks.lookup(key, self.parameters, "`values`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
+        checks.values_fit(self._field, other.parameters)
         return other
 
     # ---- views
@@ -307,7 +309,10 @@ class System:
             checks.lookup(key, self._field.states, "`time_constant`", "state"): sp.sympify(beta)
             for key, beta in self._spread(given, "`time_constant`").items()
         }
-        return {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
+        found = {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
+        for z, beta in found.items():
+            checks.positive(beta.subs(self.parameters), f"the time constant {beta} of {z.name!r}")
+        return found
 
     def _unlayered(self, eps):
         """The field to be smoothed: states of a finite ratio r come back with the time constant eps/r."""

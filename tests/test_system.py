@@ -190,6 +190,17 @@ def test_two_notations_of_one_surface_slide_together():
     assert slope == (-3.5, 5)
 
 
+def test_a_surface_is_met_at_its_own_size():
+    # A journal touches its bearing at a clearance of 1e-4; states of size 1 never lie on that circle.
+    clearance, K = sp.symbols("clearance K", positive=True)
+    depth = sp.sqrt(x**2 + y**2) - clearance
+    push = sp.Piecewise((K * depth**1.5, depth > 0), (0, True))
+    u, w = sp.symbols("u w", real=True)
+    rates = {x: u, y: w, u: -push * x / (depth + clearance), w: -1 - push * y / (depth + clearance)}
+    system = System(rates, parameters={clearance: 1e-4, K: 1e11})
+    assert set(regularity(system).values()) == {"kink"}
+
+
 def test_a_quadratic_surface_has_its_gradient_in_the_residual():
     w = 2 * sp.pi
     inside = x**2 + y**2 < 1
@@ -501,6 +512,21 @@ def test_bad_initial_states_are_refused(x0, error, message):
 # ---- bad input at the door
 
 
+def decay(value):
+    tau = sp.Symbol("tau", real=True)
+    return System({v: -Switch("lam", v) * (1 + z), z: (1 - z) / tau}, parameters={tau: value})
+
+
+def ticking(period):
+    T = sp.Symbol("T", real=True)
+    return System({x: -x}, parameters={T: period}, events=[Event(every=T, update={x: 1})])
+
+
+def ball(restitution):
+    e = sp.Symbol("e", real=True)
+    return System({y: v, v: -1 + Unilateral(y, restitution=e).reaction}, parameters={e: restitution})
+
+
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
@@ -529,6 +555,12 @@ def test_bad_initial_states_are_refused(x0, error, message):
         (lambda: System({v: 1}, events=[Event(every=v)]), ValueError, "of event 'event 1' depend on v"),
         (lambda: System({v: 1}, algebraic=[v]), TypeError, "`algebraic` contains v"),
         (lambda: System({v: 1}, contacts=[v]), TypeError, "`contacts` contains v"),
+        (lambda: oscillator(parameters=PARAMETERS | {beta: 0}), ValueError, "the rate of 'z' divides by beta"),
+        (lambda: oscillator().with_parameters({"beta": 0}), ValueError, "system.layered({z: sympy.oo})"),
+        (lambda: decay(-0.1).layered({z: 1}), ValueError, "the time constant tau of 'z' is -0.1"),
+        (lambda: ticking(0), ValueError, "`every` of event 'event 1' is T = 0"),
+        (lambda: ball(1.5), ValueError, "the restitution e of contact 'R' is 1.5"),
+        (lambda: ball(0.5).with_parameters({"e": -1}), ValueError, "the restitution e of contact 'R' is -1"),
         (lambda: oscillator(convention="sum"), ValueError, "`convention` is 'sum'"),
         (lambda: oscillator().with_parameters({"q": 1}), ValueError, "names 'q', which is no parameter"),
         (lambda: oscillator().with_parameters({"N": -1}), ValueError, "parameter 'N' is -1"),
