@@ -244,5 +244,5 @@ def initial_state(x0, states, initial_memory, gone):
             + (f" and {len(memories)} memories ({listing(memories)})." if memories else ".")
         )
     names = (*states, *memories)
-    values = [number(v, f"`x0`, value of {s.name!r}") for v, s in zip(sequence, names, strict=False)]
-    return values + [initial_memory[m] for m in memories[len(values) - len(states) :]]
+    given = [number(v, f"`x0`, value of {s.name!r}") for v, s in zip(sequence, names, strict=False)]
+    return given + [initial_memory[m] for m in memories[len(given) - len(states) :]]

@@ -15,7 +15,7 @@ def rows(system):
     """(heading, lines) of the description of a system."""
     model: Model = system.model
     definition = system.definition
-    gone = system._view.get("gone", {})
+    gone = system._view.gone if system._view else {}
     equations = []
     for x, rate in definition.rates:
         slaved = gone.get(x)
@@ -35,7 +35,7 @@ def rows(system):
     yield "outputs", [f"{name} = {e}" for name, e in definition.outputs]
     values = _short([f"{p} = {v:g}" for p, v in system.parameters.items()])
     yield "parameters", [", ".join(values)] if values else []
-    yield "view", [*([system._view["title"]] if system._view else []), *system._notes]
+    yield "view", [*([system._view.title] if system._view else []), *system._notes]
 
 
 def _event(spec, event):

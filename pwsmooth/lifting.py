@@ -279,7 +279,8 @@ class Lifting:
             if above is below:  # Eq, Ne at an instant
                 return sp.Piecewise((at_zero(given), sp.Eq(h, 0)), (above(given), True), evaluate=False)
             return sp.Piecewise((above(given), h > 0), (below(given), True), evaluate=False)
-        return self._by_factors(*factors, above, below, given)
+        sign, surfaces = factors
+        return self._by_factors(sign, surfaces, above, below, given)
 
     def _by_factors(self, sign, surfaces, above, below, given):
         if not surfaces:

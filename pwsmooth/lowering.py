@@ -51,7 +51,7 @@ class Field:
     @cached_property
     def _by_multiplier(self):
         """Multiplier -> rates and algebraic residuals in which it stands."""
-        found = {lam: [] for lam, _ in self.switches}
+        found: dict[sp.Symbol, list[sp.Expr]] = {lam: [] for lam, _ in self.switches}
         for e in dict.fromkeys((*self.rates, *(r for _, r in self.algebraic))):
             for s in e.free_symbols:
                 if s in found:

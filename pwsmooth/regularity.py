@@ -60,7 +60,7 @@ class Surface:
         self.coordinates = [x for x in (*field.states, field.time, *unknowns) if x in free]
         typical = zip(field.parameters, field.typical, strict=False)
         self.typical = {p: size for p, size in typical if size != 0}
-        self.points = []
+        self.points: list[tuple[dict, dict]] = []
         for size in SIZES if self.coordinates else ():
             for k in range(4 * POINTS):
                 self.points += filter(None, [self._pair(k, size)])

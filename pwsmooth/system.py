@@ -41,6 +41,15 @@ class HiddenTerm(NamedTuple):
     term: sp.Expr
 
 
+class View(NamedTuple):
+    """How a system derives from another one."""
+
+    kind: str  # "smoothed" | "layered"
+    title: str
+    gone: dict[sp.Symbol, str]  # states of the original that this view does not have, and why
+    original: System
+
+
 class System:
     """A piecewise-smooth system of differential equations.
 
@@ -112,7 +121,9 @@ class System:
         self._field = filippov(self.definition.field) if convention == "filippov" else self.definition.field
         checks.values_fit(self._field, self.parameters)
         self.model = lower(self._field)
-        self._base, self._view, self._notes, self._cache = None, {}, (), {}
+        self._view: View | None = None
+        self._notes: tuple[str, ...] = ()
+        self._cache: dict = {}  # of views: their fields and models
 
     # ---- what a system knows
 
@@ -153,7 +164,7 @@ class System:
             Names that this view does not have, missing states, wrong length, nan or infinity.
         """
         memory = dict(zip(self._field.memories, self._field.initial_memory, strict=True))
-        gone = {z.name: note for z, note in self._view.get("gone", {}).items()}
+        gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
         if isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
         return checks.initial_state(x0, self._field.states, memory, gone)
@@ -194,7 +205,7 @@ class System:
         ValueError
             eps not positive or not given for every switch; a two-stage layer, which has no smooth stand-in.
         """
-        if self._view.get("kind") == "smoothed":
+        if self._view and self._view.kind == "smoothed":
             raise ValueError("`smoothed` of a smoothed view: take the view of the original system.")
         if not self._field.switches:
             raise ValueError("this system has no switches: there is nothing to smooth.")
@@ -216,11 +227,11 @@ class System:
             extra = tuple(dict.fromkeys(symbols.values()))
             self._cache[key] = field, lower(field, smoothing=smoothing, sigmoid=family.name, extra=extra)
         widths = {symbols[lam]: values[lam] for lam in lams}
-        view = {"kind": "smoothed", "title": f"smoothed, {family.name} sigmoid"}
-        if self._view.get("kind") == "layered":
-            kept = self._cache[key][0].states
-            view["gone"] = {z: note for z, note in self._view["gone"].items() if z not in kept}
-        return self._with(self._cache[key], widths, view)
+        field, model = self._cache[key]
+        kept = field.states
+        gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
+        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self)
+        return self._derived(field, model, widths, view)
 
     def layered(self, ratios, *, sigmoid="algebraic", eps_ratio=None, time_constant=None):
         """The limit in which internal states are as fast as the layer: eps and beta -> 0, eps/beta = r.
@@ -234,7 +245,7 @@ class System:
         sigmoid : {"algebraic", "tanh", "erf"}
             Speed of lambda inside the layer.
         eps_ratio : mapping of switch to float, optional
-            Widths of the layers relative to each other; 1 by default.
+            Widths of the layers relative to each other, 1 by default; r refers to that of the first switch.
         time_constant : mapping of state to Symbol or number, optional
             beta, where the rate does not show it uniquely.
 
@@ -250,7 +261,8 @@ class System:
             in a surface.
         """
         if self._view:
-            raise ValueError(f"`layered` of a {self._view['kind']} view: take the view of the original system.")
+            kind = self._view.kind
+            raise ValueError(f"`layered` of a {kind} view: take the view of the original system.")
         if not self._field.switches:
             raise ValueError("this system has no switches, so it has no layers.")
         family = sigmoid_of(sigmoid)
@@ -260,6 +272,7 @@ class System:
             z = checks.lookup(key, states, "`layered`", "state")
             given[z] = checks.ratio(r, f"the ratio of {z.name!r}")
         relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(eps_ratio or {}, "eps_ratio")
+        relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
         constants = self._constants(given, time_constant or {})
         symbols, values = {}, {}
         for z, r in given.items():
@@ -274,13 +287,12 @@ class System:
                 slow, layer=layer, layer_field=free if layer else None, eps_ratio=relative, sigmoid=family.name,
                 extra=tuple(values),
             )  # fmt: skip
-        layer = self._cache[key][1].layer_states
-        view = {
-            "kind": "layered",
-            "title": f"layered, {family.name} sigmoid",
-            "gone": {s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in layer},
+        field, model = self._cache[key]
+        gone = {
+            s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        return self._with(self._cache[key], values, view)
+        view = View("layered", f"layered, {family.name} sigmoid", gone, self)
+        return self._derived(field, model, values, view)
 
     # ---- making views
 
@@ -316,9 +328,9 @@ class System:
 
     def _unlayered(self, eps):
         """The field to be smoothed: states of a finite ratio r come back with the time constant eps/r."""
-        if self._view.get("kind") != "layered":
+        if self._view is None:
             return self._field
-        return unlayered(self._base._field, self.model.layer_states, eps)
+        return unlayered(self._view.original._field, self.model.layer_states, eps)
 
     def _fresh(self, name):
         """A parameter symbol of a name that the system does not use yet."""
@@ -327,10 +339,9 @@ class System:
             name += "_"
         return sp.Symbol(name, positive=True)
 
-    def _with(self, lowered, values, view):
+    def _derived(self, field, model, values, view):
         other = copy.copy(self)
-        other._field, other.model = lowered
-        other._base, other._view, other._cache = self, view, {}
+        other._field, other.model, other._view, other._cache = field, model, view, {}
         known = self.parameters | values
         other.parameters = {p: known[p] for p in other.model.parameters}
         dropped = [p for p in self.parameters if p not in other.parameters]

@@ -47,7 +47,7 @@ class _Blend:
     """Expressions with multipliers replaced by their smooth values, from the innermost selection outwards."""
 
     def __init__(self, field):
-        self.selections = {lam: [] for lam, _ in field.switches}
+        self.selections: dict[sp.Symbol, list[Select]] = {lam: [] for lam, _ in field.switches}
         for s in sorted(set().union(*(e.atoms(Select) for e in field.expressions())), key=sp.default_sort_key):
             self.selections[s.args[0]].append(s)
         self._values, self._cases, self._memo = {}, {}, {}

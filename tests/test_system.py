@@ -370,10 +370,19 @@ def test_a_slaved_state_is_no_state_and_its_time_constant_drops_out():
 
 
 def test_a_finite_ratio_is_a_parameter_and_zero_is_two_stage():
-    view = oscillator().layered({z: 0.5}, sigmoid="tanh", eps_ratio={lam: 2})
+    view = oscillator().layered({z: 0.5}, sigmoid="tanh")
     ratio = view.model.layer_states[0].ratio
-    assert view.parameters[ratio] == 0.5 and view.model.sigmoid == "tanh" and view.model.eps_ratio == (2.0,)
+    assert view.parameters[ratio] == 0.5 and view.model.sigmoid == "tanh"
     assert oscillator().layered({z: 0}).model.layer_states[0].ratio == 0
+
+
+def test_widths_of_layers_are_relative_to_the_first():
+    system = System({y: v, v: -2 * sp.sign(y) - sp.sign(v)})
+    view = system.layered({}, eps_ratio={"sgn(v)": 2, "sgn(y)": 20})
+    assert dict(zip((m.symbol.name for m in view.model.multipliers), view.model.eps_ratio, strict=True)) == {
+        "sgn(v)": 1.0, "sgn(y)": 10.0
+    }  # fmt: skip
+    assert system.model.eps_ratio == (1.0, 1.0)
 
 
 def test_a_time_constant_used_elsewhere_stays():
