@@ -46,6 +46,7 @@ class CompiledProblem:
         fold = self.fold
         empty = np.zeros(0, np.int64)
         self.fixed = dict(
+            root_unit=load_kernels("roots").isolate.address,
             newton_unit=sliding.newton.address,
             layer_unit=layer.layer.address,
             fold_unit=steps.fold_jet.address,

@@ -1,13 +1,16 @@
 """How kernels are compiled: small functions, and units that meet through addresses.
 
 numba links every callee into its caller and optimises the whole again, level by level: a deep call graph compiled
-for a minute. So the loop is cut into a few *units*, compiled once each and called through their address (`UNITS` of
-state.py holds them); inside a unit, `kernel` functions are linked as usual.
+for minutes. So the loop is cut into a few *units*, compiled and cached once each and called through their address;
+inside a unit, `kernel` functions are linked as usual. They are registered, not jitted: a jitted function would be
+compiled anew for every literal argument.
 """
 
-from numba import cfunc, njit
+from numba import cfunc
+from numba.extending import register_jitable
 
-kernel = njit(cache=True, error_model="numpy")
+kernel = register_jitable(error_model="numpy")
+reassociating_kernel = register_jitable(error_model="numpy", fastmath={"reassoc", "contract"})
 
 
 def unit(signature):

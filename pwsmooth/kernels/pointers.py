@@ -21,7 +21,7 @@ def _caller(types_in, restype):
             if isinstance(ty, types.Array):
                 value = context.make_array(ty)(context, builder, value=value).data
             values.append(value)
-        result = ir.VoidType() if restype is types.void else _INT64
+        result = {types.void: ir.VoidType(), types.int64: _INT64, types.float64: _DOUBLE}[restype]
         pointer = builder.inttoptr(args[0], ir.FunctionType(result, [v.type for v in values]).as_pointer())
         out = builder.call(pointer, values)
         return context.get_dummy_value() if restype is types.void else out
@@ -87,3 +87,9 @@ def call_layer_unit(typingctx, address, P, S, W, task, j, toward, start):
 def call_fold(typingctx, address, P, C, S, W, j, toward):
     """fold jet(P, C, S, W, j, toward) -> int64: overwrites W.rows, 0 where it is singular."""
     return _caller((address, P, C, S, W, j, toward), types.int64)
+
+
+@intrinsic
+def call_root(typingctx, address, W, degree):
+    """first_root(W, degree) -> float64; see roots.py."""
+    return _caller((address, W, degree), types.float64)

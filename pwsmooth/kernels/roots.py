@@ -9,7 +9,11 @@ import math
 
 import numpy as np
 
-from .compiling import kernel
+from numba import types
+
+from .compiling import kernel, unit
+from .pointers import call_root
+from .state import Work
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -30,20 +34,18 @@ _TABLE = _quick_table()
 
 
 @kernel
-def quick_bounds(a, degree):
-    """Lower and upper bound of the polynomial on [0, 1], from a Bernstein form of degree 6 and the remainder."""
+def lower_bound(a, degree):
+    """Lower bound of the polynomial on [0, 1] from a Bernstein form of degree 6 and the remainder (a[0..6] set)."""
     rest = 0.0
     for k in range(_LOW + 1, degree + 1):
         rest += abs(a[k])
-    top = min(degree, _LOW)
-    lo, hi = math.inf, -math.inf
-    for i in range(_LOW + 1):
-        b = 0.0
-        for k in range(min(i, top) + 1):
+    lo = a[0]
+    for i in range(1, _LOW + 1):
+        b = a[0]
+        for k in range(1, i + 1):
             b += _TABLE[i, k] * a[k]
         lo = min(lo, b)
-        hi = max(hi, b)
-    return lo - rest, hi + rest
+    return lo - rest
 
 
 @kernel
@@ -97,18 +99,10 @@ def refine(a, degree, lo, hi, s):
     return s
 
 
-@kernel
-def first_root(a, degree, work):
-    """First s in [0, 1] where the polynomial, positive at 0, ceases to be positive; NO_ROOT if there is none.
-
-    `work` (at least 2 * 48 * (degree + 1) doubles) is overwritten. A value <= 0 at s = 0 is a root there.
-    A dip that stays above zero is none, however shallow; one that only touches within rounding is none either.
-    """
-    if a[0] <= 0.0:
-        return 0.0
-    lo, hi = quick_bounds(a, degree)
-    if lo > 0.0:
-        return NO_ROOT
+@unit(types.float64(Work.numba_type, types.int64))
+def isolate(W, degree):
+    """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
+    a, work = W.poly, W.bernstein
     width = degree + 1
     b = work[:width]
     to_bernstein(a, degree, b)
@@ -179,3 +173,17 @@ def first_root(a, degree, work):
             return NO_ROOT
         if depth == 0:
             return NO_ROOT
+
+
+@kernel
+def first_root(P, W, degree):
+    """First s in [0, 1] where the polynomial W.poly, positive at 0, ceases to be positive; NO_ROOT if there is none.
+
+    A value <= 0 at s = 0 is a root there. A dip that stays above zero is none, however shallow; one that only touches
+    within rounding is none either.
+    """
+    if W.poly[0] <= 0.0:
+        return 0.0
+    if lower_bound(W.poly, degree) > 0.0:
+        return NO_ROOT
+    return call_root(P.root_unit, W, degree)

@@ -61,6 +61,15 @@ def _block_sum(typingctx, rows, a, b, q, out):
     return signature, codegen
 
 
+@intrinsic
+def choose(typingctx, condition, a, b):
+    """a if condition else b, both evaluated: no branch, and no block for the compiler to analyse."""
+    def codegen(context, builder, sig, args):
+        return builder.select(*args)
+
+    return types.float64(types.boolean, types.float64, types.float64), codegen
+
+
 @njit(cache=True, error_model="numpy")
 def presum(rows, a, b, q, out):
     """Block sum of the rows at offsets a and b for block q; overwrites rows[out..out+3]."""

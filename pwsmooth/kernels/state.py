@@ -55,7 +55,8 @@ class Problem(Bundle):
     jet_fold: "int"  # the same along the arc of a multiplier (see folds.py), 0 where no fold can occur
     fields_fold: "int"
     linear_fold: "int"
-    newton_unit: "int"  # addresses of the compiled units (compiling.py)
+    root_unit: "int"  # addresses of the compiled units (compiling.py)
+    newton_unit: "int"
     layer_unit: "int"
     fold_unit: "int"
     start_unit: "int"

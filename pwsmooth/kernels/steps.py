@@ -6,15 +6,15 @@ multiplier (fold): near a fold lambda ~ sqrt(t* - t) has no Taylor series in t, 
 
 import math
 
-from numba import njit, types
+from numba import types
 
-from .compiling import kernel, unit
+from .compiling import kernel, reassociating_kernel, unit
 from .pointers import call_fields, call_jet_general, call_jet_slip, call_linear
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@reassociating_kernel
 def dot(row, power, count):
     """sum row[k] power[k]: with reassociation it runs in vector lanes, a Horner chain does not."""
     total = 0.0

@@ -9,7 +9,7 @@ import math
 import operator
 
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
@@ -160,7 +160,21 @@ def _instruction(name):
     return function
 
 
-vsqrt, vabs = _instruction("sqrt"), _instruction("fabs")
+vsqrt, vabs, vfloor, vrint = (_instruction(name) for name in ("sqrt", "fabs", "floor", "rint"))
+
+
+@intrinsic
+def vfma(typingctx, a, b, c):
+    """a * b + c with one rounding."""
+
+    def codegen(context, builder, sig, args):
+        vector = args[0].type
+        declared = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.v{vector.count}f64"
+        )
+        return builder.call(declared, args)
+
+    return a(a, a, a), codegen
 
 
 @intrinsic
@@ -229,8 +243,50 @@ def _scalar(name):
     return scope[name]
 
 
-vexp, vlog, vsin, vcos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, verfc = (
+vexp, vlog, _sin, _cos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, verfc = (
     _library(_scalar(name))
     for name in "exp log sin cos tan sinh cosh tanh atan asin acos erf erfc".split()
 )
-FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())
+
+# Beyond this many quarter turns the two-part pi/2 runs out of digits.
+_FAR = 1e6
+
+
+@njit(cache=True, fastmath={"contract"})
+def _quarters(x, k, k2):
+    """sin(x - k pi/2) turned by k2 quarter turns; polynomials of fdlibm (k_sin.c, k_cos.c)."""
+    r = vfma(k, splat8(-1.5707963267948966), x)
+    r = vfma(k, splat8(-6.123233995736766e-17), r)
+    z = r * r
+    s = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08
+    s = z * (z * (z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04) + 8.33333333332248946124e-03)
+    s = r + r * z * (s - 1.66666666666666324348e-01)
+    c = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09
+    c = z * (z * (z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05) - 1.38888888888741095749e-03)
+    c = 1.0 - 0.5 * z + z * z * (c + 4.16666666666666019037e-02)
+    half = vfloor(k2 * 0.5)
+    odd = k2 - 2.0 * half
+    turned = half - 2.0 * vfloor(half * 0.5)
+    return (s * (1.0 - odd) + c * odd) * (1.0 - 2.0 * turned)
+
+
+@njit(cache=True, fastmath={"contract"})
+def _all_near(k):
+    top = 0.0
+    for i in range(8):
+        top = max(top, abs(lane(k, i)))
+    return top < _FAR
+
+
+@njit(cache=True, fastmath={"contract"})
+def vsin(x):
+    """Sine of 8 lanes; one vector evaluation instead of 8 library calls."""
+    k = vrint(x * 0.6366197723675814)
+    return _quarters(x, k, k) if _all_near(k) else _sin(x)
+
+
+@njit(cache=True, fastmath={"contract"})
+def vcos(x):
+    """Cosine of 8 lanes."""
+    k = vrint(x * 0.6366197723675814)
+    return _quarters(x, k, k + 1.0) if _all_near(k) else _cos(x)

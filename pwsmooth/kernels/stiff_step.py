@@ -11,6 +11,8 @@ from pwsmooth.kernels.stiff_radau import embedded_error, end_polynomial, extrapo
 from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylor_passed
 
 GROWTH, SHRINK = 8.0, 0.2
+# An error that was very small by chance must not forbid the next step to keep its length.
+LONGEST_MEMORY = 2.5
 
 
 @njit(cache=True)
@@ -34,7 +36,8 @@ def radau_step(s):
         extrapolate(m, n, ratio, s.poly, s.Z)
     factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
     cnt[S.JACOBIANS] += 1
-    eta = max(num[S.ETA], 1e-16) ** 0.8
+    eta = np.sqrt(max(num[S.ETA], 1e-16))
+    eta *= np.sqrt(eta)
     converged, iterations, eta, theta = newton(
         adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
         num[S.KAPPA], eta, s.scratch,
@@ -54,10 +57,10 @@ def radau_step(s):
     if not np.isfinite(size):
         return _reject(s, 0.25 * h)
     size = max(size, 1e-12)
-    exponent = -1.0 / (stages + 1)
+    growth = size ** (-1.0 / (stages + 1))
     # A step that needed many iterations should not grow: its predictor was poor.
     safety = 0.9 * 31.0 / (30.0 + iterations)
-    factor = min(GROWTH, max(SHRINK, safety * size**exponent))
+    factor = min(GROWTH, max(SHRINK, safety * growth))
     if size >= 1.0:
         return _reject(s, h * (0.1 if cnt[S.FIRST] else min(factor, 0.9)))
     for i in range(n):
@@ -67,9 +70,9 @@ def radau_step(s):
     if gate > 0.0:
         return _reject(s, gate * h)
     if cnt[S.FIRST] == 0:
-        predictive = safety * (h / num[S.H_OLD]) * (size * size / num[S.ERR_OLD]) ** exponent
+        predictive = safety * (h / num[S.H_OLD]) * growth * growth / num[S.GROWTH_OLD]
         factor = max(SHRINK, min(factor, predictive))
-    num[S.ERR_OLD] = max(1e-2, size)
+    num[S.GROWTH_OLD] = min(growth, LONGEST_MEMORY)
     if cnt[S.REJECTED]:
         factor = min(factor, 1.0)
     end_polynomial(m, n, s.Z, s.poly)

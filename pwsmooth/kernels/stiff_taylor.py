@@ -34,13 +34,16 @@ def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
 @njit(cache=True, fastmath=CONTRACT)
 def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
-    length = np.inf
-    for k in range(K - 1, K + 1):
-        size = _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol)
-        if size != size:
-            return np.nan
-        if size > 0.0:
-            length = min(length, size ** (-1.0 / k))
+    last = _order_size(n, q, K, stride, rows, surface_row, surf, weight, rtol)
+    size = _order_size(n, q, K - 1, stride, rows, surface_row, surf, weight, rtol)
+    if last != last or size != size:
+        return np.nan
+    length = last ** (-1.0 / K) if last > 0.0 else np.inf
+    power = size
+    for _ in range(K - 1):
+        power *= length
+    if power > 1.0:
+        length = size ** (-1.0 / (K - 1))
     return 0.9 * length
 
 

@@ -7,6 +7,8 @@ that meets a zero of dt/dlambda a fold.
 
 import math
 
+from numba import njit
+
 from .compiling import kernel
 from .pointers import call_fold, call_unit
 from .records import record_point
@@ -48,7 +50,7 @@ def _scaled(row, power, poly, degree, drop, sign):
 
 
 @kernel
-def _meet(row, power, degree, drop, sign, work):
+def _meet(P, row, power, degree, drop, sign, work):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
     poly = work.poly
     _scaled(row, power, poly, degree, drop, sign)
@@ -59,7 +61,7 @@ def _meet(row, power, degree, drop, sign, work):
         if abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             _scaled(row, power, poly, degree, drop + 1, sign)
             drop += 1
-    return first_root(poly, degree - drop, work.bernstein)
+    return first_root(P, work, degree - drop)
 
 
 @kernel
@@ -76,7 +78,7 @@ def find_first(P, C, S, surface_rows, mult_row, h, work):
                 continue
             row = rows[mult_row + j]
             if P.kind[j] == CONTACT:
-                tau[j] = _meet(row, power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, work)
+                tau[j] = _meet(P, row, power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, work)
                 work.exit_side[j] = 1
             else:
                 poly = work.poly
@@ -86,17 +88,17 @@ def find_first(P, C, S, surface_rows, mult_row, h, work):
                     _scaled(row, power, poly, K, drop, -1.0 * side)
                     if drop == 0:
                         poly[0] += 1.0
-                    s = first_root(poly, K - drop, work.bernstein)
+                    s = first_root(P, work, K - drop)
                     if s < tau[j]:
                         tau[j] = s
                         work.exit_side[j] = side
         elif surface_rows[j] >= 0 and status != HELD:
-            tau[j] = _meet(rows[surface_rows[j]], power, K, S.deflate[j], float(status), work)
+            tau[j] = _meet(P, rows[surface_rows[j]], power, K, S.deflate[j], float(status), work)
         best = min(best, tau[j])
     for i in range(m, m + ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
-            tau[i] = _meet(rows[surface_rows[i]], power, K, S.deflate[i], float(S.side[i - m]), work)
+            tau[i] = _meet(P, rows[surface_rows[i]], power, K, S.deflate[i], float(S.side[i - m]), work)
             best = min(best, tau[i])
     return best
 
@@ -174,7 +176,7 @@ def _room(R, S):
     )
 
 
-@kernel
+@njit(cache=True, error_model="numpy")
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
     n, m, K = P.n, P.m, C.order
@@ -242,13 +244,13 @@ def run(P, C, S, R, W):
             slope = W.fold_slope
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
-            s = _meet(slope, W.power, K - 1, 0, 1.0, W)
+            s = _meet(P, slope, W.power, K - 1, 0, 1.0, W)
             if s < best:
                 folded, best = True, s
             for k in range(K + 1):
                 W.poly[k] = -rows[time_row, k] * W.power[k]
             W.poly[0] += stop
-            s = first_root(W.poly, K, W.bernstein)
+            s = first_root(P, W, K)
             if s < min(best, 1.0):
                 fraction, folded, capped = s, False, True
         happened = best <= fraction
