@@ -20,11 +20,13 @@ from __future__ import annotations
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
-from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, plain, rewrite
+from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .scalar import Writer
 
 # A row holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5
+# Orders in a block, as in kernels/series.py.
+LANES = 4
 OPTIONS = ', fastmath={"contract", "nsz"}'
 
 
@@ -73,10 +75,16 @@ class JetProgram:
             if has:
                 order_k.row(node)
             surface_rows.append(order_k.rows[node] if has else -1)
-        self._state_coefficients(order_k, loop)
-        order_k.emit(roots)
-        corrections = self._correct(order_k, loop) if self.general else {}
-        self._close_order(order_k, loop)
+        corrections = self._order(order_k, loop, roots)
+        unrolled = bool(order_k.products)
+        if unrolled:
+            for _ in range(LANES - 1):
+                loop.line("if k == K:")
+                loop.line("    return 0")
+                loop.line("k += 1")
+                loop.line("inv = 1.0 / k")
+                order_k.next_place()
+                self._order(order_k, loop, roots)
 
         start = Writer(1)
         order_0 = OrderZero(graph, start, degrees, self.solved, order_k.reciprocals)
@@ -89,20 +97,19 @@ class JetProgram:
         if self.general:
             scratch = self._factor(order_0, start, corrections, scratch)
         self._open_rows(order_k, start)
-        windows, move = order_k.windows()
-        for line in windows:
-            start.line(line)
 
         body = Writer(1)
         body.lines = self._declarations(start, loop) + start.lines
-        body.line("for k in range(1, K + 1):")
-        body.line("    inv = 1.0 / k")
-        for line in order_k.block_sums():
-            body.line("    " + line)
+        # Without products all orders are alike; with products they come in unrolled blocks of four.
+        body.line(f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):")
+        body.indent = 2
+        if unrolled:
+            body.line(f"k = {LANES} * q + 1")
+            for line in order_k.block_sums():
+                body.line(line)
+        body.line("inv = 1.0 / k")
+        body.indent = 1
         body.lines += loop.lines
-        # Affine nodes have no order above 1.
-        for line in (*move, *(f"z{node} = 0.0" for node in sorted(order_k.transient))):
-            body.line("    " + line)
         body.line("return 0")
         self.source.helpers |= order_0.helpers | order_k.helpers
         name = "jet_general" if self.general else "jet_slip"
@@ -118,6 +125,7 @@ class JetProgram:
         everything = set(self.graph.reach(roots))
         self.inside = everything - reached  # nodes that only a branch needs
         if self.general:
+            self.source.helpers.add("choose")
             for j in range(len(self.unknowns)):
                 start.line(f"on{j} = mask[{j}] != 0")
             return
@@ -217,6 +225,14 @@ class JetProgram:
 
     # ---- inside the loop ----
 
+    def _order(self, order_k: OrderK, loop: Writer, roots) -> dict[int, int]:
+        """Write one order; returns the nodes that solved multipliers correct."""
+        self._state_coefficients(order_k, loop)
+        order_k.emit(roots)
+        corrections = self._correct(order_k, loop) if self.general else {}
+        self._close_order(order_k, loop)
+        return corrections
+
     def _state_coefficients(self, order_k: OrderK, loop: Writer) -> None:
         for i, node in enumerate(self.states):
             if self.degrees.of(node) in (CONSTANT, AFFINE):
@@ -228,23 +244,30 @@ class JetProgram:
     def _correct(self, order_k: OrderK, loop: Writer) -> dict[int, int]:
         """Solve for lambda_k, add S lambda_k; returns the corrected nodes and what they move with."""
         offset = 4 * len(order_k.products)
+        for node in self.unknowns:
+            loop.line(f"k{node} = 0.0")
+        # A branch, not a selection: with nothing to solve the chain from order to order does not wait for it.
+        loop.line(f"if {' or '.join(f'on{j}' for j in range(len(self.unknowns)))}:")
+        loop.indent += 1
         for component in self.components():
             size = len(component)
             if size == 1:
                 j = component[0]
                 g = order_k.coefficient(self.residuals[j]) or "0.0"
-                loop.line(f"q{j} = G{j} * {g} if on{j} else 0.0")
+                loop.line(f"q{j} = choose(on{j}, G{j} * {g}, 0.0)")
                 continue
             right = offset + size * size + size
             for j in component:
                 loop.line(f"q{j} = 0.0")
             loop.line(" or ".join(f"on{j}" for j in component).join(("if ", ":")))
+            loop.indent += 1
             for r, j in enumerate(component):
                 g = order_k.coefficient(self.residuals[j]) or "0.0"
-                loop.line(f"    rows[scratch + {right + r}] = -({g}) if on{j} else 0.0")
-            loop.line(f"    lu_solve(rows, scratch + {offset}, {size})")
+                loop.line(f"rows[scratch + {right + r}] = choose(on{j}, -({g}), 0.0)")
+            loop.line(f"lu_solve(rows, scratch + {offset}, {size})")
             for r, j in enumerate(component):
-                loop.line(f"    q{j} = rows[scratch + {right + r}]")
+                loop.line(f"q{j} = rows[scratch + {right + r}]")
+            loop.indent -= 1
             self.source.helpers |= {"lu_factor", "lu_solve"}
             offset += size * size + 2 * size
         stored = {*map(plain, order_k.rows), *order_k.carried, *self.rates}
@@ -262,6 +285,7 @@ class JetProgram:
                 loop.line(f"k{node} = q{self.unknowns.index(node)}")
             elif terms:
                 loop.line(f"k{node} += {' + '.join(terms)}")
+        loop.indent -= 1
         return corrections
 
     def _close_order(self, order_k: OrderK, loop: Writer) -> None:
@@ -274,9 +298,15 @@ class JetProgram:
         for i, rate in enumerate(self.rates):
             if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
                 loop.line(f"d{i} = {self._frozen(i, order_k.coefficient(rate) or '0.0')}")
+        if order_k.place < LANES - 1:
+            for operand in sorted({u for pair in order_k.products for u in pair}):
+                loop.line(f"c{order_k.place + 1}{label(operand)} = {order_k.last_value(operand)}")
+        if order_k.place == 0:
+            for node in sorted(order_k.transient):
+                loop.line(f"z{node} = 0.0")  # an affine node has no order above 1
 
     def _frozen(self, i: int, rate: str) -> str:
-        return f"0.0 if on{self.frozen[i]} else {rate}" if i in self.frozen else rate
+        return f"choose(on{self.frozen[i]}, 0.0, {rate})" if i in self.frozen else rate
 
 
 def write_jets(model: Model) -> dict[str, str]:

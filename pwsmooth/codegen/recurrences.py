@@ -199,6 +199,7 @@ class OrderK(JetCode):
         super().__init__(graph, writer, degrees, "k", solved)
         self.rows: dict[int, int] = {}
         self.products: dict[tuple[int, int], int] = {}
+        self.place = 0  # of this order in its block
         self.reciprocals: set[int] = set()
         self.carried: set[int] = set()  # the last order's value is needed, in l
         self.states = {graph.var("x", i) for i in range(len(degrees.rates))}
@@ -260,21 +261,24 @@ class OrderK(JetCode):
     def _sum(self, a: int, b: int) -> str:
         """Text of sum over 0 < j < k of a_j b_(k-j), by blocks (kernels/series.py).
 
-        c1..c3 hold what the block knows of an operand, e1..e3 its orders i, i-1, i-2, with k = 4q + i + 1.
+        c1, c2, c3 are an operand's first three orders of this block. In the first block both factors are of the
+        block and each pair is met twice, so `later` is 0 there, else 1. What is only just known is added last.
         While a switchable operand is constant the sum is skipped at run time.
         """
         a, b = min(a, b), max(a, b)
         block = self.products.setdefault((a, b), len(self.products))
-        self.row(a), self.row(b)
-        x, y = label(a), label(b)
-        pairs = " + ".join(f"c{r}{x} * e{r}{y}" for r in (1, 2, 3))
-        if a == b:
-            text = f"rows[scratch + {4 * block} + i] + 2.0 * half * ({pairs})"
-        else:
-            mirrored = " + ".join(f"c{r}{y} * e{r}{x}" for r in (1, 2, 3))
-            text = f"rows[scratch + {4 * block} + i] + half * (({pairs}) + ({mirrored}))"
+        (x, row_a), (y, row_b) = ((label(u), self.row(u)) for u in (a, b))
+        terms = [f"rows[scratch + {4 * block + self.place}]"]
+        for r in range(1, self.place + 1):
+            low = self.place + 1 - r
+            if a == b:
+                terms += [f"(later + 1.0) * rows[{row_a} + {low}] * c{r}{x}"]
+            else:
+                terms += [f"later * rows[{row_a} + {low}] * c{r}{y}", f"rows[{row_b} + {low}] * c{r}{x}"]
+        text = " + ".join(terms)
         guard = self.guard(a, b)
-        return f"({text} if {guard} else 0.0)" if guard else f"({text})"
+        self.helpers.add("choose")
+        return f"choose({guard}, {text}, 0.0)" if guard else f"({text})"
 
     def guard(self, a: int, b: int) -> str:
         """Text of the condition under which neither operand is constant; empty where that is certain."""
@@ -282,30 +286,19 @@ class OrderK(JetCode):
         return " and ".join(f"({' or '.join(f'on{j}' for j in bits(m))})" for m in sorted(masks))
 
     def block_sums(self) -> list[str]:
-        """Lines at the top of the loop: where the order stands in its block, and the block's sums."""
-        if not self.products:
-            return []
+        """Lines at the start of a block."""
         self.helpers.add("presum")
-        lines = ["i = (k - 1) & 3", "half = 0.5 if k < 5 else 1.0", "if i == 0:"]
+        lines = ["later = choose(q > 0, 1.0, 0.0)"]
         for (a, b), block in self.products.items():
-            call = f"presum(rows, {self.row(a)}, {self.row(b)}, k >> 2, scratch + {4 * block})"
+            call = f"presum(rows, {self.row(a)}, {self.row(b)}, q, scratch + {4 * block})"
             guard = self.guard(a, b)
-            lines += [f"    if {guard}:", f"        {call}"] if guard else [f"    {call}"]
+            lines += [f"if {guard}:", f"    {call}"] if guard else [call]
         return lines
 
-    def windows(self) -> tuple[list[str], list[str]]:
-        """First values of the windows c and e, and the lines that move them on at the end of an order."""
-        operands = sorted({u for pair in self.products for u in pair})
-        start = [" = ".join(f"{w}{r}{label(u)}" for w in "ce" for r in (1, 2, 3)) + " = 0.0" for u in operands]
-        move = ["ahead = k & 3", "new = ahead == 0"] if operands else []
-        for u in operands:
-            x, value = label(u), self.last_value(u)
-            # In the first block the low orders are the ones just computed.
-            low = f"{value} if k < 4 else rows[{self.row(u)} + ahead]"
-            move += [f"e3{x} = 0.0 if new else e2{x}", f"e2{x} = 0.0 if new else e1{x}",
-                     f"e1{x} = 0.0 if new else ({low})"]
-            move += [f"c{r}{x} = 0.0 if new else ({value} if i == {r - 1} else c{r}{x})" for r in (1, 2, 3)]
-        return start, move
+    def next_place(self) -> None:
+        """Start the next order of an unrolled block: nothing of it is emitted yet."""
+        self.place += 1
+        self.scopes = [set()]
 
     def last_value(self, operand: int) -> str:
         """Text of an operand's final coefficient of this order."""
