@@ -1,7 +1,8 @@
 """The step loop of the stiff path: Radau IIA or Taylor, chosen every step by h rho(J), behind the gate.
 
-In Radau, when the next step would have h rho < TO_TAYLOR, the motion is not stiff: Taylor. In Taylor, two steps in
-a row with h rho > TO_RADAU: stability and not accuracy limits the step: Radau, with four times the step.
+In Radau, when the next step would have h rho < TO_TAYLOR, the motion may not be stiff: an expansion there says how
+far Taylor would go, and it takes over if that is the better bargain. In Taylor, two steps in a row with
+h rho > TO_RADAU: stability and not accuracy limits the step: Radau, with four times the step.
 rho comes from one power iteration per step with a vector that is carried along.
 """
 
@@ -13,9 +14,11 @@ from pwsmooth.kernels.stiff_call import JACOBIAN, RATES1, SURFACES, call_point
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
 from pwsmooth.kernels.stiff_lanes import at, pointer
 from pwsmooth.kernels.stiff_radau import step_polynomial
-from pwsmooth.kernels.stiff_step import radau_step, taylor_step
+from pwsmooth.kernels.stiff_step import radau_step, taylor_reach, taylor_step
 
 TO_TAYLOR, TO_RADAU = 10.0, 3.0
+BARGAIN = 1.5  # time of a Radau step over time of a Taylor step
+PATIENCE = 4  # Radau steps before Taylor is asked again
 
 
 @njit(cache=True)
@@ -74,9 +77,18 @@ def _choose_method(s):
         # |trace| / n is below the spectral radius, and often settles it.
         if not cnt[S.MAY_TAYLOR] or num[S.H] * abs(trace) > s.n * TO_TAYLOR:
             return
+        if cnt[S.WAIT] > 0:
+            cnt[S.WAIT] -= 1
+            return
         if num[S.H] * spectral_radius(s.n, s.J, s.power, s.scratch) < TO_TAYLOR:
-            cnt[S.MODE] = S.TAYLOR
-            cnt[S.STIFF_STEPS] = 0
+            look(s.adr, s.n, s.q, num[S.T], s.x, s.p, s.surface_state, s.surf)
+            set_weights(s.n, s.q, s.x, num[S.RTOL_TAYLOR], s.atol, s.surf, s.weight, s.newton_weight)
+            if BARGAIN * taylor_reach(s) > num[S.H]:
+                cnt[S.MODE] = S.TAYLOR
+                cnt[S.STIFF_STEPS] = 0
+                num[S.H] = num[S.H_MAX]
+            else:
+                cnt[S.WAIT] = PATIENCE
         return
     if not cnt[S.MAY_RADAU]:
         return

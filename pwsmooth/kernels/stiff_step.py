@@ -88,17 +88,27 @@ def radau_step(s):
 
 
 @njit(cache=True)
+def taylor_reach(s):
+    """Length that the expansion at x allows (made if there is none yet); nan if a coefficient is."""
+    num, cnt, n = s.num, s.cnt, s.n
+    rows = at(s.rows, (n + s.q) * S.STRIDE * cnt[S.ROWS_AT])
+    if not cnt[S.ROWS_VALID]:
+        call_taylor(s.adr[TAYLOR], num[S.T], s.x, s.p, cnt[S.K], S.STRIDE, rows)
+        cnt[S.F_EVALS] += 1
+        cnt[S.ROWS_VALID] = 1
+    return taylor_length(
+        n, s.q, cnt[S.K], S.STRIDE, rows, s.surface_row, s.surf, s.weight, num[S.RTOL_TAYLOR]
+    )  # fmt: skip
+
+
+@njit(cache=True)
 def taylor_step(s):
     """One attempt of at most num[H]; whether it was accepted. A coefficient that is nan leaves num[TAKEN] nan."""
     adr, num, cnt, n = s.adr, s.num, s.cnt, s.n
     K = cnt[S.K]
     block = (n + s.q) * S.STRIDE
     rows, ahead = at(s.rows, block * cnt[S.ROWS_AT]), at(s.rows, block * (1 - cnt[S.ROWS_AT]))
-    if not cnt[S.ROWS_VALID]:
-        call_taylor(adr[TAYLOR], num[S.T], s.x, s.p, K, S.STRIDE, rows)
-        cnt[S.F_EVALS] += 1
-        cnt[S.ROWS_VALID] = 1
-    natural = taylor_length(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, s.weight, num[S.RTOL_TAYLOR])
+    natural = taylor_reach(s)
     if natural != natural:
         num[S.TAKEN] = np.nan
         return False
