@@ -1,6 +1,7 @@
 """Taylor programs against series from elsewhere: closed-form trajectories differentiated by mpmath."""
 
 import ctypes
+import math
 
 import mpmath
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.jets import write_jets
 from pwsmooth.model import EventSpec, Model, Multiplier, Select
 
 K = 12
@@ -28,6 +30,23 @@ def jet(model, x0, p=(), mult=(), mask=None, t0=0.0, order=K):
     address = compiled.jet_slip if mask is None else compiled.jet_general
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
     return rows, call(t0, *(q.ctypes.data for q in inputs), order, rows.shape[1], rows.ctypes.data)
+
+
+def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
+    """Rows of the slip program, its text run by Python itself: the recurrences without a compilation each."""
+    text = write_jets(model)["slip"]
+
+    def presum(rows, a, b, q, out):
+        for lane in range(4):
+            k = 4 * q + lane + 1
+            rows[out + lane] = sum(rows[a + j] * rows[b + k - j] for j in range(lane + 1, 4 * q + 1))
+
+    scope = {"math": math, "presum": presum, "choose": lambda condition, u, v: u if condition else v}
+    exec(text[text.index("def jet_slip"):], scope)
+    rows = np.full((scope["NROWS"], order + 4), 7.5)
+    flat = rows.reshape(-1)
+    assert scope["jet_slip"](t0, x0, (), p, order, rows.shape[1], flat) == 0
+    return rows
 
 
 def series(function, order=K):
@@ -54,8 +73,7 @@ def test_every_recurrence_gives_the_series_of_its_function(number, argument):
     # x = exp(-a s)/2 is a general series, 1/2 - a t an affine one; y integrates f along it.
     inner = x if argument == "general" else sp.Rational(1, 2) - a * t
     model = Model(t, (x, y), (a, c), (-a * x, f(inner)))
-    rows, code = jet(model, (0.5, 0.0), (0.7, 1.9))
-    assert code == 0
+    rows = interpreted_jet(model, (0.5, 0.0), (0.7, 1.9))
     u = sp.symbols("u")
     F = sp.lambdify(u, f(u).subs(c, sp.Float("1.9", 60)), "mpmath")
 
@@ -65,6 +83,30 @@ def test_every_recurrence_gives_the_series_of_its_function(number, argument):
 
     expected = series(along, K - 1)
     assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), expected)
+
+
+def test_compiled_and_interpreted_programs_agree():
+    rates = (-a * x, sum(f(x) / 10 for f in UNARY[::3]))
+    model = Model(t, (x, y), (a, c), rates)
+    rows, code = jet(model, (0.5, 0.0), (0.7, 1.9))
+    assert code == 0
+    expected = interpreted_jet(model, (0.5, 0.0), (0.7, 1.9))
+    np.testing.assert_allclose(rows[:2, :K + 1], expected[:2, :K + 1], rtol=1e-11)
+
+
+@pytest.mark.parametrize("mask", [None, (0,), (1,)])
+def test_a_program_writes_the_orders_asked_for_and_nothing_beyond(mask):
+    rate = sp.sin(t) / 2 - lam * (1 + a * (1 - lam**2)) - x * y / 9
+    model = Model(t, (x, y), (a,), (rate, x * y + lam), (Multiplier(lam, "switch", rate, x, hidden=True),))
+    start, mult = ((0.0, 0.4), (0.0,)) if mask == (1,) else ((0.3, 0.4), (1.0,))
+    longest, _ = jet(model, start, (0.4,), mult, mask, order=13)
+    first, where = compile_model(model).mult_row0, [0, 1] if mask is None else [0, 1, 2]
+    assert mask is None or first == 2
+    for order in range(1, 13):
+        rows, code = jet(model, start, (0.4,), mult, mask, order=order)
+        assert code == 0
+        np.testing.assert_array_equal(rows[where, :order + 1], longest[where, :order + 1])
+        assert np.all(rows[where, order + 1:] == 7.5)
 
 
 def test_products_of_constants_lines_and_states_have_their_series():
