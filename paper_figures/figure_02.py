@@ -19,8 +19,8 @@ NAME = "2"
 TITLE = "The contact coefficient of a continuum of oscillating forces"
 CAPTION = """
 (i) Exact integral for a Gaussian envelope and linear phase 3k/2 (full curve) and the first term of its
-asymptotic form (dotted), which leaves the frame near v = 0. (ii) The same for smaller eps: a step whose spikes
-keep their height. (iii) Other envelopes and a mixed phase named by the source, each tending to 1. Not
+asymptotic form (dotted), which leaves the frame near v = 0. (ii) The same for smaller eps: a step whose
+spikes keep their height. (iii) Other envelopes and a mixed phase named by the source, each tending to 1. Not
 reproduced: the printed peak height, the coefficients C_nm of (37), the sign in (38), see the claims.
 """
 RHO = 1.5
@@ -174,7 +174,7 @@ def draw(fast):
     u = np.linspace(-6, 6, 1201)
     left.plot(u, contact_coefficient(u), color=COLOUR["exact"], label="exact integral")
     for side in (u[u < -0.3], u[u > 0.3]):
-        label = "first asymptotic term" if side[0] > 0 else None
+        label = "asymptotic,\nfirst term" if side[0] > 0 else None
         left.plot(side, first_term(side), ":", color=COLOUR["approximation"], linewidth=2, label=label)
     peak = math.pi / (2 * RHO)
     for sign in (1, -1):

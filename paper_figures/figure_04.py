@@ -14,8 +14,9 @@ NAME = "4"
 TITLE = "Sticking equilibria and their folds"
 CAPTION = """
 The graph y = (q'' - N mu(lam))/k at q'' = 0, k = 3.1, N = 1 with gamma = 1 - lam^2. Full: attracting in the
-fast transition; dashed: repelling. Left, rho = 3: folds at lam = +-2/3. Right, rho = 0.4 < 1/2: no fold inside,
-the extreme values lie at lam = +-1. Shaded: displacements of linear (dark) and nonlinear (light) sticking.
+fast transition; dashed: repelling. Left, rho = 3: folds at lam = +-2/3. Right, rho = 0.4 < 1/2: no fold
+inside, the extreme values lie at lam = +-1. Shaded: displacements of linear (dark) and nonlinear (light)
+sticking.
 """
 K, N = 3.1, 1.0
 LAM, RHO = sp.Symbol("lam", real=True), sp.Symbol("rho", positive=True)

@@ -110,9 +110,11 @@ def direction_arrows(
     colour: str = COLOUR["mark"],
     size: float = 9,
 ) -> Axes:
-    """Arrow heads along a curve, at fractions `at` of its length as drawn."""
-    box = (np.ptp(ax.get_xlim()) or 1.0, np.ptp(ax.get_ylim()) or 1.0)
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / box[0], np.diff(y) / box[1]))])
+    """Arrow heads along a curve, at fractions `at` of the length that the Axes' limits show."""
+    (left, right), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+    seen = (x >= left) & (x <= right) & (y >= bottom) & (y <= top)
+    pieces = np.hypot(np.diff(x) / (right - left), np.diff(y) / (top - bottom))
+    length = np.concatenate([[0.0], np.cumsum(np.where(seen[1:] & seen[:-1], pieces, 0.0))])
     for fraction in at:
         i = int(np.clip(np.searchsorted(length, fraction * length[-1]), 1, len(x) - 1))
         # A head needs a visible direction: walk back until the points are one hundredth of the axes apart.
