@@ -97,6 +97,8 @@ class System:
     --------
     The friction oscillator with static friction as a hidden term:
 
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch, System
     >>> t, y, v, z = sp.symbols("t y v z", real=True)
     >>> rho, beta, k, sigma = sp.symbols("rho beta k sigma", positive=True)
     >>> lam = Switch("lam", v)

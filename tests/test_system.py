@@ -1,5 +1,7 @@
 """System: one definition, its lowered model, its views, and what it refuses."""
 
+import doctest
+import importlib
 import math
 import pickle
 import re
@@ -588,6 +590,12 @@ def ball(restitution):
 def test_bad_definitions_are_refused_with_the_value_and_the_remedy(make, error, message):
     with pytest.raises(error, match=re.escape(message)):
         make()
+
+
+@pytest.mark.parametrize("name", ["family", "primitives", "sigmoids", "system"])
+def test_the_examples_of_the_docstrings_run(name):
+    outcome = doctest.testmod(importlib.import_module(f"pwsmooth.{name}"))
+    assert outcome.attempted > 0 and outcome.failed == 0
 
 
 def test_import_is_cheap():
