@@ -343,7 +343,8 @@ class Lifting:
         other = value(h, point) / (value(known, point) or 1)
         if abs(other - ratio) < 1e-9 * abs(ratio):
             return 1 if ratio > 0 else -1
-        # The factor depends on parameters: its sign has to be known for all their values.
+        # The factor depends on parameters: its sign has to be known for all their values. (A factor that is
+        # only known to be >= 0 counts as positive: where it is 0 there is no surface.)
         factor = sp.cancel(h / known)
         if not self._moves(factor) and (factor.is_nonnegative or factor.is_nonpositive):
             return -1 if factor.is_nonpositive else 1
