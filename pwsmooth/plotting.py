@@ -129,6 +129,9 @@ def direction_arrows(
 def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
     """States (or `names`) against time, one Axes each; intervals in which a multiplier is solved are shaded.
 
+    With dense output the curves are smooth; without, straight lines join the ends of the steps, which are long
+    at high order.
+
     Parameters
     ----------
     sol : Solution
@@ -155,8 +158,20 @@ def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any =
     for ax, name in zip(panels, wanted):
         for segment in solved:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
-        ax.plot(sol.t, sol[name], color=COLOUR["exact"])
+        ax.plot(*_curve(sol, name), color=COLOUR["exact"])
         ax.set_ylabel(str(name))
         ax.margins(x=0)
     panels[-1].set_xlabel(str(sol.model.time))
     return panels
+
+
+def _curve(sol: Solution, name: Any, each: int = 16) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
+    if sol.dense is None or len(sol.t) < 2:
+        return sol.t, sol[name]
+    starts, ends = sol.t[:-1], sol.t[1:]
+    longer = ends > starts
+    starts, ends = starts[longer], ends[longer]
+    # A step's last point belongs to the step: exactly at its end the next one begins.
+    times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
+    return times, sol(times, name)

@@ -5,12 +5,14 @@ Kernels return integers and arrays; these records carry them in words.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
-__all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment"]
+__all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"]
 
 
 class Outcome(IntEnum):
@@ -71,8 +73,8 @@ _TEXTS = {
     Outcome.NO_CONVERGENCE: "Newton's iteration of the implicit step did not converge: try a tighter `rtol`.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
     "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
-    Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none is "
-    "distinguished: see `ambiguities`; a smoothed view decides for one.",
+    Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none "
+    "is distinguished: see `ambiguities`; a smoothed view decides for one.",
 }
 
 
@@ -93,6 +95,24 @@ class EventRecord:
     def __str__(self) -> str:
         note = f" ({self.note})" if self.note else ""
         return f"t = {self.time:.9g}: {self.kind} [{self.switch}]{note}"
+
+
+class EventLog(Sequence):
+    """The events of a solution, put into words when they are asked for: a long run has many."""
+
+    def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., EventRecord]) -> None:
+        self.times, self.codes, self._words = times, codes, words
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return [self[k] for k in range(*i.indices(len(self)))]
+        return self._words(float(self.times[i]), *self.codes[i].tolist())
+
+    def __repr__(self) -> str:
+        return repr(list(self))
 
 
 @dataclass(frozen=True)
@@ -141,36 +161,38 @@ class Dense:
     """Piecewise polynomials, one piece a step, in the step's own variable s.
 
     Shapes: `t0`, `t1`, `length` (ns,), `coefficients` (ns, n, K+1), `mult_coefficients` (ns, m, K+1),
-    `time_coefficients` (ns, K+1). A step in time has t = t0 + s. Beside a fold s is the arc of a multiplier, where
-    t(s) is a polynomial and lambda(t) has only a square-root expansion.
+    `time_coefficients` (ns, K+1). A step in time has t = t0 + s, and all have without the optional ones.
+    Beside a fold s is the arc of a multiplier, where t(s) is a polynomial and lambda(t) has only a square-root
+    expansion.
     """
 
     t0: np.ndarray
     t1: np.ndarray
     coefficients: np.ndarray
     mult_coefficients: np.ndarray
-    time_coefficients: np.ndarray
-    length: np.ndarray
+    time_coefficients: np.ndarray | None = None
+    length: np.ndarray | None = None
 
     def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States (n, nt) and multipliers (m, nt); at an event the side after it."""
         # The last piece that has begun: pieces of zero length and both sides of an event resolve to "after".
         piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
         s = t - self.t0[piece]
-        for i in np.flatnonzero(np.any(self.time_coefficients[piece, 2:] != 0, axis=1)):
-            s[i] = self._arc(piece[i], t[i])
+        if self.time_coefficients is not None and self.length is not None:
+            for i in np.flatnonzero(np.any(self.time_coefficients[piece, 2:] != 0, axis=1)):
+                s[i] = _arc(self.time_coefficients[piece[i]], self.length[piece[i]], t[i])
         return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
 
-    def _arc(self, piece: int, t: float) -> float:
-        """s with t(s) = t on a piece along a multiplier's arc, where t(s) increases."""
-        from scipy.optimize import brentq
 
-        rest = self.time_coefficients[piece, ::-1].copy()
-        rest[-1] -= t
-        end = self.length[piece]
-        if rest[-1] >= 0:
-            return 0.0
-        return brentq(lambda s: np.polyval(rest, s), 0.0, end, xtol=1e-15) if np.polyval(rest, end) > 0 else end
+def _arc(coefficients: np.ndarray, end: float, t: float) -> float:
+    """s in [0, end] with t(s) = t, where t(s) increases."""
+    from scipy.optimize import brentq
+
+    rest = coefficients[::-1].copy()
+    rest[-1] -= t
+    if rest[-1] >= 0:
+        return 0.0
+    return brentq(lambda s: np.polyval(rest, s), 0.0, end, xtol=1e-15) if np.polyval(rest, end) > 0 else end
 
 
 def _horner(coefficients: np.ndarray, piece: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -118,6 +118,21 @@ def test_dense_evaluation_takes_the_side_after_an_event():
     np.testing.assert_array_equal(sol([0.5, 1.5], "mu"), [1, 0])
 
 
+def test_dense_evaluation_along_an_arc_resolves_a_square_root():
+    # Beside a fold: s is the arc, t = s**2, so that y = s is sqrt(t), which no polynomial in t resolves.
+    arc = Dense(
+        np.array([0.0]),
+        np.array([1.0]),
+        np.array([[[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]]),
+        np.array([[[1.0, 0.0, 0.0]]]),
+        np.array([[0.0, 0.0, 1.0]]),
+        np.array([1.0]),
+    )
+    at = np.array([0.0, 1e-12, 0.25, 1.0])
+    states, _ = arc(at)
+    np.testing.assert_allclose(states, [np.sqrt(at), at], atol=1e-14)
+
+
 def test_dense_evaluation_outside_the_span_or_without_polynomials_is_refused():
     with pytest.raises(ValueError, match="leaves the solved span"):
         block_solution()(2.1)
@@ -173,6 +188,24 @@ def test_the_dataset_holds_every_name_and_its_provenance():
     np.testing.assert_array_equal(data["mu"], block_solution()["mu"])
     assert data.attrs["parameter rho"] == 3.0 and data.attrs["tolerance rtol"] == 1e-9
     assert data["event_time"].item() == 1.0 and data["event_kind"].item() == "stick"
+
+
+def test_the_plot_is_smooth_with_dense_output_and_shades_the_stick():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    sol = block_solution()
+    axes = sol.plot(["y", "mu"])
+    times, values = axes[0].lines[0].get_data()
+    slipping = np.minimum(times, 1)
+    assert len(times) > 50 and np.all(np.diff(times) >= 0)
+    np.testing.assert_allclose(values, slipping - slipping**2 / 2, atol=1e-14)
+    # mu jumps from 1 to 0 at t = 1: no point lies between.
+    assert set(axes[1].lines[0].get_ydata()) == {0.0, 1.0}
+    (shade,) = axes[0].patches
+    assert (shade.get_x(), shade.get_width()) == (1.0, 1.0)
+    with pytest.raises(ValueError, match="1 Axes for 2 names"):
+        sol.plot(["y", "mu"], axes[:1])
 
 
 def test_the_repr_tells_outcome_events_itinerary_cost_and_ambiguities():
