@@ -87,7 +87,7 @@ class Solution:
         self.x = np.asarray(x, dtype=float).reshape(-1, nt)
         self.mult = np.asarray(mult, dtype=float).reshape(-1, nt)
         self.status = np.asarray(status, dtype=np.int8).reshape(-1, nt)
-        self.events = list(events)
+        self.events = events
         self.dense = dense
         self.outcome = outcome
         self.cost = dict(cost)

@@ -15,7 +15,7 @@ import numpy as np
 import sympy as sp
 
 from .model import Model
-from .records import Ambiguity, Dense, EventRecord, Outcome
+from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
@@ -280,7 +280,7 @@ def _outcomes(names) -> dict[int, Outcome]:
     }
 
 
-def _events_in_words(names, model: Model, times, events) -> list[EventRecord]:
+def _events_in_words(names, model: Model, times, codes) -> EventLog:
     kinds = {
         names.EV_CROSSING: "crossing",
         names.EV_STICK: "stick",
@@ -295,15 +295,15 @@ def _events_in_words(names, model: Model, times, events) -> list[EventRecord]:
         names.EV_RESET: "slip by reset",
     }
     switches = [str(mu.symbol) for mu in model.multipliers]
-    words = []
-    for t, (index, kind, came, went) in zip(times.tolist(), events.tolist(), strict=True):
+
+    def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
         if index >= len(switches):
             event = model.events[index - len(switches)]
-            words.append(EventRecord(t, event.name, "terminal" if event.terminal else "reset"))
-        else:
-            contact = model.multipliers[index].kind == "contact"
-            words.append(EventRecord(t, switches[index], kinds[kind], "" if contact else f"{came:+d} to {went:+d}"))
-    return words
+            return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
+        contact = model.multipliers[index].kind == "contact"
+        return EventRecord(t, switches[index], kinds[kind], "" if contact else f"{came:+d} to {went:+d}")
+
+    return EventLog(times, codes, words)
 
 
 def _ambiguities_in_words(names, model: Model, times, records) -> list[Ambiguity]:
