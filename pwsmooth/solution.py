@@ -213,9 +213,19 @@ class Solution:
                 merged[-1] = (merged[-1][0], j)
             else:
                 merged.append((i, j))
-        return [self._segment(i, j) for i, j in merged]
+        starts, ends = self.t[[i for i, _ in merged]], self.t[[j for _, j in merged]]
+        for k in np.flatnonzero(starts[1:] > ends[:-1]):
+            # Only the asked-for times were kept (`t_eval`): the change lies between two of them, at an event.
+            between = [
+                e.time
+                for e in self.events
+                if e.switch in self.multipliers and ends[k] <= e.time <= starts[k + 1]
+            ]
+            if between:
+                ends[k], starts[k + 1] = min(between), max(between)
+        return [self._segment(i, j, a, b) for (i, j), a, b in zip(merged, starts.tolist(), ends.tolist())]
 
-    def _segment(self, first: int, last: int) -> Segment:
+    def _segment(self, first: int, last: int, start: float, end: float) -> Segment:
         status = tuple(int(s) for s in self.status[:, first])
         names = [
             _status_name(self.model, j, s)
@@ -223,8 +233,8 @@ class Solution:
             if self.model.multipliers[j].kind != "algebraic"
         ]
         return Segment(
-            start=float(self.t[first]),
-            end=float(self.t[last]),
+            start=start,
+            end=end,
             name=", ".join(names) or "smooth",
             status=status,
             first=first,

@@ -102,6 +102,17 @@ def test_an_instant_of_another_status_neither_makes_nor_splits_a_segment():
     assert [(s.start, s.end, s.status) for s in segments] == [(0, 1, (1,)), (1, 2, (0,))]
 
 
+def test_segments_end_at_events_where_only_asked_for_times_were_kept():
+    # t_eval = 0, 0.4, 0.7, 1.6, 2: the stick at t = 1 falls between two of them.
+    sol = block_solution(
+        t=np.array([0, 0.4, 0.7, 1.6, 2]),
+        x=np.zeros((2, 5)),
+        mult=np.array([[1, 1, 1, 0, 0]]),
+        status=np.array([[1, 1, 1, 0, 0]], dtype=np.int8),
+    )
+    assert [(s.start, s.end) for s in sol.segments] == [(0, 1), (1, 2)]
+
+
 def test_dense_evaluation_agrees_with_the_closed_form_between_columns():
     sol = block_solution()
     at = np.array([0.1, 0.77, 1.0, 1.9])
@@ -200,8 +211,10 @@ def test_the_plot_is_smooth_with_dense_output_and_shades_the_stick():
     slipping = np.minimum(times, 1)
     assert len(times) > 50 and np.all(np.diff(times) >= 0)
     np.testing.assert_allclose(values, slipping - slipping**2 / 2, atol=1e-14)
-    # mu jumps from 1 to 0 at t = 1: no point lies between.
-    assert set(axes[1].lines[0].get_ydata()) == {0.0, 1.0}
+    # mu jumps from 1 to 0 at t = 1, upright: the last point of the slip keeps its own side.
+    times, mu = axes[1].lines[0].get_data()
+    (jump,) = np.flatnonzero(np.diff(mu))
+    assert times[jump + 1] - times[jump] < 1e-15
     (shade,) = axes[0].patches
     assert (shade.get_x(), shade.get_width()) == (1.0, 1.0)
     with pytest.raises(ValueError, match="1 Axes for 2 names"):
