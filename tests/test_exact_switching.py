@@ -197,3 +197,26 @@ def test_a_start_beside_the_repelling_surface_is_no_ambiguity():
     solution = solve(System({x: sp.sign(x)}), (0, 1), {x: 1e-9}, **TIGHT)
     assert not solution.ambiguities
     assert solution.x[0, -1] == pytest.approx(1.0 + 1e-9, abs=1e-12)
+
+
+# ---- declared orders
+
+
+def observed_order(steps, **options):
+    """Slope of the error at the end against the step size, fixed steps, through the crossing at t = 1."""
+    errors = []
+    for n in steps:
+        # the bound on the step rules: the tolerance is met with room to spare at these sizes
+        loose = dict(rtol=1e-6, atol=1e-6, max_step=math.pi / 2 / n)
+        solution = solve(spirals(), (0, math.pi / 2), {x1: math.exp(-1), x2: 0}, **loose, **options)
+        errors.append(np.max(np.abs(solution.x[:, -1] - SPIRAL_END)))
+    return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize(("order", "steps"), [(8, (32, 45, 64)), (10, (20, 28, 40))])
+def test_taylor_keeps_its_declared_order_through_the_crossing(order, steps):
+    assert observed_order(steps, order=order) == pytest.approx(order, abs=0.35)
+
+
+def test_the_runge_kutta_pair_keeps_its_order_eight_through_the_crossing():
+    assert observed_order((32, 45, 64), method="rk") == pytest.approx(8, abs=0.5)
