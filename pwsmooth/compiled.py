@@ -110,7 +110,8 @@ class CompiledProblem:
             **{name: np.zeros(ne) for name in ("pending",)},
             **{
                 name: np.zeros(m)
-                for name in ("g", "mask", "exit_side", "active", "arrival", "group", "came", "keep_status", "keep_mult")
+                for name in ("g", "mask", "exit_side", "active", "arrival", "group", "came", "keep_status", "keep_mult",
+                             "rest_status", "rest_mult")
             },
             **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
             **{name: np.zeros(nz) for name in ("z", "q")},

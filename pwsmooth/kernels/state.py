@@ -162,6 +162,8 @@ class Work(Bundle):
     came: "i8[1]"  # (m,) status before the instant
     keep_status: "i8[1]"  # (m,)
     keep_mult: "f8[1]"  # (m,)
+    rest_status: "i8[1]"  # (m,)
+    rest_mult: "f8[1]"  # (m,)
     answer: "f8[1]"  # numbers that units hand each other (see at_instant)
     fold_dx: "f8[1]"
     fold_h: "f8[1]"

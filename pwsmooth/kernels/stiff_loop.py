@@ -11,6 +11,7 @@ from numba import njit
 
 from pwsmooth.kernels import stiff_state as S
 from pwsmooth.kernels.stiff_call import JACOBIAN, RATES1, SURFACES, call_point
+from pwsmooth.kernels.stiff_events import NONE, ROUNDS, fire, next_zero, set_sides
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
 from pwsmooth.kernels.stiff_lanes import at, pointer
 from pwsmooth.kernels.stiff_radau import step_polynomial
@@ -130,6 +131,7 @@ def _value(coefficients, degree, i, theta):
 @njit(cache=True)
 def _core(run):
     lanes, work, wide = pointer(run.lanes), pointer(run.work), run.n + 8
+    watched, jump = pointer(run.watched), pointer(run.jump)
     return S.Core(
         run.n, run.q, run.e, pointer(run.adr), pointer(run.p), pointer(run.atol), pointer(run.surface_state),
         pointer(run.surface_row), pointer(run.num), pointer(run.cnt), pointer(run.x), pointer(run.f),
@@ -137,7 +139,85 @@ def _core(run):
         lanes, at(lanes, 8 * run.n), at(lanes, 16 * run.n), at(lanes, 24 * run.n), at(lanes, 32 * run.n),
         pointer(run.hoisted), pointer(run.values), work, at(work, wide), at(work, 2 * wide), at(work, 3 * wide),
         at(work, 4 * wide), at(work, 5 * wide), at(work, 6 * wide), at(work, 7 * wide), pointer(run.coefficients),
+        pointer(run.kind), pointer(run.stops), pointer(run.due), watched, at(watched, run.e), at(watched, 2 * run.e),
+        jump, at(jump, run.n),
     )  # fmt: skip
+
+
+@njit(cache=True)
+def _write_point(s, out, points):
+    out.t[points], out.length[points] = s.num[S.T], s.num[S.TAKEN]
+    for i in range(s.n):
+        out.x[points, i] = s.x[i]
+    return points + 1
+
+
+@njit(cache=True)
+def _write_eval(s, out, t, end, degree, coefficients):
+    """States at the wanted times up to `end`, on the step from t."""
+    k = s.cnt[S.N_EVAL]
+    while k < len(out.t_eval) and out.t_eval[k] <= end:
+        theta = (out.t_eval[k] - t) / s.num[S.TAKEN]
+        for i in range(s.n):
+            out.x_eval[k, i] = _value(coefficients, degree, i, theta)
+        k += 1
+    s.cnt[S.N_EVAL] = k
+
+
+@njit(cache=True)
+def _restart(s):
+    """Go on from a new state: nothing of the old motion is used."""
+    _begin(s)
+    set_sides(s, s.num[S.T], s.x, s.f, s.num[S.TAKEN])
+
+
+@njit(cache=True)
+def _events(s, out, records, t, degree, coefficients):
+    """Everything that happens on the step just taken from t; returns (records, terminal, changed).
+
+    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T become
+    those just before it and scratch2 the state after. records = -1: the events at one instant do not come to an end.
+    """
+    num, n, h = s.num, s.n, s.num[S.TAKEN]
+    theta, terminal, changed = 0.0, False, False
+    at_instant = s.cnt[S.N_INSTANT] < len(out.instant_t) and num[S.T] >= out.instant_t[s.cnt[S.N_INSTANT]]
+    while records + ROUNDS * s.e < len(out.event_t):
+        theta = next_zero(s, coefficients, degree, t, h, theta)
+        last = theta == NONE
+        if last and not at_instant:
+            return records, False, False
+        theta = min(theta, 1.0)
+        when = t + theta * h if theta < 1.0 else num[S.T]
+        for i in range(n):
+            s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else _value(coefficients, degree, i, theta)
+        records, terminal, changed = fire(s, out, records, when, s.scratch2, theta, h, at_instant and theta == 1.0)
+        at_instant = at_instant and theta < 1.0
+        if records < 0 or terminal or changed:
+            num[S.T] = when
+            for i in range(n):
+                s.x[i] = s.err[i]
+            return records, terminal, changed
+        for j in range(s.e):
+            if s.kind[j] != S.TIMED and s.found[j] <= theta:
+                s.side[j] = -s.side[j]
+        if theta >= 1.0:
+            break
+    return records, False, False
+
+
+@njit(cache=True)
+def _next_length(s, t, rest):
+    """num[H] within what the user, the gate and the rest of the way allow."""
+    num = s.num
+    h = min(num[S.H], num[S.H_MAX])
+    if s.q > 0:
+        h = min(h, step_limit(s.n, s.q, s.surf, s.f))
+    if h >= 0.99 * rest:
+        h = rest
+    elif h > 0.6 * rest:  # two equal steps rather than a sliver at the end
+        h = 0.5 * rest
+    num[S.H] = h
+    return h < 1e-290 or (h < 4.0 * np.finfo(np.float64).eps * abs(t) and h < rest)
 
 
 @njit(cache=True)
@@ -145,32 +225,31 @@ def integrate(run, out, steps):
     """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
     s = _core(run)
     num, cnt, n = s.num, s.cnt, s.n
-    coefficients = pointer(out.coefficients) if cnt[S.DENSE_WANTED] else s.coefficients
-    out.count[:] = 0
-    points = 0
+    dense = cnt[S.DENSE_WANTED] == 1
+    coefficients = pointer(out.coefficients) if dense else s.coefficients
+    points = records = 0
+    status = S.FULL
     if cnt[S.FIRST] == 2:
         _begin(s)
+        if s.e > 0:
+            set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX])
     for _ in range(steps):
-        out.count[0] = points
         if num[S.T] >= num[S.T_END]:
-            return S.DONE
+            status = S.DONE
+            break
         if cnt[S.STEPS_LEFT] <= 0:
-            return S.TOO_MANY
-        if points >= len(out.t):
-            return S.FULL
+            status = S.TOO_MANY
+            break
+        if points + 2 > len(out.t) or records + ROUNDS * s.e >= len(out.event_t):
+            break
         cnt[S.STEPS_LEFT] -= 1
-        t, mode, rest = num[S.T], cnt[S.MODE], num[S.T_END] - num[S.T]
+        t, mode, stop = num[S.T], cnt[S.MODE], num[S.T_END]
+        if cnt[S.N_INSTANT] < len(out.instant_t):
+            stop = min(stop, out.instant_t[cnt[S.N_INSTANT]])
         look(s.adr, n, s.q, t, s.x, s.p, s.surface_state, s.surf)
-        h = min(num[S.H], num[S.H_MAX])
-        if s.q > 0:
-            h = min(h, step_limit(n, s.q, s.surf, s.f))
-        if h >= 0.99 * rest:
-            h = rest
-        elif h > 0.6 * rest:  # two equal steps rather than a sliver at the end
-            h = 0.5 * rest
-        num[S.H] = h
-        if h < 1e-290 or (h < 4.0 * np.finfo(np.float64).eps * abs(t) and h < rest):
-            return S.UNDERFLOW
+        if _next_length(s, t, stop - t):
+            status = S.UNDERFLOW
+            break
         for i in range(n):
             s.start[i] = s.x[i]
         rtol = num[S.RTOL] if mode == S.RADAU else num[S.RTOL_TAYLOR]
@@ -178,31 +257,51 @@ def integrate(run, out, steps):
         accepted = radau_step(s) if mode == S.RADAU else taylor_step(s)
         if not accepted:
             if num[S.TAKEN] != num[S.TAKEN]:
-                return S.NOT_FINITE
+                status = S.NOT_FINITE
+                break
             cnt[S.REJECTIONS] += 1
             continue
-        if num[S.TAKEN] == rest:
-            num[S.T] = num[S.T_END]
+        if num[S.TAKEN] == stop - t:
+            num[S.T] = stop
         for i in range(n):
             if not np.isfinite(s.f[i]):
-                return S.NOT_FINITE
+                return _close(out, points, records, S.NOT_FINITE)
         cnt[S.STEPS] += 1
-        here = at(coefficients, 17 * n * points) if cnt[S.DENSE_WANTED] else coefficients
-        degree = -1
-        if cnt[S.DENSE_WANTED]:
+        here = at(coefficients, 17 * n * points) if dense else coefficients
+        wanted = cnt[S.N_EVAL] < len(out.t_eval) and out.t_eval[cnt[S.N_EVAL]] <= num[S.T]
+        changed = terminal = False
+        if dense or wanted or s.e > 0:
             degree = _polynomial(s, mode, here)
-            out.degree[points] = degree
-        while cnt[S.N_EVAL] < len(out.t_eval) and out.t_eval[cnt[S.N_EVAL]] <= num[S.T]:
-            if degree < 0:
-                degree = _polynomial(s, mode, here)
-            theta = (out.t_eval[cnt[S.N_EVAL]] - t) / num[S.TAKEN]
+            if dense:
+                out.degree[points] = degree
+            if s.e > 0:
+                before = records
+                records, terminal, changed = _events(s, out, records, t, degree, here)
+                if records < 0:
+                    return _close(out, points, before, S.EVENT_LOOP)
+            if wanted:
+                _write_eval(s, out, t, num[S.T], degree, here)
+        points = _write_point(s, out, points)
+        if terminal or changed:
             for i in range(n):
-                out.x_eval[cnt[S.N_EVAL], i] = s.x[i] if theta >= 1.0 else _value(here, degree, i, theta)
-            cnt[S.N_EVAL] += 1
-        out.t[points], out.length[points] = num[S.T], num[S.TAKEN]
-        for i in range(n):
-            out.x[points, i] = s.x[i]
-        points += 1
+                s.x[i] = s.scratch2[i]
+            if dense:  # a point of length 0: the jump
+                out.degree[points] = -1
+            length = num[S.TAKEN]
+            num[S.TAKEN] = 0.0
+            points = _write_point(s, out, points)
+            num[S.TAKEN] = length
+            if terminal:
+                status = S.TERMINAL
+                break
+            num[S.H] = length
+            _restart(s)
+            continue
         _choose_method(s)
-    out.count[0] = points
-    return S.FULL
+    return _close(out, points, records, status)
+
+
+@njit(cache=True)
+def _close(out, points, records, status):
+    out.count[0], out.count[1] = points, records
+    return status

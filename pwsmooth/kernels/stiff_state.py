@@ -10,11 +10,14 @@ DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP = range(7)
 # Which method takes the next step, and what the user allows.
 RADAU, TAYLOR = 0, 1
 
+# Kinds of event: the sign after the zero that counts, or any, or none (events of time).
+BOTH, TIMED = 0, 2
+
 # Entries of `num`.
 T, T_END, H, H_OLD, GROWTH_OLD, ETA, RTOL, RTOL_TAYLOR, H_MAX, KAPPA, TAKEN = range(11)
 # Entries of `cnt`: settings, then the state of the loop, then counters.
 (ORDER, K, MODE, MAY_RADAU, MAY_TAYLOR, DENSE_WANTED, PREDICTED, FIRST, REJECTED, STIFF_STEPS, ROWS_AT, ROWS_VALID,
- N_EVAL, STEPS, REJECTIONS, F_EVALS, JACOBIANS, NEWTON, TAYLOR_STEPS, STEPS_LEFT, WAIT) = range(21)  # fmt: skip
+ N_EVAL, STEPS, REJECTIONS, F_EVALS, JACOBIANS, NEWTON, TAYLOR_STEPS, STEPS_LEFT, WAIT, N_INSTANT) = range(22)  # fmt: skip
 
 
 class Run(NamedTuple):
@@ -43,6 +46,11 @@ class Run(NamedTuple):
     values: np.ndarray  # (max(q, e, 1), 8)
     work: np.ndarray  # (8, n + 8)
     coefficients: np.ndarray  # (n, 17) polynomial of the last step, where it is needed
+    kind: np.ndarray  # (e,) +1, -1: direction that counts; BOTH; TIMED
+    stops: np.ndarray  # (e,) 1 for a terminal event
+    due: np.ndarray  # (e,)
+    watched: np.ndarray  # (3, e): side, found, side after the step
+    jump: np.ndarray  # (2, n): state before and after an event
 
 
 class Output(NamedTuple):
@@ -59,6 +67,8 @@ class Output(NamedTuple):
     event_t: np.ndarray
     event_index: np.ndarray
     event_x: np.ndarray  # (events, 2, n): before and after
+    instant_t: np.ndarray  # instants of the events of time, ascending
+    instant_event: np.ndarray
 
 
 class Core(NamedTuple):
@@ -98,6 +108,14 @@ class Core(NamedTuple):
     t8: object
     mu: object
     coefficients: object
+    kind: object
+    stops: object
+    due: object
+    side: object
+    found: object
+    passed_side: object
+    before: object
+    after: object
 
 
 STRIDE = 24
