@@ -265,13 +265,13 @@ def test_only_the_active_branch_of_a_selection_is_evaluated():
 def test_a_solved_selection_takes_its_affine_form():
     # x' = 0.3 + sin(t)/2 - Select(lam, 1 + t, -1): slides with lam = ((0.3 + sin t/2) - t/2)/(1 + t/2)
     rate = sp.Rational(3, 10) + sp.sin(t) / 2 - Select(lam, 1 + t, sp.Integer(-1))
-    model = Model(t, (x, y), (), (rate, Select(lam, t, x)), (Multiplier(lam, "switch", rate, x),))
+    model = Model(t, (x, y), (), (rate, Select(lam, 2 + t, x)), (Multiplier(lam, "switch", rate, x),))
     expected = series(lambda s: (0.3 + mpmath.sin(s) / 2 - s / 2) / (1 + s / 2))
     rows, code = jet(model, (0.0, 0.0), mult=(expected[0],), mask=[1])
     assert code == 0
     assert_series(rows[2, :K + 1], expected)
-    integrand = np.convolve(expected, np.array([0, 0.5] + [0] * (K - 1)))[:K]
-    integrand[1] += 0.5
+    integrand = np.convolve(expected, np.array([1, 0.5] + [0] * (K - 1)))[:K]
+    integrand[:2] += 1, 0.5
     assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), integrand)
 
 
