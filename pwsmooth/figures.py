@@ -199,12 +199,15 @@ def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
 
     with plotting.style():
         figure, claims = module.draw(fast)
+        rendered = {}
         for suffix in ("png", "pdf"):
             buffer = io.BytesIO()
             # Without a date the same input gives the same file.
             metadata = {"Title": module.TITLE} | ({"CreationDate": None} if suffix == "pdf" else {})
             figure.savefig(buffer, format=suffix, metadata=metadata)
-            write_whole(out / f"{_stem(module)}.{suffix}", buffer.getvalue())
+            rendered[suffix] = buffer.getvalue()
+    for suffix, content in rendered.items():
+        write_whole(out / f"{_stem(module)}.{suffix}", content)
     return list(claims)
 
 
