@@ -73,6 +73,7 @@ def test_the_same_figure_is_written_as_the_same_bytes(only, tmp_path):
     figures.make(out=tmp_path / "b")
     for name in ("figure_07.png", "figure_07.pdf", "claims.json"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert b"/CreationDate" not in (tmp_path / "a" / "figure_07.pdf").read_bytes()
 
 
 def test_claims_of_other_figures_stay_when_one_is_made_again(only, tmp_path):
