@@ -50,6 +50,7 @@ class CompiledProblem:
             newton_unit=sliding.newton.address,
             layer_unit=layer.layer.address,
             fold_unit=steps.fold_jet.address,
+            rk_unit=0,
             start_unit=load_kernels("starting").start.address,
             instant_unit=load_kernels("instants").at_instant.address,
             fields=code.fields,
@@ -80,8 +81,17 @@ class CompiledProblem:
         )
         self.nrows = max(code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0)
 
-    def problem(self, p: np.ndarray):
-        """The Problem at parameter values p (one per symbol of model.parameters)."""
+    def problem(self, p: np.ndarray, runge_kutta: bool = False):
+        """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair."""
+        fixed = self.fixed
+        if runge_kutta:
+            # The pair's polynomials stand in a fixed order: states, multipliers, surfaces.
+            n, m = self.code.n, self.code.m
+            has = np.array([mu.surface is not None for mu in self.model.multipliers]
+                           + [e.surface is not None for e in self.model.events], bool)
+            rows = np.where(has, n + m + np.arange(len(has)), -1)
+            unit = load_kernels("rungekutta").rk_step.address
+            fixed = fixed | dict(rows_general=rows, rows_slip=rows, rk_unit=unit, jet_fold=0, mult_row=n)
         at = dict(zip(self.model.parameters, p.tolist(), strict=True))
         ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]
         weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)
@@ -90,7 +100,7 @@ class CompiledProblem:
             fold_bias=np.zeros(len(p) + self.code.m),
             weight=1.0 / weight,
             ratio=np.array(ratio, float),
-            **self.fixed,
+            **fixed,
         )
 
     def work(self, order: int):
@@ -98,7 +108,10 @@ class CompiledProblem:
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
         width = order + 4
         return load_kernels("state").Work(
-            rows=np.zeros((self.nrows, width)),
+            rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
+            rk_x=np.zeros(n),
+            rk_mult=np.zeros(m),
+            rk_k=np.zeros((16, n)),
             bernstein=np.zeros(2 * 48 * width),
             layer_k=np.zeros((7, m + nz)),
             matrix=np.zeros((m + 1, m + 1)),

@@ -162,9 +162,10 @@ class _EventDriven:
         parts = compiled_problem(model)
         if method == "taylor" and not parts.has_jets:
             raise ValueError("`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'.")
-        self.order = order or _order_for(rtol)
+        pair = method == "rk" or not parts.has_jets
+        self.order = 7 if pair else order or _order_for(rtol)  # the pair's interpolant has degree 7
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
-        self.problem = parts.problem(p)
+        self.problem = parts.problem(p, pair)
         self.work = parts.work(self.order)
         self.control = dict(
             order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), max_step=float(max_step), t_end=t1,
@@ -178,7 +179,7 @@ class _EventDriven:
         clock, which = _clock(model, self.values, t0, self.control["t_end"])
         control = names.Control(**self.control, clock=clock, clock_event=which)
         state = names.State(
-            now=np.array([t0, 0.0]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
+            now=np.array([t0, min(1e-3, self.control["max_step"])]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
             side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
         cap, dense_cap = _CHUNK, (_CHUNK if self.dense else 0)

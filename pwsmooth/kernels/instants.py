@@ -317,7 +317,7 @@ def at_instant(P, C, S, R, W):
         else:
             went = -status[j]
             if jumped:
-                went = 1 if leading_order(P, C, S, W, P.rows_slip[j]) > 0 else -1
+                went = 1 if leading_order(P, C, S, W, j) > 0 else -1
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
             status[j] = went

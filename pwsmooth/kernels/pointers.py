@@ -93,3 +93,9 @@ def call_fold(typingctx, address, P, C, S, W, j, toward):
 def call_root(typingctx, address, W, degree):
     """first_root(W, degree) -> float64; see roots.py."""
     return _caller((address, W, degree), types.float64)
+
+
+@intrinsic
+def call_rk(typingctx, address, P, C, S, W, h, refine):
+    """rk_step(P, C, S, W, h, refine) -> float64: the step's size, its polynomials in W.rows."""
+    return _caller((address, P, C, S, W, h, refine), types.float64)

@@ -6,7 +6,7 @@ from .compiling import kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity
-from .sliding import follow, mask_instant, mask_solved
+from .sliding import follow, mask_instant, mask_solved, surface_rounding
 from .state import (
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
@@ -116,22 +116,6 @@ def settle_at_rest(P, C, S, R, W, size):
 
 
 @kernel
-def leading_order(P, C, S, W, row):
-    """Number of leading zero orders of a surface on the slip trajectory from here, negative if it goes negative.
-
-    Counted from 1: +1 means a nonzero value, +2 a nonzero first derivative, ..., +5 zero as far as it looks.
-    """
-    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, W.rows.shape[1], W.rows)
-    size = 1e-3
-    for i in range(P.n):
-        size += abs(S.x[i]) + abs(W.rows[i, 1])
-    for k in range(4):
-        if abs(W.rows[row, k]) > 1e-12 * size:
-            return k + 1 if W.rows[row, k] > 0.0 else -(k + 1)
-    return 5
-
-
-@kernel
 def approach_speed(P, S, j, W):
     """dh_j/dt with the present field; leaves in W.answer[3] the size at which it is rounding."""
     evaluate_surfaces(P, S, W)
@@ -142,6 +126,29 @@ def approach_speed(P, S, j, W):
         size += abs(W.dh[j * P.n + i] * W.dx[i])
     W.answer[3] = 1e-14 * size + 1e-13
     return speed
+
+
+@kernel
+def leading_order(P, C, S, W, i):
+    """Number of leading zero orders of surface i on the slip trajectory from here, negative if it goes negative.
+
+    Counted from 1: +1 means a nonzero value, +2 a nonzero first derivative, ..., +5 zero as far as it looks (without
+    jets: the first derivative).
+    """
+    if P.jet_slip == 0:
+        speed = approach_speed(P, S, i, W)
+        if abs(W.h[i]) > surface_rounding(P, S, i, W):
+            return 1 if W.h[i] > 0.0 else -1
+        return 5 if abs(speed) <= W.answer[3] else (2 if speed > 0.0 else -2)
+    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, W.rows.shape[1], W.rows)
+    row = W.rows[P.rows_slip[i]]
+    size = 1e-3
+    for k in range(P.n):
+        size += abs(S.x[k]) + abs(W.rows[k, 1])
+    for k in range(4):
+        if abs(row[k]) > 1e-12 * size:
+            return k + 1 if row[k] > 0.0 else -(k + 1)
+    return 5
 
 
 @kernel

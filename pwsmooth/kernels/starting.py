@@ -49,7 +49,7 @@ def start(P, C, S, R, W):
             W.active[size] = j
             size += 1
         elif not any_solved(P, S):
-            order = leading_order(P, C, S, W, P.rows_slip[j])
+            order = leading_order(P, C, S, W, j)
             status[j] = 1 if order > 0 else -1
             mult[j] = float(status[j])
             S.deflate[j] = abs(order) - 1
@@ -60,7 +60,7 @@ def start(P, C, S, R, W):
             continue
         S.deflate[i] = 1
         if slipping:
-            order = leading_order(P, C, S, W, P.rows_slip[i])
+            order = leading_order(P, C, S, W, i)
             S.deflate[i] = abs(order) - 1
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1

@@ -59,6 +59,7 @@ class Problem(Bundle):
     newton_unit: "int"
     layer_unit: "int"
     fold_unit: "int"
+    rk_unit: "int"  # 0 where jets make the steps
     start_unit: "int"
     instant_unit: "int"
     n: "int"
@@ -162,6 +163,9 @@ class Work(Bundle):
     came: "i8[1]"  # (m,) status before the instant
     keep_status: "i8[1]"  # (m,)
     keep_mult: "f8[1]"  # (m,)
+    rk_x: "f8[1]"  # (n,) a Runge-Kutta step's start
+    rk_mult: "f8[1]"  # (m,)
+    rk_k: "f8[2]"  # (16, n) its stages
     rest_status: "i8[1]"  # (m,)
     rest_mult: "f8[1]"  # (m,)
     answer: "f8[1]"  # numbers that units hand each other (see at_instant)

@@ -7,6 +7,8 @@ from pwsmooth.kernels.pointers import _caller
 
 # Positions in the array of addresses, in the order of codegen.stiff.NAMES.
 RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT = range(11)
+# Behind them the units of the loop, in the order of stiff_loop.UNITS.
+RADAU_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(11, 16)
 
 
 @intrinsic
@@ -55,3 +57,33 @@ def call_taylor(typingctx, address, t, x, p, K, stride, rows):
 def call_event(typingctx, address, i, t, x, p, xnew):
     """act(i, t, x, p, xnew): fires event i; overwrites what it sets in xnew; 0 if its `when` fails."""
     return _caller((address, i, t, x, p, xnew), types.int64)
+
+
+@intrinsic
+def call_radau_unit(typingctx, address, places):
+    """radau_unit(places) -> int64: one attempt, 1 if accepted."""
+    return _caller((address, places), types.int64)
+
+
+@intrinsic
+def call_taylor_unit(typingctx, address, places, task):
+    """taylor_unit(places, task) -> int64: one attempt, or only its reach."""
+    return _caller((address, places, task), types.int64)
+
+
+@intrinsic
+def call_events_unit(typingctx, address, places, t, degree, offset):
+    """events_unit(places, t, degree, offset) -> int64: what happened on the step from t."""
+    return _caller((address, places, t, degree, offset), types.int64)
+
+
+@intrinsic
+def call_dense_factor(typingctx, address, n, J, mu, lu):
+    """dense_factor(n, J, mu, lu): overwrites lu."""
+    return _caller((address, n, J, mu, lu), types.void)
+
+
+@intrinsic
+def call_dense_solve(typingctx, address, n, lu, r):
+    """dense_solve(n, lu, r): overwrites r."""
+    return _caller((address, n, lu, r), types.void)

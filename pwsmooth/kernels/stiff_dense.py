@@ -1,11 +1,15 @@
 """Dense elimination of (mu_e/h) I - J with row pivoting, for patterns that are too full to be written out."""
 
-from numba import njit
+from numba import types
+
+from pwsmooth.kernels.compiling import unit
+
+doubles = types.CPointer(types.float64)
 
 # lu[i, j] as rows of 8 (real parts of four eigenvalues, then imaginary parts) after n rows of pivots (lane e: row).
 
 
-@njit(cache=True, fastmath={"contract"})
+@unit(types.void(types.int64, doubles, doubles, doubles))
 def dense_factor(n, J, mu, lu):
     """Overwrites lu with the eliminations of mu I - J in four lanes, each with its own pivots."""
     for e in range(4):
@@ -47,7 +51,7 @@ def dense_factor(n, J, mu, lu):
                     lu[8 * c + 4 + e] -= lr * ui + li * ur
 
 
-@njit(cache=True, fastmath={"contract"})
+@unit(types.void(types.int64, doubles, doubles))
 def dense_solve(n, lu, R):
     """Overwrites R[i] (8 lanes) with the solutions."""
     for e in range(4):

@@ -10,14 +10,14 @@ within about C eps. The constants may vary widely (theta 0.5..0.97, C 0.5..50) w
 """
 
 import numpy as np
-from numba import njit
 
 from pwsmooth.kernels.stiff_call import SURFACES, SURFACES8, call_lanes, call_point
+from pwsmooth.kernels.stiff_lanes import fused
 
 THETA, REACH = 0.9, 2.0
 
 
-@njit(cache=True)
+@fused
 def look(adr, n, q, t, x, p, surface_state, surf):
     """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a state)."""
     full = False
@@ -30,7 +30,7 @@ def look(adr, n, q, t, x, p, surface_state, surf):
             surf[j * (n + 3)] = x[surface_state[j]]
 
 
-@njit(cache=True)
+@fused
 def speed(n, surf, f, j):
     """dh_j/dt along the flow f."""
     base = j * (n + 3)
@@ -40,7 +40,7 @@ def speed(n, surf, f, j):
     return v
 
 
-@njit(cache=True)
+@fused
 def step_limit(n, q, surf, f):
     """R2: longest step allowed before the layers are looked at again."""
     limit = np.inf
@@ -52,7 +52,7 @@ def step_limit(n, q, surf, f):
     return limit
 
 
-@njit(cache=True)
+@fused
 def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
     """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the step."""
     factor = 0.0
@@ -75,7 +75,7 @@ def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
     return factor
 
 
-@njit(cache=True)
+@fused
 def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
     """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1 tightens)."""
     for i in range(n):
@@ -88,7 +88,7 @@ def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
             newton_weight[i] = max(newton_weight[i], abs(surf[base + 3 + i]) * layer)
 
 
-@njit(cache=True)
+@fused
 def error_norm(n, q, err, weight, surf, rtol):
     """Largest error in units of its tolerance, R1 included; nan if any is."""
     norm = 0.0

@@ -9,12 +9,15 @@ import math
 import operator
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_jitable, register_model
 
 _DOUBLE = ir.DoubleType()
+
+# A kernel function whose products and sums may fuse.
+fused = register_jitable(error_model="numpy", fastmath={"contract", "nsz"})
 
 
 class LanesType(types.Type):
@@ -122,17 +125,19 @@ load4, store4, splat4 = _memory(4)
 load8, store8, splat8 = _memory(8)
 
 
-@intrinsic
-def pointer(typingctx, a):
-    """Pointer to the first element of an array: free of reference counts, which are atomic and cost more than a stage.
+def _from_address(pointee):
+    @intrinsic
+    def convert(typingctx, address):
+        def codegen(context, builder, sig, args):
+            return builder.inttoptr(args[0], context.get_value_type(sig.return_type))
 
-    Only valid while the array is alive.
-    """
+        return types.CPointer(pointee)(types.int64), codegen
 
-    def codegen(context, builder, sig, args):
-        return context.make_array(sig.args[0])(context, builder, value=args[0]).data
+    return convert
 
-    return types.CPointer(a.dtype)(a), codegen
+
+# Arrays as bare pointers: an array's reference count is atomic and costs more than a whole stage.
+doubles, integers = _from_address(types.float64), _from_address(types.int64)
 
 
 @intrinsic
@@ -252,7 +257,7 @@ vexp, vlog, _sin, _cos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, ve
 _FAR = 1e6
 
 
-@njit(cache=True, fastmath={"contract"})
+@fused
 def _quarters(x, k, k2):
     """sin(x - k pi/2) turned by k2 quarter turns; polynomials of fdlibm (k_sin.c, k_cos.c)."""
     r = vfma(k, splat8(-1.5707963267948966), x)
@@ -270,7 +275,7 @@ def _quarters(x, k, k2):
     return (s * (1.0 - odd) + c * odd) * (1.0 - 2.0 * turned)
 
 
-@njit(cache=True, fastmath={"contract"})
+@fused
 def _all_near(k):
     top = 0.0
     for i in range(8):
@@ -278,14 +283,14 @@ def _all_near(k):
     return top < _FAR
 
 
-@njit(cache=True, fastmath={"contract"})
+@fused
 def vsin(x):
     """Sine of 8 lanes; one vector evaluation instead of 8 library calls."""
     k = vrint(x * 0.6366197723675814)
     return _quarters(x, k, k) if _all_near(k) else _sin(x)
 
 
-@njit(cache=True, fastmath={"contract"})
+@fused
 def vcos(x):
     """Cosine of 8 lanes."""
     k = vrint(x * 0.6366197723675814)

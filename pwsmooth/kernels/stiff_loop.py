@@ -7,22 +7,27 @@ rho comes from one power iteration per step with a vector that is carried along.
 """
 
 import numpy as np
-from numba import njit
+from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.stiff_call import JACOBIAN, RATES1, SURFACES, call_point
-from pwsmooth.kernels.stiff_events import NONE, ROUNDS, fire, next_zero, set_sides
+from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.stiff_call import (
+    EVENTS_UNIT, JACOBIAN, RADAU_UNIT, RATES1, SURFACES, TAYLOR_UNIT, call_events_unit, call_point, call_radau_unit,
+    call_taylor_unit,
+)  # fmt: skip
+from pwsmooth.kernels.stiff_dense import dense_factor, dense_solve
+from pwsmooth.kernels.stiff_events import ROUNDS, events_unit, set_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
-from pwsmooth.kernels.stiff_lanes import at, pointer
+from pwsmooth.kernels.stiff_lanes import at, fused
 from pwsmooth.kernels.stiff_radau import step_polynomial
-from pwsmooth.kernels.stiff_step import radau_step, taylor_reach, taylor_step
+from pwsmooth.kernels.stiff_step import radau_unit, taylor_unit
 
 TO_TAYLOR, TO_RADAU = 10.0, 3.0
 BARGAIN = 1.5  # time of a Radau step over time of a Taylor step
 PATIENCE = 4  # Radau steps before Taylor is asked again
 
 
-@njit(cache=True)
+@fused
 def spectral_radius(n, J, u, scratch):
     """sqrt(|J J u| / |u|) in the maximum norm; overwrites u with the direction found."""
     for _ in range(2):
@@ -46,7 +51,7 @@ def spectral_radius(n, J, u, scratch):
     return np.sqrt(top)
 
 
-@njit(cache=True)
+@fused
 def _begin(s):
     """Rates, surfaces and the first step length at a (new) start."""
     adr, num, cnt = s.adr, s.num, s.cnt
@@ -67,8 +72,8 @@ def _begin(s):
             num[S.H] = num[S.H_MAX]
 
 
-@njit(cache=True)
-def _choose_method(s):
+@fused
+def _choose_method(s, places):
     """After an accepted step: who takes the next one."""
     num, cnt = s.num, s.cnt
     if cnt[S.MODE] == S.RADAU:
@@ -84,7 +89,8 @@ def _choose_method(s):
         if num[S.H] * spectral_radius(s.n, s.J, s.power, s.scratch) < TO_TAYLOR:
             look(s.adr, s.n, s.q, num[S.T], s.x, s.p, s.surface_state, s.surf)
             set_weights(s.n, s.q, s.x, num[S.RTOL_TAYLOR], s.atol, s.surf, s.weight, s.newton_weight)
-            if BARGAIN * taylor_reach(s) > num[S.H]:
+            call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.REACH_ONLY)
+            if BARGAIN * num[S.REACH] > num[S.H]:
                 cnt[S.MODE] = S.TAYLOR
                 cnt[S.STIFF_STEPS] = 0
                 num[S.H] = num[S.H_MAX]
@@ -105,7 +111,7 @@ def _choose_method(s):
         num[S.ETA] = 1.0
 
 
-@njit(cache=True)
+@fused
 def _polynomial(s, mode, coefficients):
     """Overwrites coefficients[17 i + k], of theta^k on the step just taken; returns the degree."""
     n, cnt = s.n, s.cnt
@@ -120,92 +126,28 @@ def _polynomial(s, mode, coefficients):
     return cnt[S.K]
 
 
-@njit(cache=True)
-def _value(coefficients, degree, i, theta):
-    v = coefficients[17 * i + degree]
-    for k in range(degree - 1, -1, -1):
-        v = v * theta + coefficients[17 * i + k]
-    return v
-
-
-@njit(cache=True)
-def _core(run):
-    lanes, work, wide = pointer(run.lanes), pointer(run.work), run.n + 8
-    watched, jump = pointer(run.watched), pointer(run.jump)
-    return S.Core(
-        run.n, run.q, run.e, pointer(run.adr), pointer(run.p), pointer(run.atol), pointer(run.surface_state),
-        pointer(run.surface_row), pointer(run.num), pointer(run.cnt), pointer(run.x), pointer(run.f),
-        pointer(run.poly), pointer(run.rows), pointer(run.power), pointer(run.surf), pointer(run.J), pointer(run.lu),
-        lanes, at(lanes, 8 * run.n), at(lanes, 16 * run.n), at(lanes, 24 * run.n), at(lanes, 32 * run.n),
-        pointer(run.hoisted), pointer(run.values), work, at(work, wide), at(work, 2 * wide), at(work, 3 * wide),
-        at(work, 4 * wide), at(work, 5 * wide), at(work, 6 * wide), at(work, 7 * wide), pointer(run.coefficients),
-        pointer(run.kind), pointer(run.stops), pointer(run.due), watched, at(watched, run.e), at(watched, 2 * run.e),
-        jump, at(jump, run.n),
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def _write_point(s, out, points):
-    out.t[points], out.length[points] = s.num[S.T], s.num[S.TAKEN]
+@fused
+def _write_point(s, length, degree):
+    point = s.cnt[S.N_POINTS]
+    s.t[point], s.length[point], s.degree[point] = s.num[S.T], length, degree
     for i in range(s.n):
-        out.x[points, i] = s.x[i]
-    return points + 1
+        s.states[s.n * point + i] = s.x[i]
+    s.cnt[S.N_POINTS] = point + 1
 
 
-@njit(cache=True)
-def _write_eval(s, out, t, end, degree, coefficients):
-    """States at the wanted times up to `end`, on the step from t."""
+@fused
+def _write_eval(s, t, degree, coefficients):
+    """States at the wanted times up to T, on the step from t."""
     k = s.cnt[S.N_EVAL]
-    while k < len(out.t_eval) and out.t_eval[k] <= end:
-        theta = (out.t_eval[k] - t) / s.num[S.TAKEN]
+    while k < s.evals and s.t_eval[k] <= s.num[S.T]:
+        theta = (s.t_eval[k] - t) / s.num[S.TAKEN]
         for i in range(s.n):
-            out.x_eval[k, i] = _value(coefficients, degree, i, theta)
+            s.x_eval[s.n * k + i] = value(coefficients, degree, i, theta)
         k += 1
     s.cnt[S.N_EVAL] = k
 
 
-@njit(cache=True)
-def _restart(s):
-    """Go on from a new state: nothing of the old motion is used."""
-    _begin(s)
-    set_sides(s, s.num[S.T], s.x, s.f, s.num[S.TAKEN])
-
-
-@njit(cache=True)
-def _events(s, out, records, t, degree, coefficients):
-    """Everything that happens on the step just taken from t; returns (records, terminal, changed).
-
-    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T become
-    those just before it and scratch2 the state after. records = -1: the events at one instant do not come to an end.
-    """
-    num, n, h = s.num, s.n, s.num[S.TAKEN]
-    theta, terminal, changed = 0.0, False, False
-    at_instant = s.cnt[S.N_INSTANT] < len(out.instant_t) and num[S.T] >= out.instant_t[s.cnt[S.N_INSTANT]]
-    while records + ROUNDS * s.e < len(out.event_t):
-        theta = next_zero(s, coefficients, degree, t, h, theta)
-        last = theta == NONE
-        if last and not at_instant:
-            return records, False, False
-        theta = min(theta, 1.0)
-        when = t + theta * h if theta < 1.0 else num[S.T]
-        for i in range(n):
-            s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else _value(coefficients, degree, i, theta)
-        records, terminal, changed = fire(s, out, records, when, s.scratch2, theta, h, at_instant and theta == 1.0)
-        at_instant = at_instant and theta < 1.0
-        if records < 0 or terminal or changed:
-            num[S.T] = when
-            for i in range(n):
-                s.x[i] = s.err[i]
-            return records, terminal, changed
-        for j in range(s.e):
-            if s.kind[j] != S.TIMED and s.found[j] <= theta:
-                s.side[j] = -s.side[j]
-        if theta >= 1.0:
-            break
-    return records, False, False
-
-
-@njit(cache=True)
+@fused
 def _next_length(s, t, rest):
     """num[H] within what the user, the gate and the rest of the way allow."""
     num = s.num
@@ -220,88 +162,87 @@ def _next_length(s, t, rest):
     return h < 1e-290 or (h < 4.0 * np.finfo(np.float64).eps * abs(t) and h < rest)
 
 
-@njit(cache=True)
-def integrate(run, out, steps):
-    """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
-    s = _core(run)
+@fused
+def _after_step(s, places, t, mode):
+    """Polynomial, events and wanted times of the step just accepted from t; returns the status, FULL to go on."""
     num, cnt, n = s.num, s.cnt, s.n
     dense = cnt[S.DENSE_WANTED] == 1
-    coefficients = pointer(out.coefficients) if dense else s.coefficients
-    points = records = 0
-    status = S.FULL
+    wanted = cnt[S.N_EVAL] < s.evals and s.t_eval[cnt[S.N_EVAL]] <= num[S.T]
+    offset = 17 * n * cnt[S.N_POINTS] if dense else 0
+    degree, happened = -1, S.NOTHING
+    if dense or wanted or s.e > 0:
+        degree = _polynomial(s, mode, at(s.coefficients, offset))
+        if s.e > 0:
+            happened = call_events_unit(s.adr[EVENTS_UNIT], places, t, degree, offset)
+            if happened == S.NO_END:
+                return S.EVENT_LOOP
+        if wanted:
+            _write_eval(s, t, degree, at(s.coefficients, offset))
+    length = num[S.TAKEN]
+    _write_point(s, length, degree)
+    if happened != S.NOTHING:
+        for i in range(n):
+            s.x[i] = s.scratch2[i]
+        _write_point(s, 0.0, -1)  # the jump
+        if happened == S.STOP:
+            return S.TERMINAL
+        # Nothing of the old motion is used.
+        num[S.H] = length
+        _begin(s)
+        set_sides(s, num[S.T], s.x, s.f, length)
+    else:
+        _choose_method(s, places)
+    return S.FULL
+
+
+@unit(types.int64(types.CPointer(types.int64), types.int64))
+def integrate(places, steps):
+    """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
+    s = S.core(places)
+    num, cnt = s.num, s.cnt
+    cnt[S.N_POINTS] = cnt[S.N_RECORDS] = 0
     if cnt[S.FIRST] == 2:
         _begin(s)
         if s.e > 0:
             set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX])
     for _ in range(steps):
         if num[S.T] >= num[S.T_END]:
-            status = S.DONE
-            break
+            return S.DONE
         if cnt[S.STEPS_LEFT] <= 0:
-            status = S.TOO_MANY
-            break
-        if points + 2 > len(out.t) or records + ROUNDS * s.e >= len(out.event_t):
+            return S.TOO_MANY
+        if cnt[S.N_POINTS] + 2 > s.capacity or cnt[S.N_RECORDS] + ROUNDS * s.e >= s.room:
             break
         cnt[S.STEPS_LEFT] -= 1
         t, mode, stop = num[S.T], cnt[S.MODE], num[S.T_END]
-        if cnt[S.N_INSTANT] < len(out.instant_t):
-            stop = min(stop, out.instant_t[cnt[S.N_INSTANT]])
-        look(s.adr, n, s.q, t, s.x, s.p, s.surface_state, s.surf)
+        if cnt[S.N_INSTANT] < s.instants:
+            stop = min(stop, s.instant_t[cnt[S.N_INSTANT]])
+        look(s.adr, s.n, s.q, t, s.x, s.p, s.surface_state, s.surf)
         if _next_length(s, t, stop - t):
-            status = S.UNDERFLOW
-            break
-        for i in range(n):
+            return S.UNDERFLOW
+        for i in range(s.n):
             s.start[i] = s.x[i]
         rtol = num[S.RTOL] if mode == S.RADAU else num[S.RTOL_TAYLOR]
-        set_weights(n, s.q, s.x, rtol, s.atol, s.surf, s.weight, s.newton_weight)
-        accepted = radau_step(s) if mode == S.RADAU else taylor_step(s)
-        if not accepted:
+        set_weights(s.n, s.q, s.x, rtol, s.atol, s.surf, s.weight, s.newton_weight)
+        if mode == S.RADAU:
+            accepted = call_radau_unit(s.adr[RADAU_UNIT], places)
+        else:
+            accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.STEP)
+        if accepted == 0:
             if num[S.TAKEN] != num[S.TAKEN]:
-                status = S.NOT_FINITE
-                break
+                return S.NOT_FINITE
             cnt[S.REJECTIONS] += 1
             continue
         if num[S.TAKEN] == stop - t:
             num[S.T] = stop
-        for i in range(n):
+        for i in range(s.n):
             if not np.isfinite(s.f[i]):
-                return _close(out, points, records, S.NOT_FINITE)
+                return S.NOT_FINITE
         cnt[S.STEPS] += 1
-        here = at(coefficients, 17 * n * points) if dense else coefficients
-        wanted = cnt[S.N_EVAL] < len(out.t_eval) and out.t_eval[cnt[S.N_EVAL]] <= num[S.T]
-        changed = terminal = False
-        if dense or wanted or s.e > 0:
-            degree = _polynomial(s, mode, here)
-            if dense:
-                out.degree[points] = degree
-            if s.e > 0:
-                before = records
-                records, terminal, changed = _events(s, out, records, t, degree, here)
-                if records < 0:
-                    return _close(out, points, before, S.EVENT_LOOP)
-            if wanted:
-                _write_eval(s, out, t, num[S.T], degree, here)
-        points = _write_point(s, out, points)
-        if terminal or changed:
-            for i in range(n):
-                s.x[i] = s.scratch2[i]
-            if dense:  # a point of length 0: the jump
-                out.degree[points] = -1
-            length = num[S.TAKEN]
-            num[S.TAKEN] = 0.0
-            points = _write_point(s, out, points)
-            num[S.TAKEN] = length
-            if terminal:
-                status = S.TERMINAL
-                break
-            num[S.H] = length
-            _restart(s)
-            continue
-        _choose_method(s)
-    return _close(out, points, records, status)
+        status = _after_step(s, places, t, mode)
+        if status != S.FULL:
+            return status
+    return S.FULL
 
 
-@njit(cache=True)
-def _close(out, points, records, status):
-    out.count[0], out.count[1] = points, records
-    return status
+# In the order of stiff_call.RADAU_UNIT and its successors.
+UNITS = (radau_unit, taylor_unit, events_unit, dense_factor, dense_solve)

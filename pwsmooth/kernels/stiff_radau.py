@@ -8,20 +8,18 @@ Every array of stages or eigenvalues has 8 lanes and moves as one vector; the or
 """
 
 import numpy as np
-from numba import njit
 
 from pwsmooth.kernels.stiff_call import (
-    FACTOR, HOIST, JACOBIAN, RATES1, RATES8, SOLVE, call_factor, call_hoist, call_point, call_rates8, call_solve,
+    DENSE_FACTOR, DENSE_SOLVE, FACTOR, HOIST, JACOBIAN, RATES1, RATES8, SOLVE, call_dense_factor, call_dense_solve,
+    call_factor, call_hoist, call_point, call_rates8, call_solve,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_dense import dense_factor, dense_solve
-from pwsmooth.kernels.stiff_lanes import load4, load8, splat8, store4, store8, vabs, vmax
+from pwsmooth.kernels.stiff_lanes import fused, load4, load8, splat8, store4, store8, vabs, vmax
 from pwsmooth.kernels.stiff_tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
 
 MAX_NEWTON = 15
-CONTRACT = {"contract", "nsz"}
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def reduce_max(v, scratch):
     """Largest of 8 lanes; a nan wins."""
     store8(scratch, 0, v)
@@ -32,7 +30,7 @@ def reduce_max(v, scratch):
     return top
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def set_stages(adr, m, t, h, p, t8, c8):
     """Overwrites the stage times t8 and everything that depends on time alone, c8."""
     store8(t8, 0, load8(NODES, 8 * m) * h + t)
@@ -40,7 +38,7 @@ def set_stages(adr, m, t, h, p, t8, c8):
         call_hoist(adr[HOIST], t8, p, c8)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def extrapolate(m, n, ratio, poly, Z):
     """Overwrites Z with the last collocation polynomial beyond its end: at (1 + ratio c_k), less its end value."""
     s = 3 + 2 * m
@@ -52,7 +50,7 @@ def extrapolate(m, n, ratio, poly, Z):
         store8(Z, 8 * i, v)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def end_polynomial(m, n, Z, poly):
     """Overwrites poly[8 i + j] with the coefficient of (theta - 1)^(j+1) of the step just taken."""
     for i in range(n):
@@ -62,7 +60,7 @@ def end_polynomial(m, n, Z, poly):
         store8(poly, 8 * i, v)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def step_polynomial(m, n, Z, x, coefficients):
     """Overwrites coefficients[17 i + j], of theta^j, j = 0..s, with the collocation polynomial of the step."""
     s = 3 + 2 * m
@@ -76,7 +74,7 @@ def step_polynomial(m, n, Z, x, coefficients):
     return s
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
     """J at the predicted middle stage and the elimination of (mu/h) I - J; overwrites J, mu and lu."""
     middle = 1 + m
@@ -87,18 +85,18 @@ def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
     if adr[FACTOR] != 0:
         call_factor(adr[FACTOR], J, mu, lu)
     else:
-        dense_factor(n, J, mu, lu)
+        call_dense_factor(adr[DENSE_FACTOR], n, J, mu, lu)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def _solve(adr, n, lu, R):
     if adr[SOLVE] != 0:
         call_solve(adr[SOLVE], lu, R)
     else:
-        dense_solve(n, lu, R)
+        call_dense_solve(adr[DENSE_SOLVE], n, lu, R)
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta, scratch):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
@@ -156,7 +154,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
     return False, MAX_NEWTON, eta, theta
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, again):
     """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff parts."""
     for i in range(n):

@@ -1,12 +1,13 @@
 """One attempt at a step of the stiff path, by Radau IIA or by Taylor: error test, gate, next length."""
 
 import numpy as np
-from numba import njit
+from numba import types
 
 from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.stiff_call import RATES1, TAYLOR, call_point, call_taylor
 from pwsmooth.kernels.stiff_gate import error_norm, passed
-from pwsmooth.kernels.stiff_lanes import at
+from pwsmooth.kernels.stiff_lanes import at, fused
 from pwsmooth.kernels.stiff_radau import embedded_error, end_polynomial, extrapolate, factorise, newton, set_stages
 from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylor_passed
 
@@ -15,14 +16,14 @@ GROWTH, SHRINK = 8.0, 0.2
 LONGEST_MEMORY = 2.5
 
 
-@njit(cache=True)
+@fused
 def _reject(s, h):
     s.num[S.H] = h
     s.cnt[S.REJECTED] = 1
     return False
 
 
-@njit(cache=True)
+@fused
 def radau_step(s):
     """One attempt with step num[H]; whether it was accepted. Then x, f, t and the next H are set."""
     adr, num, cnt, n, x = s.adr, s.num, s.cnt, s.n, s.x
@@ -87,7 +88,7 @@ def radau_step(s):
     return True
 
 
-@njit(cache=True)
+@fused
 def taylor_reach(s):
     """Length that the expansion at x allows (made if there is none yet); nan if a coefficient is."""
     num, cnt, n = s.num, s.cnt, s.n
@@ -101,7 +102,7 @@ def taylor_reach(s):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@fused
 def taylor_step(s):
     """One attempt of at most num[H]; whether it was accepted. A coefficient that is nan leaves num[TAKEN] nan."""
     adr, num, cnt, n = s.adr, s.num, s.cnt, s.n
@@ -133,3 +134,19 @@ def taylor_step(s):
     # Growth is left to the next expansion: it knows its own length.
     num[S.H] = GROWTH * h
     return True
+
+
+@unit(types.int64(types.CPointer(types.int64)))
+def radau_unit(places):
+    """One attempt by Radau; 1 if accepted."""
+    return 1 if radau_step(S.core(places)) else 0
+
+
+@unit(types.int64(types.CPointer(types.int64), types.int64))
+def taylor_unit(places, task):
+    """STEP: one attempt by Taylor, 1 if accepted. REACH_ONLY: overwrites num[REACH]."""
+    s = S.core(places)
+    if task == S.REACH_ONLY:
+        s.num[S.REACH] = taylor_reach(s)
+        return 0
+    return 1 if taylor_step(s) else 0

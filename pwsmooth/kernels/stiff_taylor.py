@@ -7,16 +7,14 @@ every step is judged by its defect, h |x'(h) - f(x(h))| / (K+1), which the next 
 """
 
 import numpy as np
-from numba import njit
 
 from pwsmooth.kernels.stiff_gate import REACH, THETA
-from pwsmooth.kernels.stiff_lanes import load8, splat8, store8
+from pwsmooth.kernels.stiff_lanes import fused, load8, splat8, store8
 
-CONTRACT = {"contract", "nsz"}
 SAMPLES = np.arange(1, 9) / 8.0
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
     size = 0.0
     for i in range(n):
@@ -31,7 +29,7 @@ def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
     return size
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
     last = _order_size(n, q, K, stride, rows, surface_row, surf, weight, rtol)
@@ -47,7 +45,7 @@ def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     return 0.9 * length
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def evaluate(n, K, stride, rows, h, x):
     """Overwrites x with the polynomial at h."""
     for i in range(n):
@@ -58,7 +56,7 @@ def evaluate(n, K, stride, rows, h, x):
         x[i] = v
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
@@ -87,7 +85,7 @@ def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     return factor
 
 
-@njit(cache=True, fastmath=CONTRACT)
+@fused
 def defect(n, K, stride, rows, ahead, h, weight):
     """Estimated error of the step in units of its tolerance, from the expansion `ahead` at its end."""
     size = 0.0

@@ -10,7 +10,7 @@ import math
 from numba import njit
 
 from .compiling import kernel
-from .pointers import call_fold, call_unit
+from .pointers import call_fold, call_rk, call_unit
 from .records import record_point
 from .roots import NO_ROOT, first_root
 from .sliding import follow, keep_on_surface, mask_solved
@@ -166,6 +166,14 @@ def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
 
 
 @kernel
+def next_stop(C, S):
+    """The end of the span or the next instant of a time event, whichever comes first."""
+    if S.counts[C_CLOCK] < len(C.clock):
+        return min(C.t_end, C.clock[S.counts[C_CLOCK]])
+    return C.t_end
+
+
+@kernel
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
@@ -198,14 +206,19 @@ def run(P, C, S, R, W):
             mask_solved(P, S, W)
             if not follow(P, S, W):
                 return NEWTON_FAILED
-        mult_row = take_jet(P, C, S, any_solved, W)
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
-        if mult_row < 0:
-            return NEWTON_FAILED
         rows = W.rows
-        surface_rows = P.rows_general if any_solved else P.rows_slip
-        h = taylor_step_size(P, C, S, rows, mult_row, any_solved)
+        if P.rk_unit != 0:
+            mult_row, surface_rows = n, P.rows_general
+            limit = min(C.max_step, next_stop(C, S) - S.now[0])
+            h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], limit), -1)
+        else:
+            mult_row = take_jet(P, C, S, any_solved, W)
+            if mult_row < 0:
+                return NEWTON_FAILED
+            surface_rows = P.rows_general if any_solved else P.rows_slip
+            h = taylor_step_size(P, C, S, rows, mult_row, any_solved)
         if math.isnan(h):
             return NOT_FINITE
         fold = -1
@@ -225,11 +238,7 @@ def run(P, C, S, R, W):
             else:
                 return NEWTON_FAILED
         t0 = S.now[0]
-        stop = C.t_end
-        clock = -1
-        if S.counts[C_CLOCK] < C.clock.shape[0] and C.clock[S.counts[C_CLOCK]] <= stop:
-            clock = S.counts[C_CLOCK]
-            stop = C.clock[clock]
+        stop = next_stop(C, S)
         capped = False
         if time_row < 0 and h >= stop - t0:
             h = stop - t0
@@ -257,12 +266,21 @@ def run(P, C, S, R, W):
         if happened:
             fraction, capped = best, False
         s_end = fraction * h
+        if happened and P.rk_unit != 0:
+            met = 0
+            for i in range(m + P.ne):
+                if W.tau[i] < W.tau[met]:
+                    met = i
+            s_end = call_rk(P.rk_unit, P, C, S, W, s_end, met)
+            if math.isnan(s_end):
+                return NOT_FINITE
+            fraction = min(fraction, 0.5)
         if fraction < 1.0:
             powers(W.power, s_end, K + 1)
         t_new = dot(rows[time_row], W.power, K + 1) if time_row >= 0 else t0 + s_end
         if capped or abs(t_new - stop) <= 4e-16 * abs(stop):
             t_new = stop
-        at_clock = clock >= 0 and t_new >= stop
+        at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
         _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
         if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
             _sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
@@ -274,7 +292,8 @@ def run(P, C, S, R, W):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], W.power, K + 1)
         S.now[0] = t_new
-        S.now[1] = h
+        if P.rk_unit != 0:
+            S.now[1] = W.answer[5]
         for i in range(n):
             if not math.isfinite(S.x[i]):
                 return NOT_FINITE

@@ -1,0 +1,215 @@
+"""Dormand-Prince 8(5,3) as the plain alternative to jets: for functions without a recurrence, and as a second opinion.
+
+A step gives the same thing as a jet: polynomials of the states (the method's own interpolant of order 7) and, fitted
+at Chebyshev points of it, of the solved multipliers and of every surface. An event found on them is refined by steps
+that end there, so that the state at the event has the order of the step, not of the interpolant.
+"""
+
+import math
+
+import numpy as np
+from numba import types
+from scipy.integrate._ivp import dop853_coefficients as dop
+
+from .compiling import kernel, unit
+from .pointers import call_fields, call_newton
+from .sliding import mask_solved
+from .state import SOLVED, Control, Problem, State, Work
+
+_A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
+_E3, _E5 = dop.E3.copy(), dop.E5.copy()
+_STAGES, _DEGREE = 12, 7
+
+
+def _basis():
+    """Coefficients in theta of the interpolant's seven products theta^a (1 - theta)^b."""
+    rows = np.zeros((7, _DEGREE + 1))
+    for i in range(7):
+        product = np.polynomial.Polynomial([0, 1]) ** (i // 2 + 1) * np.polynomial.Polynomial([1, -1]) ** ((i + 1) // 2)
+        rows[i, : len(product.coef)] = product.coef
+    return rows
+
+
+_BASIS = _basis()
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
+
+
+@kernel
+def _rate(P, S, W, t, out, stage):
+    """Overwrites out[stage] with f at S.x, the solved multipliers solved there; False when they have no solution."""
+    keep = S.now[0]
+    S.now[0] = t
+    found = True
+    if W.code[7]:
+        mask_solved(P, S, W)
+        found = call_newton(P.newton_unit, P, S, W) != 0
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.now[0] = keep
+    for i in range(P.n):
+        out[stage, i] = W.dx[i]
+    return found
+
+
+@kernel
+def _try_step(P, C, S, W, h):
+    """One step of size h from (W.rk_x, W.rk_mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
+    n, k, x0, t = P.n, W.rk_k, W.rk_x, S.now[0]
+    for s in range(_STAGES + 1):
+        for i in range(n):
+            total = 0.0
+            if s < _STAGES:
+                for r in range(s):
+                    total += _A[s, r] * k[r, i]
+            else:
+                for r in range(_STAGES):
+                    total += _B[r] * k[r, i]
+            S.x[i] = x0[i] + h * total
+        if not _rate(P, S, W, t + (_C[s] * h if s < _STAGES else h), k, s):
+            return math.nan
+    e5, e3 = 0.0, 0.0
+    for i in range(n):
+        scale = C.atol[i] + C.rtol * max(abs(x0[i]), abs(S.x[i]))
+        a, b = 0.0, 0.0
+        for r in range(_STAGES + 1):
+            a += _E5[r] * k[r, i]
+            b += _E3[r] * k[r, i]
+        e5 += (a / scale) ** 2
+        e3 += (b / scale) ** 2
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return abs(h) * e5 / math.sqrt((e5 + 0.01 * e3) * max(n, 1))
+
+
+@kernel
+def _restore(P, S, W):
+    for i in range(P.n):
+        S.x[i] = W.rk_x[i]
+    for j in range(P.m):
+        S.mult[j] = W.rk_mult[j]
+
+
+@kernel
+def _polynomials(P, S, W, h):
+    """Overwrites W.rows: states, multipliers, surfaces along the step just made, in powers of t; S back at its start."""
+    n, m, k, rows, t = P.n, P.m, W.rk_k, W.rows, S.now[0]
+    surfaces = m + P.ne
+    for i in range(n):
+        W.after[i] = S.x[i]
+    found = True
+    for s in range(3):
+        stage = _STAGES + 1 + s
+        for i in range(n):
+            total = 0.0
+            for r in range(stage):
+                total += _A[stage, r] * k[r, i]
+            S.x[i] = W.rk_x[i] + h * total
+        found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
+    for i in range(n):
+        step = W.after[i] - W.rk_x[i]
+        for c in range(_DEGREE + 1):
+            rows[i, c] = 0.0
+        for part in range(7):
+            if part == 0:
+                value = step
+            elif part == 1:
+                value = h * k[0, i] - step
+            elif part == 2:
+                value = 2.0 * step - h * (k[_STAGES, i] + k[0, i])
+            else:
+                value = 0.0
+                for r in range(16):
+                    value += _D[part - 3, r] * k[r, i]
+                value *= h
+            for c in range(_DEGREE + 1):
+                rows[i, c] += value * _BASIS[part, c]
+        rows[i, 0] += W.rk_x[i]
+    for r in range(m + surfaces):
+        for c in range(_DEGREE + 1):
+            rows[n + r, c] = 0.0
+    _restore(P, S, W)
+    for q in range(_DEGREE + 1):
+        theta = _NODES[q]
+        for i in range(n):
+            value = rows[i, _DEGREE]
+            for c in range(_DEGREE - 1, -1, -1):
+                value = value * theta + rows[i, c]
+            S.x[i] = value
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.code[7] else found
+        if not W.code[7]:
+            call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for c in range(_DEGREE + 1):
+            for j in range(m):
+                rows[n + j, c] += _FIT[c, q] * S.mult[j]
+            for j in range(surfaces):
+                rows[n + m + j, c] += _FIT[c, q] * W.h[j]
+    _restore(P, S, W)
+    scale = 1.0
+    for c in range(1, _DEGREE + 1):
+        scale /= h
+        for r in range(n + m + surfaces):
+            rows[r, c] *= scale
+    return found
+
+
+@unit(
+    types.float64(
+        Problem.numba_type, Control.numba_type, State.numba_type, Work.numba_type, types.float64, types.int64
+    )
+)
+def rk_step(P, C, S, W, h, refine):
+    """A step of at most h with its polynomials in W.rows, S left at its start; returns its size, nan if it failed.
+
+    `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
+    """
+    n, m = P.n, P.m
+    W.code[7] = 0
+    for i in range(n):
+        W.rk_x[i] = S.x[i]
+    for j in range(m):
+        W.rk_mult[j] = S.mult[j]
+        if S.status[j] == SOLVED:
+            W.code[7] = 1
+    _rate(P, S, W, S.now[0], W.rk_k, 0)
+    if refine < 0:
+        for attempt in range(60):
+            _restore(P, S, W)
+            error = _try_step(P, C, S, W, h)
+            if not error < math.inf:
+                h *= 0.25
+            elif error <= 1.0:
+                # The next step's size, kept in S by the caller.
+                W.answer[5] = h * min(10.0, 0.9 * max(error, 1e-12) ** -0.125)
+                if _polynomials(P, S, W, h):
+                    return h
+                _rate(P, S, W, S.now[0], W.rk_k, 0)
+                h *= 0.25
+            else:
+                h *= max(0.2, 0.9 * error**-0.125)
+            if h <= 1e-15 * abs(S.now[0]) + 1e-300:
+                return 0.0
+        return math.nan
+    for sweep in range(8):
+        _restore(P, S, W)
+        if not _try_step(P, C, S, W, h) < math.inf:
+            return math.nan
+        if refine < m and S.status[refine] == SOLVED:
+            row = W.rows[n + refine]
+            value = S.mult[refine] - (float(W.exit_side[refine]) if P.kind[refine] < 3 else 0.0)
+        else:
+            row = W.rows[n + m + refine]
+            value = W.h[refine]
+        slope = 0.0
+        for c in range(_DEGREE, 0, -1):
+            slope = slope * h + c * row[c]
+        change = value / slope if slope != 0.0 else 0.0
+        if not abs(change) < 0.1 * h:
+            break
+        h -= change
+        if abs(change) <= 1e-15 * (abs(S.now[0]) + h):
+            break
+    _restore(P, S, W)
+    _rate(P, S, W, S.now[0], W.rk_k, 0)
+    _try_step(P, C, S, W, h)
+    _polynomials(P, S, W, h)
+    return h
