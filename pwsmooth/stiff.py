@@ -1,11 +1,13 @@
 """The smoothed path: stiff integration of a smoothed Model that never steps over its layers.
 
 Chain: System.smoothed(...) -> Model -> codegen.stiff (functions) -> kernels.stiff_loop (Radau IIA 5/9/13 and
-Taylor in one loop, behind the gate of kernels.stiff_gate) -> StiffResult.
+Taylor in one loop, behind the gate of kernels.stiff_gate) -> StiffResult. `integrate_scipy` runs SciPy's solvers on
+the same generated functions: the independent cross-check.
 """
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +15,10 @@ import numpy as np
 from pwsmooth.model import Model
 
 METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
+SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
 # Looser tolerances were seen to step over layers in spite of the gate.
 LOOSEST_RTOL = 1e-3
-_CHUNK = 4096
-RAISE_TOLERANCE = True
+_CHUNK = 4096  # steps between two looks at the keyboard
 
 
 @dataclass
@@ -26,16 +28,18 @@ class StiffResult:
     Attributes
     ----------
     t : ndarray (nt,)
+        Ends of the steps; an event that changes the state stands twice, before and after.
     x : ndarray (n, nt)
     status : int
-        One of kernels.stiff_state: DONE, TERMINAL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP.
+        DONE, TERMINAL, NOT_FINITE, UNDERFLOW, TOO_MANY or EVENT_LOOP of kernels.stiff_state.
     counters : dict
         steps, rejected, f_evals, jac, newton, taylor_steps.
-    dense : list of (t0, h, coefficients (n, degree + 1))
-        Powers of (t - t0)/h; only on request.
+    dense : list of (t0, h, coefficients)
+        On request: coefficients (n, degree + 1) of powers of (t - t0)/h, valid up to the next entry's t0.
     t_eval, x_eval : ndarray
-        (ne,) and (n, ne); as far as the run came.
-    events : list of (t, event index, x before, x after)
+        (ne,) and (n, ne); nan beyond the end of the run.
+    events : list of (t, index, before, after)
+        Index into `model.events`, and the states around the instant.
     """
 
     t: np.ndarray
@@ -48,16 +52,15 @@ class StiffResult:
     events: list = field(default_factory=list)
 
 
-def internal_tolerances(rtol: float, method: str) -> tuple[int, int, float, float]:
+def internal_tolerances(rtol: float, method: str, inside: bool) -> tuple[int, int, float, float]:
     """(order index, Taylor order, rtol of Radau, rtol of Taylor) that serve the user's rtol without waste.
 
     The embedded error of Radau IIA has order s, the step order 2s - 1: at an internal 1e-6 the true error is about
-    1e-9, so the user's tolerance is raised to a power that still leaves a margin on the problems measured.
+    1e-9, so the tolerance is raised to a power that still leaves a margin on the problems measured. Not so when
+    states `inside` the steps are wanted: the collocation polynomial has the order of the embedded error.
     """
-    if not RAISE_TOLERANCE:
-        return 1, 12, rtol, rtol
     index = {"radau5": 0, "radau9": 1, "radau13": 2}.get(method, 1 if rtol >= 3e-5 else 2)
-    power = (1.0, 0.8, 0.8)[index]
+    power = 1.0 if inside or index == 0 else 0.8
     return index, 12 if rtol >= 1e-9 else 16, min(LOOSEST_RTOL, rtol**power), 0.3 * rtol
 
 
@@ -65,58 +68,206 @@ def integrate(
     model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf, max_steps=10_000_000,
     method="auto", dense=False, t_eval=None,
 ) -> StiffResult:  # fmt: skip
+    """Integrate a smoothed model over `t_span`.
+
+    Parameters
+    ----------
+    model : Model
+        Without multipliers; `smoothing` names the layers that must not be stepped over.
+    t_span : (float, float)
+        Ascending.
+    x0 : array_like (n,)
+    p : array_like
+        Values in the order of `model.parameters`.
+    rtol, atol : float or array_like
+        `rtol` is a number, at most 1e-3 (a looser one runs at that bound). `atol` never weakens the layers' test.
+    first_step, max_step : float
+        By default the first step is found, and none is longer than a tenth of the span.
+    max_steps : int
+        Attempted steps before the run stops with TOO_MANY.
+    method : {"auto", "radau5", "radau9", "radau13", "taylor"}
+        "auto" chooses the order by the tolerance and takes Taylor steps where the motion is not stiff.
+    dense : bool
+        Keep the polynomial of every step.
+    t_eval : array_like, optional
+        Ascending times within the span.
+
+    Returns
+    -------
+    StiffResult
+
+    Raises
+    ------
+    ValueError
+        Unknown method; a method that the model's functions do not allow; a model that still has multipliers.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.model import Model
+    >>> t, v, eps = sp.symbols("t v eps")
+    >>> relay = Model(t, (v,), (eps,), (sp.Rational(1, 2) - sp.tanh(v / eps),), smoothing=((v, eps),))
+    >>> run = integrate(relay, (0, 3), [1.0], [1e-6])
+    >>> bool(abs(run.x[0, -1] / 1e-6 - 0.5493061443) < 1e-6)  # at rest where tanh(v/eps) = 1/2
+    True
+    """
     from pwsmooth.codegen import stiff as codegen
     from pwsmooth.codegen.cache import load_kernels
 
-    S = load_kernels("stiff_state")
-    loop = load_kernels("stiff_loop")
+    if method not in METHODS:
+        raise ValueError(f"`method` is {method!r}; the smoothed path knows {', '.join(METHODS)}.")
+    S, loop = load_kernels("stiff_state"), load_kernels("stiff_loop")
     compiled = codegen.compile_stiff(model)
-    n, q, e = compiled.n, compiled.n_surfaces, compiled.n_events
-    t0, t1 = map(float, t_span)
-    rtol = min(float(rtol), LOOSEST_RTOL)
-    order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method)
-    atol = np.broadcast_to(np.asarray(atol, float), (n,)) * (rtol_radau / rtol)
     has_taylor = compiled.address[codegen.NAMES.index("taylor")] != 0
     if method == "taylor" and not has_taylor:
         raise ValueError("`method='taylor'` needs a recurrence for every function of the model; use 'auto'.")
-    num = np.zeros(12)
+    t0, t1 = map(float, t_span)
+    rtol = min(float(rtol), LOOSEST_RTOL)
+    inside = dense or t_eval is not None or any(e.surface is not None for e in model.events)
+    order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside)
+
+    num = np.zeros(S.REACH + 1)
     num[S.T], num[S.T_END] = t0, t1
     num[S.H] = first_step or 0.0
     num[S.RTOL], num[S.RTOL_TAYLOR] = rtol_radau, rtol_taylor
-    num[S.H_MAX] = min(max_step, t1 - t0)
+    # A tenth of the span: a seat belt, not what protects the layers.
+    num[S.H_MAX] = min(max_step, 0.1 * (t1 - t0))
     num[S.KAPPA] = min(0.03, 10.0 * np.sqrt(rtol_radau))
-    cnt = np.zeros(21, dtype=np.int64)
+    cnt = np.zeros(S.HAPPENED + 1, dtype=np.int64)
     cnt[S.ORDER], cnt[S.K] = order, K
     cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
     cnt[S.MAY_RADAU] = method != "taylor"
     cnt[S.MODE] = S.TAYLOR if cnt[S.MAY_TAYLOR] else S.RADAU
-    cnt[S.DENSE_WANTED] = dense
-    cnt[S.FIRST] = 2
-    cnt[S.STEPS_LEFT] = max_steps
-    slots = compiled.n_slots or n * n + n
-    run = S.Run(
-        n, q, e, compiled.address, np.ascontiguousarray(p, float), np.ascontiguousarray(atol), compiled.surface_state,
-        compiled.surface_row, num, cnt, np.array(x0, float), np.zeros(n), np.zeros((n, 8)),
-        np.zeros((2, n + q, S.STRIDE)), 1.0 / (1.0 + np.arange(n)), np.zeros((q, n + 3)), np.zeros((n, n)),
-        np.zeros((slots, 8)), np.zeros((5, n, 8)), np.zeros((compiled.n_hoisted + 1, 8)), np.zeros((max(q, e, 1), 8)),
-        np.zeros((8, n + 8)), np.zeros((n, 17)),
-    )  # fmt: skip
-    t_eval = np.zeros(0) if t_eval is None else np.ascontiguousarray(t_eval, float)
-    x_eval = np.full((len(t_eval), n), np.nan)
-    out = S.Output(
-        np.zeros(_CHUNK), np.zeros((_CHUNK, n)), np.zeros(_CHUNK), np.zeros(_CHUNK, np.int64),
-        np.zeros((_CHUNK if dense else 0, n, 17)), np.zeros(2, np.int64), t_eval, x_eval,
-        np.zeros(64), np.zeros(64, np.int64), np.zeros((64, 2, n)),
-    )  # fmt: skip
-    ts, xs, polynomials, events = [np.array([t0])], [run.x[None].copy()], [], []
+    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, max_steps
+
+    p = np.ascontiguousarray(p, float)
+    atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
+    units = np.array([u.address for u in loop.UNITS], dtype=np.int64)
+    run = _run(S, compiled, units, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
+    places = np.array([a.ctypes.data if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64)
+    n, chunk = compiled.n, loop.integrate.ctypes
+    first = ctypes.cast(places.ctypes.data, ctypes.POINTER(ctypes.c_int64))
+    pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
-        status = loop.integrate(run, out, _CHUNK)
-        k = out.count[0]
-        ts.append(out.t[:k].copy())
-        xs.append(out.x[:k].copy())
+        before = float(num[S.T])
+        status = chunk(first, _CHUNK)
+        k = cnt[S.N_POINTS]
+        pieces.append((run.t[:k].copy(), run.states[:k].copy()))
+        if dense:
+            starts = np.concatenate([[before], run.t[:k]])
+            polynomials += [
+                (float(starts[i]), float(run.length[i]), run.coefficients[i, :, : run.degree[i] + 1].copy())
+                for i in range(k)
+                if run.degree[i] >= 0
+            ]
+        events += [
+            (float(run.event_t[i]), int(run.event_index[i]), *run.event_x[i].copy())
+            for i in range(cnt[S.N_RECORDS])
+        ]
         if status != S.FULL:
             break
-    counters = {"steps": int(cnt[S.STEPS]), "rejected": int(cnt[S.REJECTIONS]), "f_evals": int(cnt[S.F_EVALS]),
-                "jac": int(cnt[S.JACOBIANS]), "newton": int(cnt[S.NEWTON]), "taylor_steps": int(cnt[S.TAYLOR_STEPS])}  # fmt: skip
-    return StiffResult(np.concatenate(ts), np.concatenate(xs).T, int(status), counters, polynomials,
-                       t_eval, x_eval.T, events)  # fmt: skip
+    counters = {
+        "steps": int(cnt[S.STEPS]),
+        "rejected": int(cnt[S.REJECTIONS]),
+        "f_evals": int(cnt[S.F_EVALS]),
+        "jac": int(cnt[S.JACOBIANS]),
+        "newton": int(cnt[S.NEWTON]),
+        "taylor_steps": int(cnt[S.TAYLOR_STEPS]),
+    }
+    times, states = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    wanted = (run.t_eval, run.x_eval.T) if t_eval is not None else (None, None)
+    return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
+
+
+def _run(S, compiled, units, p, atol, num, cnt, x0, instants, dense, t_eval):
+    """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is reached."""
+    n, q, e, model = compiled.n, compiled.n_surfaces, compiled.n_events, compiled.model
+    room = 64 + 64 * e
+    wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
+    kind = [S.TIMED if event.surface is None else event.direction for event in model.events]
+
+    def integers(values):
+        return np.array(values, dtype=np.int64)
+
+    return S.Core(
+        n=n, q=q, e=e, capacity=_CHUNK, room=room, evals=len(wanted), instants=len(instants[0]),
+        adr=np.concatenate([compiled.address, units]), surface_state=compiled.surface_state,
+        surface_row=compiled.surface_row, cnt=cnt, kind=integers(kind),
+        stops=integers([event.terminal for event in model.events]), due=integers([0] * e),
+        degree=integers([0] * _CHUNK), event_index=integers([0] * room), instant_event=instants[1],
+        p=p, atol=np.array(atol), num=num, x=np.array(x0, float), f=np.zeros(n), start=np.zeros(n),
+        poly=np.zeros((n, 8)), rows=np.zeros((2, n + q, S.STRIDE)), power=1.0 / (1.0 + np.arange(n)),
+        surf=np.zeros((q, n + 3)), J=np.zeros((n, n)), lu=np.zeros((compiled.n_slots or n * n + n, 8)),
+        Z=np.zeros((n, 8)), W=np.zeros((n, 8)), X=np.zeros((n, 8)), F=np.zeros((n, 8)), R=np.zeros((n, 8)),
+        hoisted=np.zeros((compiled.n_hoisted, 8)), values=np.zeros((max(q, e), 8)), weight=np.zeros(n),
+        newton_weight=np.zeros(n), err=np.zeros(n), scratch=np.zeros(n + 8), scratch2=np.zeros(n + 8),
+        t8=np.zeros(8), mu=np.zeros(8), coefficients=np.zeros((_CHUNK if dense else 1, n, 17)),
+        side=np.zeros(e), found=np.zeros(e), passed_side=np.zeros(e), before=np.zeros(n), after=np.zeros(n),
+        t=np.zeros(_CHUNK), states=np.zeros((_CHUNK, n)), length=np.zeros(_CHUNK), t_eval=wanted,
+        x_eval=np.full((len(wanted), n), np.nan), event_t=np.zeros(room), event_x=np.zeros((room, 2, n)),
+        instant_t=instants[0],
+    )  # fmt: skip
+
+
+def _instants(model, p, t0, t1):
+    """Times and indices of all events of time in (t0, t1], ascending."""
+    values = dict(zip(model.parameters, p, strict=True))
+    found = []
+    for j, event in enumerate(model.events):
+        found += [(float(a.subs(values)), j) for a in event.at]
+        if event.every is not None:
+            period = float(event.every.subs(values))
+            found += [(k * period, j) for k in range(int(np.floor(t0 / period)), int(np.floor(t1 / period)) + 1)]
+    found = sorted(pair for pair in found if t0 < pair[0] <= t1)
+    return np.array([t for t, _ in found]), np.array([j for _, j in found], dtype=np.int64)
+
+
+def integrate_scipy(
+    model: Model, t_span, x0, p, *, method="Radau", rtol=1e-9, atol=1e-12, max_step=np.inf, t_eval=None, dense=False
+):
+    """SciPy's solution of the same generated right-hand side and Jacobian, as an independent cross-check.
+
+    No gate protects the layers here: that is the point of the comparison, and a reason for tight tolerances.
+
+    Parameters
+    ----------
+    model, t_span, x0, p, rtol, atol, max_step, t_eval, dense
+        As for `integrate`.
+    method : {"Radau", "BDF", "LSODA", "DOP853"}
+
+    Returns
+    -------
+    scipy.integrate._ivp.ivp.OdeResult
+
+    Raises
+    ------
+    ValueError
+        Unknown method, or a model with events.
+    """
+    from scipy.integrate import solve_ivp
+
+    from pwsmooth.codegen import stiff as codegen
+
+    if method not in SCIPY_METHODS:
+        raise ValueError(f"`method` is {method!r}; SciPy's own are {', '.join(SCIPY_METHODS)}.")
+    if model.events:
+        raise ValueError(f"`method={method!r}` runs without events; this model has {len(model.events)}. Use 'auto'.")
+    compiled = codegen.compile_stiff(model)
+    n = compiled.n
+    p, x = np.ascontiguousarray(p, float), np.zeros(n)
+    f, J = np.zeros(n), np.zeros((n, n))
+    signature = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+    rates, jacobian = (
+        signature(int(compiled.address[codegen.NAMES.index(name)])) for name in ("rates1", "jacobian")
+    )
+
+    def call(function, t, state, out):
+        x[:] = state
+        function(t, x.ctypes.data, p.ctypes.data, out.ctypes.data)
+        return out.copy()
+
+    implicit = {} if method == "DOP853" else {"jac": lambda t, y: call(jacobian, t, y, J)}
+    return solve_ivp(
+        lambda t, y: call(rates, t, y, f), t_span, x0, method=method, rtol=rtol, atol=atol, max_step=max_step,
+        t_eval=t_eval, dense_output=dense, **implicit,
+    )  # fmt: skip

@@ -1,0 +1,248 @@
+"""Events on the polynomial of a stiff step: zeros of surfaces, and what fires at one instant.
+
+A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in 8 more
+around its vertex; a change of sign is then narrowed ninefold a round, on the surface itself and not on a fit. `side` is the
+sign that each surface had last: a start on a surface, or the instant after an event, is no zero.
+"""
+
+import numpy as np
+from numba import types
+
+from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
+from pwsmooth.kernels.stiff_lanes import at, fused, load8, splat8, store8
+
+NONE = 2.0  # no zero: beyond the step
+EIGHTHS = np.arange(1, 9) / 8.0
+ROUNDS = 32  # at one instant, before the events count as a loop that does not end
+
+
+@fused
+def sample(s, coefficients, degree, t, h, a, b):
+    """Overwrites values[8 j + k] with surface j at the points a + (b - a)(k + 1)/8 of the step."""
+    theta = load8(EIGHTHS, 0) * (b - a) + a
+    store8(s.t8, 0, theta * h + t)
+    for i in range(s.n):
+        row = 17 * i
+        v = splat8(coefficients[row + degree])
+        for k in range(degree - 1, -1, -1):
+            v = v * theta + coefficients[row + k]
+        store8(s.X, 8 * i, v)
+    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+
+
+@fused
+def _sign(v):
+    return 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+
+
+@fused
+def set_sides(s, t, x, f, h):
+    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t, x)."""
+    # A millionth of a step ahead: behind rounding, before anything can happen.
+    d = 1e-6 * h
+    for k in range(8):
+        s.t8[k] = t + d
+    for i in range(s.n):
+        for k in range(8):
+            s.X[8 * i + k] = x[i] + d * f[i]
+    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+    for j in range(s.e):
+        s.side[j] = _sign(s.values[8 * j])
+
+
+@fused
+def _bracket(s, j, side, a, b):
+    """First interval of the sampled ones where surface j leaves `side`: (lo, hi), or (NONE, NONE)."""
+    for k in range(8):
+        if s.values[8 * j + k] * side <= 0.0:
+            return a + (b - a) * k / 8.0, a + (b - a) * (k + 1) / 8.0
+    return NONE, NONE
+
+
+@fused
+def _near_vertex(s, j, side, begin):
+    """Middle of the first three samples whose parabola comes to (almost) zero between them; NONE if there is none."""
+    for k in range(1, 7):
+        left, mid, right = (side * s.values[8 * j + k - 1], side * s.values[8 * j + k], side * s.values[8 * j + k + 1])
+        if mid <= left and mid <= right:
+            bend = left - 2.0 * mid + right
+            dip = mid - (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else mid
+            if dip < 0.2 * bend:
+                return begin + (1.0 - begin) * (k + 1) / 8.0
+    return NONE
+
+
+@fused
+def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
+    """End of the interval, as short as rounding allows, over which surface j leaves `side`."""
+    for _ in range(20):
+        if hi - lo < 4e-16:
+            break
+        sample(s, coefficients, degree, t, h, lo, hi)
+        a, b = _bracket(s, j, side, lo, hi)
+        if a == NONE:
+            break
+        lo, hi = a, b
+    return hi
+
+
+@fused
+def next_zero(s, coefficients, degree, t, h, begin):
+    """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
+
+    Overwrites `found` with the theta of every surface (NONE without a zero) and, when nothing is found, `side`.
+    """
+    first = NONE
+    sample(s, coefficients, degree, t, h, begin, 1.0)
+    for j in range(s.e):
+        s.found[j] = NONE
+        if s.kind[j] == S.TIMED or s.side[j] == 0.0:
+            if s.kind[j] != S.TIMED:
+                s.side[j] = _sign(s.values[8 * j + 7])
+            continue
+        side, a, here = s.side[j], begin, False
+        for _ in range(8):
+            sample(s, coefficients, degree, t, h, a, 1.0)
+            lo, hi = _bracket(s, j, side, a, 1.0)
+            if lo == NONE:
+                middle = _near_vertex(s, j, side, a)
+                if middle == NONE:
+                    break
+                width = 0.25 * (1.0 - a)
+                left, right = max(a, middle - width), min(1.0, middle + width)
+                sample(s, coefficients, degree, t, h, left, right)
+                lo, hi = _bracket(s, j, side, left, right)
+                if lo == NONE:
+                    break
+            zero = _narrow(s, coefficients, degree, t, h, j, side, lo, hi)
+            if s.kind[j] == S.BOTH or s.kind[j] == -side:
+                s.found[j], here = zero, True
+                break
+            side, a = -side, zero
+            if a >= 1.0:
+                break
+        if here:
+            first = min(first, s.found[j])
+        elif first == NONE:
+            s.passed_side[j] = side
+    if first == NONE:
+        for j in range(s.e):
+            if s.kind[j] != S.TIMED and s.side[j] != 0.0:
+                s.side[j] = s.passed_side[j]
+    return first
+
+
+@fused
+def value(coefficients, degree, i, theta):
+    """State i on the step, at theta."""
+    v = coefficients[17 * i + degree]
+    for k in range(degree - 1, -1, -1):
+        v = v * theta + coefficients[17 * i + k]
+    return v
+
+
+@fused
+def _carried_through(s, t, x):
+    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x)."""
+    for q in range(8):
+        s.t8[q] = t
+    for i in range(s.n):
+        for q in range(8):
+            s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
+    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+    for j in range(s.e):
+        if s.kind[j] != S.TIMED and s.due[j] != 2:
+            old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
+            if old * new < 0.0 and (s.kind[j] == S.BOTH or s.kind[j] == new):
+                s.due[j] = 1
+
+
+@fused
+def _due(s, t, theta, h, instant):
+    """Mark as due the surfaces found at theta and, at an `instant`, the events of time."""
+    close = theta + 1e-13 * max(abs(t), h) / h
+    for j in range(s.e):
+        s.due[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
+    k = s.cnt[S.N_INSTANT]
+    while instant and k < s.instants and s.instant_t[k] <= t:
+        s.due[s.instant_event[k]] = 1
+        k += 1
+    s.cnt[S.N_INSTANT] = k
+
+
+@fused
+def fire(s, t, x):
+    """Fire at time t everything that is due, from the values before, and then what the updates carry through zero.
+
+    Overwrites x and the records; returns what happened.
+    """
+    n, first = s.n, s.cnt[S.N_RECORDS]
+    result = S.NOTHING
+    for _ in range(ROUNDS):
+        for i in range(n):
+            s.before[i] = s.after[i] = x[i]
+        fired = moved = False
+        for j in range(s.e):
+            if s.due[j] != 1:
+                continue
+            s.due[j] = 2
+            if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
+                continue
+            fired = True
+            if s.stops[j] == 1:
+                result = S.STOP
+            record = s.cnt[S.N_RECORDS]
+            s.event_t[record], s.event_index[record] = t, j
+            for i in range(n):
+                s.event_x[2 * n * record + i] = s.before[i]
+            s.cnt[S.N_RECORDS] = record + 1
+        for i in range(n):
+            moved = moved or s.after[i] != x[i]
+            x[i] = s.after[i]
+        for record in range(first, s.cnt[S.N_RECORDS]):
+            for i in range(n):
+                s.event_x[2 * n * record + n + i] = x[i]
+        if not (fired and moved):
+            return result
+        if result == S.NOTHING:
+            result = S.JUMP
+        _carried_through(s, t, x)
+    s.cnt[S.N_RECORDS] = first
+    return S.NO_END
+
+
+@unit(types.int64(types.CPointer(types.int64), types.float64, types.int64, types.int64))
+def events_unit(places, t, degree, offset):
+    """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the coefficients.
+
+    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T become
+    those just before it and scratch2 the state after.
+    """
+    s = S.core(places)
+    num, cnt, n = s.num, s.cnt, s.n
+    h, theta, coefficients = num[S.TAKEN], 0.0, at(s.coefficients, offset)
+    instant = cnt[S.N_INSTANT] < s.instants and num[S.T] >= s.instant_t[cnt[S.N_INSTANT]]
+    while cnt[S.N_RECORDS] + ROUNDS * s.e < s.room:
+        theta = next_zero(s, coefficients, degree, t, h, theta)
+        if theta == NONE and not instant:
+            return S.NOTHING
+        theta = min(theta, 1.0)
+        when = t + theta * h if theta < 1.0 else num[S.T]
+        for i in range(n):
+            s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)
+        _due(s, when, theta, h, instant and theta == 1.0)
+        instant = instant and theta < 1.0
+        result = fire(s, when, s.scratch2)
+        if result != S.NOTHING:
+            num[S.T] = when
+            for i in range(n):
+                s.x[i] = s.err[i]
+            return result
+        for j in range(s.e):
+            if s.kind[j] != S.TIMED and s.found[j] <= theta:
+                s.side[j] = -s.side[j]
+        if theta >= 1.0:
+            break
+    return S.NOTHING
