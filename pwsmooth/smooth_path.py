@@ -1,0 +1,137 @@
+"""The smoothed path of solve(): the stiff integrator's result as a Solution.
+
+Chain: solve -> **this file** -> stiff.py (the product's own methods, which never step over a layer) or SciPy's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .records import EventRecord, Outcome
+from .solution import Solution
+
+
+@dataclass(frozen=True)
+class StepPolynomials:
+    """Dense output, one piece a step: `coefficients` (ns, n, K+1) in powers of (t - t0)/length."""
+
+    t0: np.ndarray
+    length: np.ndarray
+    coefficients: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and no multipliers (0, nt); at an event the side after it."""
+        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
+        # In units of the step: powers of the step itself underflow inside a layer.
+        s = (t - self.t0[piece]) / self.length[piece]
+        x = np.zeros((len(t), self.coefficients.shape[1]))
+        for k in range(self.coefficients.shape[2] - 1, -1, -1):
+            x = x * s[:, None] + self.coefficients[piece, :, k]
+        return x.T, np.zeros((0, len(t)))
+
+
+@dataclass(frozen=True)
+class SciPyDense:
+    """SciPy's own dense output in the form of ours."""
+
+    interpolant: Any
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and no multipliers (0, nt)."""
+        return self.interpolant(t), np.zeros((0, len(t)))
+
+
+def solve_smoothed(
+    system: Any,
+    t_span: tuple[float, float],
+    start: np.ndarray,
+    p: np.ndarray,
+    values: Mapping[Any, float],
+    method: str,
+    rtol: float,
+    atol: np.ndarray,
+    times: np.ndarray | None,
+    dense_output: bool,
+    max_step: float,
+    max_steps: int,
+) -> Solution:
+    """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
+
+    Raises
+    ------
+    ValueError
+        Unknown method, or one that the model does not allow.
+    """
+    from . import stiff
+
+    known = (*stiff.METHODS, *stiff.SCIPY_METHODS)
+    if method not in known:
+        raise ValueError(
+            f"`method` is {method!r}, which no smoothed view has; choose one of {', '.join(known)}."
+        )
+    tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
+    common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
+    if method in stiff.SCIPY_METHODS:
+        pieces = _scipy(system.model, t_span, start, p, dict(common, method=method, dense=dense_output))
+    else:
+        pieces = _own(
+            system.model, t_span, start, p, dict(common, method=method, dense=dense_output), max_steps
+        )
+    t, x, events, dense, outcome, cost = pieces
+    none = np.zeros((0, len(t)))
+    return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, [], values)
+
+
+def _own(model, t_span, start, p, options, max_steps):
+    from . import stiff
+    from .codegen.cache import load_kernels
+
+    run = stiff.integrate(model, t_span, start, p, max_steps=max_steps, **options)
+    S = load_kernels("stiff_state")
+    outcome = {
+        S.DONE: Outcome.FINISHED,
+        S.TERMINAL: Outcome.TERMINATED,
+        S.NOT_FINITE: Outcome.NOT_FINITE,
+        S.UNDERFLOW: Outcome.STEP_UNDERFLOW,
+        S.TOO_MANY: Outcome.TOO_MANY_STEPS,
+        S.EVENT_LOOP: Outcome.EVENT_LOOP,
+    }[run.status]
+    events = [
+        EventRecord(when, model.events[i].name, "terminal" if model.events[i].terminal else "reset")
+        for when, i, *_ in run.events
+    ]
+    cost = {**run.counters, "events": len(events)}
+    t, x = run.t, run.x
+    if run.t_eval is not None:
+        # Wanted times beyond the end of a run that stopped early were never reached.
+        reached = ~np.isnan(run.x_eval).any(axis=0)
+        t, x = run.t_eval[reached], run.x_eval[:, reached]
+    return t, x, events, _polynomials(run.dense, len(model.states)) if options["dense"] else None, outcome, cost
+
+
+def _polynomials(dense, n) -> StepPolynomials | None:
+    if not dense:
+        return None
+    width = max(c.shape[1] for _, _, c in dense)
+    coefficients = np.zeros((len(dense), n, width))
+    for row, (_, _, c) in zip(coefficients, dense):
+        row[:, : c.shape[1]] = c
+    return StepPolynomials(np.array([d[0] for d in dense]), np.array([d[1] for d in dense]), coefficients)
+
+
+def _scipy(model, t_span, start, p, options):
+    from . import stiff
+
+    run = stiff.integrate_scipy(model, t_span, start, p, **options)
+    finite = bool(np.isfinite(run.y).all())
+    # SciPy tells one failure apart from success: its step became too small.
+    outcome = (
+        Outcome.FINISHED if run.success and finite else Outcome.STEP_UNDERFLOW if finite else Outcome.NOT_FINITE
+    )
+    cost = {"steps": len(run.t) - 1, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
+    dense = SciPyDense(run.sol) if options["dense"] else None
+    return run.t, run.y, [], dense, outcome, cost
