@@ -33,6 +33,6 @@ def test_the_smoothed_orbit_tends_to_the_event_driven_one_at_the_expected_order(
     result = study(case, sigmoid, epsilons=(1e-6, 1e-7))
     # The next term of the expansion is still felt at 1e-7: measured deviations reach 0.06 (tanh).
     assert result["measured"] == pytest.approx(result["expected"], abs=0.08)
-    # Extrapolated, the two paths agree better than the smallest eps does by itself, or to the integration error:
-    # by two orders of magnitude at a fold, least (3.3 times) for tanh at |lam| = 1, where log(1/eps) interferes.
+    # Extrapolated, the two paths agree better than the smallest eps does by itself, or to the integration
+    # error: by two orders at a fold, least (3.3 times) for tanh at |lam| = 1, where log(1/eps) interferes.
     assert result["extrapolated"] < max(result["distances"][-1] / 2.5, 1e-9)
