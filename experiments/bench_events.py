@@ -72,7 +72,7 @@ def pwsmooth_runner(sigma, rtol, atol):
         solution = solve(oscillator, (0, t_end), start, rtol=rtol, atol=atol)
         if not solution.success:
             raise RuntimeError(solution.message)
-        return len(solution.events), solution.x[0, -1], solution.x[1, -1]
+        return solution.cost["events"], solution.x[0, -1], solution.x[1, -1]
 
     return run
 
