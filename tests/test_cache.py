@@ -139,7 +139,9 @@ def test_models_have_one_fingerprint_exactly_if_they_are_equal():
     same = cache.fingerprint(model())
     assert cache.fingerprint(model(sp.sin(x) * -a)) == same
     others = [model(-a * sp.sin(2 * x)), model(name="mu"), model(hidden=True), model(-a * sp.cos(x))]
-    assert len({same, *map(cache.fingerprint, others)}) == 5
+    renamed = Model(t, (sp.Symbol("w"),), (a,), (-a * sp.sin(sp.Symbol("w")),))
+    plain = Model(t, (x,), (a,), (rate,))
+    assert len({same, *map(cache.fingerprint, (*others, renamed, plain))}) == 7
 
 
 def test_fingerprints_do_not_depend_on_the_process():

@@ -127,6 +127,7 @@ def test_products_of_constants_lines_and_states_have_their_series():
 def test_states_with_constant_rates_cost_nothing_and_are_right():
     # w is a phase angle, v a constant; sin(w) is then a function of an affine argument.
     model = Model(t, (w, v, y), (a,), (a, sp.Integer(0), v * sp.sin(w) + w * v))
+    assert "presum" not in write_jets(model)["slip"]  # no convolution is needed
     rows, _ = jet(model, (0.4, 2.0, 0.0), (1.5,))
     assert_series(rows[0, :K + 1], np.array([0.4, 1.5] + [0.0] * (K - 1)))
     assert_series(rows[1, :K + 1], np.array([2.0] + [0.0] * K))
