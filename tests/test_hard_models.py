@@ -1,0 +1,71 @@
+"""Models that a single switch cannot say, solved and compared with values from elsewhere."""
+
+import math
+
+import pytest
+import sympy as sp
+from scipy.optimize import brentq
+
+from pwsmooth import Event, Family, Memory, System, solve
+
+t = sp.Symbol("t", real=True)
+
+
+def gms(n):
+    """n generalised Maxwell-slip elements (Al-Bender, Lampaert, Swevers 2005) under v = 10 cos(2 pi t) um/s."""
+    F_c, F_s, v_s, C = sp.symbols("F_c F_s v_s C", positive=True)
+    elements = Family(n)
+    (z,) = elements.symbols("z")
+    kappa, share = elements.symbols("kappa share", positive=True)
+    stuck = elements.memory("stuck", 1)
+    v = 10 * sp.cos(2 * sp.pi * t)
+    threshold = share * (F_c + (F_s - F_c) * sp.exp(-((v / v_s) ** 2)))
+    slip_rate = C / kappa * (share * sp.sign(v) - share * kappa * z / threshold)
+    return System(
+        {z: sp.Piecewise((v, sp.Eq(stuck, 1)), (slip_rate, True))},
+        time=t,
+        parameters={F_c: 1, F_s: 2, v_s: 8, C: 50, share: 0.1, kappa: [2.5 / i for i in range(1, n + 1)]},
+        events=[
+            Event(sp.Abs(kappa * z) - threshold, direction=1, update={stuck: 0}, name="slip",
+                  when=sp.And(sp.Eq(stuck, 1), z * v > 0)),
+            Event(v, when=sp.Eq(stuck, 0), update={stuck: 1}, name="stick"),
+        ],
+    )  # fmt: skip
+
+
+def test_gms_elements_stick_together_and_slip_one_by_one():
+    # The elements differ in stiffness only and do not see each other, so that two of the ten suffice. Instants
+    # at which the second and later ones of ten slip: an independent fixed-step simulation, to 1e-4.
+    solution = solve(gms(2), (0, 0.4), {"z": 0})
+    resets = [(e.time, e.switch) for e in solution.events if e.kind == "reset" and e.time > 0.2]
+    assert [name for _, name in resets] == ["stick 1", "stick 2", "slip 1", "slip 2"]
+    assert [time for time, _ in resets[:2]] == pytest.approx([0.25, 0.25], abs=1e-12)
+    assert [time for time, _ in resets[2:]] == pytest.approx([0.3187, 0.3458], abs=1e-4)
+
+
+def hertz(eta):
+    """A free mass that meets a Hertz contact, damped in proportion to its latched impact speed."""
+    p, w = sp.symbols("p w", real=True)
+    K, damping = sp.symbols("K eta", positive=True)
+    speed = Memory("speed", 1, positive=True)
+    force = sp.Piecewise((K * p ** sp.Rational(3, 2) * (1 + damping * w / speed), p > 0), (0, True))
+    return System(
+        {p: w, w: -force},
+        parameters={K: 1e5, damping: eta},
+        events=[
+            Event(p, direction=1, update={speed: w}, name="touch-down"),
+            Event(p, direction=-1, terminal=True, name="lift-off"),
+        ],
+    )
+
+
+def restitution(eta):
+    """e of a force g(delta)(1 + eta s), s = speed over impact speed: the work of both halves cancels."""
+    return brentq(lambda e: eta * (1 + e) - math.log((1 + eta) / (1 - eta * e)), 1e-3, min(1, 1 / eta) - 1e-12)
+
+
+def test_a_latched_hertz_contact_returns_its_closed_form_speed():
+    # Independent of stiffness and impact speed: 2.5 instead of the memory's initial 1 shows that it is latched.
+    solution = solve(hertz(1.0).smoothed(1e-9), (0, 1), {"p": -0.1, "w": 2.5}, rtol=1e-9)
+    assert solution.events[-1].switch == "lift-off"
+    assert solution.x[1, -1] == pytest.approx(-2.5 * restitution(1.0), rel=1e-6)
