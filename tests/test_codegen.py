@@ -97,6 +97,8 @@ def test_shared_subexpressions_are_one_node():
     first = graph.expression(sp.sin(x * y) * a)
     count = len(graph.nodes)
     assert graph.expression(a * sp.sin(y * x)) == first and len(graph.nodes) == count
+    product = graph.mul(graph.var("x", 1), graph.var("x", 0))
+    assert graph.mul(graph.fun("sin", product), graph.var("p", 0)) == first and len(graph.nodes) == count
 
 
 def test_what_a_scope_needs_anyway_is_computed_once_and_outside_the_branch():
@@ -110,6 +112,17 @@ def test_what_a_scope_needs_anyway_is_computed_once_and_outside_the_branch():
     assert text.count("math.sin") == 1
     assert text.index("math.sin") < text.index("if ")
     assert text.count("if mult[0] == 1.0") == 1  # both selections in one branch
+
+
+def test_a_selection_that_joins_an_earlier_one_finds_its_shared_parts_outside_the_branch():
+    model = Model(t, (x, y), (a,), (x, y), (Multiplier(lam, "switch", -lam, x),))
+    graph = Graph(model)
+    first = graph.expression(Select(lam, x, y))
+    shared = graph.expression(sp.cos(x * y))  # numbered after the selection that its user joins
+    body = Writer()
+    ScalarCode(graph, body).emit([first, graph.expression(Select(lam, sp.cos(x * y) ** 2, x)), shared])
+    assert body.text().count("math.cos") == 1
+    assert body.text().index("math.cos") < body.text().index("if ")
 
 
 def test_fields_give_rates_surfaces_and_residuals():

@@ -57,7 +57,8 @@ def _store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict
     code.emit([node for nodes in arrays.values() for node in nodes])
     for array, nodes in arrays.items():
         zeros = [i for i, node in enumerate(nodes) if node == graph.zero]
-        if len(zeros) > 8:  # one loop, where a line each would take seconds to compile (gradients of long chains)
+        if len(zeros) > 8:
+            # A line each would take seconds to compile in the gradients of long chains.
             body.line(f"for i in range({len(nodes)}):")
             body.line(f"    {array}[i] = 0.0")
         for i, node in enumerate(nodes):
