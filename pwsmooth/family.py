@@ -202,7 +202,7 @@ class Expansion:
     Attributes
     ----------
     groups : dict
-        Name of a member (or of a switch, event, output with members) -> names of its copies.
+        Name of a member (or of a switch or contact with members) -> names of its copies.
     copies : dict
         Plain symbol -> (name of the member, number of the element).
     """
@@ -273,7 +273,6 @@ class Expansion:
             if family is None:
                 result[name] = self.element(e, None)
             else:
-                self._group(name, family.n)
                 result |= {f"{name}_{k + 1}": self.element(e, k) for k in range(family.n)}
         return result
 

@@ -6,7 +6,7 @@ import re
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral
+from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral, lowering
 
 t, x, v, s = sp.symbols("t x v s", real=True)
 u = sp.Symbol("u", positive=True)
@@ -81,6 +81,14 @@ def test_every_element_has_its_own_switch_of_the_same_class():
     assert [m.symbol.name for m in multipliers] == ["lam_1", "lam_2", "lam_3", "lam_4"]
     assert {m.regularity for m in multipliers} == {"sliding"}
     assert [m.surface for m in multipliers] == [w - u for w in sp.symbols("w_1:5", real=True)]
+
+
+def test_copies_are_classified_once(monkeypatch):
+    calls = []
+    original = lowering.classify
+    monkeypatch.setattr(lowering, "classify", lambda *args: calls.append(args) or original(*args))
+    chain(12)
+    assert len(calls) == 1
 
 
 def test_memories_events_contacts_and_unknowns_are_copied():

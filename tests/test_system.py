@@ -13,6 +13,7 @@ import sympy as sp
 
 from pwsmooth import Algebraic, Event, Memory, Switch, System, Unilateral
 from pwsmooth.model import Select
+from pwsmooth.pointwise import draw
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 rho, beta, k, c, N, sigma, omega = sp.symbols("rho beta k c N sigma omega", nonnegative=True)
@@ -69,6 +70,12 @@ def test_models_are_equal_hashable_and_written_alike_in_another_process():
     for system, (model, written) in zip(here, pickle.loads(other.stdout), strict=True):
         assert model == system.model and hash(model) == hash(system.model)
         assert written == repr(system.model)
+
+
+def test_random_points_are_a_function_of_names_alone():
+    first = [draw(x, k) for k in range(3)]
+    draw.cache_clear()
+    assert [draw(x, k) for k in range(3)] == first and len(set(first)) == 3
 
 
 def test_systems_and_views_survive_pickling():
