@@ -80,5 +80,6 @@ def draw(fast):
             ax.axhline(sign * osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle=":", zorder=0)
         ax.set_xlabel(r"$\bar v=v-\varepsilon y$")
         ax.set_title(rf"{name} $\varepsilon={eps:g},\ \beta={beta:g}$")
+    panels[0].text(-0.245, osc.MU_S + 0.05, r"$\mu_s=\frac{16}{9}$", va="bottom")
     panels[0].set_ylabel(r"$\mu$")
     return figure, claims(orbits)

@@ -162,6 +162,18 @@ def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
     assert next(c for text, c in verdicts.items() if text.startswith("peak lies at"))["verdict"] == "reproduced"
 
 
+def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path):
+    """Every claim that differs is one that is known to; the reasons stand in the figures."""
+    assert figures.make(out=tmp_path, fast=True)
+    entries = json.loads((tmp_path / "claims.json").read_text())
+    assert list(entries) == ["1", "2", "4", "5", "6", "7", "8", "9", "10"]
+    assert len(list(tmp_path.glob("figure_*.png"))) == len(list(tmp_path.glob("figure_*.pdf"))) == len(entries)
+    differ = {name: sum(c["verdict"] == "differs" for c in entry["claims"]) for name, entry in entries.items()}
+    assert differ == {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1}
+    last = entries["6"]["claims"][-1]
+    assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
+
+
 def test_drawing_needs_no_display_and_no_pyplot():
     code = (
         "import sys, pwsmooth.figures as f\n"
