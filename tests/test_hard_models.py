@@ -69,3 +69,22 @@ def test_a_latched_hertz_contact_returns_its_closed_form_speed():
     solution = solve(hertz(1.0).smoothed(1e-9), (0, 1), {"p": -0.1, "w": 2.5}, rtol=1e-9)
     assert solution.events[-1].switch == "lift-off"
     assert solution.x[1, -1] == pytest.approx(-2.5 * restitution(1.0), rel=1e-6)
+
+
+def test_a_contact_with_memory_of_its_indentation_loses_force_where_its_table_says():
+    # Unilateral standard linear solid: force and creep switch on one surface, written in two ways.
+    p, w, a = sp.symbols("p w a", real=True)
+    K, gamma, beta = sp.symbols("K gamma beta", positive=True)
+    pressed = p + beta * gamma * (p - a)
+    system = System(
+        {p: w, w: -K * sp.Max(0, pressed), a: sp.Max(-gamma * a / (1 + gamma * beta), gamma * (p - a))},
+        parameters={K: 1000, gamma: 500, beta: 0.02},
+        events=[Event(pressed, direction=-1, terminal=True, name="loss of force")],
+    )
+    assert len(system.switches) == 1
+    solution = solve(system, (0, 1), {"p": 0, "w": 1, "a": 0})
+    # End of contact, indentation and speed there: computed independently, to half a unit of the last digit.
+    assert solution.t[-1] == pytest.approx(0.081396, abs=5e-7)
+    assert solution.x[:2, -1] == pytest.approx([0.0089263, -0.44826], abs=5e-6)
+    # p* = beta gamma a/(1 + beta gamma), where the force vanishes
+    assert solution.x[0, -1] == pytest.approx(10 / 11 * solution.x[2, -1], rel=1e-9)
