@@ -12,6 +12,7 @@ from pwsmooth.kernels.stiff_radau import embedded_error, end_polynomial, extrapo
 from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylor_passed
 
 GROWTH, SHRINK = 8.0, 0.2
+LEAST_RATE = 2e-3
 # An error that was very small by chance must not forbid the next step to keep its length.
 LONGEST_MEMORY = 2.5
 
@@ -37,7 +38,9 @@ def radau_step(s):
         extrapolate(m, n, ratio, s.poly, s.Z)
     factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
     cnt[S.JACOBIANS] += 1
-    eta = np.sqrt(max(num[S.ETA], 1e-16))
+    # The last step's rate says nothing about a layer that this one enters: with the floor, one iteration suffices only
+    # where the predicted stages, at which f was looked at, are within a few tolerances of the stages found.
+    eta = np.sqrt(max(num[S.ETA], LEAST_RATE))
     eta *= np.sqrt(eta)
     converged, iterations, eta, theta = newton(
         adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
