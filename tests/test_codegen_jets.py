@@ -42,7 +42,7 @@ def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
             rows[out + lane] = sum(rows[a + j] * rows[b + k - j] for j in range(lane + 1, 4 * q + 1))
 
     scope = {"math": math, "presum": presum, "choose": lambda condition, u, v: u if condition else v}
-    exec(text[text.index("def jet_slip"):], scope)
+    exec("from __future__ import annotations\n" + text, scope)
     rows = np.full((scope["NROWS"], order + 4), 7.5)
     flat = rows.reshape(-1)
     assert scope["jet_slip"](t0, x0, (), p, order, rows.shape[1], flat) == 0

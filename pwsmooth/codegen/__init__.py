@@ -4,7 +4,7 @@
     compiled.fields, compiled.jet_slip, ...     int addresses of C functions, 0 where the model has none
 
 Text is cached by the model's fingerprint, machine code by the text's hash: a second process does neither
-symbolic work nor compilation. Chain: model.py -> dag.py, scalar.py, fields.py, jets.py -> cache.py -> kernels.
+symbolic work nor compilation. Chain: model.py -> dag.py, scalar.py, fields.py, jets.py -> native.py.
 """
 
 from __future__ import annotations
@@ -51,13 +51,15 @@ class Compiled:
     def _load(self, paths, name: str):
         if name not in paths:
             return None
-        module = cache.load_module(paths[name])
-        self._modules.append(module)
-        return module
+        from . import native
+
+        code = native.load(paths[name])
+        self._modules.append(code)
+        return code
 
     def _address(self, name: str) -> int:
-        module = self._load(self._fields, name)
-        return getattr(module, name).address if module else 0
+        code = self._load(self._fields, name)
+        return code.address(name) if code else 0
 
     @cached_property
     def _fields(self):
@@ -111,27 +113,27 @@ class Compiled:
 
     @cached_property
     def jet_slip(self) -> int:
-        return self._slip.jet_slip.address if self._slip else 0
+        return self._slip.address("jet_slip") if self._slip else 0
 
     @cached_property
     def jet_general(self) -> int:
-        return self._general.jet_general.address if self._general else 0
+        return self._general.address("jet_general") if self._general else 0
 
     @property
     def nrows_slip(self) -> int:
-        return self._slip.NROWS if self._slip else 0
+        return self._slip.constants["NROWS"] if self._slip else 0
 
     @property
     def nrows_general(self) -> int:
-        return self._general.NROWS if self._general else 0
+        return self._general.constants["NROWS"] if self._general else 0
 
     @cached_property
     def surface_rows_slip(self) -> np.ndarray:
-        return np.array(self._slip.SURFACE_ROWS if self._slip else (), dtype=np.int64)
+        return np.array(self._slip.constants["SURFACE_ROWS"] if self._slip else (), dtype=np.int64)
 
     @cached_property
     def surface_rows_general(self) -> np.ndarray:
-        return np.array(self._general.SURFACE_ROWS if self._general else (), dtype=np.int64)
+        return np.array(self._general.constants["SURFACE_ROWS"] if self._general else (), dtype=np.int64)
 
     @property
     def mult_row0(self) -> int:

@@ -118,11 +118,12 @@ def load_kernels(name: str) -> ModuleType:
         return importlib.import_module(full)
 
 
-def _write_atomically(path: Path, text: str) -> None:
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Write a file under a temporary name and move it into place, so that no reader meets half of it."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content.encode() if isinstance(content, str) else content)
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
@@ -137,7 +138,7 @@ def write_module(text: str) -> Path:
     """
     path = models_dir() / f"m{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     if not path.exists():
-        _write_atomically(path, text)
+        write_atomically(path, text)
     return path
 
 
@@ -152,8 +153,6 @@ def load_module(path: Path) -> ModuleType:
         # numba looks the module up by name when it rebuilds cached code.
         sys.modules[name] = module
         try:
-            if "pwsmooth.kernels.series" in path.read_text(encoding="utf-8"):
-                load_kernels("series")  # its machine code belongs to the kernels, not to this model
             with numba_cache(models_dir()):
                 spec.loader.exec_module(module)
         except BaseException:
@@ -207,5 +206,5 @@ def cached_modules(key: str, build) -> dict[str, Path]:
         if paths and all(p.exists() for p in paths.values()):
             return paths
     paths = {name: write_module(text) for name, text in build().items()}
-    _write_atomically(index, "".join(f"{name} {p.name}\n" for name, p in paths.items()))
+    write_atomically(index, "".join(f"{name} {p.name}\n" for name, p in paths.items()))
     return paths

@@ -16,38 +16,25 @@ from ..model import Model
 from .dag import Graph
 from .scalar import HELPERS, ScalarCode, Writer
 
-HEADER = '''"""Generated from a pwsmooth model; named by its content, never edited."""
-import math
-
-from numba import cfunc, njit, types
-
-D = types.float64
-P = types.CPointer(types.float64)
-I = types.int64
-Q = types.CPointer(types.int64)
-'''
-
 
 class Source:
-    """Text of one generated module: functions and the helpers that they use, its own or of kernels.series."""
+    """Text of one generated module: functions, the helpers that they use, and constants."""
 
     def __init__(self):
         self.functions: list[str] = []
         self.helpers: set[str] = set()
+        self.constants: dict[str, object] = {}
 
-    def function(self, name: str, arguments: str, body: Writer, returns: str = "types.void",
-                 options: str = "") -> None:
+    def function(self, name: str, arguments: str, body: Writer, returns: str = "") -> None:
         kinds = {"t": "D", "i": "I", "K": "I", "stride": "I", "mask": "Q"}
-        types = ", ".join(kinds.get(a, "P") for a in arguments.split(", "))
-        self.functions.append(f"\n\n@cfunc({returns}({types}), cache=True, error_model=\"numpy\"{options})\n"
-                              f"def {name}({arguments}):\n{body.text()}")
+        typed = ", ".join(f"{a}: {kinds.get(a, 'P')}" for a in arguments.split(", "))
+        self.functions.append(f"def {name}({typed}){returns and f' -> {returns}'}:\n{body.text()}")
 
     def text(self) -> str:
-        own = "".join("\n" + HELPERS[name] for name in sorted(self.helpers & HELPERS.keys()))
-        shared = ", ".join(sorted(self.helpers - HELPERS.keys()))
-        # The kernels' functions are compiled once for all models.
-        shared = f"\nfrom pwsmooth.kernels.series import {shared}\n" if shared else ""
-        return HEADER + shared + own + "".join(self.functions)
+        head = '"""Generated from a pwsmooth model in the subset of codegen/native.py; never edited."""\n'
+        helpers = [HELPERS[name].lstrip() for name in sorted(self.helpers)]
+        constants = "".join(f"{name} = {value!r}\n" for name, value in self.constants.items())
+        return "\n\n".join((head + constants, *helpers, *self.functions))
 
 
 def _store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict[str, list[int]]) -> None:

@@ -20,14 +20,61 @@ from __future__ import annotations
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
+from .native import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
-from .scalar import Writer
+from .scalar import HELPERS, Writer
+
+SOLVERS = {
+    "lu_factor": """
+def lu_factor(rows: P, a: I, n: I) -> I:
+    # in place, numbers of the pivot rows after the matrix; 1 where singular
+    scale = 0.0
+    for i in range(n * n):
+        scale = max(scale, abs(rows[a + i]))
+    for c in range(n):
+        best = c
+        for r in range(c + 1, n):
+            if abs(rows[a + r * n + c]) > abs(rows[a + best * n + c]):
+                best = r
+        rows[a + n * n + c] = best
+        for i in range(n):
+            other = rows[a + c * n + i]
+            rows[a + c * n + i] = rows[a + best * n + i]
+            rows[a + best * n + i] = other
+        pivot = rows[a + c * n + c]
+        # Rounding leaves a few eps of the largest entry where the exact pivot is 0.
+        if not abs(pivot) > 2e-15 * scale:
+            return 1
+        for r in range(c + 1, n):
+            f = rows[a + r * n + c] / pivot
+            rows[a + r * n + c] = f
+            for i in range(c + 1, n):
+                rows[a + r * n + i] -= f * rows[a + c * n + i]
+    return 0
+""",
+    "lu_solve": """
+def lu_solve(rows: P, a: I, n: I):
+    # right-hand side and solution stand after the pivot numbers
+    b = a + n * n + n
+    for c in range(n):
+        best = b + int(rows[a + n * n + c])
+        other = rows[b + c]
+        rows[b + c] = rows[best]
+        rows[best] = other
+    for r in range(n):
+        for i in range(r):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+    for r in range(n - 1, -1, -1):
+        for i in range(r + 1, n):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+        rows[b + r] /= rows[a + r * n + r]
+""",
+}
+HELPERS |= SOLVERS
 
 # A row holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5
-# Orders in a block, as in kernels/series.py.
-LANES = 4
-OPTIONS = ', fastmath={"contract", "nsz"}'
+FLAGS = ("contract", "nsz")
 
 
 class JetProgram:
@@ -114,9 +161,10 @@ class JetProgram:
         self.source.helpers |= order_0.helpers | order_k.helpers
         name = "jet_general" if self.general else "jet_slip"
         arguments = "t, x, mult, p, mask, K, stride, rows" if self.general else "t, x, mult, p, K, stride, rows"
-        self.source.function(name, arguments, body, returns="I", options=OPTIONS)
+        self.source.function(name, arguments, body, returns="I")
         nrows = len(order_k.rows) - (-scratch // SHORTEST_ROW)
-        return f"{self.source.text()}\n\nNROWS = {nrows}\nSURFACE_ROWS = {tuple(surface_rows)}\n"
+        self.source.constants = {"NROWS": nrows, "SURFACE_ROWS": tuple(surface_rows), "FLAGS": FLAGS}
+        return self.source.text()
 
     # ---- before the loop ----
 
@@ -125,7 +173,6 @@ class JetProgram:
         everything = set(self.graph.reach(roots))
         self.inside = everything - reached  # nodes that only a branch needs
         if self.general:
-            self.source.helpers.add("choose")
             for j in range(len(self.unknowns)):
                 start.line(f"on{j} = mask[{j}] != 0")
             return

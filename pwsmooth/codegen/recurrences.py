@@ -259,7 +259,7 @@ class OrderK(JetCode):
     # ---- recurrences ----
 
     def _sum(self, a: int, b: int) -> str:
-        """Text of sum over 0 < j < k of a_j b_(k-j), by blocks (kernels/series.py).
+        """Text of sum over 0 < j < k of a_j b_(k-j), by blocks (`presum` in native.py).
 
         c1, c2, c3 are an operand's first three orders of this block. In the first block both factors are of the
         block and each pair is met twice, so `later` is 0 there, else 1. What is only just known is added last.
@@ -277,7 +277,6 @@ class OrderK(JetCode):
                 terms += [f"later * rows[{row_a} + {low}] * c{r}{y}", f"rows[{row_b} + {low}] * c{r}{x}"]
         text = " + ".join(terms)
         guard = self.guard(a, b)
-        self.helpers.add("choose")
         return f"choose({guard}, {text}, 0.0)" if guard else f"({text})"
 
     def guard(self, a: int, b: int) -> str:
@@ -287,7 +286,6 @@ class OrderK(JetCode):
 
     def block_sums(self) -> list[str]:
         """Lines at the start of a block."""
-        self.helpers.add("presum")
         lines = ["later = choose(q > 0, 1.0, 0.0)"]
         for (a, b), block in self.products.items():
             call = f"presum(rows, {self.row(a)}, {self.row(b)}, q, scratch + {4 * block})"

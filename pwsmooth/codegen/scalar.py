@@ -10,21 +10,18 @@ from __future__ import annotations
 
 from .dag import Graph
 
-# What math lacks; only the helpers that a module uses are written into it.
+# What math lacks; only the helpers that a module uses are written into it. nan stays nan.
 HELPERS = {
     "sign": """
-@njit(error_model="numpy")
-def sign(u):
-    return 1.0 if u > 0.0 else (-1.0 if u < 0.0 else (0.0 if u == 0.0 else u))
+def sign(u: D) -> D:
+    return choose(u > 0.0, 1.0, choose(u < 0.0, -1.0, 0.0 * u))
 """,
     "heaviside": """
-@njit(error_model="numpy")
-def heaviside(u):
-    return 1.0 if u > 0.0 else (0.0 if u < 0.0 else (0.5 if u == 0.0 else u))
+def heaviside(u: D) -> D:
+    return choose(u > 0.0, 1.0, choose(u < 0.0, 0.0, 0.5 + 0.0 * u))
 """,
     "mod": """
-@njit(error_model="numpy")
-def mod(u, v):
+def mod(u: D, v: D) -> D:
     return u - v * math.floor(u / v)
 """,
 }
