@@ -164,6 +164,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
         raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
     # Off a terminal the table keeps its columns instead of folding them to 80 characters.
     console = Console() if sys.stdout.isatty() else Console(width=160)
+    _announce_compilation(console)
     entries: dict[str, dict[str, Any]] = {}
     failures: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -188,6 +189,14 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     if failures:
         console.print(f"FAILED: figures {', '.join(failures)}", style="bold red")
     return not failures
+
+
+def _announce_compilation(console: Any) -> None:
+    """Say why the first solved figure takes long, if it will."""
+    from .codegen.cache import kernels_dir
+
+    if not any(kernels_dir().iterdir()):
+        console.print("First run: the numerical core is compiled once, which takes minutes; later runs reuse it.")
 
 
 def _stem(module: ModuleType) -> str:

@@ -106,7 +106,7 @@ def _own(model, t_span, start, p, options, max_steps):
     ]
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x
-    if run.t_eval is not None:
+    if run.t_eval is not None and run.x_eval is not None:
         # Wanted times beyond the end of a run that stopped early were never reached.
         reached = ~np.isnan(run.x_eval).any(axis=0)
         t, x = run.t_eval[reached], run.x_eval[:, reached]

@@ -162,6 +162,17 @@ def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
     assert next(c for text, c in verdicts.items() if text.startswith("peak lies at"))["verdict"] == "reproduced"
 
 
+def test_a_first_run_says_that_it_compiles(only, tmp_path, capsys, monkeypatch):
+    from pwsmooth.codegen import cache
+
+    only(a_figure())
+    monkeypatch.setattr(cache, "kernels_dir", lambda: tmp_path)
+    figures.make(out=tmp_path / "first")
+    assert "compiled once" in capsys.readouterr().out
+    figures.make(out=tmp_path / "first")  # now the directory is not empty
+    assert "compiled once" not in capsys.readouterr().out
+
+
 def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path):
     """Every claim that differs is one that is known to; the reasons stand in the figures."""
     assert figures.make(out=tmp_path, fast=True)
