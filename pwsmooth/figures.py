@@ -196,7 +196,7 @@ def _announce_compilation(console: Any) -> None:
     from .codegen.cache import kernels_dir
 
     if not any(kernels_dir().iterdir()):
-        console.print("First run: the numerical core is compiled once, which takes minutes; later runs reuse it.")
+        console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")
 
 
 def _stem(module: ModuleType) -> str:

@@ -166,10 +166,13 @@ def test_a_first_run_says_that_it_compiles(only, tmp_path, capsys, monkeypatch):
     from pwsmooth.codegen import cache
 
     only(a_figure())
-    monkeypatch.setattr(cache, "kernels_dir", lambda: tmp_path)
-    figures.make(out=tmp_path / "first")
+    compiled = tmp_path / "compiled"
+    compiled.mkdir()
+    monkeypatch.setattr(cache, "kernels_dir", lambda: compiled)
+    figures.make(out=tmp_path)
     assert "compiled once" in capsys.readouterr().out
-    figures.make(out=tmp_path / "first")  # now the directory is not empty
+    (compiled / "core.nbi").touch()
+    figures.make(out=tmp_path)
     assert "compiled once" not in capsys.readouterr().out
 
 
