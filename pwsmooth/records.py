@@ -114,6 +114,10 @@ class EventLog(Sequence):
     def __repr__(self) -> str:
         return repr(list(self))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The words belong to the kernels of this process: another one gets the records themselves.
+        return list, (list(self),)
+
 
 @dataclass(frozen=True)
 class Ambiguity:

@@ -8,7 +8,8 @@ import pytest
 import sympy as sp
 
 from pwsmooth.model import LayerState, Model, Multiplier, Select
-from pwsmooth.solution import Ambiguity, Dense, EventRecord, Outcome, Solution
+from pwsmooth.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
+from pwsmooth.solution import Solution
 
 t, y, v, lam, rho, drive = sp.symbols("t y v lam rho drive", real=True)
 
@@ -228,6 +229,22 @@ def test_the_repr_tells_outcome_events_itinerary_cost_and_ambiguities():
             assert piece in text
     failed = block_solution(outcome=Outcome.NOT_FINITE)
     assert not failed.success and "nan" in repr(failed)
+
+
+def test_events_are_put_into_words_on_demand_and_pickled_as_records():
+    asked = []
+
+    def words(time, index, kind):
+        asked.append(time)
+        return EventRecord(time, f"switch {index}", f"kind {kind}")
+
+    log = EventLog(np.array([0.5, 0.7, 1.0]), np.array([[0, 3], [1, 3], [0, 4]]), words)
+    assert len(log) == 3 and not asked
+    assert log[-1] == EventRecord(1.0, "switch 0", "kind 4") and asked == [1.0]
+    assert [e.time for e in log[:2]] == [0.5, 0.7]
+    sol = block_solution(events=log)
+    assert pickle.loads(pickle.dumps(sol)).events == list(log)
+    np.testing.assert_array_equal(sol.event_times("kind 3"), [0.5, 0.7])
 
 
 def test_a_solution_survives_pickling():
