@@ -4,10 +4,11 @@ numba keys its disk cache by the stamp of *one* source file: a jitted helper edi
 the old machine code. Here the directory carries the hash of every source that can reach the code in it:
 
     <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels
-    <root>/models-<hash of kernels/ and codegen/>  generated sources m<hash of text>.py and their machine code,
-                                                   and f<hash of model>.txt: which sources belong to a model
+    <root>/models-<hash of kernels/ and codegen/>  generated sources m<hash of text>.py, their machine code
+                                                   (*.o by native.py; numba's for the stiff path), and
+                                                   f<hash of model>.txt: which sources belong to a model
 
-Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> load_module -> addresses.
+Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> native.load, load_module.
 """
 
 from __future__ import annotations

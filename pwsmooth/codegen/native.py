@@ -17,6 +17,7 @@ import ast
 import ctypes
 import ctypes.util
 import hashlib
+import threading
 from functools import cache
 from pathlib import Path
 
@@ -333,7 +334,7 @@ def _host() -> tuple[llvm.Target, str, str]:
     """Target, processor and its features; makes libm known to the linker once."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    library = ctypes.CDLL(ctypes.util.find_library("m"))
+    library = ctypes.CDLL(ctypes.util.find_library("m") or "ucrtbase")
     for name in LIBM:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
     return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
@@ -359,9 +360,9 @@ class Code:
     """Loaded object code; it lives as long as this object."""
 
     def __init__(self, text: str, image: bytes):
-        tree = ast.parse(text)
+        head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
         self.constants = {node.targets[0].id: ast.literal_eval(node.value)
-                          for node in tree.body if isinstance(node, ast.Assign)}
+                          for node in head.body if isinstance(node, ast.Assign)}
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(image))
         self._engine.finalize_object()
@@ -371,18 +372,20 @@ class Code:
 
 
 _loaded: dict[Path, Code] = {}
+_lock = threading.Lock()
 
 
 def load(path: Path) -> Code:
     """Machine code of a generated source, from the object file beside it where this machine made one."""
-    if path not in _loaded:
-        _, cpu, features = _host()
-        mark = hashlib.sha256(f"{cpu}{features}".encode()).hexdigest()[:8]
-        text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{mark}.o")
-        try:
-            image = stored.read_bytes()
-        except OSError:
-            image = build(text)
-            write_atomically(stored, image)
-        _loaded[path] = Code(text, image)
-    return _loaded[path]
+    with _lock:
+        if path not in _loaded:
+            _, cpu, features = _host()
+            mark = hashlib.sha256(f"{cpu}{features}".encode()).hexdigest()[:8]
+            text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{mark}.o")
+            try:
+                image = stored.read_bytes()
+            except OSError:
+                image = build(text)
+                write_atomically(stored, image)
+            _loaded[path] = Code(text, image)
+        return _loaded[path]
