@@ -69,13 +69,8 @@ def test_without_the_hidden_term_the_orbit_only_crosses():
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_relaxing_orbits_are_asymmetric_and_come_in_mirror_images(beta, periods, stick, start, slips, mirrored):
     system = hidden(beta=beta) if beta else hidden().layered({z: 0})
-    # the mirror image is (y, v, t) -> (-y, -v, t + pi): the same drive with its sign reversed
-    sign = -1 if mirrored else 1
-    if mirrored:
-        system = system.with_parameters({"omega": 1})
-        begin = math.pi
-    else:
-        begin = 0.0
+    # the mirror image is (y, v, t) -> (-y, -v, t + pi)
+    sign, begin = (-1, math.pi) if mirrored else (1, 0.0)
     state = {y: sign * 0.6, v: sign * -1.07} | ({z: 0} if beta else {})
     solution = solve(system, (begin, begin + periods * TWO_PI), state, **TIGHT)
     found = {kind: (duration, phase) for kind, duration, phase in _cycle(solution)}
@@ -101,11 +96,13 @@ def test_every_event_time_of_a_relaxing_orbit_agrees_with_an_event_by_event_inte
 
 def test_the_slip_only_orbit_attracts_in_the_relaxing_regime_too():
     # |F| = 1.04008 > N at its crossings: the relaxing oscillator never captures it.
-    times, _, (y_end, v_end) = solve_closed_form(3.1, 2.4, t_end=400 * TWO_PI, room=4000)
-    solution = solve(hidden(), (0, 20 * TWO_PI), {y: y_end, v: v_end, z: 0}, **TIGHT)
+    *_, (y_end, v_end) = solve_closed_form(3.1, 2.4, t_end=400 * TWO_PI, room=4000)
+    # a start near it, so that attraction is seen and not only persistence
+    solution = solve(hidden(), (0, 100 * TWO_PI), {y: y_end + 0.01, v: v_end, z: 0}, **TIGHT)
     assert {e.kind for e in solution.events} == {"crossing"}
-    force = abs(2.4 * math.sin(times[-1]) + 3.1 * solution(0.0, "y") if solution.dense else 0.0)
-    assert force == 0.0 or force > 1
+    assert solution.x[:2, -1] == pytest.approx((y_end, v_end), abs=1e-9)
+    force = 2.4 * math.sin(solution.events[-1].time) + 3.1 * position_at(solution, solution.events[-1].time)
+    assert abs(force) == pytest.approx(1.04008, abs=0.5e-5)
 
 
 # ---- random orbits
@@ -127,7 +124,7 @@ def test_ten_thousand_random_orbits_have_every_event_and_no_other(rtol):
     ks, sigmas, times, kinds, counts, final = random_orbits(10_000, 12345)
     system = coulomb()
     start = {y: 0.5, v: 0.3}
-    wrong, late, off = [], 0.0, 0.0
+    wrong, late, ill, off = [], 0.0, 0, 0.0
     for i in range(len(ks)):
         solution = solve(
             system.with_parameters({"k": ks[i], "sigma": sigmas[i]}),
@@ -140,14 +137,27 @@ def test_ten_thousand_random_orbits_have_every_event_and_no_other(rtol):
         if not solution.success or [e.kind for e in solution.events] != expected:
             wrong.append((ks[i], sigmas[i]))
             continue
-        if expected:
-            found = np.array([e.time for e in solution.events])
-            late = max(late, np.max(np.abs(found - times[i, : counts[i]])))
         off = max(off, np.max(np.abs(solution.x[:, -1] - final[i])))
+        found = np.array([e.time for e in solution.events])
+        for j in np.flatnonzero(np.abs(found - times[i, : counts[i]]) >= 1e-9):
+            gap = abs(found[j] - times[i, j])
+            # A contact captured while it all but grazes: v falls through 0 with the slope |F| - N alone; a
+            # rounding of v (some 1e-14) over that slope is all that the time can be known to.
+            slope = 1 - abs(sigmas[i] * math.sin(times[i, j]) + ks[i] * position_at(solution, times[i, j]))
+            if expected[j] == "stick" and gap * slope < 1e-14:
+                ill += 1
+            else:
+                late = max(late, gap)
     assert wrong == []
     if rtol == 1e-12:
-        assert late < 1e-9
+        assert late == 0.0
+        assert ill <= 3
         assert off < 1e-9
+
+
+def position_at(solution, time):
+    """y at the recorded point next to a time."""
+    return solution.x[0, np.argmin(np.abs(solution.t - time))]
 
 
 @pytest.mark.parametrize("ratio", [0, 0.1, 0.5, sp.oo])
