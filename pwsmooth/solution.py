@@ -131,12 +131,21 @@ class Solution:
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names that are computed from states and multipliers: the system's outputs, and slaved states."""
+        """Names computed from states and multipliers: the outputs, slaved states, smoothed switches."""
         return tuple(self._expressions)
 
     @functools.cached_property
     def _expressions(self) -> dict[str, sp.Expr]:
         named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
+        if self.model.smoothing:
+            # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
+            from .sigmoids import sigmoid
+
+            widths = dict(self.model.smoothing)
+            for switch in self.system.switches:
+                if switch.surface in widths:
+                    smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
+                    named[str(switch)] = sp.sympify(smooth)
         named.update({str(name): sp.sympify(expression) for name, expression in self.model.outputs})
         return named
 

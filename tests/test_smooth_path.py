@@ -36,6 +36,7 @@ def test_dense_output_agrees_with_the_times_asked_for_and_outputs_have_their_nam
     np.testing.assert_allclose(dense(TIMES), asked.x, atol=1e-8)
     u = dense(TIMES, "v") / EPS
     np.testing.assert_allclose(dense(TIMES, "force"), 2 * u / np.sqrt(1 + u**2), rtol=1e-12)
+    np.testing.assert_array_equal(2 * dense(TIMES, "lam"), dense(TIMES, "force"))
     assert dense.multipliers == () and dense.itinerary == ("smooth",)
 
 

@@ -1,5 +1,7 @@
 """Folds, sticking regions and capture thresholds against closed forms, a source's table and brute force."""
 
+import doctest
+import importlib
 import math
 
 import numpy as np
@@ -175,3 +177,9 @@ def test_an_unknown_sigmoid_is_refused_with_the_known_ones():
         capture_threshold(3, 0.1, sigmoid="cubic")
     with pytest.raises(ValueError, match="needs rho > 1/2"):
         critical_ratio(0.4)
+
+
+@pytest.mark.parametrize("module", ["sticking", "capture"])
+def test_the_examples_of_the_docstrings_run(module):
+    result = doctest.testmod(importlib.import_module(f"pwsmooth.analysis.{module}"))
+    assert result.attempted and not result.failed
