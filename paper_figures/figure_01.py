@@ -18,7 +18,8 @@ CAPTION = """
 = 3, whose values on v = 0 reach mu_s = 16/9. (iii) Smoothed with memory, eps = 0.02, beta = 0.1: mu along a
 prescribed motion v = sin t against v - eps y; full: rising speed, dashed: falling. Its speed dependence comes
 from the memory (the Stribeck speed is beta |v'|), the model has none of its own. Computed, not drawn by hand.
-Qualified: (iii) tends to (ii) only if beta/eps -> 0 as well, see the claims.
+Qualified: (iii) tends to (ii) only if beta/eps -> 0 as well, see the claims. Everything is dimensionless (m =
+N = omega = 1).
 """
 EPS, BETA = 0.02, 0.1
 

@@ -16,7 +16,7 @@ The discontinuous oscillator with z at its equilibrium (rho = 3), its switching 
 in [-1, 1]. Blue and vermilion: right and left slip (trajectories of the solver), with the planes where they
 meet the layer; purple, double arrows: fast fibres at constant t and y; green: the manifold B, attracting
 between its folds at lam = +-2/3 (full), repelling beyond (pale). Reproduced: branches, folds and the
-directions of the fast flow.
+directions of the fast flow. Everything is dimensionless (m = N = omega = 1).
 """
 SPAN, HEIGHTS, REACH = (0.0, np.pi), (-1.7, 1.0), 1.0
 # (side, time, displacement, speed) of pieces of slip
@@ -95,7 +95,7 @@ def draw(fast):
     for side, time, y0, speed in ARRIVING + LEAVING:
         _slip(ax, view, side, time, y0, speed)
     dress(ax, SPAN, HEIGHTS, REACH, ([0, np.pi / 2, np.pi], ["0", r"$\pi/2$", r"$\pi$"]))
-    ax.text(0.05, 1.5, -0.75, r"$\mathcal{B}$", color="#00523B", fontsize=15, zorder=9)
+    ax.text(-0.3, 3.0, 0.3, r"$\mathcal{B}$", color="#00523B", fontsize=15, zorder=9)
     return figure, claims()
 
 

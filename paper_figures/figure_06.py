@@ -15,7 +15,7 @@ CAPTION = """
 Two trajectories of the event-driven solver, z slaved, rho = 3, in the picture of figure 5. (i) arrives
 outside the nonlinear sticking region and crosses through the fast system (double arrow); (ii) arrives inside,
 collapses to B, moves along it to the fold at lam = 2/3, and leaves through the fast system. Reproduced, with
-real orbits.
+real orbits. Everything is dimensionless (m = N = omega = 1).
 """
 SPAN, HEIGHTS, REACH = (0.9, 2.9), (-1.75, 0.6), 1.0
 

@@ -15,7 +15,7 @@ mu = lam (1 + rho z) along one period of the event-driven solution (rho = 3, bet
 image, the other orbit of the pair. Reproduced: the spike where sticking ends, and none where slip reverses.
 With beta > 0 sticking ends only at lam = 1, so the spike is higher than the source's mu_s, which is its limit
 for slow change. The source's sketch has a spike on either side; the equations give an asymmetric pair of
-orbits with one spike each.
+orbits with one spike each. Everything is dimensionless (m = N = omega = 1).
 """
 BETA, EPS = 0.01, 0.1
 

@@ -15,6 +15,7 @@ friction characteristic against v - eps y. Right: the periodic orbit in (t, y, v
 the regions of linear (dark) and nonlinear (light) sticking. Green: |v| <= eps. Not reproduced: the source
 describes one stick a period, for about pi/2, and one direct crossing. The printed parameters give a symmetric
 orbit with two equal sticks; the kind that sticks once a period is what eps << beta gives (figure 9, right).
+Everything is dimensionless (m = N = omega = 1).
 """
 EPS = 0.1
 START = {osc.y: 0.5, osc.v: 0.3, osc.z: 0}

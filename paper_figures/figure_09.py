@@ -13,7 +13,8 @@ CAPTION = """
 Characteristic against v - eps y along the periodic orbit, parameters of figure 8 except (i) eps = beta = 0.01
 and (ii) eps = 0.01, beta = 0.1. Green: |v| <= eps; slip continues beyond the frame. Dotted: +-mu_s.
 Reproduced: in (ii) the spike of the direct transition has shrunk away, that at the end of sticking has not.
-Which branch keeps it depends on which orbit of the mirror pair is drawn.
+Which branch keeps it depends on which orbit of the mirror pair is drawn. Everything is dimensionless (m = N =
+omega = 1).
 """
 CASES = (("(i)", 0.01, 0.01), ("(ii)", 0.01, 0.1))
 START = {osc.y: 0.6, osc.v: -1.07, osc.z: 0}

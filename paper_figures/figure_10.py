@@ -13,6 +13,7 @@ CAPTION = """
 As figure 8 with rho = 0 (eps = beta = 0.1): an oscillation of left and right slip, which passes through the
 region where rho = 3 would stick (light) without sticking. Green: |v| <= eps, which it crosses without rest.
 At v = 0 this orbit is just inside the linear region, its limit eps -> 0 (1.04 N) is in the nonlinear one.
+Everything is dimensionless (m = N = omega = 1).
 """
 EPS = 0.1
 START = {osc.y: 0.5, osc.v: 0.3, osc.z: 0}
