@@ -106,13 +106,15 @@ class CompiledProblem:
     def work(self, order: int):
         """Scratch arrays for one run."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
-        width = order + 4
+        width = order + load_kernels("state").PAD
+        bernstein_tables = load_kernels("roots").bernstein_tables
         return load_kernels("state").Work(
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),
             rk_k=np.zeros((16, n)),
-            bernstein=np.zeros(2 * 48 * width),
+            bernstein=np.zeros(48 * (width + 8)),
+            bernstein_table=bernstein_tables(order, width + 8),
             layer_k=np.zeros((7, m + nz)),
             matrix=np.zeros((m + 1, m + 1)),
             code=np.zeros(8),

@@ -19,7 +19,7 @@ from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
-_CHUNK = 2048  # points recorded between two visits to Python: Ctrl-C works there
+_CHUNK = 16384  # points recorded between two visits to Python: Ctrl-C works there
 
 
 def solve(

@@ -99,3 +99,23 @@ def call_root(typingctx, address, W, degree):
 def call_rk(typingctx, address, P, C, S, W, h, refine):
     """rk_step(P, C, S, W, h, refine) -> float64: the step's size, its polynomials in W.rows."""
     return _caller((address, P, C, S, W, h, refine), types.float64)
+
+
+@intrinsic
+def float_bits(typingctx, x):
+    """The bits of a double as int64."""
+
+    def codegen(context, builder, sig, args):
+        return builder.bitcast(args[0], _INT64)
+
+    return types.int64(types.float64), codegen
+
+
+@intrinsic
+def bits_float(typingctx, bits):
+    """The double with these bits."""
+
+    def codegen(context, builder, sig, args):
+        return builder.bitcast(args[0], _DOUBLE)
+
+    return types.float64(types.int64), codegen

@@ -11,53 +11,81 @@ import numpy as np
 
 from numba import types
 
-from .compiling import kernel, unit
+from .compiling import kernel, reassociating_kernel, unit
 from .pointers import call_root
-from .state import Work
+from .state import PAD, Work
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
+TABLES = 5  # known zeros at a step's start: up to three, one more at rounding level
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 
 
-def _quick_table():
-    table = np.zeros((_LOW + 1, _LOW + 1))
-    for i in range(_LOW + 1):
-        c = 1.0
-        for k in range(i + 1):
-            table[i, k] = c  # binom(i, k) / binom(LOW, k)
-            c *= (i - k) / (_LOW - k) if k < _LOW else 0.0
-    return table
+@kernel
+def low_bounds(a):
+    """Smallest and largest Bernstein coefficient of a[0] + ... + a[6] s^6 on [0, 1], written out."""
+    b1 = a[0] + a[1] / 6.0
+    b2 = a[0] + a[1] / 3.0 + a[2] / 15.0
+    b3 = a[0] + 0.5 * a[1] + 0.2 * a[2] + 0.05 * a[3]
+    b4 = a[0] + (2.0 / 3.0) * a[1] + 0.4 * a[2] + 0.2 * a[3] + a[4] / 15.0
+    b5 = a[0] + (5.0 / 6.0) * a[1] + (2.0 / 3.0) * a[2] + 0.5 * a[3] + a[4] / 3.0 + a[5] / 6.0
+    b6 = ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + a[6])
+    lo = min(min(min(a[0], b1), min(b2, b3)), min(min(b4, b5), b6))
+    hi = max(max(max(a[0], b1), max(b2, b3)), max(max(b4, b5), b6))
+    return lo, hi
 
 
-_TABLE = _quick_table()
+@reassociating_kernel
+def remainder(a, degree):
+    """Bound of the terms above degree 6 on [0, 1]; a is zero from degree + 1 on, up to a multiple of 4."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, abs(a[_LOW + 1])
+    for k in range(_LOW + 2, degree + 1, 4):
+        s0 += abs(a[k])
+        s1 += abs(a[k + 1])
+        s2 += abs(a[k + 2])
+        s3 += abs(a[k + 3])
+    return (s0 + s1) + (s2 + s3)
+
+
+def bernstein_tables(order, width):
+    """tables[d][k, i] = binom(i, k) / binom(D, k), D = order - d: the Bernstein coefficients are sum_k a[k] tables[d][k].
+
+    One for each degree that known zeros at the step's start can leave.
+    """
+    tables = np.zeros((TABLES, width, width))
+    for d in range(TABLES):
+        degree = order - d
+        for k in range(degree + 1):
+            for i in range(k, degree + 1):
+                tables[d, k, i] = math.comb(i, k) / math.comb(degree, k)
+    return tables
 
 
 @kernel
-def lower_bound(a, degree):
-    """Lower bound of the polynomial on [0, 1] from a Bernstein form of degree 6 and the remainder (a[0..6] set)."""
-    rest = 0.0
-    for k in range(_LOW + 1, degree + 1):
-        rest += abs(a[k])
-    lo = a[0]
-    for i in range(1, _LOW + 1):
-        b = a[0]
-        for k in range(1, i + 1):
-            b += _TABLE[i, k] * a[k]
-        lo = min(lo, b)
-    return lo - rest
-
-
-@kernel
-def to_bernstein(a, degree, b):
-    """Overwrites b[0..degree] with the Bernstein coefficients of a on [0, 1]."""
-    scale = 1.0
-    for k in range(degree + 1):
-        b[k] = a[k] * scale
-        scale *= (k + 1.0) / (degree - k) if k < degree else 0.0
-    for j in range(1, degree + 1):
-        for i in range(degree, j - 1, -1):
-            b[i] += b[i - 1]
+def _to_bernstein(W, degree, b):
+    """Overwrites b with the Bernstein coefficients of W.poly on [0, 1], by columns: no chain from one to the next."""
+    a, table = W.poly, W.bernstein_table[len(W.poly) - PAD - degree]
+    for start in range(0, degree + 1, 8):
+        b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(min(start + 8, degree + 1)):
+            v = a[k]
+            row = table[k]
+            b0 += v * row[start]
+            b1 += v * row[start + 1]
+            b2 += v * row[start + 2]
+            b3 += v * row[start + 3]
+            b4 += v * row[start + 4]
+            b5 += v * row[start + 5]
+            b6 += v * row[start + 6]
+            b7 += v * row[start + 7]
+        b[start] = b0
+        b[start + 1] = b1
+        b[start + 2] = b2
+        b[start + 3] = b3
+        b[start + 4] = b4
+        b[start + 5] = b5
+        b[start + 6] = b6
+        b[start + 7] = b7
 
 
 @kernel
@@ -104,8 +132,8 @@ def isolate(W, degree):
     """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
     a, work = W.poly, W.bernstein
     width = degree + 1
-    b = work[:width]
-    to_bernstein(a, degree, b)
+    b = work[: width + 8]
+    _to_bernstein(W, degree, b)
     top = 0.0
     for k in range(width):
         top = max(top, abs(b[k]))
@@ -176,14 +204,14 @@ def isolate(W, degree):
 
 
 @kernel
-def first_root(P, W, degree):
-    """First s in [0, 1] where the polynomial W.poly, positive at 0, ceases to be positive; NO_ROOT if there is none.
+def first_root(P, W, poly, degree):
+    """First s in [0, 1] where the polynomial `poly` (which is W.poly), positive at 0, ceases to be positive; NO_ROOT if there is none.
 
     A value <= 0 at s = 0 is a root there. A dip that stays above zero is none, however shallow; one that only touches
     within rounding is none either.
     """
-    if W.poly[0] <= 0.0:
+    if poly[0] <= 0.0:
         return 0.0
-    if lower_bound(W.poly, degree) > 0.0:
+    if low_bounds(poly)[0] > remainder(poly, degree):
         return NO_ROOT
     return call_root(P.root_unit, W, degree)

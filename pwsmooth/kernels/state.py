@@ -113,6 +113,8 @@ class State(Bundle):
 (C_STEPS, C_EVENTS, C_POINTS, C_DENSE, C_AMBIGUITIES, C_CLOCK, C_EVAL, C_STALLED, C_JETS, C_LAYERS, C_STARTED) = range(11)
 N_COUNTS = 11
 
+PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of four, and known zeros are dropped by a shift
+
 
 class Record(Bundle):
     """Buffers of what happened; the caller empties them between calls."""
@@ -141,16 +143,17 @@ class Work(Bundle):
     G: "f8[1]"
     dh: "f8[1]"
     mask: "i8[1]"  # (m,) int64
-    rows: "f8[2]"  # (rows, order + 4) Taylor coefficients
-    power: "f8[1]"  # (order + 4,) powers of the step
-    poly: "f8[1]"  # (order + 4,) one scaled polynomial
+    rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
+    power: "f8[1]"  # (order + PAD,) powers of the step
+    poly: "f8[1]"  # (order + PAD,) one scaled polynomial
     bernstein: "f8[1]"
+    bernstein_table: "f8[3]"  # see roots.bernstein_tables
     z: "f8[1]"  # (nz,)
     q: "f8[1]"  # (nz,)
     fold_x: "f8[1]"  # states of the fold program
     fold_mult: "f8[1]"
     fold_mask: "i8[1]"
-    fold_slope: "f8[1]"  # (order + 4,) dt/ds along a fold step
+    fold_slope: "f8[1]"  # (order + PAD,) dt/ds along a fold step
     code: "i8[1]"  # int64: return code of a helper; multiplier at its fold or -1; direction there
     tau: "f8[1]"  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[1]"  # (m,) bound that a solved multiplier runs into

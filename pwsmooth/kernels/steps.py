@@ -9,67 +9,94 @@ import math
 from numba import types
 
 from .compiling import kernel, reassociating_kernel, unit
-from .pointers import call_fields, call_jet_general, call_jet_slip, call_linear
+from .pointers import bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
 
 
 @reassociating_kernel
 def dot(row, power, count):
-    """sum row[k] power[k]: with reassociation it runs in vector lanes, a Horner chain does not."""
-    total = 0.0
-    for k in range(count):
-        total += row[k] * power[k]
-    return total
+    """sum row[k] power[k] for k < count, in four chains: rows are zero from count on, up to the next multiple of 4."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    for k in range(0, count, 4):
+        s0 += row[k] * power[k]
+        s1 += row[k + 1] * power[k + 1]
+        s2 += row[k + 2] * power[k + 2]
+        s3 += row[k + 3] * power[k + 3]
+    return (s0 + s1) + (s2 + s3)
 
 
 @kernel
-def powers(power, h, count):
-    """Overwrites power[0..count-1] with 1, h, h^2, ... (blocks of eight: no serial product)."""
+def powers(power, h):
+    """Overwrites all of power with 1, h, h^2, ... (blocks of eight: no serial product)."""
+    h2 = h * h
+    h4 = h2 * h2
+    h8 = h4 * h4
     power[0] = 1.0
     power[1] = h
-    for k in range(2, 8):
-        power[k] = power[k - 1] * h
-    h8 = power[7] * h
-    for k in range(8, count):
+    power[2] = h2
+    power[3] = h2 * h
+    power[4] = h4
+    power[5] = h4 * h
+    power[6] = h4 * h2
+    power[7] = h4 * power[3]
+    for k in range(8, len(power)):
         power[k] = power[k - 8] * h8
 
 
 @kernel
-def _root_of(e, k):
-    """e^(-1/k), to a few per cent: exponent bits and a linear mantissa."""
-    mantissa, exponent = math.frexp(e)
-    y = -(exponent - 2.0 + 2.0 * mantissa) / k
-    whole = math.floor(y)
-    return math.ldexp(1.0 + (y - whole), int(whole))
+def scaled(row, power, poly, degree, drop, sign):
+    """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
+    for k in range(0, max(degree - drop, 6) + 1, 4):
+        a = sign * row[k + drop] * power[k]
+        b = sign * row[k + 1 + drop] * power[k + 1]
+        c = sign * row[k + 2 + drop] * power[k + 2]
+        d = sign * row[k + 3 + drop] * power[k + 3]
+        poly[k] = a
+        poly[k + 1] = b
+        poly[k + 2] = c
+        poly[k + 3] = d
 
 
 @kernel
-def taylor_step_size(P, C, S, rows, mult_row, any_solved):
+def _root_of(e, k):
+    """e^(-1/k), to a few per cent: the exponent bits with the mantissa as a linear fraction, there and back."""
+    bits = float_bits(e) * (1.0 / 4503599627370496.0) - 1023.0
+    return bits_float(int((1023.0 - bits / k) * 4503599627370496.0))
+
+
+@kernel
+def step_within(e0, e1, order, longest):
+    """Step at which both of the last two terms, in units of the tolerance, are below 1; nan if they are not finite."""
+    if not e0 + e1 < math.inf:
+        return math.nan
+    h = longest
+    if e0 > 1e-290:
+        h = min(h, _root_of(e0, order - 1))
+    if e1 > 1e-290:
+        h = min(h, _root_of(e1, order))
+    return 0.9 * h
+
+
+@kernel
+def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
     """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
 
     Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time.
     """
-    K = C.order
+    K, rtol = C.order, C.rtol
     e0, e1 = 0.0, 0.0
     for i in range(P.n):
-        weight = 1.0 / (C.atol[i] + C.rtol * abs(S.x[i]))
+        weight = 1.0 / (atol[i] + rtol * abs(x[i]))
         e0 = max(e0, abs(rows[i, K - 1]) * weight)
         e1 = max(e1, abs(rows[i, K]) * weight)
     if any_solved:
         for j in range(P.m):
             if S.status[j] == SOLVED:
-                weight = 100.0 / (C.rtol * (1.0 + abs(S.mult[j])))
+                weight = 100.0 / (rtol * (1.0 + abs(S.mult[j])))
                 e0 = max(e0, abs(rows[mult_row + j, K - 1]) * weight)
                 e1 = max(e1, abs(rows[mult_row + j, K]) * weight)
-    if not (e0 < math.inf and e1 < math.inf):
-        return math.nan
-    h = C.max_step
-    if e0 > 1e-290:
-        h = min(h, _root_of(e0, K - 1))
-    if e1 > 1e-290:
-        h = min(h, _root_of(e1, K))
-    return 0.9 * h
+    return step_within(e0, e1, K, C.max_step)
 
 
 @kernel
@@ -157,11 +184,4 @@ def fold_step_size(P, C, S, rows):
             weight = 100.0 / C.rtol
         e0 = max(e0, abs(rows[i, K - 1]) * weight)
         e1 = max(e1, abs(rows[i, K]) * weight)
-    if not (e0 < math.inf and e1 < math.inf):
-        return math.nan
-    h = 0.5  # a quarter of the multiplier's whole range
-    if e0 > 1e-290:
-        h = min(h, _root_of(e0, K - 1))
-    if e1 > 1e-290:
-        h = min(h, _root_of(e1, K))
-    return 0.9 * h
+    return step_within(e0, e1, K, 0.5)  # at most a quarter of the multiplier's whole range

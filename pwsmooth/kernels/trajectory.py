@@ -12,7 +12,7 @@ from numba import njit
 from .compiling import kernel
 from .pointers import call_fold, call_rk, call_unit
 from .records import record_point
-from .roots import NO_ROOT, first_root
+from .roots import NO_ROOT, first_root, low_bounds, remainder
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     C_CLOCK,
@@ -36,69 +36,66 @@ from .state import (
     SOLVED,
     UNDERFLOW,
 )
-from .steps import dot, fold_step_size, near_fold, powers, take_jet, taylor_step_size
+from .steps import dot, fold_step_size, near_fold, powers, scaled, take_jet, taylor_step_size
 from .twofolds import two_fold
 
 
 @kernel
-def _scaled(row, power, poly, degree, drop, sign):
-    """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
-    for k in range(degree - drop + 1):
-        poly[k] = sign * row[k + drop] * power[k]
-    for k in range(degree - drop + 1, 7):
-        poly[k] = 0.0
-
-
-@kernel
-def _meet(P, row, power, degree, drop, sign, work):
+def _meet(P, row, power, degree, drop, sign, W, poly):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
-    poly = work.poly
-    _scaled(row, power, poly, degree, drop, sign)
+    scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= 0.0 and drop < 3:
         size = 0.0
         for k in range(degree - drop + 1):
             size += abs(poly[k])
         if abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
-            _scaled(row, power, poly, degree, drop + 1, sign)
             drop += 1
-    return first_root(P, work, degree - drop)
+            scaled(row, power, poly, degree, drop, sign)
+    return first_root(P, W, poly, degree - drop)
 
 
 @kernel
-def find_first(P, C, S, surface_rows, mult_row, h, work):
-    """Overwrites work.tau with where in the step each surface or bound is met; returns the earliest."""
-    m, ne, K = P.m, P.ne, C.order
-    rows, power, tau = work.rows, work.power, work.tau
+def _meet_bounds(P, S, row, power, degree, j, W, poly):
+    """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.exit_side."""
+    scaled(row, power, poly, degree, 0, 1.0)
+    lo, hi = low_bounds(poly)
+    rest = remainder(poly, degree)
+    best = NO_ROOT
+    if lo - rest > -1.0 and hi + rest < 1.0:
+        return best
+    for side in range(1, -2, -2):
+        drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
+        scaled(row, power, poly, degree, drop, -1.0 * side)
+        if drop == 0:
+            poly[0] += 1.0
+        s = first_root(P, W, poly, degree - drop)
+        if s < best:
+            best = s
+            W.exit_side[j] = side
+    return best
+
+
+@kernel
+def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
+    """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
+    m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
     best = NO_ROOT
     for j in range(m):
-        tau[j] = NO_ROOT
-        status = S.status[j]
-        if status == SOLVED:
-            if P.kind[j] == ALGEBRAIC:
-                continue
-            row = rows[mult_row + j]
-            if P.kind[j] == CONTACT:
-                tau[j] = _meet(P, row, power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, work)
-                work.exit_side[j] = 1
-            else:
-                poly = work.poly
-                for side in range(1, -2, -2):
-                    # 1 - side * lambda, whose zero is the tangency exit.
-                    drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
-                    _scaled(row, power, poly, K, drop, -1.0 * side)
-                    if drop == 0:
-                        poly[0] += 1.0
-                    s = first_root(P, work, K - drop)
-                    if s < tau[j]:
-                        tau[j] = s
-                        work.exit_side[j] = side
-        elif surface_rows[j] >= 0 and status != HELD:
-            tau[j] = _meet(P, rows[surface_rows[j]], power, K, S.deflate[j], float(status), work)
-        best = min(best, tau[j])
-    for i in range(m, m + ne):
+        met = NO_ROOT
+        if status[j] == SOLVED:
+            if kind[j] == CONTACT:
+                met = _meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
+                W.exit_side[j] = 1
+            elif kind[j] != ALGEBRAIC:
+                met = _meet_bounds(P, S, rows[mult_row + j], power, K, j, W, poly)
+        elif surface_rows[j] >= 0 and status[j] != HELD:
+            met = _meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
+        tau[j] = met
+        best = min(best, met)
+    for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
-            tau[i] = _meet(P, rows[surface_rows[i]], power, K, S.deflate[i], float(S.side[i - m]), work)
+            tau[i] = _meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
     return best
 
@@ -116,7 +113,7 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
             lo, hi = 0.0, h
             s = 0.5 * h
             for _ in range(100):
-                powers(work.power, s, K + 1)
+                powers(work.power, s)
                 value = dot(rows[time_row], work.power, K + 1) - want
                 if value > 0.0:
                     hi = s
@@ -131,7 +128,7 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
                 if abs(new - s) <= 1e-16:
                     break
                 s = new
-        powers(work.power, s, K + 1)
+        powers(work.power, s)
         for k in range(P.n):
             R.x_eval[i, k] = dot(rows[k], work.power, K + 1)
         for j in range(m):
@@ -143,8 +140,6 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
 @kernel
 def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     """Stores the step's polynomials: states, multipliers, time."""
-    if R.dense.shape[0] == 0:
-        return
     i = S.counts[C_DENSE]
     K = C.order
     block = R.dense[i]
@@ -187,7 +182,7 @@ def _room(R, S):
 @njit(cache=True, error_model="numpy")
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
-    n, m, K = P.n, P.m, C.order
+    n, m, K, rows, power, x = P.n, P.m, C.order, W.rows, W.power, S.x
     if S.counts[C_STARTED] == 0:
         S.counts[C_STARTED] = 1
         code = call_unit(P.start_unit, P, C, S, R, W)
@@ -208,7 +203,6 @@ def run(P, C, S, R, W):
                 return NEWTON_FAILED
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
-        rows = W.rows
         if P.rk_unit != 0:
             mult_row, surface_rows = n, P.rows_general
             limit = min(C.max_step, next_stop(C, S) - S.now[0])
@@ -218,7 +212,7 @@ def run(P, C, S, R, W):
             if mult_row < 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
-            h = taylor_step_size(P, C, S, rows, mult_row, any_solved)
+            h = taylor_step_size(P, C, S, rows, x, C.atol, mult_row, any_solved)
         if math.isnan(h):
             return NOT_FINITE
         fold = -1
@@ -245,21 +239,21 @@ def run(P, C, S, R, W):
             capped = True
         if time_row < 0 and h <= 1e-15 * abs(t0) + 1e-300:
             return UNDERFLOW
-        powers(W.power, h, K + 4)
-        best = find_first(P, C, S, surface_rows, mult_row, h, W)
+        powers(power, h)
+        best = find_first(P, C, S, rows, power, surface_rows, mult_row, W)
         fraction, folded = 1.0, False
         if time_row >= 0:
             # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
             slope = W.fold_slope
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
-            s = _meet(P, slope, W.power, K - 1, 0, 1.0, W)
+            s = _meet(P, slope, power, K - 1, 0, 1.0, W, W.poly)
             if s < best:
                 folded, best = True, s
             for k in range(K + 1):
-                W.poly[k] = -rows[time_row, k] * W.power[k]
+                W.poly[k] = -rows[time_row, k] * power[k]
             W.poly[0] += stop
-            s = first_root(P, W, K)
+            s = first_root(P, W, W.poly, K)
             if s < min(best, 1.0):
                 fraction, folded, capped = s, False, True
         happened = best <= fraction
@@ -276,27 +270,30 @@ def run(P, C, S, R, W):
                 return NOT_FINITE
             fraction = min(fraction, 0.5)
         if fraction < 1.0:
-            powers(W.power, s_end, K + 1)
-        t_new = dot(rows[time_row], W.power, K + 1) if time_row >= 0 else t0 + s_end
+            powers(power, s_end)
+        t_new = dot(rows[time_row], power, K + 1) if time_row >= 0 else t0 + s_end
         if capped or abs(t_new - stop) <= 4e-16 * abs(stop):
             t_new = stop
         at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
-        _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
+        if len(R.dense_s) > 0:
+            _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
         if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
             _sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
-            powers(W.power, s_end, K + 1)
+            powers(power, s_end)
         for i in range(n):
-            S.x[i] = dot(rows[i], W.power, K + 1)
+            x[i] = dot(rows[i], power, K + 1)
         if any_solved:
             for j in range(m):
                 if S.status[j] == SOLVED:
-                    S.mult[j] = dot(rows[mult_row + j], W.power, K + 1)
+                    S.mult[j] = dot(rows[mult_row + j], power, K + 1)
         S.now[0] = t_new
         if P.rk_unit != 0:
             S.now[1] = W.answer[5]
+        total = 0.0
         for i in range(n):
-            if not math.isfinite(S.x[i]):
-                return NOT_FINITE
+            total += abs(x[i])
+        if not total < math.inf:
+            return NOT_FINITE
         if any_solved:
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:

@@ -8,9 +8,9 @@ from .state import AMB_TWO_FOLD, DETERMINACY_LOST, SLIDING, SOLVED, STRICT
 
 
 @kernel
-def _state_at(P, S, rows, mult_row, s, W):
+def _state_at(P, C, S, rows, mult_row, s, W):
     """Overwrites S.x and the solved multipliers with the step's polynomials at s."""
-    K = W.power.shape[0] - 4
+    K = C.order
     for i in range(P.n):
         value = rows[i, K]
         for k in range(K - 1, -1, -1):
@@ -51,13 +51,13 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                     mid = 0.5 * (lo + hi)
                     if mid == lo or mid == hi:
                         break
-                    _state_at(P, S, rows, mult_row, mid, W)
+                    _state_at(P, C, S, rows, mult_row, mid, W)
                     call_linear(P.linear, t0 + mid, S.x, S.mult, P.p, W.G, W.dh)
                     if W.G[j * m + j] < 0.0:
                         lo = mid
                     else:
                         hi = mid
-                _state_at(P, S, rows, mult_row, hi, W)
+                _state_at(P, C, S, rows, mult_row, hi, W)
                 S.now[0] = t0 + hi
                 keep_on_surface(P, S, j, W)
                 record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)
