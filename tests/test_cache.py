@@ -72,10 +72,10 @@ def weight():
 """
 
 
-def run(tmp_path):
-    """Run PROGRAM in a new process on the copy of the package; its report."""
+def run(tmp_path, program=PROGRAM):
+    """Run a program in a new process on the copy of the package; its report."""
     env = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-c", PROGRAM]
+    command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -105,6 +105,49 @@ def test_one_core_serves_three_models_hits_in_a_second_process_and_is_never_stal
     third = run(tmp_path)
     assert third["results"] == [3 * r for r in first["results"]]
     assert third["core"] == [0, 1] and third["kernels"] != first["kernels"]
+
+
+# Three systems through solve(): a forced oscillator with dry friction, a relay, a hidden term.
+SOLVES = """
+import json
+import sympy as sp
+from pwsmooth import Switch, System, solve
+from pwsmooth.codegen import cache, native
+
+built = []
+build = native.build
+native.build = lambda text: built.append(text) or build(text)
+t, x, y = sp.symbols("t x y", real=True)
+v = Switch("v", y)
+w = Switch("w", x)
+solutions = [
+    solve(System({x: y, y: sp.sin(t) - x - v / 2}, time=t), (0, 20), {x: 1.0, y: 0.5}),
+    solve(System({x: sp.cos(t) - w * 2}, time=t), (0, 5), {x: 1.0}),
+    solve(System({x: -w, y: 2 * w**2 - 1}, time=t), (0, 3), {x: 1.0, y: 0.0})]
+run = cache.load_kernels("trajectory").run
+print(json.dumps({
+    "ends": [s.x[:, -1].tolist() for s in solutions], "steps": [int(s.cost["steps"]) for s in solutions],
+    "models": len(built), "core": [sum(run.stats.cache_hits.values()), sum(run.stats.cache_misses.values())],
+    "signatures": len(run.signatures)}))
+"""
+
+
+def test_three_solves_share_one_core_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
+    first = run(tmp_path, SOLVES)
+    assert first["signatures"] == 1 and first["core"] == [0, 1] and first["models"] > 0
+    second = run(tmp_path, SOLVES)
+    assert second["core"] == [1, 0] and second["models"] == 0
+    assert second["ends"] == first["ends"] and second["steps"] == first["steps"]
+
+    # The step size rule stands in another file than the loop; its size and its time are kept.
+    steps = tmp_path / "pwsmooth" / "kernels" / "steps.py"
+    stamp, text = steps.stat(), steps.read_text()
+    assert "return 0.9 * h" in text
+    steps.write_text(text.replace("return 0.9 * h", "return 0.2 * h"))
+    os.utime(steps, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    third = run(tmp_path, SOLVES)
+    assert third["core"] == [0, 1] and third["steps"][0] > 2 * first["steps"][0]
 
 
 def test_a_source_is_written_once_and_keeps_its_stamp(tmp_path, monkeypatch):
