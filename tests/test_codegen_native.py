@@ -1,0 +1,140 @@
+"""The typed subset of Python that generated code is written in: machine code against Python itself."""
+
+import ctypes
+import math
+
+import numpy as np
+import pytest
+
+from pwsmooth.codegen import native
+from pwsmooth.codegen.jets import SOLVERS
+from pwsmooth.codegen.scalar import HELPERS
+
+
+def both(text, name, *arguments):
+    """Results of a function in Python and as machine code: (value, arrays) twice."""
+    scope = {"math": math, "choose": lambda condition, u, v: u if condition else v}
+    exec("from __future__ import annotations\n" + text, scope)
+    code = native.Code(text, native.build(text))
+    results = []
+    for compiled in (False, True):
+        values = [a.copy() if isinstance(a, np.ndarray) else a for a in arguments]
+        if compiled:
+            kinds = [ctypes.c_void_p if isinstance(a, np.ndarray) else
+                     ctypes.c_double if isinstance(a, float) else ctypes.c_int64 for a in values]
+            kind = scope[name].__annotations__.get("return")
+            returned = {"D": ctypes.c_double, "I": ctypes.c_int64}.get(kind)
+            function = ctypes.CFUNCTYPE(returned, *kinds)(code.address(name))
+            value = function(*(a.ctypes.data if isinstance(a, np.ndarray) else a for a in values))
+        else:
+            value = scope[name](*values)
+        results.append((value, [a for a in values if isinstance(a, np.ndarray)]))
+    return results
+
+
+def assert_same(text, name, *arguments):
+    (expected, before), (found, after) = both(text, name, *arguments)
+    if expected is not None:
+        assert found == pytest.approx(expected, rel=1e-15)
+    for a, b in zip(before, after, strict=True):
+        np.testing.assert_allclose(b, a, rtol=1e-14, atol=1e-300)
+
+
+CONTROL = """
+def f(x: P, n: I) -> I:
+    count = 0
+    for i in range(n):
+        for j in range(n - 1, i, -1):
+            if x[j] < x[i] and not x[j] == 0.0:
+                x[j] -= x[i] / 2
+                count += 1
+            elif x[i] != x[i] or j & 3 == 1:
+                x[i] = -x[j] ** 3
+            else:
+                x[j] += i
+    for k in range(2, 3 * n, 3):
+        count += k // 2
+        k = 5
+    if count > 10**6:
+        return 0
+    return count - 7
+"""
+
+
+def test_control_flow_is_python_s():
+    assert_same(CONTROL, "f", np.array([3.0, -1.5, 0.0, 2.0, 7.5, 1.25]), 6)
+
+
+FUNCTIONS = ["exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "atanh",
+             "erf", "erfc", "sqrt", "fabs", "floor", "ceil"]
+
+
+def test_mathematical_functions_are_those_of_the_c_library():
+    lines = [f"    y[{i}] = math.{name}(x[0])" for i, name in enumerate(FUNCTIONS)]
+    others = "math.atan2(x[0], -x[1]) + max(x[0], x[1]) * min(x[1], x[0]) + abs(-x[0])"
+    lines += [f"    y[{len(FUNCTIONS)}] = {others}"]
+    text = "def f(x: P, y: P):\n" + "\n".join(lines) + "\n"
+    assert_same(text, "f", np.array([0.37, 1.9]), np.zeros(len(FUNCTIONS) + 1))
+
+
+@pytest.mark.parametrize("u", [1.5, -2.5, 0.0, -0.0, 1e300])
+def test_helpers_agree_with_their_text(u):
+    text = "".join(HELPERS[name] for name in ("sign", "heaviside", "mod"))
+    text += "\n\ndef f(u: D) -> D:\n    return sign(u) + 10 * heaviside(u) + 100 * mod(u, 0.75)\n"
+    assert_same(text, "f", u)
+
+
+@pytest.mark.parametrize("name", ["sign", "heaviside"])
+def test_a_nan_stays_a_nan(name):
+    text = HELPERS[name] + f"\n\ndef f(u: D) -> D:\n    return {name}(u)\n"
+    assert math.isnan(both(text, "f", math.nan)[1][0])
+
+
+def test_nothing_raises_where_python_would():
+    text = "def f(u: D) -> D:\n    return math.sqrt(u) + 1.0 / (u + 1.0)\n"
+    code = native.Code(text, native.build(text))
+    assert math.isnan(ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(-1.0))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_the_solver_of_sliding_jets_solves(n):
+    rng = np.random.default_rng(n)
+    A, b = rng.normal(size=(n, n)), rng.normal(size=n)
+    A[0, 0] = 0.0 if n > 1 else A[0, 0]
+    text = SOLVERS["lu_factor"] + SOLVERS["lu_solve"]
+    text += "\n\ndef f(rows: P, n: I) -> I:\n    code = lu_factor(rows, 0, n)\n"
+    text += "    lu_solve(rows, 0, n)\n    return code\n"
+    rows = np.concatenate([A.ravel(), np.zeros(n), b])
+    _, (code, (found,)) = both(text, "f", rows, n)
+    assert code == 0
+    np.testing.assert_allclose(found[-n:], np.linalg.solve(A, b), rtol=1e-11)
+
+
+@pytest.mark.parametrize("q", [0, 1, 2, 4])
+def test_block_sums_hold_every_pair_before_the_block_and_no_other(q):
+    text = "def f(rows: P, q: I):\n    presum(rows, 0, 40, q, 80)\n"
+    code = native.Code(text, native.build(text))
+    rng = np.random.default_rng(q)
+    rows = rng.normal(size=84)
+    rows[4 * q + 1:40] = np.nan  # orders of this block and beyond do not exist yet
+    rows[40 + 4 * q + 1:80] = np.nan
+    expected = [sum(rows[j] * rows[40 + k - j] for j in range(1, 4 * q + 1) if 1 <= k - j <= 4 * q)
+                for k in range(4 * q + 1, 4 * q + 5)]
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(code.address("f"))(rows.ctypes.data, q)
+    np.testing.assert_allclose(rows[80:], expected, rtol=1e-13, atol=1e-15)
+
+
+def test_an_unknown_function_is_named():
+    with pytest.raises(NameError, match="frobnicate"):
+        native.build("def f(u: D) -> D:\n    return frobnicate(u)\n")
+
+
+def test_machine_code_is_stored_and_found_again(tmp_path, monkeypatch):
+    path = tmp_path / "m0.py"
+    path.write_text("ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n")
+    assert native.load(path).constants == {"ORDER": 3}
+    assert native.load(path) is native.load(path)
+    monkeypatch.setattr(native, "_loaded", {})
+    monkeypatch.setattr(native, "build", None)  # a second process must not need it
+    code = native.load(path)
+    assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(1.5) == 3.0
