@@ -65,8 +65,8 @@ def test_control_flow_is_python_s():
     assert_same(CONTROL, "f", np.array([3.0, -1.5, 0.0, 2.0, 7.5, 1.25]), 6)
 
 
-FUNCTIONS = ["exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "atanh",
-             "erf", "erfc", "sqrt", "fabs", "floor", "ceil"]
+FUNCTIONS = ["exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh",
+             "atanh", "erf", "erfc", "sqrt", "fabs", "floor", "ceil"]
 
 
 def test_mathematical_functions_are_those_of_the_c_library():
