@@ -66,7 +66,7 @@ class Series:
             op = self.graph.ops[a]
             if k > 0:
                 return None
-            return repr(op[1]) if op[0] == "num" and op[1] >= 0 else f"n{a}"
+            return f"({op[1]!r})" if op[0] == "num" else f"n{a}"
         if a in self.affine and k > 1:
             return None
         return f"n{a}_{k}"
