@@ -62,6 +62,7 @@ def f(x: P, n: I) -> I:
 
 
 def test_control_flow_is_python_s():
+    assert_same(CONTROL, "f", np.array([3.0, -1.5, 0.0, 2.0, math.nan, 1.25]), 6)
     assert_same(CONTROL, "f", np.array([3.0, -1.5, 0.0, 2.0, 7.5, 1.25]), 6)
 
 
