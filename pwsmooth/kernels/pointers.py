@@ -119,3 +119,26 @@ def bits_float(typingctx, bits):
         return builder.bitcast(args[0], _DOUBLE)
 
     return types.float64(types.int64), codegen
+
+
+@intrinsic
+def at(typingctx, a, k):
+    """a[k] of a contiguous row, without the wrap-around test of a negative k, which keeps loops from vectorising."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, value=args[0]).data
+        return builder.load(builder.gep(data, [args[1]]))
+
+    return types.float64(a, types.intp), codegen
+
+
+@intrinsic
+def put(typingctx, a, k, value):
+    """a[k] = value, in the same way."""
+
+    def codegen(context, builder, sig, args):
+        data = context.make_array(sig.args[0])(context, builder, value=args[0]).data
+        builder.store(args[2], builder.gep(data, [args[1]]))
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, types.float64), codegen

@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 
 from .compiling import kernel, reassociating_kernel, unit
-from .pointers import call_root
+from .pointers import at, call_root, put
 from .state import PAD, Work
 
 NO_ROOT = 2.0  # outside [0, 1]
@@ -24,26 +24,26 @@ _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 @kernel
 def low_bounds(a):
     """Smallest and largest Bernstein coefficient of a[0] + ... + a[6] s^6 on [0, 1], written out."""
-    b1 = a[0] + a[1] / 6.0
-    b2 = a[0] + a[1] / 3.0 + a[2] / 15.0
-    b3 = a[0] + 0.5 * a[1] + 0.2 * a[2] + 0.05 * a[3]
-    b4 = a[0] + (2.0 / 3.0) * a[1] + 0.4 * a[2] + 0.2 * a[3] + a[4] / 15.0
-    b5 = a[0] + (5.0 / 6.0) * a[1] + (2.0 / 3.0) * a[2] + 0.5 * a[3] + a[4] / 3.0 + a[5] / 6.0
-    b6 = ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + a[6])
-    lo = min(min(min(a[0], b1), min(b2, b3)), min(min(b4, b5), b6))
-    hi = max(max(max(a[0], b1), max(b2, b3)), max(max(b4, b5), b6))
+    b1 = at(a, 0) + at(a, 1) / 6.0
+    b2 = at(a, 0) + at(a, 1) / 3.0 + at(a, 2) / 15.0
+    b3 = at(a, 0) + 0.5 * at(a, 1) + 0.2 * at(a, 2) + 0.05 * at(a, 3)
+    b4 = at(a, 0) + (2.0 / 3.0) * at(a, 1) + 0.4 * at(a, 2) + 0.2 * at(a, 3) + at(a, 4) / 15.0
+    b5 = at(a, 0) + (5.0 / 6.0) * at(a, 1) + (2.0 / 3.0) * at(a, 2) + 0.5 * at(a, 3) + at(a, 4) / 3.0 + at(a, 5) / 6.0
+    b6 = ((at(a, 0) + at(a, 1)) + (at(a, 2) + at(a, 3))) + ((at(a, 4) + at(a, 5)) + at(a, 6))
+    lo = min(min(min(at(a, 0), b1), min(b2, b3)), min(min(b4, b5), b6))
+    hi = max(max(max(at(a, 0), b1), max(b2, b3)), max(max(b4, b5), b6))
     return lo, hi
 
 
 @reassociating_kernel
 def remainder(a, degree):
     """Bound of the terms above degree 6 on [0, 1]; a is zero from degree + 1 on, up to a multiple of 4."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, abs(a[_LOW + 1])
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, abs(at(a, _LOW + 1))
     for k in range(_LOW + 2, degree + 1, 4):
-        s0 += abs(a[k])
-        s1 += abs(a[k + 1])
-        s2 += abs(a[k + 2])
-        s3 += abs(a[k + 3])
+        s0 += abs(at(a, k))
+        s1 += abs(at(a, k + 1))
+        s2 += abs(at(a, k + 2))
+        s3 += abs(at(a, k + 3))
     return (s0 + s1) + (s2 + s3)
 
 
@@ -68,32 +68,32 @@ def _to_bernstein(W, degree, b):
     for start in range(0, degree + 1, 8):
         b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(min(start + 8, degree + 1)):
-            v = a[k]
+            v = at(a, k)
             row = table[k]
-            b0 += v * row[start]
-            b1 += v * row[start + 1]
-            b2 += v * row[start + 2]
-            b3 += v * row[start + 3]
-            b4 += v * row[start + 4]
-            b5 += v * row[start + 5]
-            b6 += v * row[start + 6]
-            b7 += v * row[start + 7]
-        b[start] = b0
-        b[start + 1] = b1
-        b[start + 2] = b2
-        b[start + 3] = b3
-        b[start + 4] = b4
-        b[start + 5] = b5
-        b[start + 6] = b6
-        b[start + 7] = b7
+            b0 += v * at(row, start)
+            b1 += v * at(row, start + 1)
+            b2 += v * at(row, start + 2)
+            b3 += v * at(row, start + 3)
+            b4 += v * at(row, start + 4)
+            b5 += v * at(row, start + 5)
+            b6 += v * at(row, start + 6)
+            b7 += v * at(row, start + 7)
+        put(b, start, b0)
+        put(b, start + 1, b1)
+        put(b, start + 2, b2)
+        put(b, start + 3, b3)
+        put(b, start + 4, b4)
+        put(b, start + 5, b5)
+        put(b, start + 6, b6)
+        put(b, start + 7, b7)
 
 
 @kernel
 def evaluate(a, degree, s):
     """Value of the polynomial at s."""
-    value = a[degree]
+    value = at(a, degree)
     for k in range(degree - 1, -1, -1):
-        value = value * s + a[k]
+        value = value * s + at(a, k)
     return value
 
 
@@ -102,13 +102,13 @@ def refine(a, degree, lo, hi, s):
     """The single root in [lo, hi] by Halley steps from s, kept inside the bracket."""
     f_lo = evaluate(a, degree, lo)
     for _ in range(60):
-        f = a[degree]
+        f = at(a, degree)
         d = 0.0
         c = 0.0
         for k in range(degree - 1, -1, -1):
             c = c * s + d
             d = d * s + f
-            f = f * s + a[k]
+            f = f * s + at(a, k)
         if f == 0.0:
             return s
         if (f > 0.0) == (f_lo > 0.0):

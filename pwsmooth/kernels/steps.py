@@ -9,7 +9,7 @@ import math
 from numba import types
 
 from .compiling import kernel, reassociating_kernel, unit
-from .pointers import bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits
+from .pointers import at, bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits, put
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
 
@@ -19,10 +19,10 @@ def dot(row, power, count):
     """sum row[k] power[k] for k < count, in four chains: rows are zero from count on, up to the next multiple of 4."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     for k in range(0, count, 4):
-        s0 += row[k] * power[k]
-        s1 += row[k + 1] * power[k + 1]
-        s2 += row[k + 2] * power[k + 2]
-        s3 += row[k + 3] * power[k + 3]
+        s0 += at(row, k) * at(power, k)
+        s1 += at(row, k + 1) * at(power, k + 1)
+        s2 += at(row, k + 2) * at(power, k + 2)
+        s3 += at(row, k + 3) * at(power, k + 3)
     return (s0 + s1) + (s2 + s3)
 
 
@@ -32,30 +32,30 @@ def powers(power, h):
     h2 = h * h
     h4 = h2 * h2
     h8 = h4 * h4
-    power[0] = 1.0
-    power[1] = h
-    power[2] = h2
-    power[3] = h2 * h
-    power[4] = h4
-    power[5] = h4 * h
-    power[6] = h4 * h2
-    power[7] = h4 * power[3]
+    put(power, 0, 1.0)
+    put(power, 1, h)
+    put(power, 2, h2)
+    put(power, 3, h2 * h)
+    put(power, 4, h4)
+    put(power, 5, h4 * h)
+    put(power, 6, h4 * h2)
+    put(power, 7, h4 * at(power, 3))
     for k in range(8, len(power)):
-        power[k] = power[k - 8] * h8
+        put(power, k, at(power, k - 8) * h8)
 
 
 @kernel
 def scaled(row, power, poly, degree, drop, sign):
     """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
     for k in range(0, max(degree - drop, 6) + 1, 4):
-        a = sign * row[k + drop] * power[k]
-        b = sign * row[k + 1 + drop] * power[k + 1]
-        c = sign * row[k + 2 + drop] * power[k + 2]
-        d = sign * row[k + 3 + drop] * power[k + 3]
-        poly[k] = a
-        poly[k + 1] = b
-        poly[k + 2] = c
-        poly[k + 3] = d
+        a = sign * at(row, k + drop) * at(power, k)
+        b = sign * at(row, k + 1 + drop) * at(power, k + 1)
+        c = sign * at(row, k + 2 + drop) * at(power, k + 2)
+        d = sign * at(row, k + 3 + drop) * at(power, k + 3)
+        put(poly, k, a)
+        put(poly, k + 1, b)
+        put(poly, k + 2, c)
+        put(poly, k + 3, d)
 
 
 @kernel
