@@ -213,8 +213,14 @@ def test_layer_gives_residuals_and_rates_with_the_layered_states_free():
 
 def test_functions_that_a_model_lacks_have_address_0():
     compiled = compile_model(Model(t, (x,), (), (-x,)))
-    assert compiled.fields != 0
-    assert (compiled.linear, compiled.act, compiled.outputs, compiled.layer, compiled.jet_general) == (0,) * 5
+    assert (compiled.outputs, compiled.layer, compiled.jet_general) == (0, 0, 0)
+
+
+def test_a_model_without_switches_can_still_be_asked_for_its_gradients_and_resets():
+    compiled = compile_model(Model(t, (x,), (), (-x,)))
+    G, dh, _ = call(compiled, "linear", (1, 1), 0.0, [1.0], [], [])
+    assert np.isnan(G[0]) and np.isnan(dh[0])  # nothing to write
+    assert call(compiled, "act", (1,), 0.0, [1.0], [], [], number=0)[1] == 1
 
 
 def test_an_undefined_symbol_is_named():

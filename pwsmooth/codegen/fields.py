@@ -64,9 +64,10 @@ def surfaces(graph: Graph) -> list[int]:
 
 
 def write_fields(model: Model) -> dict[str, str]:
-    """Sources of the pointwise functions: {"fields": text, ...}, only those that the model has.
+    """Sources of the pointwise functions: {"fields": text, ...}.
 
-    `fields` holds what every run calls; the others are modules of their own, loaded when they are asked for.
+    `fields`, `linear` and `act` are always there, so that kernels may call them unasked; `outputs` and `layer`
+    only where the model has any. Each is a module of its own, loaded when it is asked for.
     """
     graph = Graph(model)
     rates = [graph.expression(e) for e in model.rhs]
@@ -74,13 +75,12 @@ def write_fields(model: Model) -> dict[str, str]:
     h = surfaces(graph)
     sources = {name: Source() for name in ("fields", "linear", "act", "outputs", "layer")}
     _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
-    if h:
-        unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
-        states = [graph.var("x", i) for i in range(len(model.states))]
-        slopes = [graph.derivative(s, x) for s in h for x in states]
-        slopes += [graph.derivative(s, graph.var("t", 0)) for s in h]
-        matrix = [graph.derivative(r, u) for r in residuals for u in unknowns]
-        _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": matrix, "dh": slopes})
+    unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
+    states = [graph.var("x", i) for i in range(len(model.states))]
+    slopes = [graph.derivative(s, x) for s in h for x in states]
+    slopes += [graph.derivative(s, graph.var("t", 0)) for s in h]
+    matrix = [graph.derivative(r, u) for r in residuals for u in unknowns]
+    _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": matrix, "dh": slopes})
     if model.outputs:
         _store(sources["outputs"], graph, "outputs", "t, x, mult, p, out",
                {"out": [graph.expression(e) for _, e in model.outputs]})
@@ -118,5 +118,4 @@ def _write_act(source: Source, graph: Graph) -> None:
         body.indent = 1
         source.helpers |= code.helpers
     body.line("return 1")
-    if model.events or any(m.impact for m in model.multipliers):
-        source.function("act", "i, t, x, mult, p, xnew", body, returns="I")
+    source.function("act", "i, t, x, mult, p, xnew", body, returns="I")
