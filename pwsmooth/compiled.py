@@ -41,6 +41,9 @@ class CompiledProblem:
             for j, symbol in enumerate(symbols):
                 coupled[i, j] = symbol in free
         surface_state = np.array([_surface_state(model, mu) for mu in model.multipliers], np.int64)
+        has_surface = np.array([part.surface is not None for part in (*model.multipliers, *model.events)], bool)
+        expressions = (*model.rhs, *(mu.residual for mu in model.multipliers))
+        self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
         fold = self.fold
@@ -51,6 +54,7 @@ class CompiledProblem:
             layer_unit=layer.layer.address,
             fold_unit=steps.fold_jet.address,
             rk_unit=0,
+            pair=0,
             start_unit=load_kernels("starting").start.address,
             instant_unit=load_kernels("instants").at_instant.address,
             fields=code.fields,
@@ -72,10 +76,12 @@ class CompiledProblem:
             surface_state=surface_state,
             direction=np.array([e.direction for e in model.events], np.int64),
             terminal=np.array([e.terminal for e in model.events], np.int64),
-            rows_slip=code.surface_rows_slip,
+            rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
             rows_fold=fold.surface_rows_general[1:] if fold else empty,
+            # The Runge-Kutta pair's polynomials stand in a fixed order: states, multipliers, surfaces.
+            rows_pair=np.where(has_surface, n + m + np.arange(m + ne), -1),
             mult_row=code.mult_row0,
             sigmoid=_SIGMOIDS[model.sigmoid],
         )
@@ -84,14 +90,10 @@ class CompiledProblem:
     def problem(self, p: np.ndarray, runge_kutta: bool = False):
         """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair."""
         fixed = self.fixed
+        if runge_kutta or self.singular:
+            fixed = fixed | dict(rk_unit=load_kernels("rungekutta").rk_step.address)
         if runge_kutta:
-            # The pair's polynomials stand in a fixed order: states, multipliers, surfaces.
-            n, m = self.code.n, self.code.m
-            has = np.array([mu.surface is not None for mu in self.model.multipliers]
-                           + [e.surface is not None for e in self.model.events], bool)
-            rows = np.where(has, n + m + np.arange(len(has)), -1)
-            unit = load_kernels("rungekutta").rk_step.address
-            fixed = fixed | dict(rows_general=rows, rows_slip=rows, rk_unit=unit, jet_fold=0, mult_row=n)
+            fixed = fixed | dict(pair=1, jet_fold=0)
         at = dict(zip(self.model.parameters, p.tolist(), strict=True))
         ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]
         weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)

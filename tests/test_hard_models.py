@@ -71,6 +71,18 @@ def test_a_latched_hertz_contact_returns_its_closed_form_speed():
     assert solution.x[1, -1] == pytest.approx(-2.5 * restitution(1.0), rel=1e-6)
 
 
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize("eta", [0.1, 1.0])
+def test_an_exact_hertz_contact_passes_the_branch_point_of_its_force_at_both_ends(eta, method):
+    # delta^1.5 has no Taylor series at touch-down and release; e is the closed form above.
+    for rtol in (1e-8, 1e-12):
+        solution = solve(hertz(eta), (0, 1), {"p": -0.1, "w": 2.5}, rtol=rtol, atol=1e-3 * rtol, method=method)
+        assert [e.switch for e in solution.events if e.kind != "crossing"] == ["touch-down", "lift-off"]
+        assert solution.events[0].time == pytest.approx(0.04, abs=1e-15)
+        assert solution.x[1, -1] == pytest.approx(-2.5 * restitution(eta), abs=100 * rtol)
+        assert solution.cost["steps"] < 100
+
+
 def test_a_contact_with_memory_of_its_indentation_loses_force_where_its_table_says():
     # Unilateral standard linear solid: force and creep switch on one surface, written in two ways.
     p, w, a = sp.symbols("p w a", real=True)

@@ -12,7 +12,7 @@ from numba import types
 from scipy.integrate._ivp import dop853_coefficients as dop
 
 from .compiling import kernel, unit
-from .pointers import call_fields, call_newton
+from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved
 from .state import SOLVED, Control, Problem, State, Work
 
@@ -107,7 +107,7 @@ def _polynomials(P, S, W, h):
         found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
     for i in range(n):
         step = W.after[i] - W.rk_x[i]
-        for c in range(_DEGREE + 1):
+        for c in range(rows.shape[1]):
             rows[i, c] = 0.0
         for part in range(7):
             if part == 0:
@@ -125,7 +125,7 @@ def _polynomials(P, S, W, h):
                 rows[i, c] += value * _BASIS[part, c]
         rows[i, 0] += W.rk_x[i]
     for r in range(m + surfaces):
-        for c in range(_DEGREE + 1):
+        for c in range(rows.shape[1]):
             rows[n + r, c] = 0.0
     _restore(P, S, W)
     for q in range(_DEGREE + 1):
@@ -150,6 +150,24 @@ def _polynomials(P, S, W, h):
         for r in range(n + m + surfaces):
             rows[r, c] *= scale
     return found
+
+
+@kernel
+def _linear_terms(P, S, W):
+    """Overwrites W.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
+    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    W.rows[:, :] = 0.0
+    for i in range(P.n):
+        W.rows[i, 0] = S.x[i]
+        W.rows[i, 1] = W.dx[i]
+    for j in range(P.m):
+        W.rows[P.n + j, 0] = S.mult[j]
+    for i in range(P.m + P.ne):
+        slope = W.dh[(P.m + P.ne) * P.n + i]
+        for k in range(P.n):
+            slope += W.dh[i * P.n + k] * W.dx[k]
+        W.rows[P.n + P.m + i, 0] = W.h[i]
+        W.rows[P.n + P.m + i, 1] = slope
 
 
 @unit(
@@ -187,7 +205,11 @@ def rk_step(P, C, S, W, h, refine):
             else:
                 h *= max(0.2, 0.9 * error**-0.125)
             if h <= 1e-15 * abs(S.now[0]) + 1e-300:
-                return 0.0
+                break
+        _restore(P, S, W)
+        _rate(P, S, W, S.now[0], W.rk_k, 0)
+        _linear_terms(P, S, W)
+        return 0.0
         return math.nan
     for sweep in range(8):
         _restore(P, S, W)

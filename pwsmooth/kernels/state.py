@@ -59,7 +59,8 @@ class Problem(Bundle):
     newton_unit: "int"
     layer_unit: "int"
     fold_unit: "int"
-    rk_unit: "int"  # 0 where jets make the steps
+    rk_unit: "int"  # 0 where no step can need the Runge-Kutta pair
+    pair: "int"  # 1: the pair makes every step; 0: only those that have no Taylor series
     start_unit: "int"
     instant_unit: "int"
     n: "int"
@@ -76,6 +77,7 @@ class Problem(Bundle):
     rows_slip: "i8[1]"  # (m + ne,) row of each surface
     rows_general: "i8[1]"
     rows_fold: "i8[1]"
+    rows_pair: "i8[1]"
     mult_row: "int"
     fold_bias: "f8[1]"  # parameters of the fold program: p, then the m entries of c
     sigmoid: "int"

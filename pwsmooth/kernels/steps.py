@@ -80,7 +80,7 @@ def step_within(e0, e1, order, longest):
 
 @kernel
 def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
-    """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
+    """Step at which the last two orders fall below the tolerance (summed: a nan shows); lambda counts 100 times stronger.
 
     Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time.
     """
@@ -88,14 +88,14 @@ def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
     e0, e1 = 0.0, 0.0
     for i in range(P.n):
         weight = 1.0 / (atol[i] + rtol * abs(x[i]))
-        e0 = max(e0, abs(rows[i, K - 1]) * weight)
-        e1 = max(e1, abs(rows[i, K]) * weight)
+        e0 += abs(rows[i, K - 1]) * weight
+        e1 += abs(rows[i, K]) * weight
     if any_solved:
         for j in range(P.m):
             if S.status[j] == SOLVED:
                 weight = 100.0 / (rtol * (1.0 + abs(S.mult[j])))
-                e0 = max(e0, abs(rows[mult_row + j, K - 1]) * weight)
-                e1 = max(e1, abs(rows[mult_row + j, K]) * weight)
+                e0 += abs(rows[mult_row + j, K - 1]) * weight
+                e1 += abs(rows[mult_row + j, K]) * weight
     return step_within(e0, e1, K, C.max_step)
 
 
@@ -182,6 +182,6 @@ def fold_step_size(P, C, S, rows):
             weight = 1.0 / (1e-3 * C.rtol * (1.0 + abs(S.now[0])))
         else:
             weight = 100.0 / C.rtol
-        e0 = max(e0, abs(rows[i, K - 1]) * weight)
-        e1 = max(e1, abs(rows[i, K]) * weight)
+        e0 += abs(rows[i, K - 1]) * weight
+        e1 += abs(rows[i, K]) * weight
     return step_within(e0, e1, K, 0.5)  # at most a quarter of the multiplier's whole range

@@ -153,7 +153,7 @@ def _carried_through(s, t, x):
             s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
     for j in range(s.e):
-        if s.kind[j] != S.TIMED and s.due[j] != 2:
+        if s.kind[j] != S.TIMED:
             old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
             if old * new < 0.0 and (s.kind[j] == S.BOTH or s.kind[j] == new):
                 s.due[j] = 1
@@ -187,7 +187,7 @@ def fire(s, t, x):
         for j in range(s.e):
             if s.due[j] != 1:
                 continue
-            s.due[j] = 2
+            s.due[j] = 0
             if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
             fired = True

@@ -230,6 +230,8 @@ def integrate(places, steps):
         if accepted == 0:
             if num[S.TAKEN] != num[S.TAKEN]:
                 return S.NOT_FINITE
+            if num[S.TAKEN] == S.TOO_SHORT:
+                return S.UNDERFLOW
             cnt[S.REJECTIONS] += 1
             continue
         if num[S.TAKEN] == stop - t:

@@ -91,6 +91,7 @@ class Core(NamedTuple):
 
 N_SIZES, N_INTEGERS = 7, 10
 STRIDE = 24
+TOO_SHORT = -1.0  # in num[TAKEN]: no step of this length moves the time
 
 
 @register_jitable

@@ -107,7 +107,7 @@ def taylor_reach(s):
 
 @fused
 def taylor_step(s):
-    """One attempt of at most num[H]; whether it was accepted. A coefficient that is nan leaves num[TAKEN] nan."""
+    """One attempt of at most num[H]; whether it was accepted; num[TAKEN] nan for a coefficient that is, or TOO_SHORT."""
     adr, num, cnt, n = s.adr, s.num, s.cnt, s.n
     K = cnt[S.K]
     block = (n + s.q) * S.STRIDE
@@ -117,6 +117,9 @@ def taylor_step(s):
         num[S.TAKEN] = np.nan
         return False
     h = min(num[S.H], natural)
+    if h < 4.0 * np.finfo(np.float64).eps * abs(num[S.T]):
+        num[S.TAKEN] = S.TOO_SHORT
+        return False
     gate = taylor_passed(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, h, s.scratch)
     if gate > 0.0:
         return _reject(s, gate * h)

@@ -161,6 +161,25 @@ def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
 
 
 @kernel
+def _reach_singular_surface(P, S, rows, surface_rows, h):
+    """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
+
+    There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
+    """
+    reach = 1e-11 * (1.0 + abs(S.now[0]))
+    for i in range(P.m + P.ne):
+        row = surface_rows[i]
+        if row >= 0 and rows[row, 1] != 0.0:
+            left = -rows[row, 0] / rows[row, 1]
+            if 0.0 < left < reach:
+                for r in range(rows.shape[0]):
+                    for k in range(2, rows.shape[1]):
+                        rows[r, k] = 0.0
+                return 2.0 * left
+    return h
+
+
+@kernel
 def next_stop(C, S):
     """The end of the span or the next instant of a time event, whichever comes first."""
     if S.counts[C_CLOCK] < len(C.clock):
@@ -203,20 +222,26 @@ def run(P, C, S, R, W):
                 return NEWTON_FAILED
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
-        if P.rk_unit != 0:
-            mult_row, surface_rows = n, P.rows_general
-            limit = min(C.max_step, next_stop(C, S) - S.now[0])
-            h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], limit), -1)
-        else:
+        by_pair = P.pair != 0
+        h = math.nan
+        if not by_pair:
             mult_row = take_jet(P, C, S, any_solved, W)
             if mult_row < 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
             h = taylor_step_size(P, C, S, rows, x, C.atol, mult_row, any_solved)
+        if math.isnan(h) and P.rk_unit != 0:
+            # No Taylor series from here: a power that vanishes at an event, such as delta^1.5 at touch-down.
+            by_pair = True
+            mult_row, surface_rows = n, P.rows_pair
+            longest = min(C.max_step, next_stop(C, S) - S.now[0])
+            h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], longest), -1)
         if math.isnan(h):
             return NOT_FINITE
+        if h < 1e-12 * (1.0 + abs(S.now[0])):
+            h = _reach_singular_surface(P, S, rows, surface_rows, h)
         fold = -1
-        if any_solved and P.jet_fold != 0:
+        if any_solved and P.jet_fold != 0 and not by_pair:
             fold = near_fold(P, S, rows, mult_row, h)
         toward, time_row = 0, -1
         if fold >= 0:
@@ -260,7 +285,7 @@ def run(P, C, S, R, W):
         if happened:
             fraction, capped = best, False
         s_end = fraction * h
-        if happened and P.rk_unit != 0:
+        if happened and by_pair and h > 1e-11 * (1.0 + abs(t0)):
             met = 0
             for i in range(m + P.ne):
                 if W.tau[i] < W.tau[met]:
@@ -268,7 +293,7 @@ def run(P, C, S, R, W):
             s_end = call_rk(P.rk_unit, P, C, S, W, s_end, met)
             if math.isnan(s_end):
                 return NOT_FINITE
-            fraction = min(fraction, 0.5)
+            fraction = 0.5  # a new s_end: its powers are to be made
         if fraction < 1.0:
             powers(power, s_end)
         t_new = dot(rows[time_row], power, K + 1) if time_row >= 0 else t0 + s_end
@@ -287,8 +312,7 @@ def run(P, C, S, R, W):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], power, K + 1)
         S.now[0] = t_new
-        if P.rk_unit != 0:
-            S.now[1] = W.answer[5]
+        S.now[1] = W.answer[5] if by_pair else h
         total = 0.0
         for i in range(n):
             total += abs(x[i])
