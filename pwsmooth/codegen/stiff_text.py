@@ -80,6 +80,8 @@ class Writer:
         for a in self.graph.reachable(roots):
             self.assign(a, "    ", {"time": time, "state": f"{states}[%d]", "par": f"{parameters}[%d]"})
         self.lines += [f"    {place} = {self.name(a)}" for place, a in zip(targets, roots, strict=True)]
+        if not roots:
+            self.lines.append("    pass")
 
     def lanes(self, roots, rows, out, *, hoisted=None) -> None:
         """The same at 8 points at once: t[k], x[8 i + k] and `hoisted` nodes from rows of c; out[8 row + k]."""
