@@ -144,7 +144,7 @@ def integrate(
     atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
     units = np.array([u.address for u in loop.UNITS], dtype=np.int64)
     run = _run(S, compiled, units, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
-    places = np.array([a.ctypes.data if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64)
+    places = np.array([a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64)
     n, chunk = compiled.n, loop.integrate.ctypes
     first = ctypes.cast(places.ctypes.data, ctypes.POINTER(ctypes.c_int64))
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
@@ -193,8 +193,8 @@ def _run(S, compiled, units, p, atol, num, cnt, x0, instants, dense, t_eval):
         n=n, q=q, e=e, capacity=_CHUNK, room=room, evals=len(wanted), instants=len(instants[0]),
         adr=np.concatenate([compiled.address, units]), surface_state=compiled.surface_state,
         surface_row=compiled.surface_row, cnt=cnt, kind=integers(kind),
-        stops=integers([event.terminal for event in model.events]), due=integers([0] * e),
-        degree=integers([0] * _CHUNK), event_index=integers([0] * room), instant_event=instants[1],
+        stops=integers([event.terminal for event in model.events]), due=np.zeros(e, np.int64),
+        degree=np.zeros(_CHUNK, np.int64), event_index=np.zeros(room, np.int64), instant_event=instants[1],
         p=p, atol=np.array(atol), num=num, x=np.array(x0, float), f=np.zeros(n), start=np.zeros(n),
         poly=np.zeros((n, 8)), rows=np.zeros((2, n + q, S.STRIDE)), power=1.0 / (1.0 + np.arange(n)),
         surf=np.zeros((q, n + 3)), J=np.zeros((n, n)), lu=np.zeros((compiled.n_slots or n * n + n, 8)),

@@ -1,6 +1,7 @@
 """Generated functions of the stiff path against independent computations."""
 
 import ctypes
+import dataclasses
 
 import mpmath
 import numpy as np
@@ -96,8 +97,14 @@ def test_rates_and_jacobian_are_those_of_sympy(model):
         assert np.allclose(out8, J(times[k], state, p), rtol=1e-12, atol=1e-12)
 
 
-def test_the_hidden_term_keeps_its_digits_far_outside_the_layer():
-    compiled = codegen.compile_stiff(friction())
+@pytest.mark.parametrize("form", ["u", "v"])
+def test_the_hidden_term_keeps_its_digits_far_outside_the_layer(form):
+    model = friction()
+    if form == "v":  # lam**2 = v**2/(eps**2 + v**2), as a System writes it
+        (v, width), beta = model.smoothing[0], model.parameters[1]
+        last = (1 - v**2 / (width**2 + v**2) - model.states[2]) / beta
+        model = dataclasses.replace(model, rhs=(*model.rhs[:2], last))
+    compiled = codegen.compile_stiff(model)
     p, out = values(1e-6, 1.0), np.zeros(3)
     call(compiled, "rates1", 0.0, np.array([0.0, 5.0, 0.0]), p, out)
     exact = 1 / (1 + (5.0 / 1e-6) ** 2)  # 1 - lam**2 in doubles has no digit left here

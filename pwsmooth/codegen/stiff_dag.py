@@ -43,6 +43,7 @@ class Graph:
         self._leaf |= {s: ("state", i) for i, s in enumerate(states)}
         self._leaf |= {s: ("par", i) for i, s in enumerate(parameters)}
         self._root_bases: set = set()
+        self._states = frozenset(states)
 
     def node(self, *op) -> int:
         if op in self._known:
@@ -109,7 +110,7 @@ class Graph:
 
     def add_expressions(self, expressions) -> list[int]:
         """Nodes of sympy expressions; powers -1/2, -3/2, ... of one base share one reciprocal root."""
-        expressions = [tidy(sp.sympify(e)) for e in expressions]
+        expressions = [tidy(sp.sympify(e), self._states) for e in expressions]
         for e in expressions:
             for p in e.atoms(sp.Pow):
                 if p.exp.is_Rational and p.exp.q == 2 and p.exp < 0:
@@ -251,20 +252,21 @@ def operands(op) -> tuple[int, ...]:
     return op[1:2] if kind == "pow" else op[1:]
 
 
-def tidy(e):
-    """q/(1+q) -> 1 - 1/(1+q) throughout: 1 - lam**2 of the algebraic sigmoid then cancels in symbols.
+def tidy(e, states):
+    """q/(q + r) -> 1 - r/(q + r) throughout, where r has no state: 1 - lam**2 of the algebraic sigmoid then cancels.
 
-    In numbers 1 - u**2/(1 + u**2) loses every digit of the hidden term outside the layer.
+    In numbers 1 - v**2/(eps**2 + v**2) loses every digit of the hidden term outside the layer.
     """
+
     def rewrite(m):
         for factor in m.args:
             if factor.is_Pow and factor.exp == -1 and factor.base.is_Add:
-                q = factor.base - 1
-                ratio = m / factor / q
-                if ratio.is_Number:
-                    return ratio * (1 - factor)
+                for q in factor.base.args:
+                    rest = factor.base - q
+                    if states.isdisjoint(rest.free_symbols) and not states.isdisjoint(q.free_symbols):
+                        ratio = m / factor / q
+                        if ratio.is_Number:
+                            return ratio * (1 - rest * factor)
         return m
 
-    if not e.has(sp.Pow):
-        return e
-    return e.replace(lambda m: m.is_Mul, rewrite)
+    return e.replace(lambda m: m.is_Mul, rewrite) if e.has(sp.Pow) else e
