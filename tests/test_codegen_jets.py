@@ -263,6 +263,14 @@ def test_only_the_active_branch_of_a_selection_is_evaluated():
     assert rows[1, 1] == pytest.approx(-(0.5**1.5) - 0.5, rel=1e-15) and np.all(np.isfinite(rows[:2, :K + 1]))
 
 
+@pytest.mark.parametrize("mask", [None, (0,)])
+def test_a_state_that_only_an_idle_branch_reads_keeps_its_row(mask):
+    model = Model(t, (x, y), (a,), (a, Select(lam, t, sp.sin(x))), (Multiplier(lam, "switch", -lam, y),))
+    rows, _ = jet(model, (0.5, 0.8), (0.7,), (1.0,), mask)
+    np.testing.assert_array_equal(rows[0, :4], [0.5, 0.7, 0.0, 0.0])
+    np.testing.assert_array_equal(rows[1, :4], [0.8, 0.0, 0.5, 0.0])
+
+
 def test_a_solved_selection_takes_its_affine_form():
     # x' = 0.3 + sin(t)/2 - Select(lam, 1 + t, -1): slides with lam = ((0.3 + sin t/2) - t/2)/(1 + t/2)
     rate = sp.Rational(3, 10) + sp.sin(t) / 2 - Select(lam, 1 + t, sp.Integer(-1))

@@ -135,8 +135,10 @@ class JetProgram:
 
         start = Writer(1)
         order_0 = OrderZero(graph, start, degrees, self.solved, order_k.reciprocals)
-        self._open(start, order_0, roots)
-        order_0.emit(roots)
+        # States first: their rows are needed even where only a branch that is not taken reads them.
+        everywhere = [*self.states, *self.unknowns, *roots]
+        self._open(start, order_0, everywhere)
+        order_0.emit(everywhere)
         # Rows and carried values that no root needs at order 0 (slopes of affine states).
         order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])
         scratch = 4 * len(order_k.products)
