@@ -108,9 +108,10 @@ class CompiledProblem:
     def work(self, order: int):
         """Scratch arrays for one run."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
-        width = order + load_kernels("state").PAD
+        width = -(-(order + load_kernels("state").PAD) // 4) * 4  # loops run in blocks of four
         bernstein_tables = load_kernels("roots").bernstein_tables
         return load_kernels("state").Work(
+            order=order,
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),

@@ -19,7 +19,7 @@ from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
-_CHUNK = 16384  # points recorded between two visits to Python: Ctrl-C works there
+_ROOM = 1024  # points that the first buffers hold
 
 
 def solve(
@@ -160,6 +160,7 @@ class _EventDriven:
         self.names = load_kernels("state")
         model = self.model = system.model
         parts = compiled_problem(model)
+        self.sizes = parts.code
         if method == "taylor" and not parts.has_jets:
             raise ValueError("`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'.")
         pair = method == "rk" or not parts.has_jets
@@ -182,39 +183,49 @@ class _EventDriven:
             now=np.array([t0, min(1e-3, self.control["max_step"])]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
             side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
-        cap, dense_cap = _CHUNK, (_CHUNK if self.dense else 0)
-        asked = np.empty(0) if self.times is None else self.times
-        record = names.Record(
-            t=np.empty(cap), x=np.empty((cap, n)), mult=np.empty((cap, m)), status=np.empty((cap, m), np.int8),
-            event_t=np.empty(cap), event=np.empty((cap, 4), np.int64),
-            ambiguity_t=np.empty(64), ambiguity=np.empty((64, 3), np.int64),
-            dense=np.empty((dense_cap, n + m + 1, self.order + 1)), dense_s=np.empty(dense_cap),
-            t_eval=asked, x_eval=np.empty((len(asked), n)), mult_eval=np.empty((len(asked), m)),
-        )
-        self.points, self.happened, self.unclear, self.pieces = [], [], [], []
-        while True:
-            code = self.kernel.run(self.problem, control, state, record, self.work)
-            counts = state.counts
-            k = counts[names.C_POINTS]
-            self.points.append((record.t[:k].copy(), record.x[:k].copy(), record.mult[:k].copy(), record.status[:k].copy()))
-            k = counts[names.C_EVENTS]
-            self.happened.append((record.event_t[:k].copy(), record.event[:k].copy()))
-            k = counts[names.C_AMBIGUITIES]
-            self.unclear.append((record.ambiguity_t[:k].copy(), record.ambiguity[:k].copy()))
-            k = counts[names.C_DENSE]
-            self.pieces.append((record.dense[:k].copy(), record.dense_s[:k].copy()))
-            counts[[names.C_POINTS, names.C_EVENTS, names.C_AMBIGUITIES, names.C_DENSE]] = 0
-            if code != names.FULL:
-                break
+        record = self._record(_ROOM, None, state.counts)
+        while (code := self.kernel.run(self.problem, control, state, record, self.work)) == names.FULL:
+            # Between two visits Ctrl-C works; the room grows geometrically.
+            record = self._record(4 * len(record.t), record, state.counts)
         self.code, self.state, self.record = code, state, record
+
+    def _record(self, room, old, counts):
+        """Buffers for `room` points and events, with what `old` holds copied over."""
+        names, n, m = self.names, self.sizes.n, self.sizes.m
+        dense = room if self.dense else 0
+        asked = np.empty(0) if self.times is None else self.times
+        new = names.Record(
+            t=np.empty(room), x=np.empty((room, n)), mult=np.empty((room, m)), status=np.empty((room, m), np.int8),
+            event_t=np.empty(room), event=np.empty((room, 4), np.int64),
+            ambiguity_t=np.empty(room), ambiguity=np.empty((room, 3), np.int64),
+            dense=np.empty((dense, n + m + 1, self.order + 1)), dense_s=np.empty(dense),
+            t_eval=asked, x_eval=old.x_eval if old else np.empty((len(asked), n)),
+            mult_eval=old.mult_eval if old else np.empty((len(asked), m)),
+        )  # fmt: skip
+        if old:
+            for name, count in self._counted(counts):
+                getattr(new, name)[:count] = getattr(old, name)[:count]
+        return new
+
+    def _counted(self, counts):
+        """Every buffer with the number of its entries."""
+        names = self.names
+        for count, buffers in (
+            (names.C_POINTS, ("t", "x", "mult", "status")),
+            (names.C_EVENTS, ("event_t", "event")),
+            (names.C_AMBIGUITIES, ("ambiguity_t", "ambiguity")),
+            (names.C_DENSE, ("dense", "dense_s")),
+        ):
+            for name in buffers:
+                yield name, int(counts[count])
 
     def finish(self) -> Solution:
         """The Solution, in words."""
         names, model, counts = self.names, self.model, self.state.counts
-        t, x, mult, status = (np.concatenate(parts) for parts in zip(*self.points, strict=True))
-        status = np.where(status == names.HELD, 0, status)
-        event_t, event = (np.concatenate(parts) for parts in zip(*self.happened, strict=True))
-        when, what = (np.concatenate(parts) for parts in zip(*self.unclear, strict=True))
+        kept = {name: getattr(self.record, name)[:count] for name, count in self._counted(counts)}
+        t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
+        status[status == names.HELD] = 0
+        event_t = kept["event_t"]
         outcome = _outcomes(names)[self.code]
         cost = {
             "steps": int(counts[names.C_STEPS]),
@@ -222,20 +233,18 @@ class _EventDriven:
             "events": len(event_t),
             "layers": int(counts[names.C_LAYERS]),
         }
-        dense = self._dense() if self.dense else None
+        dense = self._dense(kept["dense"], kept["dense_s"]) if self.dense else None
         if self.times is not None:
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
             column = np.clip(np.searchsorted(t, self.times[:k], side="right") - 1, 0, len(t) - 1)
-            column = np.where(t[column] == self.times[:k], column, np.minimum(column + 0, len(t) - 1))
             t, x, mult, status = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k], status[column]
         return Solution(
-            self.system, t, x.T, mult.T, status.T, _events_in_words(names, model, event_t, event), dense, outcome, cost,
-            self.tolerances, _ambiguities_in_words(names, model, when, what), self.values,
+            self.system, t, x.T, mult.T, status.T, _events_in_words(names, model, event_t, kept["event"]), dense, outcome, cost,
+            self.tolerances, _ambiguities_in_words(names, model, kept["ambiguity_t"], kept["ambiguity"]), self.values,
         )
 
-    def _dense(self) -> Dense:
-        blocks, lengths = (np.concatenate(parts) for parts in zip(*self.pieces, strict=True))
+    def _dense(self, blocks, lengths) -> Dense:
         n = len(self.model.states)
         time = blocks[:, -1]
         ends = np.zeros(len(lengths))

@@ -10,7 +10,8 @@ from numba import cfunc
 from numba.extending import register_jitable
 
 kernel = register_jitable(error_model="numpy")
-reassociating_kernel = register_jitable(error_model="numpy", fastmath={"reassoc", "contract"})
+# A few lines each, called every step: as calls they would cost more in passing arrays than in work.
+inlined_kernel = register_jitable(error_model="numpy", forceinline=True, fastmath={"reassoc", "contract"})
 
 
 def unit(signature):

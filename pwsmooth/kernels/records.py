@@ -1,10 +1,10 @@
 """Writing what happened into the Record buffers."""
 
-from .compiling import kernel
+from .compiling import inlined_kernel, kernel
 from .state import C_AMBIGUITIES, C_EVENTS, C_POINTS
 
 
-@kernel
+@inlined_kernel
 def record_point(P, S, R):
     i = S.counts[C_POINTS]
     R.t[i] = S.now[0]

@@ -11,9 +11,9 @@ import numpy as np
 
 from numba import types
 
-from .compiling import kernel, reassociating_kernel, unit
+from .compiling import kernel, inlined_kernel, unit
 from .pointers import at, call_root, put
-from .state import PAD, Work
+from .state import Work
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -21,21 +21,22 @@ TABLES = 5  # known zeros at a step's start: up to three, one more at rounding l
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 
 
-@kernel
+@inlined_kernel
 def low_bounds(a):
     """Smallest and largest Bernstein coefficient of a[0] + ... + a[6] s^6 on [0, 1], written out."""
-    b1 = at(a, 0) + at(a, 1) / 6.0
-    b2 = at(a, 0) + at(a, 1) / 3.0 + at(a, 2) / 15.0
-    b3 = at(a, 0) + 0.5 * at(a, 1) + 0.2 * at(a, 2) + 0.05 * at(a, 3)
-    b4 = at(a, 0) + (2.0 / 3.0) * at(a, 1) + 0.4 * at(a, 2) + 0.2 * at(a, 3) + at(a, 4) / 15.0
-    b5 = at(a, 0) + (5.0 / 6.0) * at(a, 1) + (2.0 / 3.0) * at(a, 2) + 0.5 * at(a, 3) + at(a, 4) / 3.0 + at(a, 5) / 6.0
-    b6 = ((at(a, 0) + at(a, 1)) + (at(a, 2) + at(a, 3))) + ((at(a, 4) + at(a, 5)) + at(a, 6))
-    lo = min(min(min(at(a, 0), b1), min(b2, b3)), min(min(b4, b5), b6))
-    hi = max(max(max(at(a, 0), b1), max(b2, b3)), max(max(b4, b5), b6))
+    a0, a1, a2, a3, a4, a5 = at(a, 0), at(a, 1), at(a, 2), at(a, 3), at(a, 4), at(a, 5)
+    b1 = a0 + (1.0 / 6.0) * a1
+    b2 = a0 + (1.0 / 3.0) * a1 + (1.0 / 15.0) * a2
+    b3 = a0 + 0.5 * a1 + 0.2 * a2 + 0.05 * a3
+    b4 = a0 + (2.0 / 3.0) * a1 + 0.4 * a2 + 0.2 * a3 + (1.0 / 15.0) * a4
+    b5 = a0 + (5.0 / 6.0) * a1 + (2.0 / 3.0) * a2 + 0.5 * a3 + (1.0 / 3.0) * a4 + (1.0 / 6.0) * a5
+    b6 = ((a0 + a1) + (a2 + a3)) + ((a4 + a5) + at(a, 6))
+    lo = min(min(min(a0, b1), min(b2, b3)), min(min(b4, b5), b6))
+    hi = max(max(max(a0, b1), max(b2, b3)), max(max(b4, b5), b6))
     return lo, hi
 
 
-@reassociating_kernel
+@inlined_kernel
 def remainder(a, degree):
     """Bound of the terms above degree 6 on [0, 1]; a is zero from degree + 1 on, up to a multiple of 4."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, abs(at(a, _LOW + 1))
@@ -64,7 +65,7 @@ def bernstein_tables(order, width):
 @kernel
 def _to_bernstein(W, degree, b):
     """Overwrites b with the Bernstein coefficients of W.poly on [0, 1], by columns: no chain from one to the next."""
-    a, table = W.poly, W.bernstein_table[len(W.poly) - PAD - degree]
+    a, table = W.poly, W.bernstein_table[W.order - degree]
     for start in range(0, degree + 1, 8):
         b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(min(start + 8, degree + 1)):
@@ -203,7 +204,7 @@ def isolate(W, degree):
             return NO_ROOT
 
 
-@kernel
+@inlined_kernel
 def first_root(P, W, poly, degree):
     """First s in [0, 1] where the polynomial `poly` (which is W.poly), positive at 0, ceases to be positive; NO_ROOT if there is none.
 

@@ -8,7 +8,7 @@ import math
 
 from numba import types
 
-from .compiling import kernel, unit
+from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .state import ALGEBRAIC, CONTACT, SOLVED, Problem, State, Work
 
@@ -77,7 +77,7 @@ def newton(P, S, W):
     return 1 if change < 1e-10 else 0
 
 
-@kernel
+@inlined_kernel
 def follow(P, S, W):
     """Newton only where a masked residual is above rounding: the usual case costs one evaluation."""
     call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -88,7 +88,7 @@ def follow(P, S, W):
     return clean or call_newton(P.newton_unit, P, S, W) != 0
 
 
-@kernel
+@inlined_kernel
 def mask_solved(P, S, W):
     """Overwrites W.mask: the multipliers that are solved now."""
     for j in range(P.m):

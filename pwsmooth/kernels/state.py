@@ -139,6 +139,7 @@ class Record(Bundle):
 class Work(Bundle):
     """Scratch arrays, overwritten by everybody."""
 
+    order: "int"  # of the polynomials
     dx: "f8[1]"
     h: "f8[1]"
     g: "f8[1]"

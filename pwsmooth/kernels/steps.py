@@ -8,13 +8,13 @@ import math
 
 from numba import types
 
-from .compiling import kernel, reassociating_kernel, unit
+from .compiling import kernel, inlined_kernel, unit
 from .pointers import at, bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits, put
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
 
 
-@reassociating_kernel
+@inlined_kernel
 def dot(row, power, count):
     """sum row[k] power[k] for k < count, in four chains: rows are zero from count on, up to the next multiple of 4."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
@@ -26,25 +26,25 @@ def dot(row, power, count):
     return (s0 + s1) + (s2 + s3)
 
 
-@kernel
+@inlined_kernel
 def powers(power, h):
-    """Overwrites all of power with 1, h, h^2, ... (blocks of eight: no serial product)."""
-    h2 = h * h
-    h4 = h2 * h2
-    h8 = h4 * h4
-    put(power, 0, 1.0)
-    put(power, 1, h)
-    put(power, 2, h2)
-    put(power, 3, h2 * h)
-    put(power, 4, h4)
-    put(power, 5, h4 * h)
-    put(power, 6, h4 * h2)
-    put(power, 7, h4 * at(power, 3))
-    for k in range(8, len(power)):
-        put(power, k, at(power, k - 8) * h8)
+    """Overwrites all of power with 1, h, h^2, ...: four chains of h^4, kept in registers."""
+    a, b = 1.0, h
+    c = h * h
+    d = c * h
+    h4 = c * c
+    for k in range(0, len(power), 4):
+        put(power, k, a)
+        put(power, k + 1, b)
+        put(power, k + 2, c)
+        put(power, k + 3, d)
+        a *= h4
+        b *= h4
+        c *= h4
+        d *= h4
 
 
-@kernel
+@inlined_kernel
 def scaled(row, power, poly, degree, drop, sign):
     """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
     for k in range(0, max(degree - drop, 6) + 1, 4):
@@ -58,14 +58,14 @@ def scaled(row, power, poly, degree, drop, sign):
         put(poly, k + 3, d)
 
 
-@kernel
+@inlined_kernel
 def _root_of(e, k):
     """e^(-1/k), to a few per cent: the exponent bits with the mantissa as a linear fraction, there and back."""
     bits = float_bits(e) * (1.0 / 4503599627370496.0) - 1023.0
     return bits_float(int((1023.0 - bits / k) * 4503599627370496.0))
 
 
-@kernel
+@inlined_kernel
 def step_within(e0, e1, order, longest):
     """Step at which both of the last two terms, in units of the tolerance, are below 1; nan if they are not finite."""
     if not e0 + e1 < math.inf:
@@ -78,28 +78,30 @@ def step_within(e0, e1, order, longest):
     return 0.9 * h
 
 
-@kernel
+@inlined_kernel
 def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
-    """Step at which the last two orders fall below the tolerance (summed: a nan shows); lambda counts 100 times stronger.
+    """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
 
     Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time.
     """
     K, rtol = C.order, C.rtol
-    e0, e1 = 0.0, 0.0
+    e0, e1, finite = 0.0, 0.0, 0.0
     for i in range(P.n):
         weight = 1.0 / (atol[i] + rtol * abs(x[i]))
-        e0 += abs(rows[i, K - 1]) * weight
-        e1 += abs(rows[i, K]) * weight
+        e0 = max(e0, abs(rows[i, K - 1]) * weight)
+        e1 = max(e1, abs(rows[i, K]) * weight)
+        finite += rows[i, K] * 0.0  # a nan is lost in max()
     if any_solved:
         for j in range(P.m):
             if S.status[j] == SOLVED:
                 weight = 100.0 / (rtol * (1.0 + abs(S.mult[j])))
-                e0 += abs(rows[mult_row + j, K - 1]) * weight
-                e1 += abs(rows[mult_row + j, K]) * weight
-    return step_within(e0, e1, K, C.max_step)
+                e0 = max(e0, abs(rows[mult_row + j, K - 1]) * weight)
+                e1 = max(e1, abs(rows[mult_row + j, K]) * weight)
+                finite += rows[mult_row + j, K] * 0.0
+    return step_within(e0 + finite, e1, K, C.max_step)
 
 
-@kernel
+@inlined_kernel
 def take_jet(P, C, S, any_solved, work):
     """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, or -1 if it failed."""
     stride = work.rows.shape[1]
@@ -174,7 +176,7 @@ def fold_jet(P, C, S, W, j, toward):
 def fold_step_size(P, C, S, rows):
     """Step along the arc, by the same rule; the multipliers are states of this program."""
     K, n, m = C.order, P.n, P.m
-    e0, e1 = 0.0, 0.0
+    e0, e1, finite = 0.0, 0.0, 0.0
     for i in range(n + 1 + m):
         if i < n:
             weight = 1.0 / (C.atol[i] + C.rtol * abs(S.x[i]))
@@ -182,6 +184,7 @@ def fold_step_size(P, C, S, rows):
             weight = 1.0 / (1e-3 * C.rtol * (1.0 + abs(S.now[0])))
         else:
             weight = 100.0 / C.rtol
-        e0 += abs(rows[i, K - 1]) * weight
-        e1 += abs(rows[i, K]) * weight
-    return step_within(e0, e1, K, 0.5)  # at most a quarter of the multiplier's whole range
+        e0 = max(e0, abs(rows[i, K - 1]) * weight)
+        e1 = max(e1, abs(rows[i, K]) * weight)
+        finite += rows[i, K] * 0.0
+    return step_within(e0 + finite, e1, K, 0.5)  # at most a quarter of the multiplier's whole range

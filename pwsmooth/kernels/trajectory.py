@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from .compiling import kernel
+from .compiling import inlined_kernel, kernel
 from .pointers import call_fold, call_rk, call_unit
 from .records import record_point
 from .roots import NO_ROOT, first_root, low_bounds, remainder
@@ -40,7 +40,7 @@ from .steps import dot, fold_step_size, near_fold, powers, scaled, take_jet, tay
 from .twofolds import two_fold
 
 
-@kernel
+@inlined_kernel
 def _meet(P, row, power, degree, drop, sign, W, poly):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
     scaled(row, power, poly, degree, drop, sign)
@@ -54,7 +54,7 @@ def _meet(P, row, power, degree, drop, sign, W, poly):
     return first_root(P, W, poly, degree - drop)
 
 
-@kernel
+@inlined_kernel
 def _meet_bounds(P, S, row, power, degree, j, W, poly):
     """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.exit_side."""
     scaled(row, power, poly, degree, 0, 1.0)
@@ -75,7 +75,7 @@ def _meet_bounds(P, S, row, power, degree, j, W, poly):
     return best
 
 
-@kernel
+@inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
     """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
     m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
@@ -179,7 +179,7 @@ def _reach_singular_surface(P, S, rows, surface_rows, h):
     return h
 
 
-@kernel
+@inlined_kernel
 def next_stop(C, S):
     """The end of the span or the next instant of a time event, whichever comes first."""
     if S.counts[C_CLOCK] < len(C.clock):
@@ -187,7 +187,7 @@ def next_stop(C, S):
     return C.t_end
 
 
-@kernel
+@inlined_kernel
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
