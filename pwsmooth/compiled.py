@@ -122,7 +122,7 @@ class CompiledProblem:
             matrix=np.zeros((m + 1, m + 1)),
             code=np.zeros(8),
             answer=np.zeros(8),
-            **{name: np.zeros(width) for name in ("power", "poly", "fold_slope")},
+            **{name: np.zeros(width) for name in ("power", "poly", "first", "second", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit")},
             **{name: np.zeros(ne) for name in ("pending",)},

@@ -19,7 +19,7 @@ from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
-_ROOM = 1024  # points that the first buffers hold
+_ROOM, _NEXT_ROOM = 1024, 65536  # points that the first buffers hold, and the next
 
 
 def solve(
@@ -186,7 +186,7 @@ class _EventDriven:
         record = self._record(_ROOM, None, state.counts)
         while (code := self.kernel.run(self.problem, control, state, record, self.work)) == names.FULL:
             # Between two visits Ctrl-C works; the room grows geometrically.
-            record = self._record(4 * len(record.t), record, state.counts)
+            record = self._record(max(4 * len(record.t), _NEXT_ROOM), record, state.counts)
         self.code, self.state, self.record = code, state, record
 
     def _record(self, room, old, counts):
@@ -194,13 +194,23 @@ class _EventDriven:
         names, n, m = self.names, self.sizes.n, self.sizes.m
         dense = room if self.dense else 0
         asked = np.empty(0) if self.times is None else self.times
+        shapes = {
+            "t": (room,), "x": (room, n), "mult": (room, m), "event_t": (room,), "event": (room, 4),
+            "ambiguity_t": (room,), "ambiguity": (room, 3), "dense": (dense, n + m + 1, self.order + 1), "dense_s": (dense,),
+            "status": (room, m),
+        }  # fmt: skip
+        dtypes = {"event": np.int64, "ambiguity": np.int64, "status": np.int8}
+        # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
+        arena = np.empty(sum(8 * math.prod(shape) for shape in shapes.values()), np.uint8)
+        buffers, start = {}, 0
+        for name, shape in shapes.items():
+            dtype = np.dtype(dtypes.get(name, float))
+            size = math.prod(shape) * dtype.itemsize
+            buffers[name] = arena[start : start + size].view(dtype).reshape(shape)
+            start += size
         new = names.Record(
-            t=np.empty(room), x=np.empty((room, n)), mult=np.empty((room, m)), status=np.empty((room, m), np.int8),
-            event_t=np.empty(room), event=np.empty((room, 4), np.int64),
-            ambiguity_t=np.empty(room), ambiguity=np.empty((room, 3), np.int64),
-            dense=np.empty((dense, n + m + 1, self.order + 1)), dense_s=np.empty(dense),
             t_eval=asked, x_eval=old.x_eval if old else np.empty((len(asked), n)),
-            mult_eval=old.mult_eval if old else np.empty((len(asked), m)),
+            mult_eval=old.mult_eval if old else np.empty((len(asked), m)), **buffers,
         )  # fmt: skip
         if old:
             for name, count in self._counted(counts):

@@ -89,39 +89,59 @@ def _to_bernstein(W, degree, b):
         put(b, start + 7, b7)
 
 
-@kernel
-def evaluate(a, degree, s):
-    """Value of the polynomial at s."""
-    value = at(a, degree)
-    for k in range(degree - 1, -1, -1):
-        value = value * s + at(a, k)
-    return value
+@inlined_kernel
+def _derive(a, d, degree):
+    """Overwrites d with the derivative of a; both are zero from their degree on, up to a multiple of 4."""
+    for k in range(0, degree + 1, 4):
+        for i in range(4):
+            put(d, k + i, (k + i + 1.0) * at(a, k + i + 1))
 
 
 @kernel
-def refine(a, degree, lo, hi, s):
-    """The single root in [lo, hi] by Halley steps from s, kept inside the bracket."""
-    f_lo = evaluate(a, degree, lo)
+def _refine(W, degree, lo, hi, s):
+    """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
+    a, first, second = W.poly, W.first, W.second
+    f0, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
     for _ in range(60):
-        f = at(a, degree)
-        d = 0.0
-        c = 0.0
-        for k in range(degree - 1, -1, -1):
-            c = c * s + d
-            d = d * s + f
-            f = f * s + at(a, k)
+        # Value and two derivatives at once, in four lanes over blocks of four.
+        p0, p1 = 1.0, s
+        p2 = s * s
+        p3 = p2 * s
+        s4 = p2 * p2
+        f0, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
+        d0, d1, d2, d3 = 0.0, 0.0, 0.0, 0.0
+        c0, c1, c2, c3 = 0.0, 0.0, 0.0, 0.0
+        for k in range(0, degree + 1, 4):
+            f0 += at(a, k) * p0
+            f1 += at(a, k + 1) * p1
+            f2 += at(a, k + 2) * p2
+            f3 += at(a, k + 3) * p3
+            d0 += at(first, k) * p0
+            d1 += at(first, k + 1) * p1
+            d2 += at(first, k + 2) * p2
+            d3 += at(first, k + 3) * p3
+            c0 += at(second, k) * p0
+            c1 += at(second, k + 1) * p1
+            c2 += at(second, k + 2) * p2
+            c3 += at(second, k + 3) * p3
+            p0 *= s4
+            p1 *= s4
+            p2 *= s4
+            p3 *= s4
+        f = (f0 + f1) + (f2 + f3)
+        d = (d0 + d1) + (d2 + d3)
+        c = (c0 + c1) + (c2 + c3)
         if f == 0.0:
             return s
-        if (f > 0.0) == (f_lo > 0.0):
+        if f > 0.0:
             lo = s
         else:
             hi = s
-        bottom = d * d - f * c  # c is half of the second derivative
-        step = -f * d / bottom if bottom != 0.0 else 0.0
-        new = s + step
+        bottom = d * d - 0.5 * f * c
+        new = s - f * d / bottom if bottom != 0.0 else lo - 1.0
         if not (lo < new < hi):
             new = 0.5 * (lo + hi)
-            step = new - s
+        step = new - s
         s = new
         if abs(step) <= 2e-16 * max(s, 1e-3) or hi - lo <= 1e-16:
             return s
@@ -132,6 +152,16 @@ def refine(a, degree, lo, hi, s):
 def isolate(W, degree):
     """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
     a, work = W.poly, W.bernstein
+    _derive(a, W.first, degree)
+    _derive(W.first, W.second, degree)
+    if low_bounds(W.first)[1] + remainder(W.first, degree) < 0.0:
+        # Falls all the way: one root if it ends below zero, none else. The usual case of a surface that is met.
+        end = 0.0
+        for k in range(degree + 1):
+            end += at(a, k)
+        if end > 0.0:
+            return NO_ROOT
+        return _refine(W, degree, 0.0, 1.0, at(a, 0) / (at(a, 0) - end))
     width = degree + 1
     b = work[: width + 8]
     _to_bernstein(W, degree, b)
@@ -162,7 +192,7 @@ def isolate(W, degree):
         if changes == 1 or (changes > 1 and depth >= _DEEPEST and c[width - 1] < -noise):
             # Where the control polygon crosses zero.
             s = (zero_at - 1 + c[zero_at - 1] / (c[zero_at - 1] - c[zero_at])) / degree
-            return refine(a, degree, left, left + size, left + s * size)
+            return _refine(W, degree, left, left + size, left + s * size)
         if changes == 0 and c[width - 1] == 0.0:
             return left + size
         if changes > 1 and depth < _DEEPEST:

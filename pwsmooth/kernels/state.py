@@ -149,6 +149,8 @@ class Work(Bundle):
     rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
     power: "f8[1]"  # (order + PAD,) powers of the step
     poly: "f8[1]"  # (order + PAD,) one scaled polynomial
+    first: "f8[1]"  # (order + PAD,) its derivatives
+    second: "f8[1]"
     bernstein: "f8[1]"
     bernstein_table: "f8[3]"  # see roots.bernstein_tables
     z: "f8[1]"  # (nz,)
