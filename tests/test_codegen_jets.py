@@ -271,6 +271,15 @@ def test_a_state_that_only_an_idle_branch_reads_keeps_its_row(mask):
     np.testing.assert_array_equal(rows[1, :4], [0.8, 0.0, 0.5, 0.0])
 
 
+def test_a_constant_rate_may_be_a_selection_by_a_multiplier_that_selects_elsewhere():
+    rates = (Select(lam, a, 2 * a), Select(lam, x * t, sp.sin(x)))
+    model = Model(t, (x, y), (a,), rates, (Multiplier(lam, "switch", -lam, y),))
+    rows, _ = jet(model, (0.5, 0.8), (0.7,), (-1.0,))
+    assert_series(rows[0, :K + 1], np.array([0.5, 1.4] + [0.0] * (K - 1)))
+    expected = series(lambda s: mpmath.sin(0.5 + mpmath.mpf(1.4) * s), K - 1)
+    assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), expected)
+
+
 def test_a_solved_selection_takes_its_affine_form():
     # x' = 0.3 + sin(t)/2 - Select(lam, 1 + t, -1): slides with lam = ((0.3 + sin t/2) - t/2)/(1 + t/2)
     rate = sp.Rational(3, 10) + sp.sin(t) / 2 - Select(lam, 1 + t, sp.Integer(-1))

@@ -138,6 +138,8 @@ class JetProgram:
         # States first: their rows are needed even where only a branch that is not taken reads them.
         everywhere = [*self.states, *self.unknowns, *roots]
         self._open(start, order_0, everywhere)
+        # Before them the constant rates, which are the slopes of affine states.
+        order_0.emit([r for x, r in zip(self.states, self.rates, strict=True) if degrees.of(x) == AFFINE])
         order_0.emit(everywhere)
         # Rows and carried values that no root needs at order 0 (slopes of affine states).
         order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])

@@ -162,13 +162,6 @@ class OrderZero(JetCode):
         super().__init__(graph, writer, degrees, "v", solved)
         self.reciprocals = reciprocals
 
-    def _ensure(self, node: int, needed: set[int]) -> None:
-        op, _, data = self.graph.nodes[node]
-        if op == "var" and data[0] == "x" and self.degrees.of(node) == AFFINE and not self.available(node):
-            rate = self.degrees.rates[data[1]]
-            super()._ensure(rate, needed | {rate})
-        super()._ensure(node, needed)
-
     def statement(self, node: int) -> None:
         super().statement(node)
         if self.degrees.of(node) == AFFINE:
