@@ -48,7 +48,7 @@ def f(x: P, n: I) -> I:
             if x[j] < x[i] and not x[j] == 0.0:
                 x[j] -= x[i] / 2
                 count += 1
-            elif x[i] != x[i] or j & 3 == 1:
+            elif x[i] != x[i] or j & 3 == 3:
                 x[i] = -x[j] ** 3
             else:
                 x[j] += i
