@@ -212,7 +212,8 @@ def test_layer_gives_residuals_and_rates_with_the_layered_states_free():
 
 
 def test_functions_with_jumps_have_their_values_in_resets():
-    values = (sp.Mod(x, 3), sp.sign(x), sp.Heaviside(x), sp.Abs(x), sp.Max(x, -1, y), sp.floor(x), sp.atan2(x, y))
+    values = (sp.Mod(x, 3), sp.sign(x), sp.Heaviside(x), sp.Abs(x), sp.Max(x, -1, y), sp.floor(x),
+              sp.atan2(x, y))
     model = Model(t, (x, y), (), (x, y), outputs=tuple((f"o{i}", e) for i, e in enumerate(values)))
     out, _ = call(compile_model(model), "outputs", (len(values),), 0.0, [-2.5, -1.25], [], [])
     np.testing.assert_allclose(out, [0.5, -1.0, 0.0, 2.5, -1.0, -3.0, math.atan2(-2.5, -1.25)], rtol=1e-15)
