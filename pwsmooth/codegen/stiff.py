@@ -9,6 +9,7 @@
     surfaces8(t8, x, p, s)   h at 8 points
     taylor(t, x, p, K, stride, rows)  Taylor coefficients of the states and of the surfaces that are no states
     watch8(t8, x, p, e)      surfaces of the events at 8 points
+    newton8(m, t8, c, x, p, mu, lu, Z, W, F, R, weight)   a whole Newton iteration, where n is small
     act(i, t, x, p, xnew)    event i: 0 if its `when` fails, else writes its updates into xnew
 
 Chain: Model (with `smoothing`, without multipliers) -> text -> cached cfuncs -> addresses.
@@ -24,11 +25,13 @@ import sympy as sp
 from pwsmooth.codegen import cache
 from pwsmooth.codegen.stiff_dag import Graph
 from pwsmooth.codegen.stiff_linear import Elimination, factor_lines, solve_lines
+from pwsmooth.codegen.stiff_newton import write_newton
 from pwsmooth.codegen.stiff_taylor import MOST_PRODUCTS, Series
 from pwsmooth.codegen.stiff_text import PREAMBLE, Writer
 from pwsmooth.model import Model
 
-NAMES = ("rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor", "watch8", "act")
+NAMES = ("rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor", "watch8", "act",
+         "newton8")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,7 @@ def stiff_text(model: Model) -> str:
         writer.lines += factor_lines(n, pattern, elimination)
         writer.function("solve", "lu, r", "_d, _d")
         writer.lines += solve_lines(n, elimination)
+    write_newton(writer, rates, hoisted, elimination, n)
 
     surface_row = _surfaces(writer, graph, model, h, surface_state)
     _taylor(writer, graph, rates, h, surface_row, n)

@@ -14,8 +14,10 @@ from math import (acos, acosh, asin, asinh, atan, atan2, atanh, ceil, cos, cosh,
 
 from numba import cfunc, types
 
-from pwsmooth.kernels.stiff_lanes import (load4, load8, splat4, splat8, store4, store8, vabs, vacos, vasin, vatan, vcos,
-                                          vcosh, verf, verfc, vexp, vlog, vpow, vsin, vsinh, vsqrt, vtan, vtanh)
+from pwsmooth.kernels.stiff_lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4, store8,
+                                          vabs, vacos, vasin, vatan, vcos, vcosh, verf, verfc, vexp, vlog, vmax, vpow,
+                                          vsin, vsinh, vsqrt, vtan, vtanh)
+from pwsmooth.kernels.stiff_tables import TO_W, TO_Z, WLANE
 
 _d = types.CPointer(types.double)
 _f, _i = types.double, types.int64
@@ -71,9 +73,9 @@ class Writer:
         op = self.graph.ops[a]
         return expression(op, self.name) if op[0] == "num" and op[1] >= 0 else f"n{a}"
 
-    def function(self, name: str, arguments: str, types: str) -> None:
+    def function(self, name: str, arguments: str, types: str, result: str = "_void") -> None:
         flags = 'error_model="numpy", fastmath={"contract", "nsz"}'
-        self.lines += ["", "", f"@cfunc(_void({types}), cache=True, {flags})", f"def {name}({arguments}):"]
+        self.lines += ["", "", f"@cfunc({result}({types}), cache=True, {flags})", f"def {name}({arguments}):"]
 
     def point(self, roots, targets, *, time="t", states="x", parameters="p") -> None:
         """Straight-line code at one point; `targets` are the places of the roots."""
@@ -83,29 +85,44 @@ class Writer:
         if not roots:
             self.lines.append("    pass")
 
-    def lanes(self, roots, rows, out, *, hoisted=None) -> None:
-        """The same at 8 points at once: t[k], x[8 i + k] and `hoisted` nodes from rows of c; out[8 row + k]."""
-        hoisted = hoisted or {}
-        needed = self._reachable_without(roots, hoisted)
-        ops, level = self.graph.ops, self.graph.level
+    def vectors(self, roots, hoisted) -> bool:
+        """Whether all of it can be computed on vectors: no branches, which differ from lane to lane."""
+        ops = (self.graph.ops[a] for a in self._reachable_without(roots, hoisted) if self.graph.level[a] > 0)
+        return all(op[0] in _VECTOR or (op[0] == "fun" and op[1] in FUNCTIONS) for op in ops)
+
+    def vector_operations(self, roots, hoisted, states) -> None:
+        """Operations on 8 points at once: parameters as floats, `hoisted` nodes from rows of c, all else as vectors."""
+        needed, level = self._reachable_without(roots, hoisted), self.graph.level
         for a in needed:
             if level[a] == 0:
                 self.assign(a, "    ", {"par": "p[%d]"})
-        above = [a for a in needed if level[a] > 0]
-        if all(ops[a][0] in _VECTOR or (ops[a][0] == "fun" and ops[a][1] in FUNCTIONS) for a in above):
-            self.lines += [f"    n{a} = load8(c, {8 * row})" for a, row in hoisted.items()]
-            places = {"time": "load8(t, 0)", "state": "load8(x, %d)"}
-            for a in above:
-                self.assign(a, "    ", places, stride=8, v="v")
+        self.lines += [f"    n{a} = load8(c, {8 * row})" for a, row in hoisted.items()]
+        places = {"time": "load8(t, 0)", "state": states}
+        for a in needed:
+            if level[a] > 0:
+                self.assign(a, "    ", places, stride=8 if "(" in states else 1, v="v")
+
+    def vector(self, a: int) -> str:
+        """Text of a result as a vector."""
+        return self.name(a) if self.graph.level[a] > 0 else f"splat8({self.name(a)})"
+
+    def lanes(self, roots, rows, out, *, hoisted=None) -> None:
+        """The same at 8 points at once: t[k], x[8 i + k] and `hoisted` nodes from rows of c; out[8 row + k]."""
+        hoisted = hoisted or {}
+        if self.vectors(roots, hoisted):
+            self.vector_operations(roots, hoisted, "load8(x, %d)")
             for row, a in zip(rows, roots, strict=True):
-                value = self.name(a) if level[a] > 0 else f"splat8({self.name(a)})"
-                self.lines.append(f"    store8({out}, {8 * row}, {value})")
+                self.lines.append(f"    store8({out}, {8 * row}, {self.vector(a)})")
             return
-        # Branches (kinks, conditions) differ from lane to lane: a plain loop.
+        needed, level = self._reachable_without(roots, hoisted), self.graph.level
+        for a in needed:
+            if level[a] == 0:
+                self.assign(a, "    ", {"par": "p[%d]"})
         self.lines.append("    for _l in range(8):")
         self.lines += [f"        n{a} = c[{8 * row} + _l]" for a, row in hoisted.items()]
-        for a in above:
-            self.assign(a, "        ", {"time": "t[_l]", "state": "x[%d + _l]"}, stride=8)
+        for a in needed:
+            if level[a] > 0:
+                self.assign(a, "        ", {"time": "t[_l]", "state": "x[%d + _l]"}, stride=8)
         self.lines += [f"        {out}[{8 * row} + _l] = {self.name(a)}" for row, a in zip(rows, roots, strict=True)]
 
     def _reachable_without(self, roots, hoisted) -> list[int]:

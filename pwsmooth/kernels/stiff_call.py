@@ -6,9 +6,9 @@ from numba.extending import intrinsic
 from pwsmooth.kernels.pointers import _caller
 
 # Positions in the array of addresses, in the order of codegen.stiff.NAMES.
-RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT = range(11)
+RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT, NEWTON8 = range(12)
 # Behind them the units of the loop, in the order of stiff_loop.UNITS.
-RADAU_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(11, 16)
+RADAU_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(12, 17)
 
 
 @intrinsic
@@ -39,6 +39,12 @@ def call_factor(typingctx, address, J, m, lu):
 def call_solve(typingctx, address, lu, r):
     """solve(lu, r): overwrites r with the solutions."""
     return _caller((address, lu, r), types.void)
+
+
+@intrinsic
+def call_newton8(typingctx, address, m, t8, c, x, p, mu, lu, Z, W, F, R, weight):
+    """newton8(...): one Newton iteration; overwrites Z, W, F and R, returns the norm of the increment."""
+    return _caller((address, m, t8, c, x, p, mu, lu, Z, W, F, R, weight), types.float64)
 
 
 @intrinsic

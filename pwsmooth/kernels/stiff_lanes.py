@@ -150,6 +150,32 @@ def at(typingctx, p, i):
     return p(p, types.int64), codegen
 
 
+def _half(start):
+    @intrinsic
+    def half(typingctx, v):
+        def codegen(context, builder, sig, args):
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), 4), [start + k for k in range(4)])
+            return builder.shuffle_vector(args[0], ir.Constant(args[0].type, ir.Undefined), mask)
+
+        return lanes4(lanes8), codegen
+
+    return half
+
+
+low4, high4 = _half(0), _half(4)
+
+
+@intrinsic
+def join8(typingctx, a, b):
+    """Two vectors of 4 as one of 8."""
+
+    def codegen(context, builder, sig, args):
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), 8), list(range(8)))
+        return builder.shuffle_vector(args[0], args[1], mask)
+
+    return lanes8(lanes4, lanes4), codegen
+
+
 def _instruction(name):
     @intrinsic
     def function(typingctx, v):
@@ -202,6 +228,18 @@ def lane(typingctx, v, i):
         return builder.extract_element(args[0], args[1])
 
     return types.float64(v, types.int64), codegen
+
+
+@fused
+def largest8(v):
+    """Largest of 8 lanes; a nan wins."""
+    w = vmax(low4(v), high4(v))
+    top = lane(w, 0)
+    for k in range(1, 4):
+        x = lane(w, k)
+        if not x <= top:
+            top = x
+    return top
 
 
 def _library(scalar):

@@ -10,24 +10,13 @@ Every array of stages or eigenvalues has 8 lanes and moves as one vector; the or
 import numpy as np
 
 from pwsmooth.kernels.stiff_call import (
-    DENSE_FACTOR, DENSE_SOLVE, FACTOR, HOIST, JACOBIAN, RATES1, RATES8, SOLVE, call_dense_factor, call_dense_solve,
-    call_factor, call_hoist, call_point, call_rates8, call_solve,
+    DENSE_FACTOR, DENSE_SOLVE, FACTOR, HOIST, JACOBIAN, NEWTON8, RATES1, RATES8, SOLVE, call_dense_factor,
+    call_dense_solve, call_factor, call_hoist, call_newton8, call_point, call_rates8, call_solve,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_lanes import fused, load4, load8, splat8, store4, store8, vabs, vmax
+from pwsmooth.kernels.stiff_lanes import fused, high4, largest8, load4, load8, low4, splat8, store4, store8, vabs, vmax
 from pwsmooth.kernels.stiff_tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
 
 MAX_NEWTON = 15
-
-
-@fused
-def reduce_max(v, scratch):
-    """Largest of 8 lanes; a nan wins."""
-    store8(scratch, 0, v)
-    top = 0.0
-    for k in range(8):
-        if not scratch[k] <= top:
-            top = scratch[k]
-    return top
 
 
 @fused
@@ -97,6 +86,33 @@ def _solve(adr, n, lu, R):
 
 
 @fused
+def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
+    """One Newton iteration for any n: overwrites Z, W, X, F and R, returns the norm of the increment."""
+    s = 3 + 2 * m
+    mr, mi = load4(mu, 0), load4(mu, 4)
+    for i in range(n):
+        store8(X, 8 * i, load8(Z, 8 * i) + x[i])
+    call_rates8(adr[RATES8], t8, c8, X, p, F)
+    for i in range(n):
+        v = splat8(0.0)
+        for l in range(s):
+            v = v + load8(TO_W, 64 * m + 8 * l) * F[8 * i + l]
+        wr, wi = load4(W, 8 * i), load4(W, 8 * i + 4)
+        store4(R, 8 * i, low4(v) - (mr * wr - mi * wi))
+        store4(R, 8 * i + 4, high4(v) - (mr * wi + mi * wr))
+    _solve(adr, n, lu, R)
+    largest = splat8(0.0)
+    for i in range(n):
+        store8(W, 8 * i, load8(W, 8 * i) + load8(R, 8 * i))
+        v = splat8(0.0)
+        for q in range(s):
+            v = v + load8(TO_Z, 64 * m + 8 * q) * R[8 * i + WLANE[m, q]]
+        store8(Z, 8 * i, load8(Z, 8 * i) + v)
+        largest = vmax(largest, vabs(v) * weight[i])
+    return largest8(largest)
+
+
+@fused
 def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta, scratch):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
@@ -113,30 +129,12 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
         else:
             store8(W, 8 * i, splat8(0.0))
             store8(Z, 8 * i, splat8(0.0))
-    mr, mi = load4(mu, 0), load4(mu, 4)
     before, theta = 0.0, 0.0
     for it in range(MAX_NEWTON):
-        for i in range(n):
-            store8(X, 8 * i, load8(Z, 8 * i) + x[i])
-        call_rates8(adr[RATES8], t8, c8, X, p, F)
-        for i in range(n):
-            v = splat8(0.0)
-            for l in range(s):
-                v = v + load8(TO_W, 64 * m + 8 * l) * F[8 * i + l]
-            store8(R, 8 * i, v)
-            wr, wi = load4(W, 8 * i), load4(W, 8 * i + 4)
-            store4(R, 8 * i, load4(R, 8 * i) - (mr * wr - mi * wi))
-            store4(R, 8 * i + 4, load4(R, 8 * i + 4) - (mr * wi + mi * wr))
-        _solve(adr, n, lu, R)
-        largest = splat8(0.0)
-        for i in range(n):
-            store8(W, 8 * i, load8(W, 8 * i) + load8(R, 8 * i))
-            v = splat8(0.0)
-            for q in range(s):
-                v = v + load8(TO_Z, 64 * m + 8 * q) * R[8 * i + WLANE[m, q]]
-            store8(Z, 8 * i, load8(Z, 8 * i) + v)
-            largest = vmax(largest, vabs(v) * weight[i])
-        norm = reduce_max(largest, scratch)
+        if adr[NEWTON8] != 0:
+            norm = call_newton8(adr[NEWTON8], m, t8, c8, x, p, mu, lu, Z, W, F, R, weight)
+        else:
+            norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight)
         if not np.isfinite(norm):
             return False, it + 1, eta, 2.0
         if it > 0:
