@@ -11,8 +11,10 @@ import numpy as np
 import sympy as sp
 
 from .codegen import compile_model
-from .codegen.cache import load_kernels
+from .codegen.units import UNITS, unit_address
 from .folds import fold_model
+from .kernels import state
+from .kernels.tables import bernstein_tables
 from .model import Model, Multiplier
 
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
@@ -22,17 +24,14 @@ class CompiledProblem:
     """What of a Problem does not depend on parameter values; made once a model and process."""
 
     def __init__(self, model: Model):
-        names = load_kernels("state")
-        sliding, layer, steps = (load_kernels(name) for name in ("sliding", "layer", "steps"))
         self.model = model
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
         n, m, ne = code.n, code.m, code.ne
-        kinds = {"kink": names.KINK, "sliding": names.SLIDING, "crossing": names.CROSSING}
-        self.kind = np.array([_kind(mu, kinds, names) for mu in model.multipliers], np.int64)
-        slides = bool(m) and bool(np.any((self.kind != names.KINK) & (self.kind != names.CROSSING)))
+        self.kind = np.array([_kind(mu) for mu in model.multipliers], np.int64)
+        slides = bool(m) and bool(np.any((self.kind != state.KINK) & (self.kind != state.CROSSING)))
         hidden = np.array([mu.hidden for mu in model.multipliers], np.int64)
-        folds = bool(np.any((self.kind == names.SLIDING) & (hidden != 0)))
+        folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
         symbols = [mu.symbol for mu in model.multipliers]
         coupled = np.zeros((m, m), np.int64)
@@ -49,14 +48,9 @@ class CompiledProblem:
         fold = self.fold
         empty = np.zeros(0, np.int64)
         self.fixed = dict(
-            root_unit=load_kernels("roots").isolate.address,
-            newton_unit=sliding.newton.address,
-            layer_unit=layer.layer.address,
-            fold_unit=steps.fold_jet.address,
             rk_unit=0,
             pair=0,
-            start_unit=load_kernels("starting").start.address,
-            instant_unit=load_kernels("instants").at_instant.address,
+            **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
             fields=code.fields,
             linear=code.linear,
             act=code.act if ne or any(mu.kind == "contact" for mu in model.multipliers) else 0,
@@ -91,13 +85,13 @@ class CompiledProblem:
         """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair."""
         fixed = self.fixed
         if runge_kutta or self.singular:
-            fixed = fixed | dict(rk_unit=load_kernels("rungekutta").rk_step.address)
+            fixed = fixed | dict(rk_unit=unit_address("rk_unit"))
         if runge_kutta:
             fixed = fixed | dict(pair=1, jet_fold=0)
         at = dict(zip(self.model.parameters, p.tolist(), strict=True))
         ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]
         weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)
-        return load_kernels("state").Problem(
+        return state.Problem(
             p=p,
             fold_bias=np.zeros(len(p) + self.code.m),
             weight=1.0 / weight,
@@ -108,9 +102,8 @@ class CompiledProblem:
     def work(self, order: int):
         """Scratch arrays for one run."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
-        width = -(-(order + load_kernels("state").PAD) // 4) * 4  # loops run in blocks of four
-        bernstein_tables = load_kernels("roots").bernstein_tables
-        return load_kernels("state").Work(
+        width = -(-(order + state.PAD) // 4) * 4  # loops run in blocks of four
+        return state.Work(
             order=order,
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
@@ -144,10 +137,10 @@ class CompiledProblem:
         )
 
 
-def _kind(mu: Multiplier, kinds, names) -> int:
+def _kind(mu: Multiplier) -> int:
     if mu.kind == "switch":
-        return kinds[mu.regularity]
-    return names.CONTACT if mu.kind == "contact" else names.ALGEBRAIC
+        return {"kink": state.KINK, "sliding": state.SLIDING, "crossing": state.CROSSING}[mu.regularity]
+    return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
 
 
 def _surface_state(model: Model, mu: Multiplier) -> int:

@@ -152,12 +152,13 @@ class _EventDriven:
     """One event-driven run: the arrays that the kernel works on, and what it recorded."""
 
     def __init__(self, system, values, p, rtol, atol, t1, times, dense, max_step, max_steps, order, strict, method):
-        from .codegen.cache import load_kernels
+        from .codegen.units import trajectory_loop
         from .compiled import compiled_problem
+        from .kernels import state
 
         self.system, self.values, self.times, self.dense = system, values, times, dense
-        self.kernel = load_kernels("trajectory")
-        self.names = load_kernels("state")
+        self.run = trajectory_loop()
+        self.names = state
         model = self.model = system.model
         parts = compiled_problem(model)
         self.sizes = parts.code
@@ -184,7 +185,7 @@ class _EventDriven:
             side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
         record = self._record(_ROOM, None, state.counts)
-        while (code := self.kernel.run(self.problem, control, state, record, self.work)) == names.FULL:
+        while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
             # Between two visits Ctrl-C works; the room grows geometrically.
             record = self._record(max(4 * len(record.t), _NEXT_ROOM), record, state.counts)
         self.code, self.state, self.record = code, state, record

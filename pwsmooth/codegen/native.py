@@ -356,6 +356,20 @@ def build(text: str) -> bytes:
     return machine.emit_object(module)
 
 
+def machine_mark() -> str:
+    """Short name of this processor: object code of another one is not used."""
+    _, cpu, features = _host()
+    return hashlib.sha256(f"{cpu}{features}".encode()).hexdigest()[:8]
+
+
+def link(image: bytes) -> llvm.ExecutionEngine:
+    """Object code made executable; it lives as long as the engine."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(image))
+    engine.finalize_object()
+    return engine
+
+
 class Code:
     """Loaded object code; it lives as long as this object."""
 
@@ -363,9 +377,7 @@ class Code:
         head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
         self.constants = {node.targets[0].id: ast.literal_eval(node.value)
                           for node in head.body if isinstance(node, ast.Assign)}
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(image))
-        self._engine.finalize_object()
+        self._engine = link(image)
 
     def address(self, name: str) -> int:
         return self._engine.get_function_address(name)
@@ -379,9 +391,7 @@ def load(path: Path) -> Code:
     """Machine code of a generated source, from the object file beside it where this machine made one."""
     with _lock:
         if path not in _loaded:
-            _, cpu, features = _host()
-            mark = hashlib.sha256(f"{cpu}{features}".encode()).hexdigest()[:8]
-            text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{mark}.o")
+            text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{machine_mark()}.o")
             try:
                 image = stored.read_bytes()
             except OSError:

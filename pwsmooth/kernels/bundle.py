@@ -1,26 +1,14 @@
-"""A struct of numbers and arrays that kernels take as one pointer.
-
-Passing some sixty arrays one by one (or in a tuple, which is the same to LLVM) makes every call flatten hundreds of
-words and made the core compile for minutes. A Bundle is a block of 8-byte cells: a scalar takes one, an array its
-address and shape. To a kernel `bundle.x` is an ordinary array; the Python object keeps the memory alive.
-"""
+"""numba's view of a Bundle (block.py): one pointer, whose attributes are loaded as numbers and arrays."""
 
 from __future__ import annotations
 
-import numpy as np
+import hashlib
+from functools import cache
+
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import (
-    NativeValue,
-    infer_getattr,
-    lower_getattr_generic,
-    models,
-    register_model,
-    typeof_impl,
-    unbox,
-)
+from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
 from numba.np.arrayobj import populate_array
 
 _SCALARS = {"int": types.int64, "float": types.float64}
@@ -32,7 +20,9 @@ class BundleType(types.Type):
 
     def __init__(self, name, fields):
         self.fields = fields
-        super().__init__(name=f"Bundle({name}: {fields})")
+        # A short name: it becomes part of every symbol.
+        mark = hashlib.sha256(repr(fields).encode()).hexdigest()[:8]
+        super().__init__(name=f"{name}{mark}")
 
     def resolve(self, name):
         """(cell of the field, its numba type), or None."""
@@ -48,46 +38,10 @@ class BundleType(types.Type):
 register_model(BundleType)(models.OpaqueModel)
 
 
-class Bundle:
-    """Base of the structs in state.py, whose annotations are the fields' codes."""
-
-    numba_type: BundleType
-    fields: tuple[tuple[str, str], ...]
-
-    def __init_subclass__(cls):
-        cls.fields = tuple(cls.__annotations__.items())
-        cls.numba_type = BundleType(cls.__name__, cls.fields)
-
-    def __init__(self, **values):
-        cells = []
-        for name, code in self.fields:
-            value = values.pop(name)
-            if code in _SCALARS:
-                cells.append(np.float64(value).view(np.int64) if code == "float" else np.int64(value))
-            else:
-                dtype = {"f8": np.float64, "i8": np.int64, "i1": np.int8, "b1": np.bool_}[code[:2]]
-                value = np.ascontiguousarray(value, dtype)
-                if value.ndim != int(code[3]):
-                    raise TypeError(f"{type(self).__name__}.{name} has rank {value.ndim}, declared {code}.")
-                cells += [value.ctypes.data, *value.shape]
-            setattr(self, name, value)
-        if values:
-            raise TypeError(f"{type(self).__name__} has no fields {', '.join(values)}.")
-        self.cells = np.array(cells, np.int64)
-        self.address = self.cells.ctypes.data
-
-
-@typeof_impl.register(Bundle)
-def _typeof(value, c):
-    return value.numba_type
-
-
-@unbox(BundleType)
-def _unbox(typ, obj, c):
-    address = c.pyapi.object_getattr_string(obj, "address")
-    number = c.pyapi.long_as_longlong(address)
-    c.pyapi.decref(address)
-    return NativeValue(c.builder.inttoptr(number, cgutils.voidptr_t))
+@cache
+def bundle_type(struct):
+    """The numba type of a subclass of Bundle."""
+    return BundleType(struct.__name__, struct.fields)
 
 
 @infer_getattr

@@ -9,11 +9,14 @@ compiled anew for every literal argument.
 from numba import cfunc
 from numba.extending import register_jitable
 
+from .bundle import bundle_type
+
 kernel = register_jitable(error_model="numpy")
 # A few lines each, called every step: as calls they would cost more in passing arrays than in work.
 inlined_kernel = register_jitable(error_model="numpy", forceinline=True, fastmath={"reassoc", "contract"})
 
 
-def unit(signature):
-    """Decorator: a function with this signature, reached by its `.address`."""
-    return cfunc(signature, cache=True, error_model="numpy")
+def unit(restype, *arguments):
+    """Decorator: a function of these numba types and Bundles, reached by its `.address`."""
+    kinds = [bundle_type(kind) if isinstance(kind, type) else kind for kind in arguments]
+    return cfunc(restype(*kinds), error_model="numpy")

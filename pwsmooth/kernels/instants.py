@@ -262,11 +262,7 @@ def _try_other_ratio(P, S, R, W, size):
         record_ambiguity(S, R, first, AMB_CORNER, 0)
 
 
-@unit(
-    types.int64(
-        Problem.numba_type, Control.numba_type, State.numba_type, Record.numba_type, Work.numba_type
-    )
-)
+@unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
 

@@ -421,11 +421,7 @@ def _leave_fold(P, S, W, j, toward):
     return _integrate(P, S, W, size)
 
 
-@unit(
-    types.int64(
-        Problem.numba_type, State.numba_type, Work.numba_type, types.int64, types.int64, types.int64, types.float64
-    )
-)
+@unit(types.int64, Problem, State, Work, types.int64, types.int64, types.int64, types.float64)
 def layer(P, S, W, task, j, toward, start):
     """Overwrites S.mult and S.status; SETTLED, OSCILLATES or LOST (FIRST_ZERO: 1 if found, lambda in S.mult[j])."""
     if task == ARRIVE:

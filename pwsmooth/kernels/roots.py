@@ -7,7 +7,6 @@ more -> subdivide, left half first. Most steps are settled by a Bernstein form o
 
 import math
 
-import numpy as np
 
 from numba import types
 
@@ -17,7 +16,6 @@ from .state import Work
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
-TABLES = 5  # known zeros at a step's start: up to three, one more at rounding level
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 
 
@@ -46,20 +44,6 @@ def remainder(a, degree):
         s2 += abs(at(a, k + 2))
         s3 += abs(at(a, k + 3))
     return (s0 + s1) + (s2 + s3)
-
-
-def bernstein_tables(order, width):
-    """tables[d][k, i] = binom(i, k) / binom(D, k), D = order - d: the Bernstein coefficients are sum_k a[k] tables[d][k].
-
-    One for each degree that known zeros at the step's start can leave.
-    """
-    tables = np.zeros((TABLES, width, width))
-    for d in range(TABLES):
-        degree = order - d
-        for k in range(degree + 1):
-            for i in range(k, degree + 1):
-                tables[d, k, i] = math.comb(i, k) / math.comb(degree, k)
-    return tables
 
 
 @kernel
@@ -148,7 +132,7 @@ def _refine(W, degree, lo, hi, s):
     return s
 
 
-@unit(types.float64(Work.numba_type, types.int64))
+@unit(types.float64, Work, types.int64)
 def isolate(W, degree):
     """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
     a, work = W.poly, W.bernstein

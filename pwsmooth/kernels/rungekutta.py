@@ -170,11 +170,7 @@ def _linear_terms(P, S, W):
         W.rows[P.n + P.m + i, 1] = slope
 
 
-@unit(
-    types.float64(
-        Problem.numba_type, Control.numba_type, State.numba_type, Work.numba_type, types.float64, types.int64
-    )
-)
+@unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
 def rk_step(P, C, S, W, h, refine):
     """A step of at most h with its polynomials in W.rows, S left at its start; returns its size, nan if it failed.
 

@@ -40,7 +40,7 @@ def solve_dense(A, b, size):
     return True
 
 
-@unit(types.int64(Problem.numba_type, State.numba_type, Work.numba_type))
+@unit(types.int64, Problem, State, Work)
 def newton(P, S, W):
     """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
     m, t = P.m, S.now[0]

@@ -10,11 +10,7 @@ from .sliding import mask_instant, surface_rounding
 from .state import ALGEBRAIC, CONTACT, DONE, NO_ROOT_FOUND, SLIDING, SOLVED, Control, Problem, Record, State, Work
 
 
-@unit(
-    types.int64(
-        Problem.numba_type, Control.numba_type, State.numba_type, Record.numba_type, Work.numba_type
-    )
-)
+@unit(types.int64, Problem, Control, State, Record, Work)
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
     m, status, mult = P.m, S.status, S.mult

@@ -1,6 +1,6 @@
 """What the compiled trajectory loop is told and what it carries from call to call: plain numbers, no objects."""
 
-from .bundle import Bundle
+from .block import Bundle
 
 # Kinds of multiplier (order of pwsmooth.model: a switch's regularity, then the other two kinds).
 SLIDING, KINK, CROSSING, CONTACT, ALGEBRAIC = range(5)
@@ -152,7 +152,7 @@ class Work(Bundle):
     first: "f8[1]"  # (order + PAD,) its derivatives
     second: "f8[1]"
     bernstein: "f8[1]"
-    bernstein_table: "f8[3]"  # see roots.bernstein_tables
+    bernstein_table: "f8[3]"  # see tables.bernstein_tables
     z: "f8[1]"  # (nz,)
     q: "f8[1]"  # (nz,)
     fold_x: "f8[1]"  # states of the fold program

@@ -128,11 +128,7 @@ def near_fold(P, S, rows, mult_row, h):
     return found
 
 
-@unit(
-    types.int64(
-        Problem.numba_type, Control.numba_type, State.numba_type, Work.numba_type, types.int64, types.int64
-    )
-)
+@unit(types.int64, Problem, Control, State, Work, types.int64, types.int64)
 def fold_jet(P, C, S, W, j, toward):
     """Overwrites W.rows with the jet along lambda_j (direction `toward`); 0 where even that is singular.
 

@@ -2,7 +2,7 @@
 
 from numba import types
 
-from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.stiff_lanes import unit
 
 doubles = types.CPointer(types.float64)
 

@@ -9,9 +9,8 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
-from pwsmooth.kernels.stiff_lanes import at, fused, load8, splat8, store8
+from pwsmooth.kernels.stiff_lanes import at, fused, load8, splat8, store8, unit
 
 NONE = 2.0  # no zero: beyond the step
 EIGHTHS = np.arange(1, 9) / 8.0
@@ -65,7 +64,11 @@ def _bracket(s, j, side, a, b):
 def _near_vertex(s, j, side, begin):
     """Middle of the first three samples whose parabola comes to (almost) zero between them; NONE if there is none."""
     for k in range(1, 7):
-        left, mid, right = (side * s.values[8 * j + k - 1], side * s.values[8 * j + k], side * s.values[8 * j + k + 1])
+        left, mid, right = (
+            side * s.values[8 * j + k - 1],
+            side * s.values[8 * j + k],
+            side * s.values[8 * j + k + 1],
+        )
         if mid <= left and mid <= right:
             bend = left - 2.0 * mid + right
             dip = mid - (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else mid

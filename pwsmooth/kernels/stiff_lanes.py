@@ -9,7 +9,7 @@ import math
 import operator
 
 from llvmlite import ir
-from numba import types
+from numba import cfunc, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_jitable, register_model
@@ -18,6 +18,11 @@ _DOUBLE = ir.DoubleType()
 
 # A kernel function whose products and sums may fuse.
 fused = register_jitable(error_model="numpy", fastmath={"contract", "nsz"})
+
+
+def unit(signature):
+    """Decorator: a function compiled and cached by itself and reached by its `.address` (see compiling.py)."""
+    return cfunc(signature, cache=True, error_model="numpy")
 
 
 class LanesType(types.Type):
@@ -61,7 +66,9 @@ def _register(op, method):
 
     def lower(context, builder, sig, args):
         width = sig.return_type.width
-        values = [v if _is_lanes(ty) else _splat(builder, v, width) for ty, v in zip(sig.args, args, strict=True)]
+        values = [
+            v if _is_lanes(ty) else _splat(builder, v, width) for ty, v in zip(sig.args, args, strict=True)
+        ]
         return getattr(builder, method)(*values)
 
     lower_builtin(op, LanesType, LanesType)(lower)
@@ -69,7 +76,12 @@ def _register(op, method):
     lower_builtin(op, types.Float, LanesType)(lower)
 
 
-for _op, _method in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
+for _op, _method in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
     _register(_op, _method)
 
 
@@ -272,7 +284,9 @@ def vpow(typingctx, v, r):
         for k in range(sig.return_type.width):
             index = ir.Constant(ir.IntType(32), k)
             x = builder.extract_element(args[0], index)
-            y = context.compile_internal(builder, _power, types.float64(types.float64, types.float64), [x, args[1]])
+            y = context.compile_internal(
+                builder, _power, types.float64(types.float64, types.float64), [x, args[1]]
+            )
             result = builder.insert_element(result, y, index)
         return result
 
@@ -287,8 +301,7 @@ def _scalar(name):
 
 
 vexp, vlog, _sin, _cos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, verfc = (
-    _library(_scalar(name))
-    for name in "exp log sin cos tan sinh cosh tanh atan asin acos erf erfc".split()
+    _library(_scalar(name)) for name in "exp log sin cos tan sinh cosh tanh atan asin acos erf erfc".split()
 )
 
 # Beyond this many quarter turns the two-part pi/2 runs out of digits.
@@ -302,10 +315,14 @@ def _quarters(x, k, k2):
     r = vfma(k, splat8(-6.123233995736766e-17), r)
     z = r * r
     s = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08
-    s = z * (z * (z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04) + 8.33333333332248946124e-03)
+    s = z * (
+        z * (z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04) + 8.33333333332248946124e-03
+    )
     s = r + r * z * (s - 1.66666666666666324348e-01)
     c = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09
-    c = z * (z * (z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05) - 1.38888888888741095749e-03)
+    c = z * (
+        z * (z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05) - 1.38888888888741095749e-03
+    )
     c = 1.0 - 0.5 * z + z * z * (c + 4.16666666666666019037e-02)
     half = vfloor(k2 * 0.5)
     odd = k2 - 2.0 * half

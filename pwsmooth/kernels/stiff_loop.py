@@ -10,15 +10,22 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.stiff_call import (
-    EVENTS_UNIT, JACOBIAN, RADAU_UNIT, RATES1, SURFACES, TAYLOR_UNIT, call_events_unit, call_point, call_radau_unit,
+    EVENTS_UNIT,
+    JACOBIAN,
+    RADAU_UNIT,
+    RATES1,
+    SURFACES,
+    TAYLOR_UNIT,
+    call_events_unit,
+    call_point,
+    call_radau_unit,
     call_taylor_unit,
 )  # fmt: skip
 from pwsmooth.kernels.stiff_dense import dense_factor, dense_solve
 from pwsmooth.kernels.stiff_events import ROUNDS, events_unit, set_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
-from pwsmooth.kernels.stiff_lanes import at, fused
+from pwsmooth.kernels.stiff_lanes import at, fused, unit
 from pwsmooth.kernels.stiff_radau import step_polynomial
 from pwsmooth.kernels.stiff_step import radau_unit, taylor_unit
 

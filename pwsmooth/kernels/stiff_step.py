@@ -4,11 +4,17 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.stiff_call import RATES1, TAYLOR, call_point, call_taylor
 from pwsmooth.kernels.stiff_gate import error_norm, passed
-from pwsmooth.kernels.stiff_lanes import at, fused
-from pwsmooth.kernels.stiff_radau import embedded_error, end_polynomial, extrapolate, factorise, newton, set_stages
+from pwsmooth.kernels.stiff_lanes import at, fused, unit
+from pwsmooth.kernels.stiff_radau import (
+    embedded_error,
+    end_polynomial,
+    extrapolate,
+    factorise,
+    newton,
+    set_stages,
+)
 from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylor_passed
 
 GROWTH, SHRINK = 8.0, 0.2

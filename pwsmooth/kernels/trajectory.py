@@ -7,9 +7,9 @@ that meets a zero of dt/dlambda a fold.
 
 import math
 
-from numba import njit
+from numba import types
 
-from .compiling import inlined_kernel, kernel
+from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fold, call_rk, call_unit
 from .records import record_point
 from .roots import NO_ROOT, first_root, low_bounds, remainder
@@ -35,6 +35,11 @@ from .state import (
     NOT_FINITE,
     SOLVED,
     UNDERFLOW,
+    Control,
+    Problem,
+    Record,
+    State,
+    Work,
 )
 from .steps import dot, fold_step_size, near_fold, powers, scaled, take_jet, taylor_step_size
 from .twofolds import two_fold
@@ -198,7 +203,7 @@ def _room(R, S):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@unit(types.int64, Problem, Control, State, Record, Work)
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
     n, m, K, rows, power, x = P.n, P.m, C.order, W.rows, W.power, S.x

@@ -1,0 +1,88 @@
+"""The compiled units of the kernels, without numba once they are compiled.
+
+A unit (kernels/compiling.py) is self-contained: it calls generated functions and other units through addresses only.
+So its object code is kept beside numba's own cache and linked by llvmlite in later processes, which then import no
+numba at all (a third of the time to the first solution).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+
+import llvmlite.binding as llvm
+
+from .cache import kernels_dir, load_kernels, write_atomically
+from .native import link, machine_mark
+
+# Name in state.Problem -> (kernel module, function).
+UNITS = {
+    "root_unit": ("roots", "isolate"),
+    "newton_unit": ("sliding", "newton"),
+    "layer_unit": ("layer", "layer"),
+    "fold_unit": ("steps", "fold_jet"),
+    "start_unit": ("starting", "start"),
+    "instant_unit": ("instants", "at_instant"),
+    "rk_unit": ("rungekutta", "rk_step"),
+    "run": ("trajectory", "run"),
+}
+# What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
+_NEVER_CALLED = (
+    "numba_do_raise",
+    "numba_gil_ensure",
+    "numba_gil_release",
+    "numba_runtime_build_excinfo_struct",
+    "numba_unpickle",
+    "NRT_Free",
+    "NRT_MemInfo_call_dtor",
+)
+_PYTHON = (
+    "PyBytes_FromStringAndSize",
+    "PyErr_Clear",
+    "PyErr_SetNone",
+    "PyErr_SetString",
+    "PyErr_WriteUnraisable",
+    "PyExc_RuntimeError",
+    "PyExc_StopIteration",
+    "PyExc_SystemError",
+    "PyUnicode_FromString",
+    "Py_DecRef",
+)
+_kept: list = []  # engines and numba functions, whose addresses are in use
+
+
+@cache
+def _resolve_symbols() -> None:
+    nothing = ctypes.CFUNCTYPE(ctypes.c_void_p)(lambda: None)
+    _kept.append(nothing)
+    for name in _NEVER_CALLED:
+        llvm.add_symbol(name, ctypes.cast(nothing, ctypes.c_void_p).value)
+    for name in _PYTHON:
+        llvm.add_symbol(name, ctypes.addressof(ctypes.c_char.in_dll(ctypes.pythonapi, name)))
+
+
+@cache
+def unit_address(name: str) -> int:
+    """Address of a unit: from its object file, or compiled by numba now."""
+    module, function = UNITS[name]
+    path = kernels_dir() / f"{module}.{function}.{machine_mark()}.o"
+    try:
+        symbol, _, image = path.read_bytes().partition(b"\0")
+    except OSError:
+        compiled = getattr(load_kernels(module), function)
+        _kept.append(compiled)
+        # numba has no public way to an object file; without this one every process would load numba.
+        write_atomically(path, compiled._wrapper_name.encode() + b"\0" + compiled._library._get_compiled_object())
+        return compiled.address
+    _resolve_symbols()
+    engine = link(image)
+    _kept.append(engine)
+    return engine.get_function_address(symbol.decode())
+
+
+@cache
+def trajectory_loop():
+    """kernels.trajectory.run as a Python function of five Bundles."""
+    prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
+    run = prototype(unit_address("run"))
+    return lambda *bundles: run(*(bundle.address for bundle in bundles))
