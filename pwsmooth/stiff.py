@@ -144,7 +144,9 @@ def integrate(
     atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
     units = np.array([u.address for u in loop.UNITS], dtype=np.int64)
     run = _run(S, compiled, units, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
-    places = np.array([a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64)
+    places = np.array(
+        [a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64
+    )
     n, chunk = compiled.n, loop.integrate.ctypes
     first = ctypes.cast(places.ctypes.data, ctypes.POINTER(ctypes.c_int64))
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
@@ -217,13 +219,25 @@ def _instants(model, p, t0, t1):
         found += [(float(a.subs(values)), j) for a in event.at]
         if event.every is not None:
             period = float(event.every.subs(values))
-            found += [(k * period, j) for k in range(int(np.floor(t0 / period)), int(np.floor(t1 / period)) + 1)]
+            found += [
+                (k * period, j) for k in range(int(np.floor(t0 / period)), int(np.floor(t1 / period)) + 1)
+            ]
     found = sorted(pair for pair in found if t0 < pair[0] <= t1)
     return np.array([t for t, _ in found]), np.array([j for _, j in found], dtype=np.int64)
 
 
 def integrate_scipy(
-    model: Model, t_span, x0, p, *, method="Radau", rtol=1e-9, atol=1e-12, max_step=np.inf, t_eval=None, dense=False
+    model: Model,
+    t_span,
+    x0,
+    p,
+    *,
+    method="Radau",
+    rtol=1e-9,
+    atol=1e-12,
+    max_step=np.inf,
+    t_eval=None,
+    dense=False,
 ):
     """SciPy's solution of the same generated right-hand side and Jacobian, as an independent cross-check.
 
@@ -251,7 +265,9 @@ def integrate_scipy(
     if method not in SCIPY_METHODS:
         raise ValueError(f"`method` is {method!r}; SciPy's own are {', '.join(SCIPY_METHODS)}.")
     if model.events:
-        raise ValueError(f"`method={method!r}` runs without events; this model has {len(model.events)}. Use 'auto'.")
+        raise ValueError(
+            f"`method={method!r}` runs without events; this model has {len(model.events)}. Use 'auto'."
+        )
     compiled = codegen.compile_stiff(model)
     n = compiled.n
     p, x = np.ascontiguousarray(p, float), np.zeros(n)

@@ -39,7 +39,10 @@ def slowed_chain(n):
     t, eps = sp.Symbol("t"), sp.Symbol("eps", positive=True)
     x, v = sp.symbols(f"x:{n}"), sp.symbols(f"v:{n}")
     wall = (0, *x, 0)
-    rates = [wall[i] - 2 * wall[i + 1] + wall[i + 2] - sp.tanh(v[i] / eps) / 4 + sp.sin(t) / (i + 1) for i in range(n)]
+    rates = [
+        wall[i] - 2 * wall[i + 1] + wall[i + 2] - sp.tanh(v[i] / eps) / 4 + sp.sin(t) / (i + 1)
+        for i in range(n)
+    ]
     return Model(t, x + v, (eps,), (*v, *rates), smoothing=tuple((s, eps) for s in v), sigmoid="tanh")
 
 

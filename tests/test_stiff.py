@@ -1,11 +1,14 @@
 """The smoothed path: order, accuracy, layers that are never stepped over, events, failures."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import sympy as sp
 from stiff_models import PERIOD, dense_relaxation, friction, slowed_chain, two_blocks, values
 
 from pwsmooth import stiff
+from pwsmooth.codegen import stiff as codegen
 from pwsmooth.codegen.cache import load_kernels
 from pwsmooth.model import EventSpec, Model
 
@@ -76,7 +79,9 @@ def test_scipy_agrees_on_surfaces_that_are_no_states(method):
     assert np.abs(found - other.y[:, -1]).max() < 1e-6
 
 
-@pytest.mark.parametrize(("model", "p"), [(slowed_chain(6), [1e-3]), (dense_relaxation(14), [1e3])], ids=["12", "dense"])
+@pytest.mark.parametrize(
+    ("model", "p"), [(slowed_chain(6), [1e-3]), (dense_relaxation(14), [1e3])], ids=["12", "dense"]
+)
 def test_larger_systems_run_whether_their_elimination_is_written_out_or_not(model, p):
     start = np.linspace(-0.5, 0.8, len(model.states))
     found = end(model, (0, 3.0), start, p, rtol=1e-8, atol=1e-10)
@@ -161,7 +166,9 @@ def test_events_of_time_keep_their_instants_and_surfaces_their_directions():
     )
     turning = Model(t, (y, v, x), (k,), (v, -y, sp.S.Zero), n_memory=1, events=events)
     for method in ("auto", "radau9"):
-        run = stiff.integrate(turning, (0, 100.0), (0.0, 1.0, 0.0), [0.7], rtol=1e-11, atol=1e-12, method=method)
+        run = stiff.integrate(
+            turning, (0, 100.0), (0.0, 1.0, 0.0), [0.7], rtol=1e-11, atol=1e-12, method=method
+        )
         by_name = {e.name: [r[0] for r in run.events if r[1] == i] for i, e in enumerate(events)}
         last = 5 * np.pi + 4 * np.pi / 3
         assert run.status == status("TERMINAL") and run.t[-1] == pytest.approx(last, abs=1e-9)
@@ -181,7 +188,10 @@ def test_what_an_update_carries_through_zero_fires_at_the_same_instant():
 
 
 def test_events_that_call_each_other_for_ever_are_an_outcome():
-    flips = (EventSpec("start", surface=x - 1, update=((1, -y),)), EventSpec("again", surface=y, update=((1, -y),)))
+    flips = (
+        EventSpec("start", surface=x - 1, update=((1, -y),)),
+        EventSpec("again", surface=y, update=((1, -y),)),
+    )
     loop = Model(t, (x, y), (), (sp.S.One, sp.S.Zero), n_memory=1, events=flips)
     run = stiff.integrate(loop, (0, 2.0), (0.0, 1.0), ())
     assert run.status == status("EVENT_LOOP") and run.t[-1] <= 1.0 and run.events == []
@@ -204,11 +214,31 @@ def test_failures_are_outcomes_with_what_was_reached():
     assert bounded.status == status("TOO_MANY") and 0 < bounded.t[-1] < 50
     explosion = Model(t, (x,), (), (x**2,))
     run = stiff.integrate(explosion, (0, 2.0), (1.0,), (), rtol=1e-8)
-    assert run.status in (status("UNDERFLOW"), status("NOT_FINITE")) and run.t[-1] == pytest.approx(1.0, abs=1e-6)
+    assert run.status in (status("UNDERFLOW"), status("NOT_FINITE")) and run.t[-1] == pytest.approx(
+        1.0, abs=1e-6
+    )
     root = Model(t, (x,), (), (-1 - sp.sqrt(x),))
     for method in ("auto", "radau9"):
         run = stiff.integrate(root, (0, 2.0), (0.5,), (), method=method)
         assert run.status in (status("UNDERFLOW"), status("NOT_FINITE")) and np.isfinite(run.x).all()
+
+
+def test_the_iteration_written_out_and_the_general_one_agree(monkeypatch):
+    p = values(1e-2, 1e-2)
+    fast = stiff.integrate(friction(), (0, 6.0), START, p, rtol=1e-8, method="radau9")
+    compiled = codegen.compile_stiff(friction())
+    address = compiled.address.copy()
+    address[codegen.NAMES.index("newton8")] = 0
+    monkeypatch.setattr(codegen, "compile_stiff", lambda model: dataclasses.replace(compiled, address=address))
+    general = stiff.integrate(friction(), (0, 6.0), START, p, rtol=1e-8, method="radau9")
+    assert fast.counters == general.counters and np.abs(fast.x[:, -1] - general.x[:, -1]).max() < 1e-11
+
+
+def test_stages_are_predicted_well_enough_that_an_iteration_or_two_suffice():
+    pendulum = Model(t, (x, v), (), (v, -sp.sin(x)))
+    for method in ("radau5", "radau9", "radau13"):
+        cost = stiff.integrate(pendulum, (0, 20.0), (1.0, 0.0), (), rtol=1e-8, method=method).counters
+        assert cost["newton"] < 2.6 * (cost["steps"] + cost["rejected"])
 
 
 def test_a_second_model_costs_the_core_nothing():

@@ -187,7 +187,9 @@ def test_a_branch_that_does_not_exist_is_not_used():
 
 
 def test_an_event_acts_on_the_values_before_and_only_if_its_condition_holds():
-    swap = EventSpec("swap", surface=x, when=sp.And(x > -1, sp.Or(y > 1, sp.Not(z > 0))), update=((0, y), (1, x)))
+    swap = EventSpec(
+        "swap", surface=x, when=sp.And(x > -1, sp.Or(y > 1, sp.Not(z > 0))), update=((0, y), (1, x))
+    )
     compiled = codegen.compile_stiff(Model(t, (x, y, z), (), (y, z, x), events=(swap,)))
     empty, after = np.zeros(0), np.array([9.0, 9.0, 9.0])
     assert call(compiled, "act", 0, 0.0, np.array([-2.0, 5.0, 0.0]), empty, after) == 0

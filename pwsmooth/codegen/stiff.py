@@ -200,7 +200,12 @@ def _events(writer: Writer, graph: Graph, model: Model) -> None:
     writer.function("watch8", "t, x, p, e", "_d, _d, _d, _d")
     writer.lanes(watch, range(len(watch)), "e")
     flags = 'error_model="numpy", fastmath={"contract", "nsz"}'
-    writer.lines += ["", "", f"@cfunc(_i(_i, _f, _d, _d, _d), cache=True, {flags})", "def act(i, t, x, p, xnew):"]
+    writer.lines += [
+        "",
+        "",
+        f"@cfunc(_i(_i, _f, _d, _d, _d), cache=True, {flags})",
+        "def act(i, t, x, p, xnew):",
+    ]
     for i, event in enumerate(model.events):
         condition = [graph.condition(event.when)]
         values = graph.add_expressions([e for _, e in event.update])

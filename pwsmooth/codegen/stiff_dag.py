@@ -156,7 +156,9 @@ class Graph:
             result = self._visit(e.args[0])
             for other in e.args[1:]:
                 b = self._visit(other)
-                result = self.node("ite", self.node("cmp", ">" if isinstance(e, sp.Max) else "<", result, b), result, b)
+                result = self.node(
+                    "ite", self.node("cmp", ">" if isinstance(e, sp.Max) else "<", result, b), result, b
+                )
             return result
         if isinstance(e, (sp.sign, sp.Heaviside)):
             a, zero = self._visit(e.args[0]), self.num(0.0)

@@ -15,7 +15,9 @@ from pwsmooth.codegen.stiff_text import Writer
 MOST_STATES = 6
 
 
-def write_newton(writer: Writer, rates: list[int], hoisted: dict[int, int], elimination: Elimination, n: int) -> None:
+def write_newton(
+    writer: Writer, rates: list[int], hoisted: dict[int, int], elimination: Elimination, n: int
+) -> None:
     """Append newton8 to the text, if the model allows it."""
     if n > MOST_STATES or not elimination.worthwhile or not writer.vectors(rates, hoisted):
         return
@@ -43,7 +45,11 @@ def write_newton(writer: Writer, rates: list[int], hoisted: dict[int, int], elim
     # Loads and stores of the right-hand side are what solve does besides; here it is in registers.
     lines += solve_lines(n, elimination)[n : -2 * n]
     for i in states:
-        lines += [f"    d{i} = join8(r{i}, q{i})", f"    store8(R, {8 * i}, d{i})", f"    store8(W, {8 * i}, W{i} + d{i})"]
+        lines += [
+            f"    d{i} = join8(r{i}, q{i})",
+            f"    store8(R, {8 * i}, d{i})",
+            f"    store8(W, {8 * i}, W{i} + d{i})",
+        ]
     lines += [f"    s{i} = splat8(0.0)" for i in states]
     lines += ["    for l in range(stages):", "        row, e = load8(TO_Z, 64 * m + 8 * l), WLANE[m, l]"]
     lines += [f"        s{i} = s{i} + row * R[{8 * i} + e]" for i in states]

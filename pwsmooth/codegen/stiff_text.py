@@ -123,7 +123,9 @@ class Writer:
         for a in needed:
             if level[a] > 0:
                 self.assign(a, "        ", {"time": "t[_l]", "state": "x[%d + _l]"}, stride=8)
-        self.lines += [f"        {out}[{8 * row} + _l] = {self.name(a)}" for row, a in zip(rows, roots, strict=True)]
+        self.lines += [
+            f"        {out}[{8 * row} + _l] = {self.name(a)}" for row, a in zip(rows, roots, strict=True)
+        ]
 
     def _reachable_without(self, roots, hoisted) -> list[int]:
         needed, stack = set(), [r for r in roots if r not in hoisted]
