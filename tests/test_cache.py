@@ -110,11 +110,14 @@ def test_one_core_serves_three_models_hits_in_a_second_process_and_is_never_stal
 # Three systems through solve(): a forced oscillator with dry friction, a relay, a hidden term.
 SOLVES = """
 import json
+import sys
 import sympy as sp
 from pwsmooth import Switch, System, solve
-from pwsmooth.codegen import cache, native
+from pwsmooth.codegen import native, units
 
-built = []
+built, compiled = [], []
+load = units.load_kernels
+units.load_kernels = lambda name: compiled.append(name) or load(name)
 build = native.build
 native.build = lambda text: built.append(text) or build(text)
 t, x, y = sp.symbols("t x y", real=True)
@@ -124,20 +127,18 @@ solutions = [
     solve(System({x: y, y: sp.sin(t) - x - v / 2}, time=t), (0, 20), {x: 1.0, y: 0.5}),
     solve(System({x: sp.cos(t) - w * 2}, time=t), (0, 5), {x: 1.0}),
     solve(System({x: -w, y: 2 * w**2 - 1}, time=t), (0, 3), {x: 1.0, y: 0.0})]
-run = cache.load_kernels("trajectory").run
 print(json.dumps({
     "ends": [s.x[:, -1].tolist() for s in solutions], "steps": [int(s.cost["steps"]) for s in solutions],
-    "models": len(built), "core": [sum(run.stats.cache_hits.values()), sum(run.stats.cache_misses.values())],
-    "signatures": len(run.signatures)}))
+    "models": len(built), "core": sorted(compiled), "numba": "numba" in sys.modules}))
 """
 
 
-def test_three_solves_share_one_core_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):
+def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
     first = run(tmp_path, SOLVES)
-    assert first["signatures"] == 1 and first["core"] == [0, 1] and first["models"] > 0
+    assert len(set(first["core"])) == len(first["core"]) > 0 and "trajectory" in first["core"] and first["models"] > 0
     second = run(tmp_path, SOLVES)
-    assert second["core"] == [1, 0] and second["models"] == 0
+    assert second["core"] == [] and second["models"] == 0 and not second["numba"]
     assert second["ends"] == first["ends"] and second["steps"] == first["steps"]
 
     # The step size rule stands in another file than the loop; its size and its time are kept.
@@ -147,7 +148,7 @@ def test_three_solves_share_one_core_hit_in_a_second_process_and_see_a_changed_k
     steps.write_text(text.replace("return 0.9 * h", "return 0.2 * h"))
     os.utime(steps, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
     third = run(tmp_path, SOLVES)
-    assert third["core"] == [0, 1] and third["steps"][0] > 2 * first["steps"][0]
+    assert third["core"] == first["core"] and third["steps"][0] > 2 * first["steps"][0]
 
 
 def test_a_source_is_written_once_and_keeps_its_stamp(tmp_path, monkeypatch):

@@ -56,12 +56,10 @@ def cache_root() -> Path:
 
 @cache
 def _versions() -> str:
-    import llvmlite
-    import numba
-    import numpy
+    from importlib.metadata import version
 
-    return "|".join((platform.python_version(), platform.machine(), numba.__version__, llvmlite.__version__,
-                     numpy.__version__, sp.__version__))
+    packages = ("numba", "llvmlite", "numpy", "sympy")
+    return "|".join((platform.python_version(), platform.machine(), *(version(name) for name in packages)))
 
 
 def sources_key(*packages: str) -> str:
