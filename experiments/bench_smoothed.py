@@ -2,8 +2,8 @@
 
 Question: time a drive period of the smoothed friction oscillator (rho = 3, algebraic sigmoid, eps = beta), at
 errors of 1e-4, 1e-8 and 1e-12, against heyoka (fast_math), numbalsoda LSODA and scikit-sundae CVODE (jitted
-right-hand side and Jacobian). Expected: eps = 1e-3: at most 1/4, 1/4, 1/1.5 of the best peer; eps = 1e-4: at most
-1/5, 1/8, 1/10.
+right-hand side and Jacobian). Expected: eps = 1e-3: at most 1/4, 1/4, 1/1.5 of the best peer; eps = 1e-4: at
+most 1/5, 1/8, 1/10.
 
 Error: the largest of |dy|, |dv|, |dz| at five end times within ten periods, against heyoka at 1e-15 without
 fast_math. For every entrant the fastest tolerance that meets the error; then interleaved rounds over PERIODS
@@ -207,7 +207,8 @@ def main():
             print(f"eps = beta = {eps:g}, error {goal:g}: best peer / pwsmooth = {ratio:.2f} {verdict}")
             for name, (tol, error) in racing.items():
                 print(f"    {name:22s} {medians[name]:9.1f} us/period   tol {tol:.1e}   error {error:.1e}")
-                rows.append({"eps": eps, "goal": goal, "entrant": name, "us_per_period": medians[name], "tol": tol,
+                rows.append({"eps": eps, "goal": goal, "entrant": name, "us_per_period": medians[name],
+                             "tol": tol,
                              "error": error})  # fmt: skip
     if arguments.out:
         about = {"python": platform.python_version(), "machine": platform.machine(), "rounds": arguments.rounds,

@@ -1,8 +1,8 @@
 """The smoothed path: stiff integration of a smoothed Model that never steps over its layers.
 
 Chain: System.smoothed(...) -> Model -> codegen.stiff (functions) -> kernels.stiff_loop (Radau IIA 5/9/13 and
-Taylor in one loop, behind the gate of kernels.stiff_gate) -> StiffResult. `integrate_scipy` runs SciPy's solvers on
-the same generated functions: the independent cross-check.
+Taylor in one loop, behind the gate of kernels.stiff_gate) -> StiffResult. `integrate_scipy` runs SciPy's
+solvers on the same generated functions: the independent cross-check.
 """
 
 from __future__ import annotations
@@ -55,9 +55,10 @@ class StiffResult:
 def internal_tolerances(rtol: float, method: str, inside: bool) -> tuple[int, int, float, float]:
     """(order index, Taylor order, rtol of Radau, rtol of Taylor) that serve the user's rtol without waste.
 
-    The embedded error of Radau IIA has order s, the step order 2s - 1: at an internal 1e-6 the true error is about
-    1e-9, so the tolerance is raised to a power that still leaves a margin on the problems measured. Not so when
-    states `inside` the steps are wanted: the collocation polynomial has the order of the embedded error.
+    The embedded error of Radau IIA has order s, the step order 2s - 1: at an internal 1e-6 the true error is
+    about 1e-9, so the tolerance is raised to a power that still leaves a margin on the problems measured. Not
+    so when states `inside` the steps are wanted: the collocation polynomial has the order of the embedded
+    error.
     """
     index = {"radau5": 0, "radau9": 1, "radau13": 2}.get(method, 1 if rtol >= 3e-5 else 2)
     power = 1.0 if inside or index == 0 else 0.8
@@ -65,8 +66,8 @@ def internal_tolerances(rtol: float, method: str, inside: bool) -> tuple[int, in
 
 
 def integrate(
-    model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf, max_steps=10_000_000,
-    method="auto", dense=False, t_eval=None,
+    model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf,
+    max_steps=10_000_000, method="auto", dense=False, t_eval=None,
 ) -> StiffResult:  # fmt: skip
     """Integrate a smoothed model over `t_span`.
 
@@ -80,7 +81,8 @@ def integrate(
     p : array_like
         Values in the order of `model.parameters`.
     rtol, atol : float or array_like
-        `rtol` is a number, at most 1e-3 (a looser one runs at that bound). `atol` never weakens the layers' test.
+        `rtol` is a number, at most 1e-3 (a looser one runs at that bound). `atol` never weakens the layers'
+        test.
     first_step, max_step : float
         By default the first step is found, and none is longer than a tenth of the span.
     max_steps : int
@@ -147,7 +149,7 @@ def integrate(
     places = np.array(
         [a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64
     )
-    n, chunk = compiled.n, loop.integrate.ctypes
+    chunk = loop.integrate.ctypes
     first = ctypes.cast(places.ctypes.data, ctypes.POINTER(ctypes.c_int64))
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
@@ -182,7 +184,8 @@ def integrate(
 
 
 def _run(S, compiled, units, p, atol, num, cnt, x0, instants, dense, t_eval):
-    """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is reached."""
+    """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is
+    reached."""
     n, q, e, model = compiled.n, compiled.n_surfaces, compiled.n_events, compiled.model
     room = 64 + 64 * e
     wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)

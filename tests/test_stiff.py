@@ -98,10 +98,13 @@ def test_a_model_with_kinks_runs_on_radau_alone():
 
 # -- layers ----------------------------------------------------------------------------------------
 
-# Found among 18 000 random starts: the stages predicted from outside fell into the layer, and one Newton iteration
-# that never looked at f there was taken for convergence.
-UNSEEN_LAYER = dict(p=[3.534738222282159, 8.660641710177789e-4, 1.5184034752673297, 0.1, 1.0, 1.389231148017657, 1.0,
-                       1e-4], start=(0.26354497903216445, 0.07355987252483098, 0.0), t0=0.7723589580290104)  # fmt: skip
+# Found among 18 000 random starts: the stages predicted from outside fell into the layer, and one Newton
+# iteration that never looked at f there was taken for convergence.
+UNSEEN_LAYER = {
+    "p": [3.534738222282159, 8.660641710177789e-4, 1.5184034752673297, 0.1, 1.0, 1.389231148017657, 1.0, 1e-4],
+    "start": (0.26354497903216445, 0.07355987252483098, 0.0),
+    "t0": 0.7723589580290104,
+}
 
 
 @pytest.mark.parametrize("method", ["auto", "radau5", "radau9", "radau13"])

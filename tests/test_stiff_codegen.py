@@ -17,7 +17,8 @@ t, x, y, z, a, b = sp.symbols("t x y z a b", real=True)
 RECURRENCES = [
     Model(
         t, (x, y, z), (a, b),
-        (sp.sin(a * t) * sp.exp(-x) + sp.log(2 + y) / (1 + z**2), sp.sqrt(1 + x**2) * sp.tanh(y), (2 + y) ** b - z),
+        (sp.sin(a * t) * sp.exp(-x) + sp.log(2 + y) / (1 + z**2), sp.sqrt(1 + x**2) * sp.tanh(y),
+         (2 + y) ** b - z),
     ),
     Model(
         t, (x, y, z), (a, b),
@@ -32,8 +33,8 @@ RECURRENCES = [
 
 def call(compiled, name, *arguments):
     """A generated function with arrays as pointers, floats and integers as they are."""
-    kinds = [ctypes.c_void_p if isinstance(v, np.ndarray) else ctypes.c_double if isinstance(v, float) else ctypes.c_int64
-             for v in arguments]  # fmt: skip
+    kind = {float: ctypes.c_double, int: ctypes.c_int64, np.ndarray: ctypes.c_void_p}
+    kinds = [kind[type(v)] for v in arguments]
     given = [v.ctypes.data if isinstance(v, np.ndarray) else v for v in arguments]
     result = ctypes.c_int64 if name == "act" else None
     return ctypes.CFUNCTYPE(result, *kinds)(int(compiled.address[codegen.NAMES.index(name)]))(*given)

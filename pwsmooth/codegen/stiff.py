@@ -30,8 +30,10 @@ from pwsmooth.codegen.stiff_taylor import MOST_PRODUCTS, Series
 from pwsmooth.codegen.stiff_text import PREAMBLE, Writer
 from pwsmooth.model import Model
 
-NAMES = ("rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor", "watch8", "act",
-         "newton8")  # fmt: skip
+NAMES = (
+    "rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor",
+    "watch8", "act", "newton8",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
     level 0: parameters only    level 1: time as well    level 2: states
 
-The grading is what makes the Newton iteration cheap: products and sums are split by level, so that everything of
-time alone leaves the iteration, and everything of the parameters alone leaves the loop over stages.
+The grading is what makes the Newton iteration cheap: products and sums are split by level, so that everything
+of time alone leaves the iteration, and everything of the parameters alone leaves the loop over stages.
 Chain: Model -> this graph -> text (stiff.py, stiff_taylor.py).
 """
 
@@ -30,8 +30,8 @@ class UnsupportedExpression(ValueError):
 class Graph:
     """Hash-consed operations; a node is an index, its operands have smaller indices.
 
-    ops: num v | par i | time | state i | add ((c, node), ...) | mul a b | div a b | sqrt a | rsqrt a | pow a r |
-    fun name a | atan2 a b | cmp op a b | not a | and a b | or a b | ite c a b
+    ops: num v | par i | time | state i | add ((c, node), ...) | mul a b | div a b | sqrt a | rsqrt a | pow a
+    r | fun name a | atan2 a b | cmp op a b | not a | and a b | or a b | ite c a b
     """
 
     def __init__(self, time, states, parameters):
@@ -255,7 +255,8 @@ def operands(op) -> tuple[int, ...]:
 
 
 def tidy(e, states):
-    """q/(q + r) -> 1 - r/(q + r) throughout, where r has no state: 1 - lam**2 of the algebraic sigmoid then cancels.
+    """q/(q + r) -> 1 - r/(q + r) throughout, where r has no state: 1 - lam**2 of the algebraic sigmoid then
+    cancels.
 
     In numbers 1 - v**2/(eps**2 + v**2) loses every digit of the hidden term outside the layer.
     """

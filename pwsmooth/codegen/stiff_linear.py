@@ -1,8 +1,8 @@
 """Sparse elimination of (mu_e/h) I - J, written out for one pattern of J, four eigenvalues at once.
 
-Lane e of every array holds the system of eigenvalue mu_e: lane 0 is the real one, the others are complex. The order of
-elimination is fixed at generation (least fill, pivots on the diagonal): mu/h dominates there, and a bad
-pivot costs only a slower Newton iteration, which the step control answers.
+Lane e of every array holds the system of eigenvalue mu_e: lane 0 is the real one, the others are complex. The
+order of elimination is fixed at generation (least fill, pivots on the diagonal): mu/h dominates there, and a
+bad pivot costs only a slower Newton iteration, which the step control answers.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ def _product(a: _Complex, b: _Complex) -> tuple[str, str | None]:
 
 
 def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
-    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten (pivots inverted)."""
+    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten (pivots
+    inverted)."""
     lines = [f"    j{i}_{j} = J[{i * n + j}]" for i, j in sorted(pattern)]
     lines += ["    mr, mi = load4(m, 0), load4(m, 4)"]
     entry: dict[tuple[int, int], _Complex] = {}

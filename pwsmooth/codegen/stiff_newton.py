@@ -1,9 +1,10 @@
-"""One Newton iteration of a Radau step, written out for one small model: rates, change of basis, elimination, norm.
+"""One Newton iteration of a Radau step, written out for one small model: rates, change of basis, elimination,
+norm.
 
     newton8(m, t8, c, x, p, mu, lu, Z, W, F, R, weight) -> norm of the increment, in units of the tolerance
 
-The same arithmetic as kernels.stiff_radau.newton in one piece: the vectors of 8 lanes stay in registers, where the
-general iteration, which does not know n, moves each through memory several times.
+The same arithmetic as kernels.stiff_radau.newton in one piece: the vectors of 8 lanes stay in registers,
+where the general iteration, which does not know n, moves each through memory several times.
 """
 
 from __future__ import annotations

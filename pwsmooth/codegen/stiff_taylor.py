@@ -1,7 +1,7 @@
 """Taylor coefficients of a smoothed model, written out order by order: the explicit half of the stiff path.
 
-x_(k+1) = f_k / (k+1), and f_k from the coefficients of order <= k of every operation. Written out in scalars, so
-that nothing is loaded or looped over: this, and not the method, is what beats a general Taylor code.
+x_(k+1) = f_k / (k+1), and f_k from the coefficients of order <= k of every operation. Written out in scalars,
+so that nothing is loaded or looped over: this, and not the method, is what beats a general Taylor code.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ _FUNCTIONS = {"exp", "log", "sin", "cos", "sinh", "cosh", "tanh", "erf", "atan"}
 
 
 def _sum(terms: list[str], late: int) -> str:
-    """Text of a sum: two running sums of the early terms, then the last `late` ones, which wait for new values."""
+    """Text of a sum: two running sums of the early terms, then the last `late` ones, which wait for new
+    values."""
     early, rest = terms[: len(terms) - late], terms[len(terms) - late :]
     if len(early) < 4:
         return " + ".join(terms)
@@ -226,8 +227,10 @@ class Series:
         self._derivative_known(a, b, k, "atan", slope)
 
     def write(self, constants) -> list[str]:
-        """Body of taylor(t, x, p, K, stride, rows): orders 0..K of the states, K = LOW or HIGH, and of each further
-        root (surfaces that are no states) in the rows after them. `constants(a)` is the line of a node of level 0."""
+        """Body of taylor(t, x, p, K, stride, rows): orders 0..K of the states, K = LOW or HIGH, and of each
+        further root (surfaces that are no states) in the rows after them. `constants(a)` is the line of a
+        node of level 0.
+        """
         state = {self.graph.node("state", i): i for i in range(self.n)}
         for a in self.order:
             if self._constant(a) and self.graph.ops[a][0] != "num":

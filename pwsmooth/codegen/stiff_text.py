@@ -9,14 +9,14 @@ _VECTOR = {"time", "state", "add", "mul", "div", "sqrt", "rsqrt", "pow"}
 FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())
 
 PREAMBLE = """\
-from math import (acos, acosh, asin, asinh, atan, atan2, atanh, ceil, cos, cosh, erf, erfc, exp, floor, log, sin, sinh,
-                  sqrt, tan, tanh)
+from math import (acos, acosh, asin, asinh, atan, atan2, atanh, ceil, cos, cosh, erf, erfc, exp, floor, log,
+                  sin, sinh, sqrt, tan, tanh)
 
 from numba import cfunc, types
 
-from pwsmooth.kernels.stiff_lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4, store8,
-                                          vabs, vacos, vasin, vatan, vcos, vcosh, verf, verfc, vexp, vlog, vmax, vpow,
-                                          vsin, vsinh, vsqrt, vtan, vtanh)
+from pwsmooth.kernels.stiff_lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4,
+                                          store8, vabs, vacos, vasin, vatan, vcos, vcosh, verf, verfc, vexp,
+                                          vlog, vmax, vpow, vsin, vsinh, vsqrt, vtan, vtanh)
 from pwsmooth.kernels.stiff_tables import TO_W, TO_Z, WLANE
 
 _d = types.CPointer(types.double)
@@ -26,7 +26,8 @@ _void = types.void
 
 
 def expression(op, name, v="") -> str:
-    """Right-hand side of one operation; `name` gives the text of an operand, v="v" calls the functions of lanes."""
+    """Right-hand side of one operation; `name` gives the text of an operand, v="v" calls the functions of
+    lanes."""
     kind = op[0]
     if kind == "num":
         return repr(op[1]).replace("inf", "(1e308 * 10.0)").replace("nan", "(1e308 * 10.0 - 1e308 * 10.0)")
@@ -91,7 +92,8 @@ class Writer:
         return all(op[0] in _VECTOR or (op[0] == "fun" and op[1] in FUNCTIONS) for op in ops)
 
     def vector_operations(self, roots, hoisted, states) -> None:
-        """Operations on 8 points at once: parameters as floats, `hoisted` nodes from rows of c, all else as vectors."""
+        """Operations on 8 points at once: parameters as floats, `hoisted` nodes from rows of c, all else as
+        vectors."""
         needed, level = self._reachable_without(roots, hoisted), self.graph.level
         for a in needed:
             if level[a] == 0:

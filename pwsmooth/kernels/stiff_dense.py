@@ -6,7 +6,8 @@ from pwsmooth.kernels.stiff_lanes import unit
 
 doubles = types.CPointer(types.float64)
 
-# lu[i, j] as rows of 8 (real parts of four eigenvalues, then imaginary parts) after n rows of pivots (lane e: row).
+# lu[i, j] as rows of 8 (real parts of four eigenvalues, then imaginary parts) after n rows of pivots (lane e:
+# row).
 
 
 @unit(types.void(types.int64, doubles, doubles, doubles))

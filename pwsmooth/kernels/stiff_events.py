@@ -1,8 +1,9 @@
 """Events on the polynomial of a stiff step: zeros of surfaces, and what fires at one instant.
 
-A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in 8 more
-around its vertex; a change of sign is then narrowed ninefold a round, on the surface itself and not on a fit. `side` is the
-sign that each surface had last: a start on a surface, or the instant after an event, is no zero.
+A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in
+8 more around its vertex; a change of sign is then narrowed ninefold a round, on the surface itself and not on
+a fit. `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
+no zero.
 """
 
 import numpy as np
@@ -38,7 +39,8 @@ def _sign(v):
 
 @fused
 def set_sides(s, t, x, f, h):
-    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t, x)."""
+    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t,
+    x)."""
     # A millionth of a step ahead: behind rounding, before anything can happen.
     d = 1e-6 * h
     for k in range(8):
@@ -62,7 +64,8 @@ def _bracket(s, j, side, a, b):
 
 @fused
 def _near_vertex(s, j, side, begin):
-    """Middle of the first three samples whose parabola comes to (almost) zero between them; NONE if there is none."""
+    """Middle of the first three samples whose parabola comes to (almost) zero between them; NONE if there is
+    none."""
     for k in range(1, 7):
         left, mid, right = (
             side * s.values[8 * j + k - 1],
@@ -177,7 +180,8 @@ def _due(s, t, theta, h, instant):
 
 @fused
 def fire(s, t, x):
-    """Fire at time t everything that is due, from the values before, and then what the updates carry through zero.
+    """Fire at time t everything that is due, from the values before, and then what the updates carry through
+    zero.
 
     Overwrites x and the records; returns what happened.
     """
@@ -218,10 +222,11 @@ def fire(s, t, x):
 
 @unit(types.int64(types.CPointer(types.int64), types.float64, types.int64, types.int64))
 def events_unit(places, t, degree, offset):
-    """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the coefficients.
+    """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
+    coefficients.
 
-    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T become
-    those just before it and scratch2 the state after.
+    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T
+    become those just before it and scratch2 the state after.
     """
     s = S.core(places)
     num, cnt, n = s.num, s.cnt, s.n

@@ -19,7 +19,8 @@ THETA, REACH = 0.9, 2.0
 
 @fused
 def look(adr, n, q, t, x, p, surface_state, surf):
-    """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a state)."""
+    """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a
+    state)."""
     full = False
     for j in range(q):
         full = full or surface_state[j] < 0
@@ -54,7 +55,8 @@ def step_limit(n, q, surf, f):
 
 @fused
 def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
-    """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the step."""
+    """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the
+    step."""
     factor = 0.0
     if adr[SURFACES8] == 0:
         return factor
@@ -77,7 +79,8 @@ def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
 
 @fused
 def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
-    """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1 tightens)."""
+    """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1
+    tightens)."""
     for i in range(n):
         weight[i] = 1.0 / (atol[i] + rtol * abs(x[i]))
         newton_weight[i] = weight[i]

@@ -1,8 +1,8 @@
 """Vectors of 4 or 8 doubles as numba values: one instruction serves all stages of a step.
 
-LLVM's own vectoriser gives up on these loops (short, many pointers that might overlap), so the vectors are explicit:
-`load8(a, i)` and `store8(a, i, v)` move 8 doubles from index i of an array or pointer, and + - * / and negation
-work lane by lane, also with a plain float. Functions of the C library are called lane by lane.
+LLVM's own vectoriser gives up on these loops (short, many pointers that might overlap), so the vectors are
+explicit: `load8(a, i)` and `store8(a, i, v)` move 8 doubles from index i of an array or pointer, and + - * /
+and negation work lane by lane, also with a plain float. Functions of the C library are called lane by lane.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The step loop of the stiff path: Radau IIA or Taylor, chosen every step by h rho(J), behind the gate.
 
-In Radau, when the next step would have h rho < TO_TAYLOR, the motion may not be stiff: an expansion there says how
-far Taylor would go, and it takes over if that is the better bargain. In Taylor, two steps in a row with
-h rho > TO_RADAU: stability and not accuracy limits the step: Radau, with four times the step.
+In Radau, when the next step would have h rho < TO_TAYLOR, the motion may not be stiff: an expansion there
+says how far Taylor would go, and it takes over if that is the better bargain. In Taylor, two steps in a row
+with h rho > TO_RADAU: stability and not accuracy limits the step: Radau, with four times the step.
 rho comes from one power iteration per step with a vector that is carried along.
 """
 
@@ -171,7 +171,8 @@ def _next_length(s, t, rest):
 
 @fused
 def _after_step(s, places, t, mode):
-    """Polynomial, events and wanted times of the step just accepted from t; returns the status, FULL to go on."""
+    """Polynomial, events and wanted times of the step just accepted from t; returns the status, FULL to go
+    on."""
     num, cnt, n = s.num, s.cnt, s.n
     dense = cnt[S.DENSE_WANTED] == 1
     wanted = cnt[S.N_EVAL] < s.evals and s.t_eval[cnt[S.N_EVAL]] <= num[S.T]

@@ -4,7 +4,8 @@
     err = (mu_0/h I - J)^-1 ( f(t, x) + sum_k ERROR_k Z_k / h )         order s
 
 Hairer and Wanner, Solving ODEs II, IV.8. J is taken at the predicted middle stage, anew in every step.
-Every array of stages or eigenvalues has 8 lanes and moves as one vector; the order is a run-time index m (s = 3 + 2m).
+Every array of stages or eigenvalues has 8 lanes and moves as one vector; the order is a run-time index m (s =
+3 + 2m).
 """
 
 import numpy as np
@@ -56,7 +57,8 @@ def set_stages(adr, m, t, h, p, t8, c8):
 
 @fused
 def extrapolate(m, n, ratio, poly, Z):
-    """Overwrites Z with the last collocation polynomial beyond its end: at (1 + ratio c_k), less its end value."""
+    """Overwrites Z with the last collocation polynomial beyond its end: at (1 + ratio c_k), less its end
+    value."""
     s = 3 + 2 * m
     tau = load8(NODES, 8 * m) * ratio
     for i in range(n):
@@ -143,8 +145,8 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
 def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta, scratch):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
-    Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta` at entry is
-    the last step's: a good predictor may then need one iteration only.
+    Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta`
+    at entry is the last step's: a good predictor may then need one iteration only.
     """
     s = 3 + 2 * m
     for i in range(n):
@@ -181,7 +183,8 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
 
 @fused
 def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, again):
-    """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff parts."""
+    """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff
+    parts."""
     for i in range(n):
         v = 0.0
         for k in range(3 + 2 * m):

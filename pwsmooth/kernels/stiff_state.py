@@ -23,8 +23,11 @@ BOTH, TIMED = 0, 2
 # Entries of `num`.
 T, T_END, H, H_OLD, GROWTH_OLD, ETA, RTOL, RTOL_TAYLOR, H_MAX, KAPPA, TAKEN, REACH = range(12)
 # Entries of `cnt`: settings, then the state of the loop, then counters.
-(ORDER, K, MODE, MAY_RADAU, MAY_TAYLOR, DENSE_WANTED, PREDICTED, FIRST, REJECTED, STIFF_STEPS, ROWS_AT, ROWS_VALID,
- N_EVAL, STEPS, REJECTIONS, F_EVALS, JACOBIANS, NEWTON, TAYLOR_STEPS, STEPS_LEFT, WAIT, N_INSTANT, N_POINTS, N_RECORDS, HAPPENED) = range(25)  # fmt: skip
+(
+    ORDER, K, MODE, MAY_RADAU, MAY_TAYLOR, DENSE_WANTED, PREDICTED, FIRST,
+    REJECTED, STIFF_STEPS, ROWS_AT, ROWS_VALID, N_EVAL, STEPS, REJECTIONS, F_EVALS,
+    JACOBIANS, NEWTON, TAYLOR_STEPS, STEPS_LEFT, WAIT, N_INSTANT, N_POINTS, N_RECORDS, HAPPENED,
+) = range(25)  # fmt: skip
 
 
 class Core(NamedTuple):
@@ -99,7 +102,8 @@ def core(places):
     """The Core whose sizes and addresses stand in `places`."""
     return Core(
         places[0], places[1], places[2], places[3], places[4], places[5], places[6], integers(places[7]),
-        integers(places[8]), integers(places[9]), integers(places[10]), integers(places[11]), integers(places[12]),
+        integers(places[8]), integers(places[9]), integers(places[10]), integers(places[11]),
+        integers(places[12]),
         integers(places[13]), integers(places[14]), integers(places[15]), integers(places[16]),
         doubles(places[17]), doubles(places[18]), doubles(places[19]), doubles(places[20]), doubles(places[21]),
         doubles(places[22]), doubles(places[23]), doubles(places[24]), doubles(places[25]), doubles(places[26]),

@@ -44,8 +44,9 @@ def radau_step(s):
         extrapolate(m, n, ratio, s.poly, s.Z)
     factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
     cnt[S.JACOBIANS] += 1
-    # The last step's rate says nothing about a layer that this one enters: with the floor, one iteration suffices only
-    # where the predicted stages, at which f was looked at, are within a few tolerances of the stages found.
+    # The last step's rate says nothing about a layer that this one enters: with the floor, one iteration
+    # suffices only where the predicted stages, at which f was looked at, are within a few tolerances of the
+    # stages found.
     eta = np.sqrt(max(num[S.ETA], LEAST_RATE))
     eta *= np.sqrt(eta)
     converged, iterations, eta, theta = newton(
@@ -113,7 +114,8 @@ def taylor_reach(s):
 
 @fused
 def taylor_step(s):
-    """One attempt of at most num[H]; whether it was accepted; num[TAKEN] nan for a coefficient that is, or TOO_SHORT."""
+    """One attempt of at most num[H]; whether it was accepted; num[TAKEN] nan for a coefficient that is, or
+    TOO_SHORT."""
     adr, num, cnt, n = s.adr, s.num, s.cnt, s.n
     K = cnt[S.K]
     block = (n + s.q) * S.STRIDE

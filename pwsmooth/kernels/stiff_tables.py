@@ -3,7 +3,7 @@
     A^-1 = V diag(mu) V^-1,   Z = h A F(x + Z)   <=>   (mu_e/h) W_e = (V^-1 F)_e  with  Z = V W
 
 One real eigenvalue and (s-1)/2 complex pairs: after the change of variables the linear algebra is one real and
-(s-1)/2 complex n x n systems (Hairer and Wanner, Solving ODEs II, IV.8). Every array here has 8 lanes: stages k,
+(s-1)/2 complex n x n systems (Hairer and Wanner, Solving ODEs II, IV.8). Every array has 8 lanes: the stages,
 or W as the real parts of four eigenvalues and then their imaginary parts; lanes beyond are zero and harmless.
 The literals were computed with 60 digits from the definition (collocation at the roots of
 d^(s-1)/dx^(s-1) [x^(s-1) (x-1)^s]); the tests compute them again.

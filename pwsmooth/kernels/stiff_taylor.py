@@ -1,9 +1,11 @@
-"""Explicit Taylor steps of the stiff path: for the transients inside a layer, and for everything that is not stiff.
+"""Explicit Taylor steps of the stiff path: for the transients inside a layer, and for everything that is not
+stiff.
 
     x(t + s h) = sum_k x_k h^k s^k,   h from the last two coefficients (Jorba and Zou, 2005)
 
-A truncated series cannot see a layer ahead (all derivatives of erf(h/eps) underflow outside it), so besides the gate
-every step is judged by its defect, h |x'(h) - f(x(h))| / (K+1), which the next expansion gives for nothing.
+A truncated series cannot see a layer ahead (all derivatives of erf(h/eps) underflow outside it), so besides
+the gate every step is judged by its defect, h |x'(h) - f(x(h))| / (K+1), which the next expansion gives for
+nothing.
 """
 
 import numpy as np
