@@ -85,7 +85,7 @@ def _derive(a, d, degree):
 def _refine(W, degree, lo, hi, s):
     """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
     a, first, second = W.poly, W.first, W.second
-    f0, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
+    before = 1.0
     for _ in range(60):
         # Value and two derivatives at once, in four lanes over blocks of four.
         p0, p1 = 1.0, s
@@ -125,10 +125,14 @@ def _refine(W, degree, lo, hi, s):
         new = s - f * d / bottom if bottom != 0.0 else lo - 1.0
         if not (lo < new < hi):
             new = 0.5 * (lo + hi)
-        step = new - s
+        step = abs(new - s)
         s = new
-        if abs(step) <= 2e-16 * max(s, 1e-3) or hi - lo <= 1e-16:
+        # Cubic convergence: after a step of 1e-7 that was 1000 times shorter than the one before, s is at rounding.
+        if step <= 2e-16 * max(s, 1e-3) or (step < 1e-7 * s and step < 1e-3 * before) or hi - lo <= 1e-16:
             return s
+        if step < 1e-13 * s and step >= before:
+            return s  # rounding only
+        before = step
     return s
 
 
