@@ -102,9 +102,11 @@ class CompiledProblem:
     def work(self, order: int):
         """Scratch arrays for one run."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
-        width = -(-(order + state.PAD) // 4) * 4  # loops run in blocks of four
+        width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
         return state.Work(
             order=order,
+            counting=np.arange(1.0, width + 1),
+            root_power=np.zeros(8),
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),

@@ -6,6 +6,7 @@ argument would compile the core anew for every model and never hit the disk cach
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 _DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
@@ -142,3 +143,37 @@ def put(typingctx, a, k, value):
         return context.get_dummy_value()
 
     return types.void(a, types.intp, types.float64), codegen
+
+
+def _halves(builder, vector, operation):
+    """Folds a vector of 8 to one number."""
+    width = 8
+    while width > 1:
+        width //= 2
+        lanes = ir.IntType(32)
+        low = ir.Constant(ir.VectorType(lanes, width), list(range(width)))
+        high = ir.Constant(ir.VectorType(lanes, width), list(range(width, 2 * width)))
+        vector = operation(builder.shuffle_vector(vector, vector, low), builder.shuffle_vector(vector, vector, high))
+    return builder.extract_element(vector, ir.Constant(ir.IntType(32), 0))
+
+
+@intrinsic
+def sum8(typingctx, v):
+    """Sum of 8 lanes."""
+
+    def codegen(context, builder, sig, args):
+        return _halves(builder, args[0], builder.fadd)
+
+    return types.float64(v), codegen
+
+
+@intrinsic
+def abs8(typingctx, v):
+    """Lane by lane |v|."""
+
+    def codegen(context, builder, sig, args):
+        kind = args[0].type
+        fabs = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), "llvm.fabs.v8f64")
+        return builder.call(fabs, [args[0]])
+
+    return v(v), codegen

@@ -11,8 +11,9 @@ import math
 from numba import types
 
 from .compiling import kernel, inlined_kernel, unit
-from .pointers import at, call_root, put
+from .pointers import abs8, at, call_root, put, sum8
 from .state import Work
+from .stiff_lanes import load8, store8
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -36,14 +37,11 @@ def low_bounds(a):
 
 @inlined_kernel
 def remainder(a, degree):
-    """Bound of the terms above degree 6 on [0, 1]; a is zero from degree + 1 on, up to a multiple of 4."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, abs(at(a, _LOW + 1))
-    for k in range(_LOW + 2, degree + 1, 4):
-        s0 += abs(at(a, k))
-        s1 += abs(at(a, k + 1))
-        s2 += abs(at(a, k + 2))
-        s3 += abs(at(a, k + 3))
-    return (s0 + s1) + (s2 + s3)
+    """Bound of the terms above degree 6 on [0, 1]; a is zero from degree + 1 on, up to a multiple of 8."""
+    total = abs8(load8(a, 8))
+    for k in range(16, degree + 1, 8):
+        total = total + abs8(load8(a, k))
+    return abs(at(a, _LOW + 1)) + (sum8(total) if degree >= 8 else 0.0)
 
 
 @kernel
@@ -51,70 +49,45 @@ def _to_bernstein(W, degree, b):
     """Overwrites b with the Bernstein coefficients of W.poly on [0, 1], by columns: no chain from one to the next."""
     a, table = W.poly, W.bernstein_table[W.order - degree]
     for start in range(0, degree + 1, 8):
-        b0, b1, b2, b3, b4, b5, b6, b7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(min(start + 8, degree + 1)):
-            v = at(a, k)
-            row = table[k]
-            b0 += v * at(row, start)
-            b1 += v * at(row, start + 1)
-            b2 += v * at(row, start + 2)
-            b3 += v * at(row, start + 3)
-            b4 += v * at(row, start + 4)
-            b5 += v * at(row, start + 5)
-            b6 += v * at(row, start + 6)
-            b7 += v * at(row, start + 7)
-        put(b, start, b0)
-        put(b, start + 1, b1)
-        put(b, start + 2, b2)
-        put(b, start + 3, b3)
-        put(b, start + 4, b4)
-        put(b, start + 5, b5)
-        put(b, start + 6, b6)
-        put(b, start + 7, b7)
+        block = load8(table[0], start) * at(a, 0)
+        for k in range(1, min(start + 8, degree + 1)):
+            block = block + load8(table[k], start) * at(a, k)
+        store8(b, start, block)
 
 
 @inlined_kernel
-def _derive(a, d, degree):
-    """Overwrites d with the derivative of a; both are zero from their degree on, up to a multiple of 4."""
-    for k in range(0, degree + 1, 4):
-        for i in range(4):
-            put(d, k + i, (k + i + 1.0) * at(a, k + i + 1))
+def _derive(W, a, d, degree):
+    """Overwrites d with the derivative of a; both are zero from their degree on, up to a multiple of 8."""
+    for k in range(0, degree + 1, 8):
+        store8(d, k, load8(W.counting, k) * load8(a, k + 1))
 
 
 @kernel
 def _refine(W, degree, lo, hi, s):
     """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
-    a, first, second = W.poly, W.first, W.second
+    a, first, second, power = W.poly, W.first, W.second, W.root_power
     before = 1.0
     for _ in range(60):
-        # Value and two derivatives at once, in four lanes over blocks of four.
-        p0, p1 = 1.0, s
-        p2 = s * s
-        p3 = p2 * s
-        s4 = p2 * p2
-        f0, f1, f2, f3 = 0.0, 0.0, 0.0, 0.0
-        d0, d1, d2, d3 = 0.0, 0.0, 0.0, 0.0
-        c0, c1, c2, c3 = 0.0, 0.0, 0.0, 0.0
-        for k in range(0, degree + 1, 4):
-            f0 += at(a, k) * p0
-            f1 += at(a, k + 1) * p1
-            f2 += at(a, k + 2) * p2
-            f3 += at(a, k + 3) * p3
-            d0 += at(first, k) * p0
-            d1 += at(first, k + 1) * p1
-            d2 += at(first, k + 2) * p2
-            d3 += at(first, k + 3) * p3
-            c0 += at(second, k) * p0
-            c1 += at(second, k + 1) * p1
-            c2 += at(second, k + 2) * p2
-            c3 += at(second, k + 3) * p3
-            p0 *= s4
-            p1 *= s4
-            p2 *= s4
-            p3 *= s4
-        f = (f0 + f1) + (f2 + f3)
-        d = (d0 + d1) + (d2 + d3)
-        c = (c0 + c1) + (c2 + c3)
+        # Value and two derivatives at once, eight terms a block.
+        s2 = s * s
+        s4 = s2 * s2
+        put(power, 0, 1.0)
+        put(power, 1, s)
+        put(power, 2, s2)
+        put(power, 3, s2 * s)
+        put(power, 4, s4)
+        put(power, 5, s4 * s)
+        put(power, 6, s4 * s2)
+        put(power, 7, s4 * (s2 * s))
+        block = load8(power, 0)
+        s8 = s4 * s4
+        value, slope, bend = load8(a, 0) * block, load8(first, 0) * block, load8(second, 0) * block
+        for k in range(8, degree + 1, 8):
+            block = block * s8
+            value = value + load8(a, k) * block
+            slope = slope + load8(first, k) * block
+            bend = bend + load8(second, k) * block
+        f, d, c = sum8(value), sum8(slope), sum8(bend)
         if f == 0.0:
             return s
         if f > 0.0:
@@ -140,8 +113,8 @@ def _refine(W, degree, lo, hi, s):
 def isolate(W, degree):
     """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
     a, work = W.poly, W.bernstein
-    _derive(a, W.first, degree)
-    _derive(W.first, W.second, degree)
+    _derive(W, a, W.first, degree)
+    _derive(W, W.first, W.second, degree)
     if low_bounds(W.first)[1] + remainder(W.first, degree) < 0.0:
         # Falls all the way: one root if it ends below zero, none else. The usual case of a surface that is met.
         end = 0.0

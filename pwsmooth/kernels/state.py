@@ -115,7 +115,7 @@ class State(Bundle):
 (C_STEPS, C_EVENTS, C_POINTS, C_DENSE, C_AMBIGUITIES, C_CLOCK, C_EVAL, C_STALLED, C_JETS, C_LAYERS, C_STARTED) = range(11)
 N_COUNTS = 11
 
-PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of four, and known zeros are dropped by a shift
+PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 
 
 class Record(Bundle):
@@ -151,6 +151,8 @@ class Work(Bundle):
     poly: "f8[1]"  # (order + PAD,) one scaled polynomial
     first: "f8[1]"  # (order + PAD,) its derivatives
     second: "f8[1]"
+    counting: "f8[1]"  # 1, 2, 3, ...
+    root_power: "f8[1]"  # (8,)
     bernstein: "f8[1]"
     bernstein_table: "f8[3]"  # see tables.bernstein_tables
     z: "f8[1]"  # (nz,)

@@ -9,53 +9,46 @@ import math
 from numba import types
 
 from .compiling import kernel, inlined_kernel, unit
-from .pointers import at, bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits, put
+from .pointers import bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits, put, sum8
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
+from .stiff_lanes import load8, store8
 
 
 @inlined_kernel
 def dot(row, power, count):
-    """sum row[k] power[k] for k < count, in four chains: rows are zero from count on, up to the next multiple of 4."""
-    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    for k in range(0, count, 4):
-        s0 += at(row, k) * at(power, k)
-        s1 += at(row, k + 1) * at(power, k + 1)
-        s2 += at(row, k + 2) * at(power, k + 2)
-        s3 += at(row, k + 3) * at(power, k + 3)
-    return (s0 + s1) + (s2 + s3)
+    """sum row[k] power[k], k < count, by blocks of eight: rows are zero from count on."""
+    total = load8(row, 0) * load8(power, 0)
+    for k in range(8, count, 8):
+        total = total + load8(row, k) * load8(power, k)
+    return sum8(total)
 
 
 @inlined_kernel
 def powers(power, h):
-    """Overwrites all of power with 1, h, h^2, ...: four chains of h^4, kept in registers."""
-    a, b = 1.0, h
-    c = h * h
-    d = c * h
-    h4 = c * c
-    for k in range(0, len(power), 4):
-        put(power, k, a)
-        put(power, k + 1, b)
-        put(power, k + 2, c)
-        put(power, k + 3, d)
-        a *= h4
-        b *= h4
-        c *= h4
-        d *= h4
+    """Overwrites all of power with 1, h, h^2, ...: blocks of eight, each h^8 times the one before."""
+    h2 = h * h
+    h4 = h2 * h2
+    put(power, 0, 1.0)
+    put(power, 1, h)
+    put(power, 2, h2)
+    put(power, 3, h2 * h)
+    put(power, 4, h4)
+    put(power, 5, h4 * h)
+    put(power, 6, h4 * h2)
+    put(power, 7, h4 * (h2 * h))
+    block = load8(power, 0)
+    h8 = h4 * h4
+    for k in range(8, len(power), 8):
+        block = block * h8
+        store8(power, k, block)
 
 
 @inlined_kernel
 def scaled(row, power, poly, degree, drop, sign):
     """Overwrites poly with sign * row, the first `drop` known zero orders removed, on the unit interval."""
-    for k in range(0, max(degree - drop, 6) + 1, 4):
-        a = sign * at(row, k + drop) * at(power, k)
-        b = sign * at(row, k + 1 + drop) * at(power, k + 1)
-        c = sign * at(row, k + 2 + drop) * at(power, k + 2)
-        d = sign * at(row, k + 3 + drop) * at(power, k + 3)
-        put(poly, k, a)
-        put(poly, k + 1, b)
-        put(poly, k + 2, c)
-        put(poly, k + 3, d)
+    for k in range(0, degree - drop + 1, 8):
+        store8(poly, k, load8(row, k + drop) * load8(power, k) * sign)
 
 
 @inlined_kernel
