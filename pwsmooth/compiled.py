@@ -39,6 +39,11 @@ class CompiledProblem:
             free = mu.residual.free_symbols
             for j, symbol in enumerate(symbols):
                 coupled[i, j] = symbol in free
+        moving = {model.time, *model.states, *symbols}
+        slope_moves = np.array(
+            [k == state.SLIDING and not mu.hidden and bool(mu.residual.diff(mu.symbol).free_symbols & moving)
+             for k, mu in zip(self.kind, model.multipliers, strict=True)], np.int64,
+        )  # fmt: skip
         surface_state = np.array([_surface_state(model, mu) for mu in model.multipliers], np.int64)
         has_surface = np.array([part.surface is not None for part in (*model.multipliers, *model.events)], bool)
         expressions = (*model.rhs, *(mu.residual for mu in model.multipliers))
@@ -67,6 +72,7 @@ class CompiledProblem:
             kind=self.kind,
             hidden=hidden,
             coupled=coupled,
+            slope_moves=slope_moves,
             surface_state=surface_state,
             direction=np.array([e.direction for e in model.events], np.int64),
             terminal=np.array([e.terminal for e in model.events], np.int64),
@@ -115,7 +121,7 @@ class CompiledProblem:
             bernstein_table=bernstein_tables(order, width + 8),
             layer_k=np.zeros((7, m + nz)),
             matrix=np.zeros((m + 1, m + 1)),
-            code=np.zeros(8),
+            code=np.zeros(12),
             answer=np.zeros(8),
             **{name: np.zeros(width) for name in ("power", "poly", "first", "second", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},

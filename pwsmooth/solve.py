@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from . import checks
 from .model import Model
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
@@ -89,23 +90,25 @@ def solve(
     >>> solve(relay, (0, 5), {x: 0}).itinerary
     ('lam_x=-1', 'lam_x sliding')
     """
-    if parameters:
+    if not hasattr(system, "model"):
+        raise TypeError(f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views.")
+    if parameters is not None:
+        if not isinstance(parameters, Mapping):
+            raise TypeError(f"`parameters` is {parameters!r}; give a dict of names or Symbols to numbers.")
         system = system.with_parameters(parameters)
     model, values = system.model, system.parameters
-    t0, t1 = _span(t_span)
+    t0, t1 = checks.span(t_span)
     start = np.array(system.initial_state(x0), float)
     p = np.array(system.parameter_values, float)
-    times = _wanted_times(t_eval, t0, t1)
+    times = checks.wanted_times(t_eval, t0, t1)
     smoothed = bool(model.smoothing) and not model.multipliers
-    if not (isinstance(rtol, (int, float)) and 0 < rtol < 1):
-        raise ValueError(f"`rtol` is {rtol!r}; give a number between 0 and 1, such as 1e-9.")
-    atol = np.broadcast_to(np.asarray(atol, float), (len(model.states),)).copy()
-    if not (np.isfinite(atol).all() and (atol >= 0).all()):
-        raise ValueError(f"`atol` is {atol.tolist()}; give finite numbers >= 0, one or one a state.")
-    if not max_step > 0:
-        raise ValueError(f"`max_step` is {max_step!r}; give a number > 0.")
-    if not max_steps >= 1:
-        raise ValueError(f"`max_steps` is {max_steps!r}; give an integer >= 1.")
+    rtol = checks.relative_tolerance(rtol)
+    atol = checks.absolute_tolerance(atol, model.states)
+    max_step = checks.longest_step(max_step)
+    max_steps = checks.whole(max_steps, "`max_steps`", 1)
+    for name, flag in (("strict", strict), ("dense_output", dense_output)):
+        if not isinstance(flag, (bool, np.bool_)):
+            raise TypeError(f"`{name}` is {flag!r}; give True or False.")
     rtol = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
     if smoothed:
         from .smooth_path import solve_smoothed
@@ -119,33 +122,13 @@ def solve(
             f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
             "(the others are for `system.smoothed(...)`)."
         )
-    if order is not None and not 8 <= order <= 28:
-        raise ValueError(f"`order` is {order!r}; give an integer from 8 to 28, or leave it out.")
+    if order is not None:
+        order = checks.whole(order, "`order`", 8, 28)
+        if method == "rk":
+            raise ValueError(f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'.")
     run = _EventDriven(system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method)
     run.begin(t0, start)
     return run.finish()
-
-
-def _span(t_span: Sequence[float]) -> tuple[float, float]:
-    try:
-        t0, t1 = (float(t) for t in t_span)
-    except (TypeError, ValueError):
-        raise TypeError(f"`t_span` is {t_span!r}; give two numbers, (start, end).") from None
-    if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
-        raise ValueError(f"`t_span` is ({t0:g}, {t1:g}); give finite times with start < end.")
-    return t0, t1
-
-
-def _wanted_times(t_eval: Any, t0: float, t1: float) -> np.ndarray | None:
-    if t_eval is None:
-        return None
-    times = np.asarray(t_eval, float)
-    if times.ndim != 1 or not np.isfinite(times).all() or np.any(np.diff(times) < 0):
-        raise ValueError("`t_eval` must be a one-dimensional, finite, increasing sequence of times.")
-    outside = times[(times < t0) | (times > t1)]
-    if outside.size:
-        raise ValueError(f"`t_eval` contains {outside[0]:g}, outside of `t_span` ({t0:g}, {t1:g}); leave it out.")
-    return times
 
 
 class _EventDriven:
@@ -178,7 +161,7 @@ class _EventDriven:
         """Runs the kernel to its end, emptying its buffers as they fill."""
         names, model = self.names, self.model
         n, m, ne = len(model.states), len(model.multipliers), len(model.events)
-        clock, which = _clock(model, self.values, t0, self.control["t_end"])
+        clock, which = _clock(model, self.values, t0, self.control["t_end"], self.control["max_steps"])
         control = names.Control(**self.control, clock=clock, clock_event=which)
         state = names.State(
             now=np.array([t0, min(1e-3, self.control["max_step"])]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
@@ -269,19 +252,26 @@ def _order_for(rtol: float) -> int:
     return 12 if rtol > 1e-8 else 16 if rtol > 1e-10 else 20
 
 
-def _clock(model: Model, values: Mapping[sp.Symbol, float], t0: float, t1: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sorted instants of the time events in (t0, t1], and the event of each."""
-    instants: list[tuple[float, int]] = []
+def _clock(
+    model: Model, values: Mapping[sp.Symbol, float], t0: float, t1: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sorted instants of the time events in (t0, t1], and the event of each; of each event the first `most`."""
+    instants, owners = [np.empty(0)], [np.empty(0, np.int64)]
     for i, event in enumerate(model.events):
+        when = np.array([float(at.subs(values)) for at in event.at])
         if event.every is not None:
             every = float(event.every.subs(values))
             if not every > 0:
                 raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")
-            first = math.floor(t0 / every) + 1
-            instants += [(k * every, i) for k in range(first, math.floor(t1 / every) + 1) if t0 < k * every <= t1]
-        instants += [(float(at.subs(values)), i) for at in event.at if t0 < float(at.subs(values)) <= t1]
-    instants.sort()
-    return np.array([when for when, _ in instants]), np.array([i for _, i in instants], np.int64)
+            # Every instant costs a step: beyond the bound on steps none is reached.
+            first, last = math.floor(t0 / every), math.floor(t1 / every) + 1
+            when = every * np.arange(first, min(last, first + most + 2) + 1, dtype=float)
+        when = np.unique(when[(when > t0) & (when <= t1)])
+        instants.append(when)
+        owners.append(np.full(len(when), i))
+    when, which = np.concatenate(instants), np.concatenate(owners)
+    order = np.lexsort((which, when))
+    return when[order], which[order]
 
 
 @functools.cache
@@ -341,6 +331,8 @@ def _ambiguities_in_words(names, model: Model, times, records) -> list[Ambiguity
         name, continuations = words[kind]
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"
+        elif kind == names.AMB_GRAZING:
+            choice = continuations[taken]
         elif kind == names.AMB_REPELLING:
             choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
         else:

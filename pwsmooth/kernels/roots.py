@@ -17,6 +17,7 @@ from .stiff_lanes import load8, store8
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
+GRAZING = 1e-12  # a dip this shallow, or this close to one, is not decided silently
 _DEEPEST = 46  # subdivisions: 2^-46 of a step is at rounding level
 
 
@@ -63,10 +64,18 @@ def _derive(W, a, d, degree):
 
 
 @kernel
+def _note_grazing(W, s, crosses):
+    """Leaves word for the loop: near s the surface is touched to within GRAZING of its value at the start."""
+    W.code[8] = 1
+    W.code[10] = crosses
+    W.answer[6] = s
+
+
+@kernel
 def _refine(W, degree, lo, hi, s):
     """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
     a, first, second, power = W.poly, W.first, W.second, W.root_power
-    before = 1.0
+    before, d, c = 1.0, 0.0, 0.0
     for _ in range(60):
         # Value and two derivatives at once, eight terms a block.
         s2 = s * s
@@ -89,7 +98,7 @@ def _refine(W, degree, lo, hi, s):
             bend = bend + load8(second, k) * block
         f, d, c = sum8(value), sum8(slope), sum8(bend)
         if f == 0.0:
-            return s
+            break
         if f > 0.0:
             lo = s
         else:
@@ -102,10 +111,12 @@ def _refine(W, degree, lo, hi, s):
         s = new
         # Cubic convergence: after a step of 1e-7 that was 1000 times shorter than the one before, s is at rounding.
         if step <= 2e-16 * max(s, 1e-3) or (step < 1e-7 * s and step < 1e-3 * before) or hi - lo <= 1e-16:
-            return s
+            break
         if step < 1e-13 * s and step >= before:
-            return s  # rounding only
+            break  # rounding only
         before = step
+    if c > 0.0 and 0.5 * d * d < GRAZING * c * at(a, 0):
+        _note_grazing(W, s, 1)  # it turns back after a dip that shallow
     return s
 
 
@@ -156,12 +167,18 @@ def isolate(W, degree):
             return _refine(W, degree, left, left + size, left + s * size)
         if changes == 0 and c[width - 1] == 0.0:
             return left + size
+        if changes == 0 and depth > 0:
+            last = degree if left + size >= 1.0 else degree + 1  # the step's end is the next step's business
+            for k in range(1, last):
+                if c[k] < GRAZING * a[0]:
+                    _note_grazing(W, left + size * k / degree, 0)
         if changes > 1 and depth < _DEEPEST:
             lowest = c[0]
             for k in range(width):
                 lowest = min(lowest, c[k])
             if lowest > -noise and c[width - 1] > 0.0:
-                changes = 0  # touches within rounding: grazing, no crossing
+                changes = 0  # touches within rounding: grazing, no crossing, but not decided by the numbers
+                _note_grazing(W, left + 0.5 * size, 0)
         if changes > 1 and depth < _DEEPEST:
             # de Casteljau at 1/2: left half in place one level deeper, right half stays at this level.
             d = work[base + width : base + 2 * width]

@@ -70,6 +70,7 @@ class Problem(Bundle):
     p: "f8[1]"
     kind: "i8[1]"  # (m,)
     hidden: "i8[1]"  # (m,) the residual is nonlinear in its own multiplier
+    slope_moves: "i8[1]"  # (m,) a sliding switch, not hidden, whose dg/dlambda can change its sign
     coupled: "i8[2]"  # (m, m) residual i depends on multiplier j
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)

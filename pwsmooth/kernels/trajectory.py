@@ -11,10 +11,11 @@ from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fold, call_rk, call_unit
-from .records import record_point
+from .records import record_ambiguity, record_point
 from .roots import NO_ROOT, first_root, low_bounds, remainder
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
+    AMB_GRAZING,
     C_CLOCK,
     C_DENSE,
     C_EVAL,
@@ -97,6 +98,9 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
             met = _meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
         tau[j] = met
         best = min(best, met)
+        if W.code[8] == 1:
+            W.code[8] = 2
+            W.code[9] = j
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
@@ -316,6 +320,10 @@ def run(P, C, S, R, W):
             for j in range(m):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], power, K + 1)
+        if W.code[8] == 2 and W.answer[6] <= fraction:
+            S.now[0] = t0 + W.answer[6] * h
+            record_ambiguity(S, R, W.code[9], AMB_GRAZING, W.code[10])
+        W.code[8] = 0
         S.now[0] = t_new
         S.now[1] = W.answer[5] if by_pair else h
         total = 0.0

@@ -4,7 +4,7 @@ from .compiling import kernel
 from .pointers import call_linear
 from .records import record_ambiguity
 from .sliding import keep_on_surface
-from .state import AMB_TWO_FOLD, DETERMINACY_LOST, SLIDING, SOLVED, STRICT
+from .state import AMB_TWO_FOLD, DETERMINACY_LOST, SOLVED, STRICT
 
 
 @kernel
@@ -43,7 +43,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
     if time_row >= 0:
         return False
     for j in range(m):
-        if S.status[j] == SOLVED and P.kind[j] == SLIDING and not P.hidden[j]:
+        if S.status[j] == SOLVED and P.slope_moves[j]:
             call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
             if W.G[j * m + j] >= 0.0 and _alone(P, j):
                 lo, hi = 0.0, s_end
