@@ -35,6 +35,7 @@ from .state import (
     NEWTON_FAILED,
     NOT_FINITE,
     SOLVED,
+    STRICT,
     UNDERFLOW,
     Control,
     Problem,
@@ -293,6 +294,10 @@ def run(P, C, S, R, W):
         happened = best <= fraction
         if happened:
             fraction, capped = best, False
+        grazes = W.code[8] == 2 and W.answer[6] <= fraction
+        W.code[8] = 0
+        if grazes and C.strict:
+            fraction, happened, capped = W.answer[6], False, False
         s_end = fraction * h
         if happened and by_pair and h > 1e-11 * (1.0 + abs(t0)):
             met = 0
@@ -320,12 +325,14 @@ def run(P, C, S, R, W):
             for j in range(m):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], power, K + 1)
-        if W.code[8] == 2 and W.answer[6] <= fraction:
+        if grazes:
             S.now[0] = t0 + W.answer[6] * h
             record_ambiguity(S, R, W.code[9], AMB_GRAZING, W.code[10])
-        W.code[8] = 0
         S.now[0] = t_new
         S.now[1] = W.answer[5] if by_pair else h
+        if grazes and C.strict:
+            record_point(P, S, R)
+            return STRICT
         total = 0.0
         for i in range(n):
             total += abs(x[i])

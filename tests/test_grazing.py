@@ -1,0 +1,36 @@
+"""Grazing: a trajectory that touches a surface is decided down to 1e-12 of its scale, and recorded below."""
+
+import pytest
+import sympy as sp
+
+from pwsmooth import Switch, System, solve
+
+t, x = sp.symbols("t x", real=True)
+lam = Switch("lam", x)
+# x = (t - 1)^2 + a above the surface; below it x falls at once.
+system = System({x: 2 * (t - 1) + lam - 1}, time=t)
+
+
+@pytest.mark.parametrize("dip", [1e-3, 1e-9, 2e-12])
+def test_a_dip_that_stays_clear_of_the_surface_is_no_event(dip):
+    solution = solve(system, (0, 2), {x: 1 + dip})
+    assert len(solution.events) == 0 and solution.ambiguities == []
+    assert solution.x[0, -1] == pytest.approx(1 + dip, abs=1e-13)
+
+
+@pytest.mark.parametrize("dip", [1e-3, 1e-9, 1e-11])
+def test_a_dip_through_the_surface_is_a_crossing_at_its_first_root(dip):
+    solution = solve(system, (0, 2), {x: 1 - dip})
+    assert [event.kind for event in solution.events] == ["crossing"]
+    assert solution.events[0].time == pytest.approx(1 - dip**0.5, abs=1e-16 / dip**0.5 + 1e-14)
+    assert solution.ambiguities == []
+
+
+@pytest.mark.parametrize("dip", [1e-14, 0, -1e-14])
+def test_exact_grazing_is_recorded_and_stops_a_strict_run(dip):
+    solution = solve(system, (0, 2), {x: 1 + dip})
+    assert [a.kind for a in solution.ambiguities] == ["grazing"]
+    assert solution.ambiguities[0].time == pytest.approx(1, abs=0.1)
+    assert solution.ambiguities[0].taken == ("cross" if len(solution.events) else "touch and stay on this side")
+    stopped = solve(system, (0, 2), {x: 1 + dip}, strict=True)
+    assert stopped.outcome.name == "AMBIGUITY" and stopped.t[-1] == pytest.approx(1, abs=0.1)
