@@ -85,7 +85,9 @@ class CompiledProblem:
             mult_row=code.mult_row0,
             sigmoid=_SIGMOIDS[model.sigmoid],
         )
-        self.nrows = max(code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0)
+        self.nrows = max(
+            code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0
+        )
 
     def problem(self, p: np.ndarray, runge_kutta: bool = False):
         """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair."""
@@ -129,8 +131,19 @@ class CompiledProblem:
             **{name: np.zeros(ne) for name in ("pending",)},
             **{
                 name: np.zeros(m)
-                for name in ("g", "mask", "exit_side", "active", "arrival", "group", "came", "keep_status", "keep_mult",
-                             "rest_status", "rest_mult")
+                for name in (
+                    "g",
+                    "mask",
+                    "exit_side",
+                    "active",
+                    "arrival",
+                    "group",
+                    "came",
+                    "keep_status",
+                    "keep_mult",
+                    "rest_status",
+                    "rest_mult",
+                )
             },
             **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
             **{name: np.zeros(nz) for name in ("z", "q")},

@@ -136,7 +136,11 @@ print(json.dumps({
 def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
     first = run(tmp_path, SOLVES)
-    assert len(set(first["core"])) == len(first["core"]) > 0 and "trajectory" in first["core"] and first["models"] > 0
+    assert (
+        len(set(first["core"])) == len(first["core"]) > 0
+        and "trajectory" in first["core"]
+        and first["models"] > 0
+    )
     second = run(tmp_path, SOLVES)
     assert second["core"] == [] and second["models"] == 0 and not second["numba"]
     assert second["ends"] == first["ends"] and second["steps"] == first["steps"]
@@ -192,12 +196,14 @@ def test_models_have_one_fingerprint_exactly_if_they_are_equal():
 
 
 def test_fingerprints_do_not_depend_on_the_process():
-    program = ("import sympy as sp\n"
-               "from pwsmooth.codegen.cache import fingerprint\n"
-               "from pwsmooth.model import Model\n"
-               "t, x, y = sp.symbols('t x y', real=True);"
-               "e = sp.Piecewise((x*y + sp.sin(x), sp.And(x > 0, y > t)), (sp.Max(x, y, t), True));"
-               "print(fingerprint(Model(t, (x, y), (), (e, x - y))))")
+    program = (
+        "import sympy as sp\n"
+        "from pwsmooth.codegen.cache import fingerprint\n"
+        "from pwsmooth.model import Model\n"
+        "t, x, y = sp.symbols('t x y', real=True);"
+        "e = sp.Piecewise((x*y + sp.sin(x), sp.And(x > 0, y > t)), (sp.Max(x, y, t), True));"
+        "print(fingerprint(Model(t, (x, y), (), (e, x - y))))"
+    )
     prints, command = set(), [sys.executable, "-c", program]
     for seed in ("1", "2", "3"):
         env = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(PACKAGE.parent)}

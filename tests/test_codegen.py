@@ -139,8 +139,10 @@ def test_fields_give_rates_surfaces_and_residuals():
 def test_linear_gives_the_gradients_of_residuals_and_surfaces():
     residuals = (lam**3 * x + lam * mu, sp.sin(mu) * a + lam)
     surfaces = (x**2 * y + t, sp.exp(x) * t**2)
-    multipliers = (Multiplier(lam, "switch", residuals[0], surfaces[0]),
-                   Multiplier(mu, "switch", residuals[1], surfaces[1]))
+    multipliers = (
+        Multiplier(lam, "switch", residuals[0], surfaces[0]),
+        Multiplier(mu, "switch", residuals[1], surfaces[1]),
+    )
     model = Model(t, (x, y), (a,), (x, y), multipliers, (EventSpec("e", x * y * t),))
     G, dh, _ = call(compile_model(model), "linear", (4, 9), 0.3, [1.5, 0.25], [0.4, -0.7], [0.5])
     point = {t: 0.3, x: 1.5, y: 0.25, lam: 0.4, mu: -0.7, a: 0.5}
@@ -171,8 +173,13 @@ def test_an_undefined_branch_is_never_evaluated():
 
 def test_a_nested_selection_is_taken_by_both_statuses():
     inner = Select(mu, x, sp.log(x))
-    model = Model(t, (x,), (), (Select(lam, inner, sp.log(x) + 1),),
-                  (Multiplier(lam, "switch", -lam, x), Multiplier(mu, "switch", -mu, x - 1)))
+    model = Model(
+        t,
+        (x,),
+        (),
+        (Select(lam, inner, sp.log(x) + 1),),
+        (Multiplier(lam, "switch", -lam, x), Multiplier(mu, "switch", -mu, x - 1)),
+    )
     compiled = compile_model(model)
     for first, second, expected in ((1, 1, -2.0), (1, -1, math.nan), (-1, 1, math.nan)):
         dx = call(compiled, "fields", (1, 2, 2), 0.0, [-2.0], [first, second], [])[0]
@@ -180,8 +187,10 @@ def test_a_nested_selection_is_taken_by_both_statuses():
 
 
 def test_a_reset_reads_the_values_before_and_writes_only_what_it_updates():
-    events = (EventSpec("swap", x - y, when=sp.And(x > 0, sp.Ne(z, 1)), update=((0, y), (1, x + a))),
-              EventSpec("stop", x, terminal=True))
+    events = (
+        EventSpec("swap", x - y, when=sp.And(x > 0, sp.Ne(z, 1)), update=((0, y), (1, x + a))),
+        EventSpec("stop", x, terminal=True),
+    )
     model = Model(t, (x, y, z), (a,), (y, x, sp.Integer(0)), events=events, n_memory=1)
     compiled = compile_model(model)
     new, code = call(compiled, "act", (3,), 0.0, [2.0, 5.0, 0.0], [], [0.5], number=0)
@@ -203,8 +212,15 @@ def test_an_impact_writes_the_whole_state():
 
 def test_layer_gives_residuals_and_rates_with_the_layered_states_free():
     layered = LayerState(z, sp.oo, 1 - lam**2 - z, 1 - lam**2)
-    model = Model(t, (x,), (a,), (x,), (Multiplier(lam, "switch", -a * lam * (2 - lam**2), x),),
-                  layer_states=(layered,), layer_residuals=(-a * lam * (1 + z),))
+    model = Model(
+        t,
+        (x,),
+        (a,),
+        (x,),
+        (Multiplier(lam, "switch", -a * lam * (2 - lam**2), x),),
+        layer_states=(layered,),
+        layer_residuals=(-a * lam * (1 + z),),
+    )
     compiled = compile_model(model)
     g, q, _ = call(compiled, "layer", (1, 1), 0.0, [0.0], [0.5], [0.25], [3.0])
     assert g[0] == -3 * 0.5 * 1.25 and q[0] == 0.5
@@ -212,8 +228,15 @@ def test_layer_gives_residuals_and_rates_with_the_layered_states_free():
 
 
 def test_functions_with_jumps_have_their_values_in_resets():
-    values = (sp.Mod(x, 3), sp.sign(x), sp.Heaviside(x), sp.Abs(x), sp.Max(x, -1, y), sp.floor(x),
-              sp.atan2(x, y))
+    values = (
+        sp.Mod(x, 3),
+        sp.sign(x),
+        sp.Heaviside(x),
+        sp.Abs(x),
+        sp.Max(x, -1, y),
+        sp.floor(x),
+        sp.atan2(x, y),
+    )
     model = Model(t, (x, y), (), (x, y), outputs=tuple((f"o{i}", e) for i, e in enumerate(values)))
     out, _ = call(compile_model(model), "outputs", (len(values),), 0.0, [-2.5, -1.25], [], [])
     np.testing.assert_allclose(out, [0.5, -1.0, 0.0, 2.5, -1.0, -3.0, math.atan2(-2.5, -1.25)], rtol=1e-15)

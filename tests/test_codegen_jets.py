@@ -60,10 +60,36 @@ def assert_series(found, expected, digits=1e-12):
     assert np.all(np.abs(found - expected) <= digits * scale), (found, expected)
 
 
-UNARY = [sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.sinh, sp.cosh, sp.tanh, sp.asin, sp.acos, sp.atan, sp.asinh,
-         sp.atanh, sp.erf, sp.erfc, sp.sqrt, lambda u: sp.acosh(1 + u), lambda u: u**3, lambda u: u**-2,
-         lambda u: u ** sp.Rational(3, 2), lambda u: u**1.37, lambda u: u**c, lambda u: (1 + u) ** u,
-         lambda u: 2**u, lambda u: c / (1 + u), lambda u: u / (1 + u * u), sp.cot, sp.sech]
+UNARY = [
+    sp.exp,
+    sp.log,
+    sp.sin,
+    sp.cos,
+    sp.tan,
+    sp.sinh,
+    sp.cosh,
+    sp.tanh,
+    sp.asin,
+    sp.acos,
+    sp.atan,
+    sp.asinh,
+    sp.atanh,
+    sp.erf,
+    sp.erfc,
+    sp.sqrt,
+    lambda u: sp.acosh(1 + u),
+    lambda u: u**3,
+    lambda u: u**-2,
+    lambda u: u ** sp.Rational(3, 2),
+    lambda u: u**1.37,
+    lambda u: u**c,
+    lambda u: (1 + u) ** u,
+    lambda u: 2**u,
+    lambda u: c / (1 + u),
+    lambda u: u / (1 + u * u),
+    sp.cot,
+    sp.sech,
+]
 
 
 @pytest.mark.parametrize("argument", ["general", "affine"])
@@ -82,7 +108,7 @@ def test_every_recurrence_gives_the_series_of_its_function(number, argument):
         return F(mpmath.exp(-q) / 2 if argument == "general" else 0.5 - q)
 
     expected = series(along, K - 1)
-    assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), expected)
+    assert_series(rows[1, 1 : K + 1] * np.arange(1, K + 1), expected)
 
 
 def test_compiled_and_interpreted_programs_agree():
@@ -91,7 +117,7 @@ def test_compiled_and_interpreted_programs_agree():
     rows, code = jet(model, (0.5, 0.0), (0.7, 1.9))
     assert code == 0
     expected = interpreted_jet(model, (0.5, 0.0), (0.7, 1.9))
-    np.testing.assert_allclose(rows[:2, :K + 1], expected[:2, :K + 1], rtol=1e-11)
+    np.testing.assert_allclose(rows[:2, : K + 1], expected[:2, : K + 1], rtol=1e-11)
 
 
 @pytest.mark.parametrize("mask", [None, (0,), (1,)])
@@ -105,13 +131,20 @@ def test_a_program_writes_the_orders_asked_for_and_nothing_beyond(mask):
     for order in range(1, 13):
         rows, code = jet(model, start, (0.4,), mult, mask, order=order)
         assert code == 0
-        np.testing.assert_array_equal(rows[where, :order + 1], longest[where, :order + 1])
-        assert np.all(rows[where, order + 1:] == 7.5)
+        np.testing.assert_array_equal(rows[where, : order + 1], longest[where, : order + 1])
+        assert np.all(rows[where, order + 1 :] == 7.5)
 
 
 def test_products_of_constants_lines_and_states_have_their_series():
-    f = (a * x * t + t**2 * x + x**2 * y + t * (1 + 2 * t) / (1 + t) + x * y / (2 + a * t) + a / (x + y)
-         + (a + t) * sp.sin(x) * sp.cos(x * y))
+    f = (
+        a * x * t
+        + t**2 * x
+        + x**2 * y
+        + t * (1 + 2 * t) / (1 + t)
+        + x * y / (2 + a * t)
+        + a / (x + y)
+        + (a + t) * sp.sin(x) * sp.cos(x * y)
+    )
     model = Model(t, (x, y, v), (a,), (y, -x, f))
     rows, _ = jet(model, (0.5, 0.3, 0.0), (0.7,), t0=0.2)
     F = sp.lambdify((t, x, y), f.subs(a, sp.Float("0.7", 60)), "mpmath")
@@ -121,7 +154,7 @@ def test_products_of_constants_lines_and_states_have_their_series():
         Y = 0.3 * mpmath.cos(s) - 0.5 * mpmath.sin(s)
         return F(0.2 + s, X, Y)
 
-    assert_series(rows[2, 1:K + 1] * np.arange(1, K + 1), series(along, K - 1))
+    assert_series(rows[2, 1 : K + 1] * np.arange(1, K + 1), series(along, K - 1))
 
 
 def test_states_with_constant_rates_cost_nothing_and_are_right():
@@ -129,10 +162,10 @@ def test_states_with_constant_rates_cost_nothing_and_are_right():
     model = Model(t, (w, v, y), (a,), (a, sp.Integer(0), v * sp.sin(w) + w * v))
     assert "presum" not in write_jets(model)["slip"]  # no convolution is needed
     rows, _ = jet(model, (0.4, 2.0, 0.0), (1.5,))
-    assert_series(rows[0, :K + 1], np.array([0.4, 1.5] + [0.0] * (K - 1)))
-    assert_series(rows[1, :K + 1], np.array([2.0] + [0.0] * K))
+    assert_series(rows[0, : K + 1], np.array([0.4, 1.5] + [0.0] * (K - 1)))
+    assert_series(rows[1, : K + 1], np.array([2.0] + [0.0] * K))
     expected = series(lambda s: 2 * mpmath.sin(0.4 + 1.5 * s) + 2 * (0.4 + 1.5 * s), K - 1)
-    assert_series(rows[2, 1:K + 1] * np.arange(1, K + 1), expected)
+    assert_series(rows[2, 1 : K + 1] * np.arange(1, K + 1), expected)
 
 
 def test_surfaces_have_rows_and_share_those_of_states():
@@ -142,11 +175,11 @@ def test_surfaces_have_rows_and_share_those_of_states():
     rows, _ = jet(model, (0.5, 0.3), mult=(1.0,))
     where = compile_model(model).surface_rows_slip
     assert where[0] == 1 and where[2] == -1
-    X, V = rows[0, :K + 1], rows[1, :K + 1]
-    product = np.convolve(X, V)[:K + 1]
+    X, V = rows[0, : K + 1], rows[1, : K + 1]
+    product = np.convolve(X, V)[: K + 1]
     product[0] -= 1
-    assert_series(rows[where[1], :K + 1], product)
-    assert_series(rows[where[3], :K + 1], np.array([-5.0, 1.0] + [0.0] * (K - 1)))
+    assert_series(rows[where[1], : K + 1], product)
+    assert_series(rows[where[3], : K + 1], np.array([-5.0, 1.0] + [0.0] * (K - 1)))
 
 
 def implicit_series(residuals, start, order=8):
@@ -158,6 +191,7 @@ def implicit_series(residuals, start, order=8):
             if m == 1:
                 return mpmath.findroot(lambda q: residuals(s, [q])[0], start[0])
             return mpmath.findroot(lambda *q: residuals(s, q), start)[i]
+
         return at
 
     with mpmath.workdps(60):
@@ -174,8 +208,9 @@ def sliding_model(m, nonlinear):
         if nonlinear:
             rate += -a * unknowns[i] * (1 - unknowns[i] ** 2) - unknowns[i] * unknowns[i - 1] / 7
         rates.append(rate)
-    multipliers = tuple(Multiplier(u, "switch", r, s, hidden=nonlinear)
-                        for u, r, s in zip(unknowns, rates, speeds, strict=True))
+    multipliers = tuple(
+        Multiplier(u, "switch", r, s, hidden=nonlinear) for u, r, s in zip(unknowns, rates, speeds, strict=True)
+    )
     return Model(t, (*speeds, y), (a,), (*rates, speeds[0] + unknowns[0] * unknowns[-1]), multipliers), rates
 
 
@@ -191,10 +226,10 @@ def test_sliding_multipliers_solve_their_residuals_at_every_order(m, nonlinear):
     assert code == 0
     first = compile_model(model).mult_row0
     for j in range(m):
-        assert_series(rows[first + j, :order + 1], expected[j], 1e-11)
-        assert np.all(rows[j, :order + 1] == 0.0)  # surfaces that are states stay exactly 0
+        assert_series(rows[first + j, : order + 1], expected[j], 1e-11)
+        assert np.all(rows[j, : order + 1] == 0.0)  # surfaces that are states stay exactly 0
     integrand = np.convolve(expected[0], expected[-1])[:order]
-    assert_series(rows[m, 1:order + 1] * np.arange(1, order + 1), integrand, 1e-11)
+    assert_series(rows[m, 1 : order + 1] * np.arange(1, order + 1), integrand, 1e-11)
 
 
 @pytest.mark.parametrize("fixed", [0, 1])
@@ -214,9 +249,9 @@ def test_mixed_status_solves_only_the_masked_multipliers(fixed):
     rows, code = jet(model, [0.0, 0.0, 1.0], (0.4,), mult, [fixed, 1 - fixed], t0=0.3, order=order)
     assert code == 0
     first = compile_model(model).mult_row0
-    assert_series(rows[first + free, :order + 1], expected, 1e-11)
-    assert_series(rows[first + fixed, :order + 1], np.array([1.0] + [0.0] * order))
-    assert np.all(rows[free, 1:order + 1] == 0.0) and np.any(rows[fixed, 1:order + 1] != 0.0)
+    assert_series(rows[first + free, : order + 1], expected, 1e-11)
+    assert_series(rows[first + fixed, : order + 1], np.array([1.0] + [0.0] * order))
+    assert np.all(rows[free, 1 : order + 1] == 0.0) and np.any(rows[fixed, 1 : order + 1] != 0.0)
 
 
 def test_general_program_without_mask_is_the_slip_program():
@@ -225,7 +260,7 @@ def test_general_program_without_mask_is_the_slip_program():
     slip, _ = jet(model, start, p, mult)
     general, code = jet(model, start, p, mult, [0, 0, 0])
     assert code == 0
-    np.testing.assert_allclose(general[:4, :K + 1], slip[:4, :K + 1], rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(general[:4, : K + 1], slip[:4, : K + 1], rtol=1e-13, atol=1e-15)
 
 
 def test_a_bordered_system_with_zeros_on_its_diagonal_is_solved():
@@ -256,11 +291,11 @@ def test_only_the_active_branch_of_a_selection_is_evaluated():
     model = Model(t, (x, v), (), (v, Select(lam, -deep, sp.Integer(0)) - x), (switch,))
     rows, _ = jet(model, (-0.5, 0.3), mult=(-1.0,))
     expected = series(lambda s: -0.5 * mpmath.cos(s) + 0.3 * mpmath.sin(s))
-    assert_series(rows[0, :K + 1], expected)
+    assert_series(rows[0, : K + 1], expected)
     rows, _ = jet(model, (-0.5, 0.3), mult=(-1.0,), mask=[0])
-    assert_series(rows[0, :K + 1], expected)
+    assert_series(rows[0, : K + 1], expected)
     rows, _ = jet(model, (0.5, 0.3), mult=(1.0,))
-    assert rows[1, 1] == pytest.approx(-(0.5**1.5) - 0.5, rel=1e-15) and np.all(np.isfinite(rows[:2, :K + 1]))
+    assert rows[1, 1] == pytest.approx(-(0.5**1.5) - 0.5, rel=1e-15) and np.all(np.isfinite(rows[:2, : K + 1]))
 
 
 @pytest.mark.parametrize("mask", [None, (0,)])
@@ -275,9 +310,9 @@ def test_a_constant_rate_may_be_a_selection_by_a_multiplier_that_selects_elsewhe
     rates = (Select(lam, a, 2 * a), Select(lam, x * t, sp.sin(x)))
     model = Model(t, (x, y), (a,), rates, (Multiplier(lam, "switch", -lam, y),))
     rows, _ = jet(model, (0.5, 0.8), (0.7,), (-1.0,))
-    assert_series(rows[0, :K + 1], np.array([0.5, 1.4] + [0.0] * (K - 1)))
+    assert_series(rows[0, : K + 1], np.array([0.5, 1.4] + [0.0] * (K - 1)))
     expected = series(lambda s: mpmath.sin(0.5 + mpmath.mpf(1.4) * s), K - 1)
-    assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), expected)
+    assert_series(rows[1, 1 : K + 1] * np.arange(1, K + 1), expected)
 
 
 def test_a_solved_selection_takes_its_affine_form():
@@ -287,10 +322,10 @@ def test_a_solved_selection_takes_its_affine_form():
     expected = series(lambda s: (0.3 + mpmath.sin(s) / 2 - s / 2) / (1 + s / 2))
     rows, code = jet(model, (0.0, 0.0), mult=(expected[0],), mask=[1])
     assert code == 0
-    assert_series(rows[2, :K + 1], expected)
+    assert_series(rows[2, : K + 1], expected)
     integrand = np.convolve(expected, np.array([1, 0.5] + [0] * (K - 1)))[:K]
     integrand[:2] += 1, 0.5
-    assert_series(rows[1, 1:K + 1] * np.arange(1, K + 1), integrand)
+    assert_series(rows[1, 1 : K + 1] * np.arange(1, K + 1), integrand)
 
 
 def test_the_slip_program_refuses_a_selection_between_its_ends():
@@ -309,6 +344,6 @@ def test_a_condition_on_memories_selects_a_branch():
     rate = sp.Piecewise((-x, sp.Eq(v, 0)), (sp.log(v) * x, True))
     model = Model(t, (x, v), (), (rate, sp.Integer(0)), n_memory=1)
     rows, _ = jet(model, (1.0, 0.0))
-    assert_series(rows[0, :K + 1], series(lambda s: mpmath.exp(-s)))
+    assert_series(rows[0, : K + 1], series(lambda s: mpmath.exp(-s)))
     rows, _ = jet(model, (1.0, 2.0))
-    assert_series(rows[0, :K + 1], series(lambda s: mpmath.exp(mpmath.log(2) * s)))
+    assert_series(rows[0, : K + 1], series(lambda s: mpmath.exp(mpmath.log(2) * s)))

@@ -20,8 +20,14 @@ def both(text, name, *arguments):
     for compiled in (False, True):
         values = [a.copy() if isinstance(a, np.ndarray) else a for a in arguments]
         if compiled:
-            kinds = [ctypes.c_void_p if isinstance(a, np.ndarray) else
-                     ctypes.c_double if isinstance(a, float) else ctypes.c_int64 for a in values]
+            kinds = [
+                ctypes.c_void_p
+                if isinstance(a, np.ndarray)
+                else ctypes.c_double
+                if isinstance(a, float)
+                else ctypes.c_int64
+                for a in values
+            ]
             kind = scope[name].__annotations__.get("return")
             returned = {"D": ctypes.c_double, "I": ctypes.c_int64}.get(kind)
             function = ctypes.CFUNCTYPE(returned, *kinds)(code.address(name))
@@ -66,8 +72,27 @@ def test_control_flow_is_python_s():
     assert_same(CONTROL, "f", np.array([3.0, -1.5, 0.0, 2.0, 7.5, 1.25]), 6)
 
 
-FUNCTIONS = ["exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh",
-             "atanh", "erf", "erfc", "sqrt", "fabs", "floor", "ceil"]
+FUNCTIONS = [
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asin",
+    "acos",
+    "atan",
+    "asinh",
+    "atanh",
+    "erf",
+    "erfc",
+    "sqrt",
+    "fabs",
+    "floor",
+    "ceil",
+]
 
 
 def test_mathematical_functions_are_those_of_the_c_library():
@@ -117,10 +142,12 @@ def test_block_sums_hold_every_pair_before_the_block_and_no_other(q):
     code = native.Code(text, native.build(text))
     rng = np.random.default_rng(q)
     rows = rng.normal(size=84)
-    rows[4 * q + 1:40] = np.nan  # orders of this block and beyond do not exist yet
-    rows[40 + 4 * q + 1:80] = np.nan
-    expected = [sum(rows[j] * rows[40 + k - j] for j in range(1, 4 * q + 1) if 1 <= k - j <= 4 * q)
-                for k in range(4 * q + 1, 4 * q + 5)]
+    rows[4 * q + 1 : 40] = np.nan  # orders of this block and beyond do not exist yet
+    rows[40 + 4 * q + 1 : 80] = np.nan
+    expected = [
+        sum(rows[j] * rows[40 + k - j] for j in range(1, 4 * q + 1) if 1 <= k - j <= 4 * q)
+        for k in range(4 * q + 1, 4 * q + 5)
+    ]
     ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(code.address("f"))(rows.ctypes.data, q)
     np.testing.assert_allclose(rows[80:], expected, rtol=1e-13, atol=1e-15)
 

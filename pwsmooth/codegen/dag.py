@@ -20,15 +20,38 @@ from ..model import Model, Select
 
 # Unary functions, by the name under which `math` has them.
 UNARY = {
-    sp.exp: "exp", sp.log: "log", sp.sin: "sin", sp.cos: "cos", sp.tan: "tan", sp.sinh: "sinh", sp.cosh: "cosh",
-    sp.tanh: "tanh", sp.asin: "asin", sp.acos: "acos", sp.atan: "atan", sp.asinh: "asinh", sp.acosh: "acosh",
-    sp.atanh: "atanh", sp.erf: "erf", sp.erfc: "erfc", sp.Abs: "fabs", sp.sign: "sign",
-    sp.Heaviside: "heaviside", sp.floor: "floor", sp.ceiling: "ceil",
+    sp.exp: "exp",
+    sp.log: "log",
+    sp.sin: "sin",
+    sp.cos: "cos",
+    sp.tan: "tan",
+    sp.sinh: "sinh",
+    sp.cosh: "cosh",
+    sp.tanh: "tanh",
+    sp.asin: "asin",
+    sp.acos: "acos",
+    sp.atan: "atan",
+    sp.asinh: "asinh",
+    sp.acosh: "acosh",
+    sp.atanh: "atanh",
+    sp.erf: "erf",
+    sp.erfc: "erfc",
+    sp.Abs: "fabs",
+    sp.sign: "sign",
+    sp.Heaviside: "heaviside",
+    sp.floor: "floor",
+    sp.ceiling: "ceil",
 }
 BINARY = {sp.Max: "max", sp.Min: "min", sp.Mod: "mod", sp.atan2: "atan2"}
 RELATIONS = {sp.Lt: "<", sp.Le: "<=", sp.Gt: ">", sp.Ge: ">=", sp.Eq: "==", sp.Ne: "!="}
-RECIPROCAL = {sp.cot: sp.tan, sp.sec: sp.cos, sp.csc: sp.sin,
-              sp.coth: sp.tanh, sp.sech: sp.cosh, sp.csch: sp.sinh}
+RECIPROCAL = {
+    sp.cot: sp.tan,
+    sp.sec: sp.cos,
+    sp.csc: sp.sin,
+    sp.coth: sp.tanh,
+    sp.sech: sp.cosh,
+    sp.csch: sp.sinh,
+}
 
 # A longer sum stays one node inside another sum: it may be shared by many.
 SHARED_SUM = 3
@@ -62,8 +85,12 @@ class Graph:
         self._derivative: dict[tuple[int, int], int] = {}
         self._variable: dict[sp.Symbol, tuple[str, int]] = {}
         multipliers = [m.symbol for m in model.multipliers]
-        for kind, symbols in (("p", model.parameters), ("x", model.states), ("mult", multipliers),
-                              ("z", [z.symbol for z in model.layer_states])):
+        for kind, symbols in (
+            ("p", model.parameters),
+            ("x", model.states),
+            ("mult", multipliers),
+            ("z", [z.symbol for z in model.layer_states]),
+        ):
             self._variable |= {s: (kind, i) for i, s in enumerate(symbols)}
         self._variable[model.time] = ("t", 0)
         self.first_memory = len(model.states) - model.n_memory
@@ -285,8 +312,9 @@ class Graph:
         if fixed and below:
             fixed_below = [f for f in below if not self.depends[f]]
             fixed_part = self.div(chain(fixed), chain(fixed_below))
-            moving = self.div(chain([f for f in above if f not in fixed]),
-                              chain([f for f in below if f not in fixed_below]))
+            moving = self.div(
+                chain([f for f in above if f not in fixed]), chain([f for f in below if f not in fixed_below])
+            )
             return self.mul(fixed_part, moving)
         return self.div(chain(above), chain(below)) if below else chain(above)
 

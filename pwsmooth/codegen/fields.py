@@ -82,12 +82,24 @@ def write_fields(model: Model) -> dict[str, str]:
     matrix = [graph.derivative(r, u) for r in residuals for u in unknowns]
     _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": matrix, "dh": slopes})
     if model.outputs:
-        _store(sources["outputs"], graph, "outputs", "t, x, mult, p, out",
-               {"out": [graph.expression(e) for _, e in model.outputs]})
+        _store(
+            sources["outputs"],
+            graph,
+            "outputs",
+            "t, x, mult, p, out",
+            {"out": [graph.expression(e) for _, e in model.outputs]},
+        )
     if model.layer_states:
-        _store(sources["layer"], graph, "layer", "t, x, mult, z, p, g, q",
-               {"g": [graph.expression(e) for e in model.layer_residuals],
-                "q": [graph.expression(z.rate) for z in model.layer_states]})
+        _store(
+            sources["layer"],
+            graph,
+            "layer",
+            "t, x, mult, z, p, g, q",
+            {
+                "g": [graph.expression(e) for e in model.layer_residuals],
+                "q": [graph.expression(z.rate) for z in model.layer_states],
+            },
+        )
     _write_act(sources["act"], graph)
     return {name: source.text() for name, source in sources.items() if source.functions}
 

@@ -90,7 +90,7 @@ class JetProgram:
         residuals = [graph.expression(mult.residual) for mult in model.multipliers] if general else []
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + residuals)
-        self.rates, self.h, self.residuals = nodes[:n], nodes[n:n + len(h)], nodes[n + len(h):]
+        self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) :]
         holders = (*model.multipliers, *model.events)
         self.has_surface = [s.surface is not None for s in holders]
         self.degrees = Degrees(graph, self.rates, general)
@@ -111,8 +111,11 @@ class JetProgram:
 
     def write(self) -> str:
         graph, degrees = self.graph, self.degrees
-        roots = [*self.rates, *(h for h, has in zip(self.h, self.has_surface, strict=True) if has),
-                 *self.residuals]
+        roots = [
+            *self.rates,
+            *(h for h, has in zip(self.h, self.has_surface, strict=True) if has),
+            *self.residuals,
+        ]
         loop = Writer(2)
         order_k = OrderK(graph, loop, degrees, self.solved)
         for node in (*self.states, *self.unknowns):
@@ -215,8 +218,9 @@ class JetProgram:
         graph = self.graph
         single = {c[0] for c in self.components() if len(c) == 1}
         for j, unknown in enumerate(self.unknowns):
-            slopes = {node: graph.derivative(node, unknown) for node, moving in corrections.items()
-                      if moving >> j & 1}
+            slopes = {
+                node: graph.derivative(node, unknown) for node, moving in corrections.items() if moving >> j & 1
+            }
             slopes = {node: d for node, d in slopes.items() if graph.value(d) != 0.0}
             pivot = graph.derivative(self.residuals[j], unknown)
             for node in slopes:
@@ -330,8 +334,11 @@ class JetProgram:
             if node in self.states:
                 continue  # order k of a state comes from order k-1 of its rate
             corrections[node] = moving
-            terms = [f"S{node}x{j} * q{j}" for j in bits(moving)
-                     if self.graph.value(self.graph.derivative(node, self.unknowns[j])) != 0.0]
+            terms = [
+                f"S{node}x{j} * q{j}"
+                for j in bits(moving)
+                if self.graph.value(self.graph.derivative(node, self.unknowns[j])) != 0.0
+            ]
             if node in self.unknowns:
                 loop.line(f"k{node} = q{self.unknowns.index(node)}")
             elif terms:

@@ -29,8 +29,28 @@ from .cache import write_atomically
 DOUBLE, INT, BOOL, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.IntType(32)
 KINDS = {"D": DOUBLE, "I": INT, "P": DOUBLE.as_pointer(), "Q": INT.as_pointer()}
 INTRINSICS = {"exp", "log", "sin", "cos", "sqrt", "fabs", "floor", "ceil"}
-LIBM = ("tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf", "erfc",
-        "atan2", "exp", "log", "sin", "cos", "pow", "floor", "ceil")
+LIBM = (
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asin",
+    "acos",
+    "atan",
+    "asinh",
+    "acosh",
+    "atanh",
+    "erf",
+    "erfc",
+    "atan2",
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "pow",
+    "floor",
+    "ceil",
+)
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 FLOAT_OPS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.BitAnd: "and_"}
@@ -205,8 +225,10 @@ class Function:
     def _Call(self, node):
         name = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id
         # A pointer is passed on by its name.
-        args = [self.pointers[a.id] if isinstance(a, ast.Name) and a.id in self.pointers else self.expression(a)
-                for a in node.args]
+        args = [
+            self.pointers[a.id] if isinstance(a, ast.Name) and a.id in self.pointers else self.expression(a)
+            for a in node.args
+        ]
         if name == "choose":
             condition, a, b = args
             return self.builder.select(condition, self.cast(a, DOUBLE), self.cast(b, DOUBLE))
@@ -375,8 +397,11 @@ class Code:
 
     def __init__(self, text: str, image: bytes):
         head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
-        self.constants = {node.targets[0].id: ast.literal_eval(node.value)
-                          for node in head.body if isinstance(node, ast.Assign)}
+        self.constants = {
+            node.targets[0].id: ast.literal_eval(node.value)
+            for node in head.body
+            if isinstance(node, ast.Assign)
+        }
         self._engine = link(image)
 
     def address(self, name: str) -> int:

@@ -19,8 +19,22 @@ from .scalar import ScalarCode, linear, literal
 CONSTANT, AFFINE, GENERAL, SWITCHABLE = range(4)
 
 # Functions whose slope q in w' = q u' is itself a node with a series.
-BY_SLOPE = ("sin", "cos", "sinh", "cosh", "tan", "tanh", "atan", "asin", "acos", "asinh", "acosh", "atanh",
-            "erf", "erfc")
+BY_SLOPE = (
+    "sin",
+    "cos",
+    "sinh",
+    "cosh",
+    "tan",
+    "tanh",
+    "atan",
+    "asin",
+    "acos",
+    "asinh",
+    "acosh",
+    "atanh",
+    "erf",
+    "erfc",
+)
 
 
 class NoRecurrence(TypeError):
@@ -341,7 +355,7 @@ class OrderK(JetCode):
     def _power(self, w: int, u: int, exponent: int) -> str:
         # u w' = alpha u' w
         alpha, uk = self.value(exponent), self.coefficient(u)
-        inner = (f"({alpha} + 1.0) * inv * {self._sum(~u, w)} - {self._sum(u, w)}")
+        inner = f"({alpha} + 1.0) * inv * {self._sum(~u, w)} - {self._sum(u, w)}"
         return f"({inner} + {alpha} * {self.value(w)} * {uk}) * {self.reciprocal(u)}"
 
     def _function(self, w: int, u: int, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pwsmooth.codegen.stiff_dag import Graph, operands
 
 _VECTOR = {"time", "state", "add", "mul", "div", "sqrt", "rsqrt", "pow"}
-# Those of kernels.stiff_lanes, which is not imported here: symbolic work needs no compiler.
+# Those of kernels.lanes, which is not imported here: symbolic work needs no compiler.
 FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())
 
 PREAMBLE = """\
@@ -14,7 +14,7 @@ from math import (acos, acosh, asin, asinh, atan, atan2, atanh, ceil, cos, cosh,
 
 from numba import cfunc, types
 
-from pwsmooth.kernels.stiff_lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4,
+from pwsmooth.kernels.lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4,
                                           store8, vabs, vacos, vasin, vatan, vcos, vcosh, verf, verfc, vexp,
                                           vlog, vmax, vpow, vsin, vsinh, vsqrt, vtan, vtanh)
 from pwsmooth.kernels.stiff_tables import TO_W, TO_Z, WLANE

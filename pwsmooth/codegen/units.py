@@ -72,7 +72,9 @@ def unit_address(name: str) -> int:
         compiled = getattr(load_kernels(module), function)
         _kept.append(compiled)
         # numba has no public way to an object file; without this one every process would load numba.
-        write_atomically(path, compiled._wrapper_name.encode() + b"\0" + compiled._library._get_compiled_object())
+        write_atomically(
+            path, compiled._wrapper_name.encode() + b"\0" + compiled._library._get_compiled_object()
+        )
         return compiled.address
     _resolve_symbols()
     engine = link(image)

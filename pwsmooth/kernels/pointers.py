@@ -153,7 +153,9 @@ def _halves(builder, vector, operation):
         lanes = ir.IntType(32)
         low = ir.Constant(ir.VectorType(lanes, width), list(range(width)))
         high = ir.Constant(ir.VectorType(lanes, width), list(range(width, 2 * width)))
-        vector = operation(builder.shuffle_vector(vector, vector, low), builder.shuffle_vector(vector, vector, high))
+        vector = operation(
+            builder.shuffle_vector(vector, vector, low), builder.shuffle_vector(vector, vector, high)
+        )
     return builder.extract_element(vector, ir.Constant(ir.IntType(32), 0))
 
 

@@ -7,13 +7,13 @@ more -> subdivide, left half first. Most steps are settled by a Bernstein form o
 
 import math
 
-
 from numba import types
 
-from .compiling import kernel, inlined_kernel, unit
-from .pointers import abs8, at, call_root, put, sum8
+from .compiling import inlined_kernel, kernel, unit
+from .lanes import load8, store8
+from .pointers import abs8, at, call_root, sum8
 from .state import Work
-from .stiff_lanes import load8, store8
+from .steps import first_powers
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -78,18 +78,8 @@ def _refine(W, degree, lo, hi, s):
     before, d, c = 1.0, 0.0, 0.0
     for _ in range(60):
         # Value and two derivatives at once, eight terms a block.
-        s2 = s * s
-        s4 = s2 * s2
-        put(power, 0, 1.0)
-        put(power, 1, s)
-        put(power, 2, s2)
-        put(power, 3, s2 * s)
-        put(power, 4, s4)
-        put(power, 5, s4 * s)
-        put(power, 6, s4 * s2)
-        put(power, 7, s4 * (s2 * s))
+        s8 = first_powers(power, s)
         block = load8(power, 0)
-        s8 = s4 * s4
         value, slope, bend = load8(a, 0) * block, load8(first, 0) * block, load8(second, 0) * block
         for k in range(8, degree + 1, 8):
             block = block * s8

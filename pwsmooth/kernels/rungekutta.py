@@ -25,7 +25,9 @@ def _basis():
     """Coefficients in theta of the interpolant's seven products theta^a (1 - theta)^b."""
     rows = np.zeros((7, _DEGREE + 1))
     for i in range(7):
-        product = np.polynomial.Polynomial([0, 1]) ** (i // 2 + 1) * np.polynomial.Polynomial([1, -1]) ** ((i + 1) // 2)
+        product = np.polynomial.Polynomial([0, 1]) ** (i // 2 + 1) * np.polynomial.Polynomial([1, -1]) ** (
+            (i + 1) // 2
+        )
         rows[i, : len(product.coef)] = product.coef
     return rows
 

@@ -5,9 +5,28 @@ from numba import types
 from .compiling import unit
 from .pointers import call_fields, call_newton
 from .records import record_point
-from .settling import any_solved, approach_speed, close_contact, evaluate_surfaces, leading_order, settle_at_rest
+from .settling import (
+    any_solved,
+    approach_speed,
+    close_contact,
+    evaluate_surfaces,
+    leading_order,
+    settle_at_rest,
+)
 from .sliding import mask_instant, surface_rounding
-from .state import ALGEBRAIC, CONTACT, DONE, NO_ROOT_FOUND, SLIDING, SOLVED, Control, Problem, Record, State, Work
+from .state import (
+    ALGEBRAIC,
+    CONTACT,
+    DONE,
+    NO_ROOT_FOUND,
+    SLIDING,
+    SOLVED,
+    Control,
+    Problem,
+    Record,
+    State,
+    Work,
+)
 
 
 @unit(types.int64, Problem, Control, State, Record, Work)

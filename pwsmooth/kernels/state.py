@@ -110,10 +110,24 @@ class State(Bundle):
     deflate: "i8[1]"  # (m + ne,) known zero orders of the surfaces at the step's start
     side: "i8[1]"  # (ne,) sign of each event surface
     counts: "i8[1]"  # int64: see the C_ names
-    last: "f8[2]"  # (m, 4) time last met, interval before it, ratio of the last two intervals, and the one before
+    last: (
+        "f8[2]"  # (m, 4) time last met, interval before it, ratio of the last two intervals, and the one before
+    )
 
 
-(C_STEPS, C_EVENTS, C_POINTS, C_DENSE, C_AMBIGUITIES, C_CLOCK, C_EVAL, C_STALLED, C_JETS, C_LAYERS, C_STARTED) = range(11)
+(
+    C_STEPS,
+    C_EVENTS,
+    C_POINTS,
+    C_DENSE,
+    C_AMBIGUITIES,
+    C_CLOCK,
+    C_EVAL,
+    C_STALLED,
+    C_JETS,
+    C_LAYERS,
+    C_STARTED,
+) = range(11)
 N_COUNTS = 11
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift

@@ -8,11 +8,20 @@ import math
 
 from numba import types
 
-from .compiling import kernel, inlined_kernel, unit
-from .pointers import bits_float, call_fields, call_jet_general, call_jet_slip, call_linear, float_bits, put, sum8
+from .compiling import inlined_kernel, kernel, unit
+from .lanes import load8, store8
+from .pointers import (
+    bits_float,
+    call_fields,
+    call_jet_general,
+    call_jet_slip,
+    call_linear,
+    float_bits,
+    put,
+    sum8,
+)
 from .sliding import mask_solved, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
-from .stiff_lanes import load8, store8
 
 
 @inlined_kernel
@@ -25,8 +34,8 @@ def dot(row, power, count):
 
 
 @inlined_kernel
-def powers(power, h):
-    """Overwrites all of power with 1, h, h^2, ...: blocks of eight, each h^8 times the one before."""
+def first_powers(power, h):
+    """Overwrites power[0..7] with 1, h, ..., h^7; returns h^8."""
     h2 = h * h
     h4 = h2 * h2
     put(power, 0, 1.0)
@@ -37,8 +46,14 @@ def powers(power, h):
     put(power, 5, h4 * h)
     put(power, 6, h4 * h2)
     put(power, 7, h4 * (h2 * h))
+    return h4 * h4
+
+
+@inlined_kernel
+def powers(power, h):
+    """Overwrites all of power with 1, h, h^2, ...: blocks of eight, each h^8 times the one before."""
+    h8 = first_powers(power, h)
     block = load8(power, 0)
-    h8 = h4 * h4
     for k in range(8, len(power), 8):
         block = block * h8
         store8(power, k, block)
@@ -100,7 +115,9 @@ def take_jet(P, C, S, any_solved, work):
     stride = work.rows.shape[1]
     if any_solved:
         mask_solved(P, S, work)
-        code = call_jet_general(P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, C.order, stride, work.rows)
+        code = call_jet_general(
+            P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, C.order, stride, work.rows
+        )
         return P.mult_row if code == 0 else -1
     call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, stride, work.rows)
     return 0

@@ -2,7 +2,7 @@
 
 from numba import types
 
-from pwsmooth.kernels.stiff_lanes import unit
+from pwsmooth.kernels.lanes import unit
 
 doubles = types.CPointer(types.float64)
 

@@ -10,8 +10,8 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.lanes import at, fused, load8, splat8, store8, unit
 from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
-from pwsmooth.kernels.stiff_lanes import at, fused, load8, splat8, store8, unit
 
 NONE = 2.0  # no zero: beyond the step
 EIGHTHS = np.arange(1, 9) / 8.0

@@ -11,8 +11,8 @@ within about C eps. The constants may vary widely (theta 0.5..0.97, C 0.5..50) w
 
 import numpy as np
 
+from pwsmooth.kernels.lanes import fused
 from pwsmooth.kernels.stiff_call import SURFACES, SURFACES8, call_lanes, call_point
-from pwsmooth.kernels.stiff_lanes import fused
 
 THETA, REACH = 0.9, 2.0
 

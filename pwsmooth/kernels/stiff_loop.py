@@ -10,6 +10,7 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.lanes import at, fused, unit
 from pwsmooth.kernels.stiff_call import (
     EVENTS_UNIT,
     JACOBIAN,
@@ -25,7 +26,6 @@ from pwsmooth.kernels.stiff_call import (
 from pwsmooth.kernels.stiff_dense import dense_factor, dense_solve
 from pwsmooth.kernels.stiff_events import ROUNDS, events_unit, set_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
-from pwsmooth.kernels.stiff_lanes import at, fused, unit
 from pwsmooth.kernels.stiff_radau import step_polynomial
 from pwsmooth.kernels.stiff_step import radau_unit, taylor_unit
 

@@ -10,6 +10,19 @@ Every array of stages or eigenvalues has 8 lanes and moves as one vector; the or
 
 import numpy as np
 
+from pwsmooth.kernels.lanes import (
+    fused,
+    high4,
+    largest8,
+    load4,
+    load8,
+    low4,
+    splat8,
+    store4,
+    store8,
+    vabs,
+    vmax,
+)
 from pwsmooth.kernels.stiff_call import (
     DENSE_FACTOR,
     DENSE_SOLVE,
@@ -29,19 +42,6 @@ from pwsmooth.kernels.stiff_call import (
     call_rates8,
     call_solve,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_lanes import (
-    fused,
-    high4,
-    largest8,
-    load4,
-    load8,
-    low4,
-    splat8,
-    store4,
-    store8,
-    vabs,
-    vmax,
-)
 from pwsmooth.kernels.stiff_tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
 
 MAX_NEWTON = 15

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from numba.extending import register_jitable
 
-from pwsmooth.kernels.stiff_lanes import doubles, integers
+from pwsmooth.kernels.lanes import doubles, integers
 
 # Why the loop returned.
 DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP = range(7)

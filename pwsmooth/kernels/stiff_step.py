@@ -4,9 +4,9 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.lanes import at, fused, unit
 from pwsmooth.kernels.stiff_call import RATES1, TAYLOR, call_point, call_taylor
 from pwsmooth.kernels.stiff_gate import error_norm, passed
-from pwsmooth.kernels.stiff_lanes import at, fused, unit
 from pwsmooth.kernels.stiff_radau import (
     embedded_error,
     end_polynomial,

@@ -10,8 +10,8 @@ nothing.
 
 import numpy as np
 
+from pwsmooth.kernels.lanes import fused, load8, splat8, store8
 from pwsmooth.kernels.stiff_gate import REACH, THETA
-from pwsmooth.kernels.stiff_lanes import fused, load8, splat8, store8
 
 SAMPLES = np.arange(1, 9) / 8.0
 

@@ -15,19 +15,19 @@ from .records import record_ambiguity, record_point
 from .roots import NO_ROOT, first_root, low_bounds, remainder
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
+    ALGEBRAIC,
     AMB_GRAZING,
+    C_AMBIGUITIES,
     C_CLOCK,
     C_DENSE,
     C_EVAL,
     C_EVENTS,
     C_JETS,
-    C_AMBIGUITIES,
     C_POINTS,
     C_STALLED,
     C_STARTED,
     C_STEPS,
     CONTACT,
-    ALGEBRAIC,
     DONE,
     FULL,
     HELD,
