@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
@@ -117,15 +118,20 @@ def number(value, what):
     return result
 
 
+def fits(symbol, value):
+    """Whether a finite number has the properties that the symbol is declared to have."""
+    declared = symbol._assumptions_orig.items()
+    return all(_PREDICATES[name](value) == wanted for name, wanted in declared if name in _PREDICATES)
+
+
 def parameter_value(symbol, value):
     """The value of a parameter as a float that fits the symbol's assumptions."""
     result = number(value, f"parameter {symbol.name!r}")
-    for name, wanted in symbol._assumptions_orig.items():
-        if name in _PREDICATES and _PREDICATES[name](result) != wanted:
-            raise ValueError(
-                f"parameter {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
-                "give such a value, or declare the symbol without that assumption."
-            )
+    if not fits(symbol, result):
+        raise ValueError(
+            f"parameter {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
+            "give such a value, or declare the symbol without that assumption."
+        )
     return result
 
 
@@ -209,6 +215,18 @@ def ratio(value, what):
     return value or 0
 
 
+def initial_value(symbol, value):
+    """The initial value of a state as a float that fits the symbol's assumptions: sympy has simplified by them."""
+    what = f"`x0`, value of {symbol.name!r}"
+    result = number(value, what)
+    if not fits(symbol, result):
+        raise ValueError(
+            f"{what} is {result:g}, but its symbol is declared {assumptions(symbol)}; give such a value, or "
+            "declare the symbol without that assumption."
+        )
+    return result
+
+
 def initial_state(x0, states, initial_memory, gone):
     """x0 as a list of floats: a mapping by name, or a sequence in the order of the states.
 
@@ -216,7 +234,7 @@ def initial_state(x0, states, initial_memory, gone):
     """
     memories = tuple(initial_memory)
     if isinstance(x0, Mapping):
-        values = dict(initial_memory)
+        values, given = dict(initial_memory), set()
         for key, value in x0.items():
             name = str(key)
             if name in gone:
@@ -229,7 +247,10 @@ def initial_state(x0, states, initial_memory, gone):
                     f"`x0` names {name!r}, which is no state of this system; its states are "
                     f"{listing((*states, *memories))}."
                 )
-            values[symbol] = number(value, f"`x0`, value of {name!r}")
+            if symbol in given:
+                raise ValueError(f"`x0` gives {name!r} twice, as a Symbol and as a string; give it once.")
+            given.add(symbol)
+            values[symbol] = initial_value(symbol, value)
         missing = [s for s in states if s not in values]
         if missing:
             raise ValueError(f"`x0` has no value for {listing(missing)}; give every state of this view.")
@@ -244,5 +265,93 @@ def initial_state(x0, states, initial_memory, gone):
             + (f" and {len(memories)} memories ({listing(memories)})." if memories else ".")
         )
     names = (*states, *memories)
-    given = [number(v, f"`x0`, value of {s.name!r}") for v, s in zip(sequence, names, strict=False)]
+    given = [initial_value(s, v) for v, s in zip(sequence, names, strict=False)]
     return given + [initial_memory[m] for m in memories[len(given) - len(states) :]]
+
+
+# ---- options of solve()
+
+
+def span(t_span):
+    """`t_span` as two finite, increasing floats."""
+    try:
+        t0, t1 = (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        raise TypeError(f"`t_span` is {t_span!r}; give two numbers, (start, end).") from None
+    if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
+        raise ValueError(f"`t_span` is ({t0!r}, {t1!r}); give finite times with start < end.")
+    return t0, t1
+
+
+def wanted_times(t_eval, t0, t1):
+    """`t_eval` as an increasing array inside the span, or None."""
+    if t_eval is None:
+        return None
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise TypeError(f"`t_eval` is {t_eval!r}; give a sequence of times.") from None
+    if times.ndim != 1 or times.size == 0:
+        raise ValueError(
+            f"`t_eval` has the shape {times.shape}; give a sequence of times, or leave it out for the steps' own."
+        )
+    if not np.isfinite(times).all():
+        raise ValueError(f"`t_eval` contains {times[~np.isfinite(times)][0]}; give finite times.")
+    back = np.flatnonzero(np.diff(times) < 0)
+    if back.size:
+        i = back[0]
+        raise ValueError(
+            f"`t_eval` decreases from {times[i].item()!r} to {times[i + 1].item()!r}; give increasing times."
+        )
+    outside = times[(times < t0) | (times > t1)]
+    if outside.size:
+        raise ValueError(
+            f"`t_eval` contains {outside[0].item()!r}, outside of `t_span` ({t0!r}, {t1!r}); leave it out, or "
+            "extend `t_span`."
+        )
+    return times
+
+
+def relative_tolerance(rtol):
+    """`rtol` as a float between 0 and 1."""
+    result = number(rtol, "`rtol`")
+    if not 0 < result < 1:
+        raise ValueError(f"`rtol` is {rtol!r}; give a number between 0 and 1, such as 1e-9.")
+    return result
+
+
+def absolute_tolerance(atol, states):
+    """`atol` as an array, one entry a state."""
+    remedy = f"give a number >= 0, or one for each of the states {listing(states)}"
+    try:
+        result = np.asarray(atol, float)
+    except (TypeError, ValueError):
+        raise TypeError(f"`atol` is {atol!r}; {remedy}.") from None
+    if result.shape not in ((), (len(states),)):
+        raise ValueError(f"`atol` has the shape {result.shape}; {remedy}.")
+    if not (np.isfinite(result).all() and (result >= 0).all()):
+        raise ValueError(f"`atol` is {atol!r}; {remedy}.")
+    return np.broadcast_to(result, (len(states),)).copy()
+
+
+def longest_step(max_step):
+    """`max_step` as a positive float; inf is no bound."""
+    try:
+        result = float(max_step)
+    except (TypeError, ValueError):
+        raise TypeError(f"`max_step` is {max_step!r}; give a number > 0, or math.inf for no bound.") from None
+    if not result > 0:
+        raise ValueError(f"`max_step` is {max_step!r}; give a number > 0, or math.inf for no bound.")
+    return result
+
+
+def whole(value, what, low, high=2**62):
+    """`value` as an int from `low` to `high`; 1e6 is one, True is none."""
+    wanted = f"give an integer from {low} to {high}" if high < 2**62 else f"give an integer >= {low}"
+    try:
+        result = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{what} is {value!r}; {wanted}.") from None
+    if not (low <= result <= high and result == math.floor(result)):
+        raise ValueError(f"{what} is {value!r}; {wanted}.")
+    return int(value)
