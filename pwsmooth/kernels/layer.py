@@ -212,7 +212,7 @@ def _integrate(P, S, W, size):
     tau, step, scale = 0.0, 1e-3, 0.0
     _rates(P, S, W, size, y, k, 0)
     quiet, small = 0, 1e-7
-    for attempt in range(200000):
+    for _ in range(200000):
         dim = size + nz
         for s in range(1, 7):
             for i in range(dim):

@@ -204,7 +204,7 @@ def isolate(W, degree):
 
 @inlined_kernel
 def first_root(P, W, poly, degree):
-    """First s in [0, 1] where the polynomial `poly` (which is W.poly), positive at 0, ceases to be positive; NO_ROOT if there is none.
+    """First s in [0, 1] where `poly` (which is W.poly), positive at 0, ceases to be positive; else NO_ROOT.
 
     A value <= 0 at s = 0 is a root there. A dip that stays above zero is none, however shallow; one that only touches
     within rounding is none either.

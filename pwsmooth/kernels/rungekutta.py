@@ -93,7 +93,7 @@ def _restore(P, S, W):
 
 @kernel
 def _polynomials(P, S, W, h):
-    """Overwrites W.rows: states, multipliers, surfaces along the step just made, in powers of t; S back at its start."""
+    """Overwrites W.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
     n, m, k, rows, t = P.n, P.m, W.rk_k, W.rows, S.now[0]
     surfaces = m + P.ne
     for i in range(n):
@@ -188,7 +188,7 @@ def rk_step(P, C, S, W, h, refine):
             W.code[7] = 1
     _rate(P, S, W, S.now[0], W.rk_k, 0)
     if refine < 0:
-        for attempt in range(60):
+        for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
             if not error < math.inf:
@@ -209,7 +209,7 @@ def rk_step(P, C, S, W, h, refine):
         _linear_terms(P, S, W)
         return 0.0
         return math.nan
-    for sweep in range(8):
+    for _ in range(8):
         _restore(P, S, W)
         if not _try_step(P, C, S, W, h) < math.inf:
             return math.nan

@@ -111,7 +111,7 @@ def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
 
 @inlined_kernel
 def take_jet(P, C, S, any_solved, work):
-    """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, or -1 if it failed."""
+    """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
     stride = work.rows.shape[1]
     if any_solved:
         mask_solved(P, S, work)

@@ -8,7 +8,7 @@ TABLES = 5  # known zeros at a step's start: up to three, one more at rounding l
 
 
 def bernstein_tables(order, width):
-    """tables[d][k, i] = binom(i, k) / binom(D, k), D = order - d: the Bernstein coefficients are sum_k a[k] tables[d][k].
+    """tables[d][k, i] = binom(i, k) / binom(D, k), D = order - d: Bernstein coefficients are sum_k a[k] tables[d][k].
 
     One for each degree that known zeros at the step's start can leave.
     """
