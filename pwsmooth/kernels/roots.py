@@ -123,7 +123,10 @@ def isolate(W, degree):
             end += at(a, k)
         if end > 0.0:
             return NO_ROOT
-        return _refine(W, degree, 0.0, 1.0, at(a, 0) / (at(a, 0) - end))
+        # From the parabola with the same value and slope at 0 and the same end.
+        slope = at(a, 1)
+        disc = slope * slope - 4.0 * at(a, 0) * (end - at(a, 0) - slope)
+        return _refine(W, degree, 0.0, 1.0, 2.0 * at(a, 0) / (math.sqrt(max(disc, 0.0)) - slope))
     width = degree + 1
     b = work[: width + 8]
     _to_bernstein(W, degree, b)

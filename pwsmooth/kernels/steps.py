@@ -66,24 +66,21 @@ def scaled(row, power, poly, degree, drop, sign):
         store8(poly, k, load8(row, k + drop) * load8(power, k) * sign)
 
 
-@inlined_kernel
-def _root_of(e, k):
-    """e^(-1/k), to a few per cent: the exponent bits with the mantissa as a linear fraction, there and back."""
-    bits = float_bits(e) * (1.0 / 4503599627370496.0) - 1023.0
-    return bits_float(int((1023.0 - bits / k) * 4503599627370496.0))
+_ONE_BIT, _BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from -1023 in units of 2^52
 
 
 @inlined_kernel
 def step_within(e0, e1, order, longest):
-    """Step at which both of the last two terms, in units of the tolerance, are below 1; nan if they are not finite."""
+    """Step at which both of the last two terms, in units of the tolerance, are below 1; nan if they are not finite.
+
+    min(e0^(-1/(order-1)), e1^(-1/order)) to a few per cent: exponent bits with the mantissa as a linear fraction,
+    there and back.
+    """
     if not e0 + e1 < math.inf:
         return math.nan
-    h = longest
-    if e0 > 1e-290:
-        h = min(h, _root_of(e0, order - 1))
-    if e1 > 1e-290:
-        h = min(h, _root_of(e1, order))
-    return 0.9 * h
+    log0 = (float_bits(max(e0, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * (1.0 / (order - 1))
+    log1 = (float_bits(max(e1, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * (1.0 / order)
+    return 0.9 * min(longest, bits_float(int((_BIAS - max(log0, log1)) * _ONE_BIT)))
 
 
 @inlined_kernel
