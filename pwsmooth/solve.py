@@ -20,6 +20,7 @@ from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
+_LOOP = 40  # events in a row at one instant that make a loop
 _ROOM, _NEXT_ROOM = 1024, 65536  # points that the first buffers hold, and the next
 
 
@@ -58,7 +59,8 @@ def solve(
     rtol, atol : float, float or sequence
         Tolerances; rtol looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
     t_eval : array_like, optional
-        Times at which the solution is returned, instead of the steps' own.
+        Times at which the solution is returned, instead of the steps' own; a run that stops before the last of
+        them ends with the state where it stopped.
     dense_output : bool
         Keep the steps' polynomials, so that `solution(t)` works.
     max_step : float
@@ -91,7 +93,9 @@ def solve(
     ('lam_x=-1', 'lam_x sliding')
     """
     if not hasattr(system, "model"):
-        raise TypeError(f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views.")
+        raise TypeError(
+            f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views."
+        )
     if parameters is not None:
         if not isinstance(parameters, Mapping):
             raise TypeError(f"`parameters` is {parameters!r}; give a dict of names or Symbols to numbers.")
@@ -114,9 +118,12 @@ def solve(
         from .smooth_path import solve_smoothed
 
         if order is not None or strict:
-            raise ValueError("`order` and `strict` belong to event-driven systems; leave them out for a smoothed view.")
-        return solve_smoothed(system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step,
-                              max_steps)
+            raise ValueError(
+                "`order` and `strict` belong to event-driven systems; leave them out for a smoothed view."
+            )
+        return solve_smoothed(
+            system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step, max_steps
+        )
     if method not in ("auto", "taylor", "rk"):
         raise ValueError(
             f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
@@ -125,8 +132,12 @@ def solve(
     if order is not None:
         order = checks.whole(order, "`order`", 8, 28)
         if method == "rk":
-            raise ValueError(f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'.")
-    run = _EventDriven(system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method)
+            raise ValueError(
+                f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'."
+            )
+    run = _EventDriven(
+        system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method
+    )
     run.begin(t0, start)
     return run.finish()
 
@@ -134,7 +145,9 @@ def solve(
 class _EventDriven:
     """One event-driven run: the arrays that the kernel works on, and what it recorded."""
 
-    def __init__(self, system, values, p, rtol, atol, t1, times, dense, max_step, max_steps, order, strict, method):
+    def __init__(
+        self, system, values, p, rtol, atol, t1, times, dense, max_step, max_steps, order, strict, method
+    ):
         from .codegen.units import trajectory_loop
         from .compiled import compiled_problem
         from .kernels import state
@@ -146,26 +159,39 @@ class _EventDriven:
         parts = compiled_problem(model)
         self.sizes = parts.code
         if method == "taylor" and not parts.has_jets:
-            raise ValueError("`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'.")
+            raise ValueError(
+                "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
+            )
         pair = method == "rk" or not parts.has_jets
         self.order = 7 if pair else order or _order_for(rtol)  # the pair's interpolant has degree 7
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
         self.problem = parts.problem(p, pair)
         self.work = parts.work(self.order)
         self.control = dict(
-            order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), max_step=float(max_step), t_end=t1,
-            max_steps=int(max_steps), strict=int(strict),
+            order=self.order,
+            rtol=rtol,
+            atol=np.maximum(atol, 1e-300),
+            max_step=float(max_step),
+            t_end=t1,
+            max_steps=int(max_steps),
+            strict=int(strict),
         )
 
     def begin(self, t0, start):
         """Runs the kernel to its end, emptying its buffers as they fill."""
         names, model = self.names, self.model
-        n, m, ne = len(model.states), len(model.multipliers), len(model.events)
+        m, ne = len(model.multipliers), len(model.events)
         clock, which = _clock(model, self.values, t0, self.control["t_end"], self.control["max_steps"])
         control = names.Control(**self.control, clock=clock, clock_event=which)
         state = names.State(
-            now=np.array([t0, min(1e-3, self.control["max_step"])]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
-            side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
+            now=np.array([t0, min(1e-3, self.control["max_step"])]),
+            x=start,
+            mult=np.zeros(m),
+            status=np.zeros(m),
+            deflate=np.zeros(m + ne),
+            side=np.ones(ne),
+            counts=np.zeros(names.N_COUNTS),
+            last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
         record = self._record(_ROOM, None, state.counts)
         while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
@@ -220,7 +246,7 @@ class _EventDriven:
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
         status[status == names.HELD] = 0
         event_t = kept["event_t"]
-        outcome = _outcomes(names)[self.code]
+        outcome = self._outcome(event_t, kept["event"])
         cost = {
             "steps": int(counts[names.C_STEPS]),
             "jets": int(counts[names.C_JETS]),
@@ -231,12 +257,57 @@ class _EventDriven:
         if self.times is not None:
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
-            column = np.clip(np.searchsorted(t, self.times[:k], side="right") - 1, 0, len(t) - 1)
-            t, x, mult, status = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k], status[column]
+            asked, x_asked, mult_asked = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k]
+            column = np.clip(np.searchsorted(t, asked, side="right") - 1, 0, len(t) - 1)
+            if outcome is not Outcome.FINISHED and (k == 0 or asked[-1] < t[-1]):
+                # Where and in which state it stopped is the most wanted column of a run that did.
+                asked, column = np.append(asked, t[-1]), np.append(column, len(t) - 1)
+                x_asked, mult_asked = np.vstack([x_asked, x[-1:]]), np.vstack([mult_asked, mult[-1:]])
+            t, x, mult, status = asked, x_asked, mult_asked, status[column]
         return Solution(
-            self.system, t, x.T, mult.T, status.T, _events_in_words(names, model, event_t, kept["event"]), dense, outcome, cost,
-            self.tolerances, _ambiguities_in_words(names, model, kept["ambiguity_t"], kept["ambiguity"]), self.values,
+            self.system,
+            t,
+            x.T,
+            mult.T,
+            status.T,
+            _events_in_words(names, model, event_t, kept["event"]),
+            dense,
+            outcome,
+            cost,
+            self.tolerances,
+            _ambiguities_in_words(names, model, kept["ambiguity_t"], kept["ambiguity"]),
+            self.values,
         )
+
+    def _outcome(self, event_t, events) -> Outcome:
+        """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""
+        names = self.names
+        outcome = _outcomes(names)[self.code]
+        last = events[-_LOOP:]
+        if outcome is Outcome.CHATTERING and len(last) == _LOOP:
+            if np.all(last[:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
+                return Outcome.EVENT_LOOP
+        if outcome is Outcome.STEP_UNDERFLOW and not self._defined():
+            return Outcome.NOT_FINITE
+        return outcome
+
+    def _defined(self) -> bool:
+        """Whether the right-hand side is finite where the run stopped, and just ahead of it."""
+        import ctypes
+
+        n, m, ne = len(self.model.states), len(self.model.multipliers), len(self.model.events)
+        double = ctypes.POINTER(ctypes.c_double)
+        fields = ctypes.CFUNCTYPE(None, ctypes.c_double, *6 * [double])(int(self.problem.fields))
+        t, x, rates = self.state.now[0], np.append(self.state.x, 0.0), np.zeros(n)
+        others = [np.append(a, 0.0) for a in (self.state.mult, self.problem.p)]
+        arrays = [x, *others, rates, np.zeros(m + ne + 1), np.zeros(m + 1)]
+        ahead = 1e-8 * (1 + abs(t))
+        for step in (0.0, ahead):
+            x[:n] += step * rates
+            fields(t + step, *(a.ctypes.data_as(double) for a in arrays))
+            if not np.isfinite(rates).all():
+                return False
+        return True
 
     def _dense(self, blocks, lengths) -> Dense:
         n = len(self.model.states)
@@ -270,8 +341,14 @@ def _clock(
         instants.append(when)
         owners.append(np.full(len(when), i))
     when, which = np.concatenate(instants), np.concatenate(owners)
-    order = np.lexsort((which, when))
-    return when[order], which[order]
+    order = np.argsort(when, kind="stable")
+    when, which = when[order], which[order]
+    if when.size:
+        # 3*0.1 and 0.3 are one instant; several roundings apart they are two.
+        near = np.diff(when) <= 4 * np.spacing(np.abs(when[1:]))
+        first = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
+        when = when[first]
+    return when, which
 
 
 @functools.cache
@@ -320,7 +397,10 @@ def _events_in_words(names, model: Model, times, codes) -> EventLog:
 def _ambiguities_in_words(names, model: Model, times, records) -> list[Ambiguity]:
     words = {
         names.AMB_REPELLING: ("repelling sliding", ("leave to +1", "leave to -1", "stay on the surface")),
-        names.AMB_SEVERAL_ROOTS: ("several attracting states of the layer", ("from lam = 0", "from -1", "from +1")),
+        names.AMB_SEVERAL_ROOTS: (
+            "several attracting states of the layer",
+            ("from lam = 0", "from -1", "from +1"),
+        ),
         names.AMB_TWO_FOLD: ("two-fold", ("leave to +1", "leave to -1", "stay on the surface")),
         names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
         names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),

@@ -1,0 +1,228 @@
+"""The contract of Event: when it fires, in which order, from which values; and what dense output says between."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Event, Memory, Switch, System, Unilateral, solve
+
+t, x, y, v, z = sp.symbols("t x y v z", real=True)
+HALF = sp.Rational(1, 2)
+METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
+
+
+def names(solution):
+    return [e.switch for e in solution.events]
+
+
+# ---- surfaces, direction, when
+
+
+@METHODS
+@pytest.mark.parametrize("direction", [0, 1])
+def test_a_reset_that_puts_the_state_back_fires_every_time(direction, method):
+    system = System({x: 1}, events=[Event(x - 1, update={x: 0}, direction=direction)])
+    solution = solve(system, (0, 4.5), {x: 0}, method=method)
+    assert solution.event_times() == pytest.approx([1, 2, 3, 4], abs=1e-12)
+    assert solution.x[0, -1] == pytest.approx(0.5, abs=1e-12)
+
+
+def test_direction_chooses_rising_and_falling_zeros():
+    events = [Event(x, direction=d, name=n) for d, n in ((1, "up"), (-1, "down"), (0, "both"))]
+    solution = solve(System({x: v, v: -x}, events=events), (0, 9), {x: 1, v: 0})
+    assert names(solution) == ["down", "both", "up", "both", "down", "both"]
+    assert solution.event_times(switch="both") == pytest.approx(math.pi * np.array([0.5, 1.5, 2.5]), abs=1e-8)
+
+
+def test_a_start_on_the_surface_of_an_event_is_no_event():
+    solution = solve(System({x: v, v: -x}, events=[Event(x)]), (0, 4), {x: 0, v: 1})
+    assert solution.event_times() == pytest.approx([math.pi], abs=1e-8)
+
+
+def test_when_decides_at_the_instant_with_the_values_there():
+    armed = Memory("armed", 0)
+    events = [Event(at=2, update={armed: 1}), Event(x, when=sp.Eq(armed, 1), terminal=True)]
+    solution = solve(System({x: v, v: -x}, events=events), (0, 9), {x: 1, v: 0})
+    # the zero at pi/2 finds it unarmed
+    assert solution.t[-1] == pytest.approx(1.5 * math.pi, abs=1e-8)
+    assert len(solution.events) == 2
+
+
+def test_an_event_without_update_only_records():
+    plain, watched = (
+        solve(System({x: v, v: -x}, events=events), (0, 9), {x: 1, v: 0}) for events in ([], [Event(x - HALF)])
+    )
+    assert len(watched.events) == 3
+    assert watched.x[:, -1] == pytest.approx(plain.x[:, -1], abs=1e-9)
+
+
+# ---- the clock
+
+
+def test_every_ticks_at_multiples_after_the_start_up_to_the_end():
+    count = Memory("count", 0)
+    system = System({x: 1}, events=[Event(every=HALF, update={count: count + 1})])
+    solution = solve(system, (0.7, 2.5), {x: 0})
+    assert solution.event_times().tolist() == [1.0, 1.5, 2.0, 2.5]
+    assert solution["count"][-1] == 4
+    # the start itself is no tick
+    assert solve(system, (1.0, 1.9), {x: 0}).event_times().tolist() == [1.5]
+
+
+def test_at_gives_its_instants_once_each_in_any_order():
+    solution = solve(System({x: 1}, events=[Event(at=[3, 1, 1, 9])]), (0, 5), {x: 0})
+    assert solution.event_times().tolist() == [1.0, 3.0]
+
+
+def test_clocks_that_agree_up_to_rounding_strike_together():
+    # 3*0.1 is one rounding above 0.3; both read the values before
+    a, b = Memory("a", 0), Memory("b", -1)
+    events = [Event(every=0.1, update={a: a + 1}, name="a"), Event(every=0.3, update={b: a + 0}, name="b")]
+    solution = solve(System({x: 1}, events=events), (0, 1), {x: 0})
+    assert solution.success
+    assert names(solution) == ["a", "a", "a", "b", "a", "a", "a", "b", "a", "a", "a", "b", "a"]
+    assert solution["b"][-1] == 8
+
+
+def test_a_parameter_may_set_the_clock():
+    T = sp.Symbol("T", positive=True)
+    system = System({x: 1}, parameters={T: 1}, events=[Event(every=T)])
+    assert solve(system, (0, 1.6), {x: 0}, parameters={T: 0.5}).event_times().tolist() == [0.5, 1.0, 1.5]
+
+
+# ---- one instant
+
+
+def test_events_of_one_instant_read_the_values_before():
+    a, b = Memory("a", 3), Memory("b", 7)
+    swap = [Event(x - 1, update={a: b}), Event(x - 1, update={b: a})]
+    solution = solve(System({x: 1}, events=swap), (0, 2), {x: 0})
+    assert (solution["a"][-1], solution["b"][-1]) == (7, 3)
+
+
+def test_what_an_update_jumps_through_fires_next_with_the_values_after():
+    flag, seen = Memory("flag", 0), Memory("seen", 0)
+    chain = [
+        Event(flag - HALF, update={seen: x + 0}, name="second"),
+        Event(x - 1, update={flag: 1, x: 5}, name="first"),
+    ]
+    solution = solve(System({x: 1}, events=chain), (0, 2), {x: 0})
+    assert names(solution) == ["first", "second"]
+    assert solution.event_times() == pytest.approx([1, 1], abs=1e-12)
+    assert (solution["seen"][-1], solution["x"][-1]) == pytest.approx((5, 6), abs=1e-12)
+
+
+def test_switches_are_classified_with_the_field_after_the_events():
+    # Without the event x sticks at 0; the event at the same instant lets the field push up on both sides.
+    lam, push = Switch("lam", x), Memory("push", 0)
+    events = [Event(x, direction=-1, update={push: 3})]
+    solution = solve(System({x: -lam + push}, events=events), (0, 2), {x: 1})
+    assert solution.event_times("stick").size == 0
+    assert solution.x[0, -1] == pytest.approx(2.0, abs=1e-12)
+    assert solve(System({x: -lam}), (0, 2), {x: 1}).event_times("stick") == pytest.approx([1.0])
+
+
+def test_a_reset_takes_a_sliding_switch_off_its_surface():
+    lam = Switch("lam", x)
+    solution = solve(System({x: -lam}, events=[Event(at=2, update={x: HALF})]), (0, 4), {x: 1})
+    assert solution.event_times("stick") == pytest.approx([1, 2.5], abs=1e-12)
+    assert solution.x[0, -1] == 0.0
+
+
+def test_memories_are_columns_before_and_after_their_event():
+    speed = Memory("speed", 0)
+    solution = solve(System({x: v, v: -x}, events=[Event(x, update={speed: v + 0})]), (0, 2), {x: 1, v: 0})
+    before, after = np.flatnonzero(np.isclose(solution.t, math.pi / 2, atol=1e-7))
+    assert solution["speed"][before] == 0 and solution["speed"][after] == pytest.approx(-1, abs=1e-8)
+
+
+# ---- dense output
+
+
+def inner_relaxation():
+    """Slides on x = 0 with y = 10 (2 lam^3 - lam): folds at |lam| = 1/sqrt 6 land on -+2/sqrt 6."""
+    lam = Switch("lam", x)
+    return System({x: y / 10 + lam - 2 * lam**3, y: -lam})
+
+
+def test_wanted_times_have_the_values_of_the_dense_output():
+    wanted = np.linspace(0, 40, 401)
+    asked = solve(inner_relaxation(), (0, 40), {x: -0.1, y: 0}, t_eval=wanted)
+    dense = solve(inner_relaxation(), (0, 40), {x: -0.1, y: 0}, dense_output=True)
+    assert np.array_equal(asked.t, wanted)
+    assert asked.x == pytest.approx(dense(wanted), abs=1e-13)
+    assert asked["lam"] == pytest.approx(dense(wanted, "lam"), abs=1e-9)
+
+
+def test_dense_output_across_folds_follows_the_closed_form():
+    # Along a branch dt = -10 (6 lam - 1/lam) dlam, from 2/sqrt 6 after a fold to 1/sqrt 6 at the next.
+    solution = solve(inner_relaxation(), (0, 60), {x: -0.1, y: 0}, rtol=1e-12, atol=1e-14, dense_output=True)
+    folds = solution.event_times("sliding to sliding")[:3]
+    assert len(folds) == 3
+    for begin, end in zip(folds, folds[1:]):
+        # graded towards the fold, where lambda has a square root: down to 1e-9 before it
+        fine = np.concatenate([np.linspace(begin, end, 1000)[1:-1], end - np.geomspace(1e-9, 1, 200)[::-1]])
+        lam, height = np.abs(solution(fine, "lam")), np.abs(solution(fine, "y"))
+        elapsed = 10 * (3 * (2 / 3 - lam**2) + np.log(lam * math.sqrt(6) / 2))
+        assert elapsed == pytest.approx(fine - begin, abs=1e-8)
+        assert height == pytest.approx(np.abs(10 * (2 * lam**3 - lam)), abs=1e-9)
+        assert np.max(np.abs(solution(fine, "x"))) < 1e-16
+
+
+# ---- several switches, two methods
+
+
+def two_relays():
+    """Sticks one by one: lam2 = 1/5 and lam1 = 1/10 in the end; z' is their product."""
+    l1, l2 = Switch("l1", x), Switch("l2", y)
+    return System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
+
+
+@METHODS
+def test_two_switches_slide_together_with_their_joint_multipliers(method):
+    # x reaches 0 at 0.3/0.5, then l1 = 1/2; y at 0.9/0.8, then l2 = 1/5 and l1 = 1/10
+    solution = solve(two_relays(), (0, 2), {x: 0.3, y: 0.9, z: 0}, method=method)
+    assert solution.event_times("stick") == pytest.approx([0.6, 1.125], abs=1e-10)
+    assert [solution[s][-1] for s in ("l1", "l2")] == pytest.approx([0.1, 0.2], abs=1e-12)
+    assert solution["z"][-1] == pytest.approx(0.6 + 0.5 * 0.525 + 0.02 * 0.875, abs=1e-10)
+    assert solution.x[:2, -1].tolist() == [0.0, 0.0]
+
+
+@METHODS
+def test_two_switches_met_at_one_instant_slide_from_there(method):
+    solution = solve(two_relays(), (0, 2), {x: 0.5, y: 0.8, z: 0}, method=method)
+    assert solution.event_times("stick") == pytest.approx([1, 1], abs=1e-10)
+    assert solution["z"][-1] == pytest.approx(1 + 0.02, abs=1e-10)
+
+
+def driven():
+    """The friction oscillator with a hidden term that stays away from its folds."""
+    lam = Switch("lam", v)
+    return System({x: v, v: 2 * sp.sin(t) - 3 * x - v / 10 - lam * (1 + (1 - lam**2) / 5)}, time=t)
+
+
+def ball():
+    floor = Unilateral(x, restitution=0.8, name="R")
+    return System({x: v, v: -10 + floor.reaction})
+
+
+def pendulum():
+    return System({x: v, v: -sp.sin(x) - sp.sign(v) / 10 - v * sp.Abs(v) / 5})
+
+
+@pytest.mark.parametrize(
+    ("make", "span", "start"),
+    [(driven, 20, [0.5, 0.3]), (ball, 2.5, [1, 0]), (pendulum, 20, [2, 0]), (two_relays, 2, [0.3, -0.9, 0])],
+    ids=["hidden", "impacts", "pendulum", "relays"],
+)
+def test_both_methods_give_the_same_events_and_states(make, span, start):
+    taylor, pair = (
+        solve(make(), (0, span), start, method=method, rtol=1e-11, atol=1e-13) for method in ("taylor", "rk")
+    )
+    assert len(taylor.events) >= 1
+    assert [(e.kind, e.switch) for e in taylor.events] == [(e.kind, e.switch) for e in pair.events]
+    assert pair.event_times() == pytest.approx(taylor.event_times(), abs=1e-8)
+    assert pair.x[:, -1] == pytest.approx(taylor.x[:, -1], abs=1e-8)
+    assert taylor.cost["steps"] < pair.cost["steps"]
