@@ -95,16 +95,18 @@ def _refine(W, degree, lo, hi, s):
             hi = s
         bottom = d * d - 0.5 * f * c
         new = s - f * d / bottom if bottom != 0.0 else lo - 1.0
-        if not (lo < new < hi):
-            new = 0.5 * (lo + hi)
         step = abs(new - s)
-        s = new
-        # Cubic convergence: after a step of 1e-7 that was 1000 times shorter than the one before, s is at rounding.
-        if step <= 2e-16 * max(s, 1e-3) or (step < 1e-7 * s and step < 1e-3 * before) or hi - lo <= 1e-16:
+        if step <= 2e-16 * max(s, 1e-3) or hi - lo <= 1e-16:
             break
-        if step < 1e-13 * s and step >= before:
-            break  # rounding only
-        before = step
+        if lo < new < hi:
+            s = new
+            # Cubic convergence: after a step of 1e-7 that was 1000 times shorter than the one before, s is at rounding.
+            if step < 1e-7 * s and step < 1e-3 * before:
+                break
+            before = step
+        else:
+            s = 0.5 * (lo + hi)
+            before = 0.0  # the length of a bisection says nothing of convergence
     if c > 0.0 and 0.5 * d * d < GRAZING * c * at(a, 0):
         _note_grazing(W, s, 1)  # it turns back after a dip that shallow
     return s

@@ -1,0 +1,71 @@
+"""The first root of a step's polynomial on [0, 1]: complete, and to rounding."""
+
+import ctypes
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Switch, System
+from pwsmooth.codegen.units import unit_address
+from pwsmooth.compiled import compiled_problem
+
+NO_ROOT = 2.0
+
+
+@pytest.fixture(scope="module")
+def first_root():
+    """coefficients, positive at 0 -> the first root; the compiled unit on its own scratch arrays."""
+    x = sp.Symbol("x", real=True)
+    problem = compiled_problem(System({x: -Switch("lam", x)}).model)
+    unit = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(unit_address("root_unit"))
+    works = {order: problem.work(order) for order in range(7, 29)}
+
+    def call(coefficients):
+        degree = len(coefficients) - 1
+        work = works[degree]
+        work.poly[:] = 0
+        work.poly[: degree + 1] = coefficients
+        return unit(work.address, degree)
+
+    return call
+
+
+def padded(polynomial, degree):
+    c = np.zeros(degree + 1)
+    c[: len(polynomial.coef)] = polynomial.coef
+    return c if c[0] > 0 else -c
+
+
+def test_the_first_of_several_roots_is_found_also_of_a_close_pair(first_root):
+    rng = np.random.default_rng(0)
+    found = 0
+    for trial in range(4000):
+        degree = int(rng.integers(7, 21))
+        roots = np.sort(rng.uniform(-1, 2, rng.integers(0, 5)))
+        if trial % 3 == 0 and len(roots) > 1:
+            # Closer pairs than 1e-6 dip below zero by less than GRAZING = 1e-12: recorded, and not decided.
+            roots[1] = roots[0] + 10 ** rng.uniform(-5, -2)
+        p = np.polynomial.Polynomial.fromroots(roots) if len(roots) else np.polynomial.Polynomial([1.0])
+        while p.degree() + 2 <= degree:
+            z = complex(rng.uniform(-2, 3), rng.uniform(0.05, 3))
+            p = p * np.polynomial.Polynomial([abs(z) ** 2, -2 * z.real, 1]) / (1 + abs(z) ** 2)
+        inside = roots[(roots > 0) & (roots <= 1)]
+        expected = inside.min() if len(inside) else NO_ROOT
+        found += len(inside) > 0
+        # Coefficients carry 1e-16 of the largest value; a simple root beside another is that much less certain.
+        assert first_root(padded(p, degree)) == pytest.approx(expected, abs=1e-7)
+    assert found > 1500
+
+
+def test_a_simple_root_is_found_to_rounding(first_root):
+    rng = np.random.default_rng(1)
+    checked = 0
+    for _ in range(4000):
+        degree, root = int(rng.integers(16, 21)), rng.uniform(0.05, 0.95)
+        rest = np.r_[1, rng.normal(size=degree - 1) * 0.5 ** np.arange(1, degree) * rng.uniform(0, 1)]
+        if np.polyval(rest[::-1], np.linspace(0, 1, 400)).min() < 0.05:
+            continue  # another root, or nearly
+        checked += 1
+        assert abs(first_root(np.convolve([root, -1], rest)) - root) < 1e-13
+    assert checked > 2000
