@@ -14,6 +14,7 @@ from pwsmooth.kernels.lanes import fused, load8, splat8, store8
 from pwsmooth.kernels.stiff_gate import REACH, THETA
 
 SAMPLES = np.arange(1, 9) / 8.0
+RIM = 6.0  # in eps: where every sigmoid is at its limit to rounding, or warns early by its tail
 
 
 @fused
@@ -62,16 +63,19 @@ def evaluate(n, K, stride, rows, h, x):
 def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
-    The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points (`moved`).
+    The sum of the moduli settles most steps; otherwise the polynomial is looked at in 8 points (`moved`). A dip
+    into the rim of a layer that turns back within the step is refused too: the series, blind to the layer, would
+    leave it as if nothing had been there, with both ends outside.
     """
     factor = 0.0
     for j in range(q):
         row, h0 = surface_row[j] * stride, surf[j * (n + 3)]
+        rim = RIM * surf[j * (n + 3) + 2]
         allowed = THETA * (abs(h0) + REACH * surf[j * (n + 3) + 2])
         bound = 0.0
         for k in range(K, 0, -1):
             bound = (bound + abs(rows[row + k])) * h
-        if bound <= allowed:
+        if bound <= allowed and (bound <= 0.3 * abs(h0) or bound <= abs(h0) - rim):
             continue
         tau = load8(SAMPLES, 0) * h
         v = splat8(rows[row + K])
@@ -84,6 +88,13 @@ def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
         if far > allowed:
             shrink = min(0.7, max(0.2, 0.9 * allowed / far))
             factor = shrink if factor == 0.0 else min(factor, shrink)
+        end = abs(h0 + moved[7])
+        for k in range(7):
+            left = abs(h0 + moved[k])
+            if left < rim and left < 0.7 * min(abs(h0), end):
+                shrink = SAMPLES[k]
+                factor = shrink if factor == 0.0 else min(factor, shrink)
+                break
     return factor
 
 
