@@ -206,8 +206,8 @@ class _EventDriven:
         asked = np.empty(0) if self.times is None else self.times
         shapes = {
             "t": (room,), "x": (room, n), "mult": (room, m), "event_t": (room,), "event": (room, 4),
-            "ambiguity_t": (room,), "ambiguity": (room, 3), "dense": (dense, n + m + 1, self.order + 1), "dense_s": (dense,),
-            "status": (room, m),
+            "ambiguity_t": (room,), "ambiguity": (room, 3), "dense": (dense, n + m + 1, self.order + 1),
+            "dense_s": (dense,), "status": (room, m),
         }  # fmt: skip
         dtypes = {"event": np.int64, "ambiguity": np.int64, "status": np.int8}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
