@@ -63,7 +63,9 @@ class Lifting:
         surfaces that the field has already are lifted; anything else becomes a Piecewise.
         """
         self._may_register = new_switches
-        lift = self._condition if isinstance(expr, sp.logic.boolalg.Boolean) else self._lift
+        # A Symbol is a Boolean too for sympy.
+        is_condition = isinstance(expr, sp.logic.boolalg.Boolean) and not expr.is_Symbol
+        lift = self._condition if is_condition else self._lift
         return lift(expr, {})
 
     # ---- expressions; `given` maps multipliers to the value +1 or -1 that the enclosing branch implies

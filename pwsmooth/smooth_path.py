@@ -110,6 +110,9 @@ def _own(model, t_span, start, p, options, max_steps):
         # Wanted times beyond the end of a run that stopped early were never reached.
         reached = ~np.isnan(run.x_eval).any(axis=0)
         t, x = run.t_eval[reached], run.x_eval[:, reached]
+        if outcome is not Outcome.FINISHED and (t.size == 0 or t[-1] < run.t[-1]):
+            # Where and in which state it stopped, as the event-driven path gives it.
+            t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])
     return t, x, events, _polynomials(run.dense, len(model.states)) if options["dense"] else None, outcome, cost
 
 
@@ -132,6 +135,9 @@ def _scipy(model, t_span, start, p, options):
     outcome = (
         Outcome.FINISHED if run.success and finite else Outcome.STEP_UNDERFLOW if finite else Outcome.NOT_FINITE
     )
+    kept = np.isfinite(run.y).all(axis=0)
+    kept[0] = True  # the start was checked
+    t, y = run.t[kept], run.y[:, kept]
     cost = {"steps": len(run.t) - 1, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
     dense = SciPyDense(run.sol) if options["dense"] else None
-    return run.t, run.y, [], dense, outcome, cost
+    return t, y, [], dense, outcome, cost

@@ -46,10 +46,11 @@ def pass_accumulation(P, C, S, R, W):
     if leader < 0 or left > 1e-11 * (1.0 + abs(t)):
         return -1
     S.now[0] = t + left
+    interval = S.last[leader, 1]
     size = 0
     for j in range(P.m):
         free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
-        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * S.last[leader, 1]
+        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * interval
         if j != leader and not (free and recent):
             continue
         record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)

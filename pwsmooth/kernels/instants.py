@@ -70,18 +70,26 @@ def _meet_event(P, S, W, i):
 
 @kernel
 def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5]."""
+    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5].
+
+    Keeps in W.tau the event surfaces before each update.
+    """
     m, n, ne = P.m, P.n, P.ne
     code = DONE
-    for _ in range(_MOST_AT_ONCE):
+    fired = 0
+    while fired <= ne + _MOST_AT_ONCE - 1:
         newly = False
         for k in range(n):
             W.before[k] = S.x[k]
             W.after[k] = S.x[k]
+        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(m, m + ne):
+            W.tau[i] = W.h[i]
         for i in range(ne):
             if W.pending[i] == 1 and call_act(P.act, i, S.now[0], W.before, S.mult, P.p, W.after) != 0:
                 W.pending[i] = 2
                 newly = True
+                fired += 1
                 record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
                 if P.terminal[i]:
                     code = TERMINAL
@@ -91,12 +99,22 @@ def _fire_events(P, C, S, R, W):
             if W.after[k] != S.x[k]:
                 W.code[5] = 1
                 S.x[k] = W.after[k]
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        evaluate_surfaces(P, S, W)
         for i in range(ne):
-            # An event surface that the update has jumped through is met as well.
-            if P.rows_slip[m + i] >= 0 and W.h[m + i] * S.side[i] < 0.0 and not W.hit[m + i]:
+            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
+                continue
+            rounding = 0.0
+            for k in range(n):
+                rounding += 1e-13 * abs(W.dh[(m + i) * n + k]) * (abs(W.before[k]) + abs(S.x[k]))
+            if abs(W.h[m + i]) <= rounding:
+                continue
+            S.deflate[m + i] = 0
+            if W.hit[m + i] and abs(W.tau[m + i]) <= rounding:
+                # Put back from the surface that it had just reached: it will be met again from there.
+                S.side[i] = -S.side[i]
+            else:
+                # An event surface that the update has jumped through is met as well.
                 W.hit[m + i] = True
-                S.deflate[m + i] = 0
                 _meet_event(P, S, W, i)
     return CHATTERING
 

@@ -75,6 +75,13 @@ def _meet_bounds(P, S, row, power, degree, j, W, poly):
         scaled(row, power, poly, degree, drop, -1.0 * side)
         if drop == 0:
             poly[0] += 1.0
+        else:
+            # At its bound and staying there, as at rest under exactly the largest friction: no exit.
+            size = 0.0
+            for k in range(degree):
+                size += abs(poly[k])
+            if size <= 1e-14:
+                continue
         s = first_root(P, W, poly, degree - drop)
         if s < best:
             best = s
@@ -202,7 +209,7 @@ def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
         S.counts[C_POINTS] + 8 < R.t.shape[0]
-        and S.counts[C_EVENTS] + 2 * S.last.shape[0] + S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.counts[C_EVENTS] + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
         and S.counts[C_AMBIGUITIES] + 8 < R.ambiguity_t.shape[0]
         and (R.dense.shape[0] == 0 or S.counts[C_DENSE] + 1 < R.dense.shape[0])
     )
