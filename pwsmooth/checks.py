@@ -198,6 +198,13 @@ def reactions(contacts, found):
     return [s for s in found if isinstance(s, Reaction)]
 
 
+def mapping(value, what, contents):
+    """`value`, which has to be a mapping of `contents` ("states to ratios")."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what} is {value!r}; give a dict of {contents}.")
+    return value
+
+
 def positive(value, what):
     value = number(value, what)
     if value <= 0:

@@ -23,10 +23,13 @@ def rows(system):
     yield "rates", equations
     yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition.algebraic]
     classes = {m.symbol.name: m.regularity for m in model.multipliers if m.kind == "switch"}
-    yield "switches", [
-        f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
-        for s in system.switches
-    ]
+    yield (
+        "switches",
+        [
+            f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
+            for s in system.switches
+        ],
+    )
     yield "hidden terms", [f"{term}   in {where}'" for where, _, term in system.hidden_terms]
     yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition.contacts]
     yield "memories", [f"{m}, at first {m.initial:g}" for m in system.initial_memory]

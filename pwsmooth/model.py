@@ -60,7 +60,7 @@ class Multiplier:
     kind: str  # "switch" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
-    regularity: str = "sliding"  # a switch's class: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
+    regularity: str = "sliding"  # of a switch: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
     hidden: bool = False  # the residual is nonlinear in this multiplier
     impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
 

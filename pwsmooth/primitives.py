@@ -257,8 +257,18 @@ class Event:
     terminal: bool
     name: str | None
 
-    def __init__(self, surface=None, *, every=None, at=None, direction=0, update=None, when=True,
-                 terminal=False, name=None):
+    def __init__(
+        self,
+        surface=None,
+        *,
+        every=None,
+        at=None,
+        direction=0,
+        update=None,
+        when=True,
+        terminal=False,
+        name=None,
+    ):
         given = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
         if len(given) != 1:
             raise ValueError(

@@ -91,8 +91,6 @@ def solve(
             f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views."
         )
     if parameters is not None:
-        if not isinstance(parameters, Mapping):
-            raise TypeError(f"`parameters` is {parameters!r}; give a dict of names or Symbols to numbers.")
         system = system.with_parameters(parameters)
     model, values = system.model, system.parameters
     t0, t1 = checks.span(t_span)

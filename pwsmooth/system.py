@@ -111,8 +111,18 @@ class System:
     (y, v)
     """
 
-    def __init__(self, rates, *, time=None, parameters=None, outputs=None, events=(), contacts=(), algebraic=(),
-                 convention="hidden"):
+    def __init__(
+        self,
+        rates,
+        *,
+        time=None,
+        parameters=None,
+        outputs=None,
+        events=(),
+        contacts=(),
+        algebraic=(),
+        convention="hidden",
+    ):
         if convention not in ("hidden", "filippov"):
             raise ValueError(f"`convention` is {convention!r}; choose 'hidden' (as written) or 'filippov'.")
         self.definition = read(
@@ -152,9 +162,7 @@ class System:
             inside = [(x, e) for x, e in equations if lam in e.free_symbols]
             surface = Surface(field, index, [e for _, e in inside])
             # On the surface: lambda*|v| is nonlinear in lambda, but vanishes with v.
-            terms += [
-                HiddenTerm(x.name, lam, hidden_part(e, lam)) for x, e in inside if surface.nonlinear(e)
-            ]
+            terms += [HiddenTerm(x.name, lam, hidden_part(e, lam)) for x, e in inside if surface.nonlinear(e)]
         return tuple(terms)
 
     def initial_state(self, x0):
@@ -171,17 +179,18 @@ class System:
             x0 = self._spread(x0, "`x0`")
         return checks.initial_state(x0, self._field.states, memory, gone)
 
-    def with_parameters(self, values):
+    def with_parameters(self, parameters):
         """The same view with other values of some parameters; nothing is derived or compiled anew.
 
         Parameters
         ----------
-        values : mapping of Symbol or str to float
+        parameters : mapping of Symbol or str to float
         """
         other = copy.copy(self)
         other.parameters = dict(self.parameters)
-        for key, number in self._spread(values, "`values`").items():
-            p = checks.lookup(key, self.parameters, "`values`", "parameter")
+        values = checks.mapping(parameters, "`parameters`", "parameters to values")
+        for key, number in self._spread(values, "`parameters`").items():
+            p = checks.lookup(key, self.parameters, "`parameters`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
         checks.values_fit(self._field, other.parameters)
         return other
@@ -270,10 +279,11 @@ class System:
         family = sigmoid_of(sigmoid)
         states = list(self._field.states)
         given = {}
-        for key, r in self._spread(ratios, "`layered`").items():
-            z = checks.lookup(key, states, "`layered`", "state")
+        for key, r in self._spread(checks.mapping(ratios, "`ratios`", "states to ratios"), "`ratios`").items():
+            z = checks.lookup(key, states, "`ratios`", "state")
             given[z] = checks.ratio(r, f"the ratio of {z.name!r}")
-        relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(eps_ratio or {}, "eps_ratio")
+        widths = checks.mapping(eps_ratio or {}, "`eps_ratio`", "switches to relative widths")
+        relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(widths, "eps_ratio")
         relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
         constants = self._constants(given, time_constant or {})
         symbols, values = {}, {}
@@ -319,9 +329,15 @@ class System:
     def _constants(self, layered_states, given):
         """The time constant of every layered state: as given, else as its rate shows it."""
         rates = dict(zip(self._field.states, self._field.rates, strict=True))
+        what = "`time_constant`"
+        given = self._spread(checks.mapping(given, what, "states to time constants"), what)
         given = {
-            checks.lookup(key, self._field.states, "`time_constant`", "state"): sp.sympify(beta)
-            for key, beta in self._spread(given, "`time_constant`").items()
+            checks.lookup(key, self._field.states, what, "state"): (
+                checks.lookup(beta, self.parameters, f"{what} of {key}", "parameter")
+                if isinstance(beta, str)
+                else checks.expression(beta, f"{what} of {key}")
+            )
+            for key, beta in given.items()
         }
         found = {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
         for z, beta in found.items():
