@@ -1,0 +1,349 @@
+"""The contract of a law: internal states and their rates, a force, and parameters, from the motion of a joint.
+
+    dz/dt = Q(z, x, v, N; p),     f = N F(z, x, v, dz/dt; p)
+
+A law is a frozen dataclass; its fields are its parameters, each with unit, meaning and default. `attach` gives its
+symbolic pieces at a joint, whose position, velocity and load are expressions of whatever system it is part of: a
+prescribed-motion rig, an oscillator, a mechanism's joint. A scene assembles pieces into a System (scenes/).
+
+Signs. Friction: f > 0 for v > 0, so that a body obeys m dv/dt = u - f. Contact: the position is the indentation,
+and f >= 0 is the magnitude of the repulsive force.
+Load. Without a normal load f and all parameters are in newtons; with one the law is per unit of load, f = N F,
+and strengths, stiffnesses and dampings become coefficients. Where the load vanishes internal states are reset.
+Chain: primitives.py, family.py -> **law** -> laws/friction, laws/contact -> scenes -> System.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any, ClassVar, dataclass_transform
+
+import sympy as sp
+
+from ..family import Family
+from ..primitives import Algebraic, Event, Memory, Switch, Unilateral
+
+__all__ = ["Joint", "Law", "Pieces", "law", "parameter"]
+
+_SIGNS = {
+    "positive": (lambda x: x > 0, "> 0"),
+    "nonnegative": (lambda x: x >= 0, ">= 0"),
+    "real": (lambda x: True, "finite"),
+}
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def law(cls: Any) -> Any:
+    """Decorator of every law: a frozen dataclass whose fields are given by name."""
+    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+
+
+def parameter(
+    default: Any,
+    unit: str,
+    meaning: str,
+    sign: str = "positive",
+    *,
+    each: bool = False,
+    structural: bool = False,
+) -> Any:
+    """A field of a law.
+
+    Parameters
+    ----------
+    default : float or tuple of float
+    unit : str
+        Of the source; "1" for a pure number. Any consistent set of units will do.
+    meaning : str
+    sign : {"positive", "nonnegative", "real"}
+        What the value must be; also the assumption of its symbol.
+    each : bool
+        One value for each element of a multistate law; a single number serves all of them.
+    structural : bool
+        It shapes the equations (an exponent, a choice): a number in them, no symbol that a sweep can change.
+    """
+    about = {"unit": unit, "meaning": meaning, "sign": sign, "each": each, "structural": structural}
+    return dataclasses.field(default=default, metadata=about)
+
+
+@dataclasses.dataclass(frozen=True)
+class Pieces:
+    """What a law brings to a system at one joint.
+
+    Attributes
+    ----------
+    force : Expr
+    rates : dict of state to Expr
+    start : dict of state to float
+        Relaxed initial values.
+    parameters : dict of Symbol to float or sequence of float
+    events, contacts, algebraic : tuples of Event, Unilateral, Algebraic
+    outputs : dict of str to Expr
+        Named quantities of the law besides its force.
+    surfaces : tuple of Expr
+        h(t, x, ...) of its switchings; one with members of a family stands for all of them.
+    fastest_rate : Expr
+        Of its internal states, 1/s, away from switchings: what makes it stiff.
+    """
+
+    force: sp.Expr
+    rates: Mapping[Any, sp.Expr] = dataclasses.field(default_factory=dict)
+    start: Mapping[Any, float] = dataclasses.field(default_factory=dict)
+    parameters: Mapping[sp.Symbol, Any] = dataclasses.field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+    contacts: tuple[Unilateral, ...] = ()
+    algebraic: tuple[Algebraic, ...] = ()
+    outputs: Mapping[str, sp.Expr] = dataclasses.field(default_factory=dict)
+    surfaces: tuple[sp.Expr, ...] = ()
+    fastest_rate: sp.Expr = sp.S.Zero
+
+    @property
+    def states(self) -> tuple[Any, ...]:
+        """The internal states."""
+        return tuple(self.rates)
+
+
+class Joint:
+    """Where a law acts: the motion there as expressions, and symbols that carry the joint's name.
+
+    Attributes
+    ----------
+    x, v, a : Expr or None
+        Position (or indentation), velocity, acceleration.
+    load : Expr
+        Normal load, 1 without.
+    t : Symbol or None
+    """
+
+    def __init__(self, v, x=None, a=None, load=None, t=None, name=""):
+        self.name = name
+        self.v, self.x, self.a, self.t = (None if e is None else sp.sympify(e) for e in (v, x, a, t))
+        self.load = sp.S.One if load is None else sp.sympify(load)
+        self.starts: dict[Any, float] = {}
+
+    def label(self, name: str) -> str:
+        """`name` with the joint's name behind it."""
+        return f"{name}_{self.name}" if self.name else name
+
+    def state(self, name: str, start: float = 0.0) -> sp.Symbol:
+        """An internal state."""
+        symbol = sp.Symbol(self.label(name), real=True)
+        self.starts[symbol] = start
+        return symbol
+
+    def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
+        """A value that changes only in events."""
+        return Memory(self.label(name), initial, **assumptions)
+
+    def switch(self, name: str, surface: sp.Expr) -> Switch:
+        """The multiplier of a surface, for terms that are nonlinear in it."""
+        return Switch(self.label(name), surface)
+
+    def family(self, n: int) -> Family:
+        """The elements of a multistate law."""
+        return Family(n, name=self.label("element"))
+
+    def member(self, family: Family, name: str, start: float = 0.0) -> Any:
+        """An internal state of every element."""
+        (symbol,) = family.symbols(self.label(name))
+        self.starts[symbol] = start
+        return symbol
+
+
+class Law:
+    """Base of all laws; a law has `source`, its fields, and `pieces`.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws import Law, Pieces, law, parameter
+    >>> @law
+    ... class Bristle(Law):
+    ...     source = "Dahl 1968, exponent 1"
+    ...     stiffness: float = parameter(1e5, "N/m", "stiffness at rest")
+    ...     F_c: float = parameter(1.0, "N", "Coulomb force")
+    ...
+    ...     def pieces(self, at, p):
+    ...         z = at.state("z")
+    ...         rate = at.v - p.stiffness*sp.Abs(at.v)*z/p.F_c
+    ...         return Pieces(force=p.stiffness*z, rates={z: rate}, surfaces=(at.v,))
+    >>> v = sp.Symbol("v", real=True)
+    >>> Bristle(F_c=2.0).attach(velocity=v).rates
+    {z: v - stiffness*z*Abs(v)/F_c}
+    >>> Bristle(F_c=-1.0)
+    Traceback (most recent call last):
+        ...
+    ValueError: `F_c` of Bristle is -1.0; the Coulomb force must be > 0 (N).
+    """
+
+    source: ClassVar[str] = ""  # where the equations and the defaults come from
+    certainty: ClassVar[str] = ""  # "reconstructed" where the original was not available
+    needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            self._check(field)
+        self.check()
+
+    def check(self) -> None:
+        """Relations between parameters; raises ValueError with the names and the remedy."""
+
+    def pieces(self, at: Joint, p: Any) -> Pieces:
+        """Force and rates at a joint, per unit of load; `p` has the parameters' symbols as attributes."""
+        raise NotImplementedError
+
+    # ---- for users and scenes
+
+    def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
+               time: Any = None, name: str = "") -> Pieces:  # fmt: skip
+        """The law's pieces at a joint.
+
+        Parameters
+        ----------
+        velocity, position, acceleration : expression
+            Motion at the joint; `needs` says which of the latter two the law uses.
+        normal : expression, optional
+            Normal load; the law is per unit of load then.
+        time : Symbol, optional
+        name : str
+            Put behind the names of states and parameters, to tell several laws of a system apart.
+
+        Raises
+        ------
+        ValueError
+            An input that the law needs is missing.
+        """
+        given = {"position": position, "acceleration": acceleration}
+        for what in self.needs:
+            if given[what] is None:
+                raise ValueError(
+                    f"{type(self).__name__} needs the {what} of its joint; give attach({what}=...)."
+                )
+        at = Joint(velocity, position, acceleration, normal, time, name)
+        symbols, values = self._symbols(at)
+        pieces = self.pieces(at, SimpleNamespace(**symbols))
+        used = _symbols_of(pieces)
+        return dataclasses.replace(
+            pieces,
+            force=at.load * pieces.force,
+            start={z: at.starts.get(z, 0.0) for z in pieces.rates},
+            parameters={s: value for s, value in values.items() if s.name in used},
+            events=(*pieces.events, *self._resets(at, pieces)),
+            outputs={at.label(key): e for key, e in pieces.outputs.items()},
+        )
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameter -> value."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}  # type: ignore[arg-type]
+
+    @classmethod
+    def units(cls) -> dict[str, str]:
+        """Parameter -> unit."""
+        return {f.name: f.metadata["unit"] for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+
+    @classmethod
+    def meanings(cls) -> dict[str, str]:
+        """Parameter -> what it is."""
+        return {f.name: f.metadata["meaning"] for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+
+    # ---- inside
+
+    @property
+    def elements(self) -> int:
+        """Number of elements of a multistate law: as many as its longest parameter; 1 of any other."""
+        each = [v for f, v in self._each() if isinstance(v, tuple)]
+        return max(map(len, each), default=1)
+
+    def _each(self):
+        return [(f, getattr(self, f.name)) for f in dataclasses.fields(self) if f.metadata["each"]]  # type: ignore[arg-type]
+
+    def _check(self, field):
+        about, value = field.metadata, getattr(self, field.name)
+        if about["each"] and isinstance(value, Sequence):
+            value = tuple(value)
+        elif about["each"] and hasattr(value, "tolist"):
+            value = value.tolist()
+            value = tuple(value) if isinstance(value, list) else value
+        test, words = _SIGNS[about["sign"]]
+        owner = f"`{field.name}` of {type(self).__name__}"
+        if isinstance(value, tuple):
+            if not about["each"]:
+                raise TypeError(f"{owner} is {value!r}; give one number.")
+            if not value:
+                raise ValueError(f"{owner} is empty; give one value for each element.")
+            value = tuple(_number(v, owner) for v in value)
+        elif not isinstance(value, str):
+            value = _number(value, owner)
+        for v in value if isinstance(value, tuple) else (value,):
+            if not isinstance(v, str) and not test(v):
+                raise ValueError(f"{owner} is {v!r}; the {about['meaning']} must be {words} ({about['unit']}).")
+        lengths = {len(v) for _, v in self._each() if isinstance(v, (tuple, list))}
+        if len(lengths) > 1:
+            names = ", ".join(f.name for f, v in self._each() if isinstance(v, (tuple, list)))
+            raise ValueError(
+                f"{names} of {type(self).__name__} have different lengths {sorted(lengths)}; give one value for "
+                "each element, or one number for all."
+            )
+        object.__setattr__(self, field.name, value)
+
+    def _symbols(self, at):
+        symbols, values = {}, {}
+        family = at.family(self.elements)
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            about, value = field.metadata, getattr(self, field.name)
+            if about["structural"]:
+                symbols[field.name] = sp.nsimplify(value) if isinstance(value, float) else value
+                continue
+            assumption = {about["sign"]: True}
+            if about["each"]:
+                (symbol,) = family.symbols(at.label(field.name), **assumption)
+            else:
+                symbol = sp.Symbol(at.label(field.name), **assumption)
+            symbols[field.name] = symbol
+            values[symbol] = list(value) if isinstance(value, tuple) else value
+        return symbols, values
+
+    @staticmethod
+    def _resets(at, pieces):
+        """A contact that opens or closes forgets the deflections: they belong to the junctions that it had."""
+        if at.load.is_positive or not pieces.rates:
+            return ()
+        return (Event(at.load, update=dict.fromkeys(pieces.rates, 0), name=at.label("load vanishes")),)
+
+
+def _number(value, owner):
+    try:
+        value = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{owner} is {value!r}; give a number.") from None
+    if not math.isfinite(value):
+        raise ValueError(f"{owner} is {value}; give a finite number.")
+    return value
+
+
+def _symbols_of(pieces):
+    """Names of all symbols that stand in the pieces, those in surfaces of switches too."""
+    found: set[str] = set()
+
+    def visit(e):
+        for s in getattr(e, "free_symbols", ()):
+            if s.name not in found:
+                found.add(s.name)
+                for part in ("surface", "gap", "restitution", "outside"):
+                    visit(getattr(s, part, None))
+
+    for e in (pieces.force, *pieces.rates.values(), *pieces.outputs.values()):
+        visit(e)
+    for event in pieces.events:
+        for e in (event.surface, event.every, *event.at, event.when, *(e for _, e in event.update)):
+            visit(e)
+    for contact in pieces.contacts:
+        visit(contact.gap)
+        visit(contact.restitution)
+    for item in pieces.algebraic:
+        visit(item.residual)
+    return found

@@ -1,0 +1,111 @@
+"""The contract of a scene: mechanism + law + drive as one System, with what figures, sweeps and charts need of it.
+
+Chain: laws -> **scene** -> analysis, sweep, figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..laws import Pieces
+from ..solution import Solution
+from ..solve import solve
+from ..system import System
+
+__all__ = ["Scene", "assemble"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A model ready to run.
+
+    Parameters
+    ----------
+    name : str
+    system : System
+    start : mapping of state name to float
+        Initial state.
+    t_span : (float, float)
+        Suggested span, s.
+    period : float, optional
+        Period of the forcing, s; None if there is none.
+    observables : mapping of str to (str or callable)
+        Name -> output of the solution, or a function of the Solution.
+    units : mapping of str to str
+        Of states, outputs and parameters.
+    note : str
+        Source, and what is reconstructed.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> scene = Scene("block", System({x: v, v: -x - sp.sign(v)}), {"x": 3.5, "v": 0.0}, (0, 10),
+    ...               observables={"end": lambda s: s["x"][-1]})
+    >>> solution = scene.solve()
+    >>> round(float(scene.observe(solution)["end"]), 9)
+    -0.5
+    """
+
+    name: str
+    system: System
+    start: Mapping[str, float]
+    t_span: tuple[float, float]
+    period: float | None = None
+    observables: Mapping[str, str | Callable[[Solution], Any]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
+
+    def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
+        """`pwsmooth.solve` of the system from `start` over `t_span`; both may be replaced, options are solve's."""
+        return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
+
+    def observe(self, solution: Solution) -> dict[str, Any]:
+        """The observables of a solution of this scene: arrays over its times, or what their functions return."""
+        return {
+            name: what(solution) if callable(what) else solution[what]
+            for name, what in self.observables.items()
+        }
+
+
+def assemble(
+    rates: Mapping[Any, Any],
+    pieces: Pieces | Iterable[Pieces],
+    *,
+    time: Any = None,
+    start: Mapping[Any, float],
+    parameters: Mapping[Any, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
+    events: Iterable[Any] = (),
+    contacts: Iterable[Any] = (),
+    algebraic: Iterable[Any] = (),
+) -> tuple[System, dict[str, float]]:
+    """A System of a mechanism's own equations and the pieces of its laws, with its whole initial state.
+
+    Raises
+    ------
+    ValueError
+        Two of them use one name; `attach(name=...)` tells laws apart.
+    """
+    all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
+    rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
+    begin = dict(start)
+    parts = {"events": list(events), "contacts": list(contacts), "algebraic": list(algebraic)}
+    for piece in all_pieces:
+        for mine, theirs in ((rates, piece.rates), (values, piece.parameters), (shown, piece.outputs)):
+            common = {str(key) for key in mine} & {str(key) for key in theirs}
+            if common:
+                raise ValueError(
+                    f"two parts of the system use the name {', '.join(sorted(common))}; give each law its own "
+                    "`attach(name=...)`."
+                )
+            mine.update(theirs)
+        begin.update(piece.start)
+        for name, items in parts.items():
+            items += getattr(piece, name)
+    system = System(rates, time=time, parameters=values, outputs=shown, **parts)
+    names = system.definition.groups
+    spread = {n: value for key, value in begin.items() for n in names.get(str(key), (str(key),))}
+    return system, spread
