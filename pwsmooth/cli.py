@@ -67,6 +67,28 @@ def figures(
         raise typer.Exit(1)
 
 
+@app.command()
+def verify(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Problems to solve; all without.")
+    ] = None,
+    list_only: Annotated[bool, typer.Option("--list", help="List the problems and leave.")] = False,
+) -> None:
+    """Solve the built-in problems with exact answers, and print computed, exact, error and time.
+
+    The exit code is 1 when a number misses its exact value by more than its tolerance.
+    """
+    from pwsmooth.compare import report
+
+    try:
+        held = report.list_problems() if list_only else report.run(names or [])
+    except ValueError as error:
+        typer.echo(f"pwsmooth verify: {error}", err=True)
+        raise typer.Exit(2) from None
+    if not held:
+        raise typer.Exit(1)
+
+
 def main() -> None:
     """Entry point of the console script."""
     app()

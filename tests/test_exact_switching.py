@@ -1,4 +1,4 @@
-"""Exact answers of piecewise-smooth systems, each worked out by hand in its docstring or comment."""
+"""What surrounds the exact answers: kinds of events, cost, orders, reports. The numbers: test_verify.py."""
 
 import math
 
@@ -7,9 +7,22 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Switch, System, solve
-
-t, x, y, v, x1, x2, x3 = sp.symbols("t x y v x1 x2 x3", real=True)
-TIGHT = dict(rtol=1e-12, atol=1e-14)
+from pwsmooth.compare.exact_problems import (
+    TIGHT,
+    dry_oscillator,
+    hidden_pair,
+    inner_relaxation,
+    relays,
+    spiral_end,
+    spirals,
+    two_fold,
+    v,
+    x,
+    x1,
+    x2,
+    x3,
+    y,
+)
 
 
 def kinds(solution):
@@ -23,70 +36,32 @@ def times(solution):
 # ---- crossing
 
 
-def spirals():
-    """x' = A1 x outside the unit circle, A2 x inside: one spiral outwards, its turn reversed at |x| = 1."""
-    w = 2 * sp.pi
-    inside = x1**2 + x2**2 < 1
-    return System(
-        {
-            x1: sp.Piecewise((x1 - w * x2, inside), (x1 + w * x2, True)),
-            x2: sp.Piecewise((w * x1 + x2, inside), (-w * x1 + x2, True)),
-        }
-    )
-
-
-# exp(pi/2 - 1) (cos, -sin) of 2 pi (pi/2 - 1): the radius grows as exp(t - 1) on both sides.
-SPIRAL_END = (-1.5974603774506984, 0.7614936206060108)
-
-
-def test_a_spiral_crosses_the_unit_circle_once_at_time_1():
-    solution = solve(spirals(), (0, math.pi / 2), {x1: math.exp(-1), x2: 0}, **TIGHT)
-    assert kinds(solution) == ["crossing"]
-    assert times(solution) == pytest.approx([1.0], abs=1e-9)
-    assert solution.x[:, -1] == pytest.approx(SPIRAL_END, abs=1e-9)
-
-
 def test_the_crossing_costs_no_accuracy_at_the_default_tolerance():
     solution = solve(spirals(), (0, math.pi / 2), {x1: math.exp(-1), x2: 0})
     # rtol = 1e-9 on a state of size 1 that grows by the factor e^(pi/2) = 4.8 over the span.
-    assert solution.x[:, -1] == pytest.approx(SPIRAL_END, abs=10 * 1e-9)
+    assert solution.x[:, -1] == pytest.approx(spiral_end(), abs=10 * 1e-9)
 
 
 # ---- sliding
 
 
 def test_two_notations_of_one_surface_slide_as_one_switch():
-    # x > y: (-2, 3/2), x < y: (2, -3). On x = y: -2 lam = -3/4 + 9/4 lam, lam = 3/17, so x' = -6/17.
-    relays = System(
-        {
-            x: sp.Piecewise((-2, x > y), (2, True)),
-            y: sp.Piecewise((-3, y > x), (sp.Rational(3, 2), True)),
-        }
-    )
-    assert len(relays.switches) == 1
-    solution = solve(relays, (0, 1), {x: 1.5, y: 1}, **TIGHT)
+    system = relays()
+    assert len(system.switches) == 1
+    solution = solve(system, (0, 1), {x: 1.5, y: 1}, **TIGHT)
     assert kinds(solution) == ["stick"]
-    assert times(solution) == pytest.approx([1 / 7], abs=1e-12)
-    assert solution.x[:, -1] == pytest.approx([31 / 34, 31 / 34], abs=1e-12)
     stuck = solution.t > 1 / 7 + 1e-9
     assert np.max(np.abs(solution.x[0, stuck] - solution.x[1, stuck])) <= 1e-15
     assert solution.cost["steps"] < 20
 
 
 def test_dry_friction_comes_to_rest_after_eight_reversals():
-    # Half-turns about -1 and 1 in turn; |x| shrinks by 2 at each until |x| < 1: at reversal 7, 15 - sqrt(205)
-    oscillator = System({x: v, v: -x - sp.sign(v)})
-    solution = solve(oscillator, (0, 40), {x: 12, v: 6}, **TIGHT)
+    solution = solve(dry_oscillator(), (0, 40), {x: 12, v: 6}, **TIGHT)
     assert kinds(solution) == 7 * ["crossing"] + ["stick"]
-    assert times(solution) == pytest.approx([math.atan(6 / 13) + k * math.pi for k in range(8)], abs=1e-9)
-    assert times(solution)[-1] == pytest.approx(22.42355635069909, abs=1e-9)
-    assert solution["x"][-1] == pytest.approx(15 - math.sqrt(205), abs=1e-9)
-    assert solution["v"][-1] == 0.0
 
 
 def test_rest_is_for_ever():
-    oscillator = System({x: v, v: -x - sp.sign(v)})
-    solution = solve(oscillator, (0, 1e6), {x: 12, v: 6}, **TIGHT)
+    solution = solve(dry_oscillator(), (0, 1e6), {x: 12, v: 6}, **TIGHT)
     assert len(solution.events) == 8
     assert solution["x"][-1] == pytest.approx(15 - math.sqrt(205), abs=1e-9)
     assert solution.success
@@ -97,8 +72,7 @@ def test_rest_is_for_ever():
 
 @pytest.mark.parametrize(("hidden", "slope"), [(True, -1.0), (False, 1.0)])
 def test_a_hidden_term_decides_the_sliding_velocity(hidden, slope):
-    lam = Switch("lam", x1)
-    system = System({x1: -lam, x2: 2 * lam**2 - 1 if hidden else sp.Integer(1)})
+    system = hidden_pair(hidden)
     for side in (1, -1):
         solution = solve(system, (0, 2), {x1: 0.5 * side, x2: 0.25}, **TIGHT)
         assert kinds(solution) == ["stick"]
@@ -120,16 +94,12 @@ PERIOD = 30 - 20 * math.log(2)
 LARGEST = 20 / (3 * math.sqrt(6))
 
 
-def inner_relaxation(t_end, **options):
-    # Sliding: x2 = 10 (2 lam^3 - lam), x2' = -lam; attracting if |lam| > 1/sqrt(6). From -2/sqrt(6) to the fold
-    # at -1/sqrt(6) takes the time int 10 (6 lam - 1/lam) dlam = 15 - 10 ln 2; then it jumps to 2/sqrt(6).
-    lam = Switch("lam", x1)
-    system = System({x1: x2 / 10 + lam - 2 * lam**3, x2: -lam})
-    return solve(system, (0, t_end), {x1: -0.1, x2: 0}, **TIGHT, **options)
+def relaxing(t_end):
+    return solve(inner_relaxation(), (0, t_end), {x1: -0.1, x2: 0}, **TIGHT)
 
 
 def test_folds_land_on_another_sliding_branch_and_the_oscillation_stays_inside_the_surface():
-    solution = inner_relaxation(200)
+    solution = relaxing(200)
     assert kinds(solution)[0] == "stick"
     folds = [e for e in solution.events if "fold" in e.kind or e.kind == "sliding to sliding"]
     assert len(folds) == len(solution.events) - 1
@@ -140,7 +110,7 @@ def test_folds_land_on_another_sliding_branch_and_the_oscillation_stays_inside_t
 
 
 def test_the_inner_oscillation_has_the_amplitude_of_the_folds():
-    solution = inner_relaxation(100)
+    solution = relaxing(100)
     at_folds = np.array(
         [abs(solution.x[1, i]) for i in range(len(solution.t)) if solution.t[i] in times(solution)[1:]]
     )
@@ -149,7 +119,7 @@ def test_the_inner_oscillation_has_the_amplitude_of_the_folds():
 
 
 def test_lambda_jumps_across_the_middle_branch_at_a_fold():
-    solution = inner_relaxation(60)
+    solution = relaxing(60)
     lam = np.abs(solution["lam"][solution.t > times(solution)[0]])
     # the attracting branches reach from the fold, 1/sqrt(6), to where the other fold lands, 2/sqrt(6)
     assert lam.min() >= 1 / math.sqrt(6) - 1e-6
@@ -160,15 +130,7 @@ def test_lambda_jumps_across_the_middle_branch_at_a_fold():
 
 
 def test_an_invisible_two_fold_is_reached_at_2a_and_reported():
-    # On the diagonal x2 = x3 sliding has lam = 0 and x2' = x3' = (1 + V)/2 = -1/2: the two-fold at 0 after 2a.
-    V, a = -2, 0.5
-    system = System(
-        {
-            x1: sp.Piecewise((-x2, x1 > 0), (x3, True)),
-            x2: sp.Piecewise((1, x1 > 0), (V, True)),
-            x3: sp.Piecewise((V, x1 > 0), (1, True)),
-        }
-    )
+    system, a = two_fold(-2), 0.5
     solution = solve(system, (0, 2), {x1: 0, x2: a, x3: a}, **TIGHT)
     assert solution.ambiguities
     first = solution.ambiguities[0]
@@ -209,7 +171,7 @@ def observed_order(steps, **options):
         # the bound on the step rules: the tolerance is met with room to spare at these sizes
         loose = dict(rtol=1e-6, atol=1e-6, max_step=math.pi / 2 / n)
         solution = solve(spirals(), (0, math.pi / 2), {x1: math.exp(-1), x2: 0}, **loose, **options)
-        errors.append(np.max(np.abs(solution.x[:, -1] - SPIRAL_END)))
+        errors.append(np.max(np.abs(solution.x[:, -1] - spiral_end())))
     return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
 
 

@@ -1,0 +1,1 @@
+"""Comparisons: what is exact (verify), what accuracy costs, where methods break, which model a scene needs."""
