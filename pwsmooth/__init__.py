@@ -16,6 +16,7 @@ _HOME = {
     "Unilateral": "primitives",
     "Algebraic": "primitives",
     "Family": "family",
+    "Kicks": "noise",
     "solve": "solve",
     "Solution": "solution",
     "Outcome": "solution",

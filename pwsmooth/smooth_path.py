@@ -58,6 +58,7 @@ def solve_smoothed(
     dense_output: bool,
     max_step: float,
     max_steps: int,
+    kicks: Any = None,
 ) -> Solution:
     """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
 
@@ -79,7 +80,12 @@ def solve_smoothed(
         pieces = _scipy(system.model, t_span, start, p, dict(common, method=method, dense=dense_output))
     else:
         pieces = _own(
-            system.model, t_span, start, p, dict(common, method=method, dense=dense_output), max_steps
+            system.model,
+            t_span,
+            start,
+            p,
+            dict(common, method=method, dense=dense_output, kicks=kicks),
+            max_steps,
         )
     t, x, events, dense, outcome, cost = pieces
     none = np.zeros((0, len(t)))

@@ -94,6 +94,7 @@ class Solution:
         self.tolerances = dict(tolerances)
         self.ambiguities = list(ambiguities)
         self.parameters = {str(key): float(value) for key, value in parameters.items()}
+        self.noise: Any = None  # what solve(noise=...) was given
 
     # ---- scipy's names -----------------------------------------------------------------------------
 
@@ -290,6 +291,8 @@ class Solution:
         attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
         attributes.update({f"cost {k}": v for k, v in self.cost.items()})
         attributes["outcome"] = self.message
+        if self.noise is not None:
+            attributes["noise"] = str(self.noise)
         times = ("event", np.array([e.time for e in self.events], dtype=float))
         return xarray.Dataset(data, coords={"time": self.t, "event_time": times}, attrs=attributes)
 
@@ -320,6 +323,8 @@ class Solution:
             ("cost", ", ".join(f"{k} {v}" for k, v in self.cost.items())),
             ("tolerances", ", ".join(f"{k} {v}" for k, v in self.tolerances.items())),
         ]
+        if self.noise is not None:
+            rows.append(("noise", str(self.noise)))
         if self.ambiguities:
             rows.append(("ambiguities", "; ".join(str(a) for a in self.ambiguities[:3])))
         return rows

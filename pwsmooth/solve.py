@@ -33,6 +33,7 @@ def solve(
     order: int | None = None,
     strict: bool = False,
     parameters: Mapping[Any, float] | None = None,
+    noise: Any = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -67,6 +68,8 @@ def solve(
         Stop at the first ambiguity instead of following the recorded continuation.
     parameters : mapping, optional
         Values that replace the system's own for this run.
+    noise : Kicks, optional
+        Random kicks at regular times (noise.py).
 
     Returns
     -------
@@ -92,6 +95,12 @@ def solve(
         )
     if parameters is not None:
         system = system.with_parameters(parameters)
+    kicks = None
+    if noise is not None:
+        from .noise import kicked
+
+        kicks = kicked(system, noise, method)
+        system = kicks.system if kicks else system
     model, values = system.model, system.parameters
     t0, t1 = checks.span(t_span)
     start = np.array(system.initial_state(x0), float)
@@ -113,9 +122,12 @@ def solve(
             raise ValueError(
                 "`order` and `strict` belong to event-driven systems; leave them out for a smoothed view."
             )
-        return solve_smoothed(
-            system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step, max_steps
-        )
+        solution = solve_smoothed(
+            system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step, max_steps,
+            kicks,
+        )  # fmt: skip
+        solution.noise = noise
+        return solution
     if method not in ("auto", "taylor", "rk"):
         raise ValueError(
             f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
@@ -132,5 +144,9 @@ def solve(
     run = EventDriven(
         system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method
     )
+    if kicks:
+        run.problem = kicks.problem(run.problem)
     run.begin(t0, start)
-    return run.finish()
+    solution = run.finish()
+    solution.noise = noise
+    return solution

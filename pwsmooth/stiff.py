@@ -67,7 +67,7 @@ def internal_tolerances(rtol: float, method: str, inside: bool) -> tuple[int, in
 
 def integrate(
     model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf,
-    max_steps=10_000_000, method="auto", dense=False, t_eval=None,
+    max_steps=10_000_000, method="auto", dense=False, t_eval=None, kicks=None,
 ) -> StiffResult:  # fmt: skip
     """Integrate a smoothed model over `t_span`.
 
@@ -93,6 +93,8 @@ def integrate(
         Keep the polynomial of every step.
     t_eval : array_like, optional
         Ascending times within the span.
+    kicks : KickedRun, optional
+        Random kicks at one of the model's time events (noise.py).
 
     Returns
     -------
@@ -143,9 +145,13 @@ def integrate(
     cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, max_steps
 
     p = np.ascontiguousarray(p, float)
+    address = compiled.address
+    if kicks is not None:
+        address, p = kicks.smooth(address, codegen.NAMES.index("act"), p)
     atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
     units = np.array([u.address for u in loop.UNITS], dtype=np.int64)
-    run = _run(S, compiled, units, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
+    addresses = np.concatenate([address, units])
+    run = _run(S, compiled, addresses, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
     places = np.array(
         [a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64
     )
@@ -183,7 +189,7 @@ def integrate(
     return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
 
 
-def _run(S, compiled, units, p, atol, num, cnt, x0, instants, dense, t_eval):
+def _run(S, compiled, addresses, p, atol, num, cnt, x0, instants, dense, t_eval):
     """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is
     reached."""
     n, q, e, model = compiled.n, compiled.n_surfaces, compiled.n_events, compiled.model
@@ -196,7 +202,7 @@ def _run(S, compiled, units, p, atol, num, cnt, x0, instants, dense, t_eval):
 
     return S.Core(
         n=n, q=q, e=e, capacity=_CHUNK, room=room, evals=len(wanted), instants=len(instants[0]),
-        adr=np.concatenate([compiled.address, units]), surface_state=compiled.surface_state,
+        adr=addresses, surface_state=compiled.surface_state,
         surface_row=compiled.surface_row, cnt=cnt, kind=integers(kind),
         stops=integers([event.terminal for event in model.events]), due=np.zeros(e, np.int64),
         degree=np.zeros(_CHUNK, np.int64), event_index=np.zeros(room, np.int64), instant_event=instants[1],

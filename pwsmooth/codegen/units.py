@@ -26,6 +26,11 @@ UNITS = {
     "rk_unit": ("rungekutta", "rk_step"),
     "run": ("trajectory", "run"),
 }
+# Units that only some runs need: they are no fields of the Problem.
+MORE_UNITS = {
+    "kick_act": ("noise_kicks", "kick_act"),
+    "kick_act_smooth": ("noise_kicks", "kick_act_smooth"),
+}
 # What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
 _NEVER_CALLED = (
     "numba_do_raise",
@@ -64,7 +69,7 @@ def _resolve_symbols() -> None:
 @cache
 def unit_address(name: str) -> int:
     """Address of a unit: from its object file, or compiled by numba now."""
-    module, function = UNITS[name]
+    module, function = UNITS[name] if name in UNITS else MORE_UNITS[name]
     path = kernels_dir() / f"{module}.{function}.{machine_mark()}.o"
     try:
         symbol, _, image = path.read_bytes().partition(b"\0")
