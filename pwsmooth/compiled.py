@@ -34,11 +34,10 @@ class CompiledProblem:
         folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
         symbols = [mu.symbol for mu in model.multipliers]
-        coupled = np.zeros((m, m), np.int64)
-        for i, mu in enumerate(model.multipliers):
-            free = mu.residual.free_symbols
-            for j, symbol in enumerate(symbols):
-                coupled[i, j] = symbol in free
+        g_row, g_col = code.pattern("G")
+        dh_row, dh_col = code.pattern("DH")
+        hub = np.zeros(0, np.int64)
+        block_row, block_member = _groups(g_row, g_col, hub)
         moving = {model.time, *model.states, *symbols}
         slope_moves = np.array(
             [k == state.SLIDING and not mu.hidden and bool(mu.residual.diff(mu.symbol).free_symbols & moving)
@@ -52,6 +51,7 @@ class CompiledProblem:
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
         fold = self.fold
         empty = np.zeros(0, np.int64)
+        fold_row, fold_col = fold.pattern("G") if fold else (empty, empty)
         self.fixed = dict(
             rk_unit=0,
             pair=0,
@@ -65,13 +65,22 @@ class CompiledProblem:
             jet_fold=fold.jet_general if fold else 0,
             fields_fold=fold.fields if fold else 0,
             linear_fold=fold.linear if fold else 0,
+            fold_row=fold_row,
+            fold_col=fold_col,
             n=n,
             m=m,
             ne=ne,
             nz=len(self.ratios),
             kind=self.kind,
             hidden=hidden,
-            coupled=coupled,
+            g_row=g_row,
+            g_col=g_col,
+            g_diagonal=_diagonal(g_row, g_col),
+            block_row=block_row,
+            block_member=block_member,
+            hub=hub,
+            dh_row=dh_row,
+            dh_col=dh_col,
             slope_moves=slope_moves,
             surface_state=surface_state,
             direction=np.array([e.direction for e in model.events], np.int64),
@@ -111,6 +120,8 @@ class CompiledProblem:
         """Scratch arrays for one run."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
+        hubs = len(self.fixed["hub"])
+        group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
         return state.Work(
             order=order,
             counting=np.arange(1.0, width + 1),
@@ -122,7 +133,10 @@ class CompiledProblem:
             bernstein=np.zeros(48 * (width + 8)),
             bernstein_table=bernstein_tables(order, width + 8),
             layer_k=np.zeros((7, m + nz)),
-            matrix=np.zeros((m + 1, m + 1)),
+            matrix=np.zeros((group, group + 1 + hubs)),
+            schur=np.zeros((hubs, hubs + 1)),
+            border=np.zeros((m, hubs)),
+            place=np.zeros(m),
             code=np.zeros(12),
             answer=np.zeros(8),
             **{name: np.zeros(width) for name in ("power", "poly", "first", "second", "fold_slope")},
@@ -148,14 +162,45 @@ class CompiledProblem:
             **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
             **{name: np.zeros(nz) for name in ("z", "q")},
             **{name: np.zeros(m + nz) for name in ("layer_y", "layer_new")},
-            G=np.zeros(m * m),
-            dh=np.zeros((m + ne) * (n + 1)),
+            G=np.zeros(len(self.fixed["g_col"])),
+            dh=np.zeros(len(self.fixed["dh_col"]) + m + ne),
             fold_x=np.zeros(n + 1 + m),
             fold_dx=np.zeros(n + 1 + m),
             fold_h=np.zeros(m + 1 + ne),
-            fold_G=np.zeros((m + 1) ** 2),
-            fold_dh=np.zeros((m + 1 + ne) * (n + 2 + m)),
+            fold_G=np.zeros(len(self.fixed["fold_col"])),
+            fold_dh=np.zeros(len(self.fold.pattern("DH")[1]) + m + 1 + ne if self.fold else 0),
         )
+
+
+def _groups(row, col, hub):
+    """Multipliers in groups that couple only through the hubs: ends and members of the groups."""
+    m = len(row) - 1
+    parent = list(range(m))
+
+    def root(i):
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    outside = set(hub.tolist())
+    for i in range(m):
+        for j in col[row[i] : row[i + 1]].tolist():
+            if not outside & {i, j}:
+                low, high = sorted((root(i), root(j)))
+                parent[high] = low
+    groups: dict[int, list[int]] = {}
+    for i in range(m):
+        if i not in outside:
+            groups.setdefault(root(i), []).append(i)
+    ends = np.cumsum([0, *map(len, groups.values())])
+    return ends.astype(np.int64), np.array([i for group in groups.values() for i in group], np.int64)
+
+
+def _diagonal(row, col):
+    """Where the diagonal entries of a sparse matrix stand."""
+    rows = np.repeat(np.arange(len(row) - 1), np.diff(row))
+    return np.flatnonzero(rows == col)
 
 
 def _kind(mu: Multiplier) -> int:

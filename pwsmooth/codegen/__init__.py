@@ -47,6 +47,7 @@ class Compiled:
         self.nz, self.np = len(model.layer_states), len(model.parameters)
         self._key = cache.fingerprint(model)
         self._modules: list = []  # keeps the machine code alive
+        self._loaded: dict = {}
 
     def _load(self, paths, name: str):
         if name not in paths:
@@ -58,8 +59,13 @@ class Compiled:
         return code
 
     def _address(self, name: str) -> int:
-        code = self._load(self._fields, name)
+        code = self._module(name)
         return code.address(name) if code else 0
+
+    def _module(self, name: str):
+        if name not in self._loaded:
+            self._loaded[name] = self._load(self._fields, name)
+        return self._loaded[name]
 
     @cached_property
     def _fields(self):
@@ -94,6 +100,11 @@ class Compiled:
     @cached_property
     def linear(self) -> int:
         return self._address("linear")
+
+    def pattern(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the sparse matrix "G" or "DH" that `linear` fills."""
+        constants = self._module("linear").constants
+        return tuple(np.array(constants[f"{name}_{part}"], np.int64) for part in ("ROW", "COL"))
 
     @cached_property
     def act(self) -> int:

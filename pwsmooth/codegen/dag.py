@@ -435,6 +435,17 @@ class Graph:
 
     # ---- reach ----
 
+    def variables(self, node: int, kind: str) -> list[int]:
+        """Indices of the variables of one kind that stand below a node, ascending; selections count."""
+        found = set()
+        for a in self.reach([node]):
+            op, _, data = self.nodes[a]
+            if op == "var" and data[0] == kind:
+                found.add(data[1])
+            elif op == "sel" and kind == "mult":
+                found.add(data)
+        return sorted(found)
+
     def reach(self, roots, lazy: bool = False) -> list[int]:
         """Nodes needed for `roots`, in order of evaluation; with `lazy`, without entering branches."""
         seen, stack = set(), list(roots)

@@ -5,10 +5,15 @@ Every one is a C function of pointers to doubles, reached by address:
     fields(t, x, mult, p, dx, h, g)      linear(t, x, mult, p, G, dh)      outputs(t, x, mult, p, out)
     act(i, t, x, mult, p, xnew) -> 1 if event i fired                     layer(t, x, mult, z, p, g, q)
 
+`linear` fills the entries of two sparse matrices by rows: G = dg/dmult (its diagonal always among them) and
+dh = dh/dx, behind which stand the derivatives dh/dt. Their rows and columns are constants of its module.
+
 Chain: Model -> Graph (dag.py) -> text (this file) -> write_module/load_module (cache.py) -> addresses.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import sympy as sp
 
@@ -77,10 +82,22 @@ def write_fields(model: Model) -> dict[str, str]:
     _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
     unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
     states = [graph.var("x", i) for i in range(len(model.states))]
-    slopes = [graph.derivative(s, x) for s in h for x in states]
+    gradients = [{i: graph.derivative(s, states[i]) for i in graph.variables(s, "x")} for s in h]
+    gradients = [{i: d for i, d in row.items() if d != graph.zero} for row in gradients]
+    matrix = [
+        {j: graph.derivative(r, unknowns[j]) for j in sorted({i, *graph.variables(r, "mult")})}
+        for i, r in enumerate(residuals)
+    ]
+    slopes = [d for row in gradients for d in row.values()]
     slopes += [graph.derivative(s, graph.var("t", 0)) for s in h]
-    matrix = [graph.derivative(r, u) for r in residuals for u in unknowns]
-    _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": matrix, "dh": slopes})
+    entries = [d for row in matrix for d in row.values()]
+    _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": entries, "dh": slopes})
+    for name, rows in (("G", matrix), ("DH", gradients)):
+        ends = itertools.accumulate(map(len, rows), initial=0)
+        sources["linear"].constants |= {
+            f"{name}_ROW": tuple(ends),
+            f"{name}_COL": tuple(k for row in rows for k in row),
+        }
     if model.outputs:
         _store(
             sources["outputs"],

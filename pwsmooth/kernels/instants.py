@@ -24,6 +24,7 @@ from .settling import (
     settle_at_rest,
 )
 from .sliding import keep_on_surface, surface_rounding
+from .sparse import couples
 from .state import (
     AMB_CORNER,
     C_AMBIGUITIES,
@@ -104,8 +105,9 @@ def _fire_events(P, C, S, R, W):
             if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
                 continue
             rounding = 0.0
-            for k in range(n):
-                rounding += 1e-13 * abs(W.dh[(m + i) * n + k]) * (abs(W.before[k]) + abs(S.x[k]))
+            for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
+                k = P.dh_col[e]
+                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.before[k]) + abs(S.x[k]))
             if abs(W.h[m + i]) <= rounding:
                 continue
             S.deflate[m + i] = 0
@@ -211,7 +213,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         for a in range(size):
             j = W.active[a]
             arriving = arriving or j == b
-            linked = linked or (j != b and (P.coupled[j, b] or P.coupled[b, j]))
+            linked = linked or (j != b and (couples(P, j, b) or couples(P, b, j)))
         if linked and S.status[b] == SOLVED and not arriving:
             W.active[joint] = b
             joint += 1

@@ -14,6 +14,7 @@ from numba import types
 from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
+from .sparse import couples
 from .state import SLIDING, SOLVED, Problem, State, Work
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
@@ -396,7 +397,7 @@ def _leave_fold(P, S, W, j, toward):
     size = 1
     W.group[0] = j
     for i in range(P.m):
-        if i != j and S.status[i] == SOLVED and P.kind[i] == SLIDING and (P.coupled[i, j] or P.coupled[j, i]):
+        if i != j and S.status[i] == SOLVED and P.kind[i] == SLIDING and (couples(P, i, j) or couples(P, j, i)):
             W.group[size] = i
             size += 1
     fold = S.mult[j]

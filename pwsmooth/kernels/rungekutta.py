@@ -165,9 +165,9 @@ def _linear_terms(P, S, W):
     for j in range(P.m):
         W.rows[P.n + j, 0] = S.mult[j]
     for i in range(P.m + P.ne):
-        slope = W.dh[(P.m + P.ne) * P.n + i]
-        for k in range(P.n):
-            slope += W.dh[i * P.n + k] * W.dx[k]
+        slope = W.dh[P.dh_row[P.m + P.ne] + i]
+        for e in range(P.dh_row[i], P.dh_row[i + 1]):
+            slope += W.dh[e] * W.dx[P.dh_col[e]]
         W.rows[P.n + P.m + i, 0] = W.h[i]
         W.rows[P.n + P.m + i, 1] = slope
 

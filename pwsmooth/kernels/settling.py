@@ -7,6 +7,7 @@ from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
+from .sparse import couples
 from .state import (
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
@@ -99,7 +100,7 @@ def settle_at_rest(P, C, S, R, W, size):
     for a in range(size):
         S.mult[W.active[a]] = 0.0
         for b in range(size):
-            if a != b and P.coupled[W.active[a], W.active[b]]:
+            if a != b and couples(P, W.active[a], W.active[b]):
                 together = True
     code = DONE
     if together:
@@ -119,11 +120,12 @@ def settle_at_rest(P, C, S, R, W, size):
 def approach_speed(P, S, j, W):
     """dh_j/dt with the present field; leaves in W.answer[3] the size at which it is rounding."""
     evaluate_surfaces(P, S, W)
-    speed = W.dh[(P.m + P.ne) * P.n + j]
+    speed = W.dh[P.dh_row[P.m + P.ne] + j]
     size = abs(speed)
-    for i in range(P.n):
-        speed += W.dh[j * P.n + i] * W.dx[i]
-        size += abs(W.dh[j * P.n + i] * W.dx[i])
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        part = W.dh[e] * W.dx[P.dh_col[e]]
+        speed += part
+        size += abs(part)
     W.answer[3] = 1e-14 * size + 1e-13
     return speed
 
@@ -218,13 +220,18 @@ def resettle(P, S, R, W):
     """
     if mask_instant(P, S, W) and not follow(P, S, W):
         return NO_ROOT_FOUND
+    known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
         if S.status[j] != SOLVED or P.kind[j] != SLIDING:
             continue
         lam = S.mult[j]
-        g = residual(P, S, W, j, lam)
+        if not known:
+            residual(P, S, W, j, lam)
+            known = True
+        g = W.g[j]
         if abs(g) <= 1e-12:
             continue
+        known = False
         toward = 1 if g > 0.0 else -1
         if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:
             S.status[j] = toward

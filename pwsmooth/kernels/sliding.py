@@ -10,64 +10,32 @@ from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
+from .sparse import solve_masked
 from .state import ALGEBRAIC, CONTACT, SOLVED, Problem, State, Work
-
-
-@kernel
-def solve_dense(A, b, size):
-    """Gaussian elimination with partial pivoting; overwrites A and b (the solution); False if singular."""
-    for i in range(size):
-        best = i
-        for r in range(i + 1, size):
-            if abs(A[r, i]) > abs(A[best, i]):
-                best = r
-        if not abs(A[best, i]) > 0.0:
-            return False
-        if best != i:
-            for c in range(size):
-                A[i, c], A[best, c] = A[best, c], A[i, c]
-            b[i], b[best] = b[best], b[i]
-        for r in range(i + 1, size):
-            factor = A[r, i] / A[i, i]
-            for c in range(i, size):
-                A[r, c] -= factor * A[i, c]
-            b[r] -= factor * b[i]
-    for i in range(size - 1, -1, -1):
-        total = b[i]
-        for c in range(i + 1, size):
-            total -= A[i, c] * b[c]
-        b[i] = total / A[i, i]
-    return True
 
 
 @unit(types.int64, Problem, State, Work)
 def newton(P, S, W):
     """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
     m, t = P.m, S.now[0]
-    x, mult, g, G, index = S.x, S.mult, W.g, W.G, W.index
-    A, b = W.matrix, W.vector
-    size = 0
-    for j in range(m):
-        if W.mask[j]:
-            index[size] = j
-            size += 1
+    x, mult, g, mask, b = S.x, S.mult, W.g, W.mask, W.vector
     previous = math.inf
     change = 0.0
     for sweep in range(25):
         call_fields(P.fields, t, x, mult, P.p, W.dx, W.h, g)
-        call_linear(P.linear, t, x, mult, P.p, G, W.dh)
+        call_linear(P.linear, t, x, mult, P.p, W.G, W.dh)
         rest = 0.0
-        for r in range(size):
-            b[r] = -g[index[r]]
-            rest = max(rest, abs(b[r]))
-            for c in range(size):
-                A[r, c] = G[index[r] * m + index[c]]
-        if not solve_dense(A, b, size):
+        for j in range(m):
+            b[j] = -g[j]
+            if mask[j]:
+                rest = max(rest, abs(g[j]))
+        if not solve_masked(P, W):
             return 1 if rest == 0.0 else 0
         change = 0.0
-        for r in range(size):
-            mult[index[r]] += b[r]
-            change = max(change, abs(b[r]) / (1.0 + abs(mult[index[r]])))
+        for j in range(m):
+            if mask[j]:
+                mult[j] += b[j]
+                change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
         if not change < math.inf:
             return 0
         # One step more than it takes to see convergence: the residual then sits at rounding.
@@ -122,18 +90,18 @@ def keep_on_surface(P, S, j, W):
             return
         call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
-        for i in range(P.n):
-            square += W.dh[j * P.n + i] ** 2
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            square += W.dh[e] ** 2
         if not square > 0.0:
             return
-        for i in range(P.n):
-            S.x[i] -= W.dh[j * P.n + i] * W.h[j] / square
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
 
 
 @kernel
 def surface_rounding(P, S, j, W):
     """The size at which h_j is indistinguishable from 0, from the gradient's row of W.dh."""
     total = 1e-300
-    for i in range(P.n):
-        total += abs(W.dh[j * P.n + i] * S.x[i])
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        total += abs(W.dh[e] * S.x[P.dh_col[e]])
     return 1e-13 * total

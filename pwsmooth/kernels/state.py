@@ -55,6 +55,8 @@ class Problem(Bundle):
     jet_fold: "int"  # the same along the arc of a multiplier (see folds.py), 0 where no fold can occur
     fields_fold: "int"
     linear_fold: "int"
+    fold_row: "i8[1]"  # g_row and g_col of the fold program
+    fold_col: "i8[1]"
     root_unit: "int"  # addresses of the compiled units (compiling.py)
     newton_unit: "int"
     layer_unit: "int"
@@ -71,7 +73,14 @@ class Problem(Bundle):
     kind: "i8[1]"  # (m,)
     hidden: "i8[1]"  # (m,) the residual is nonlinear in its own multiplier
     slope_moves: "i8[1]"  # (m,) a sliding switch, not hidden, whose dg/dlambda can change its sign
-    coupled: "i8[2]"  # (m, m) residual i depends on multiplier j
+    g_row: "i8[1]"  # (m + 1,) rows of the sparse dg/dmult: which multipliers stand in a residual; see sparse.py
+    g_col: "i8[1]"  # ascending in each row, the diagonal always among them
+    g_diagonal: "i8[1]"  # (m,) where
+    block_row: "i8[1]"  # (blocks + 1,) multipliers in groups that couple only through the hubs
+    block_member: "i8[1]"
+    hub: "i8[1]"  # multipliers that couple many groups
+    dh_row: "i8[1]"  # (m + ne + 1,) rows of the sparse gradients of the surfaces
+    dh_col: "i8[1]"
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)
     terminal: "i8[1]"  # (ne,)
@@ -158,8 +167,10 @@ class Work(Bundle):
     dx: "f8[1]"
     h: "f8[1]"
     g: "f8[1]"
-    G: "f8[1]"
-    dh: "f8[1]"
+    G: "f8[1]"  # entries of the sparse dg/dmult
+    dh: "f8[1]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
+    place: "i8[1]"  # (m,) scratch of sparse.py
+    border: "f8[2]"  # (m, hubs)
     mask: "i8[1]"  # (m,) int64
     rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
     power: "f8[1]"  # (order + PAD,) powers of the step
@@ -199,7 +210,8 @@ class Work(Bundle):
     fold_g: "f8[1]"
     fold_G: "f8[1]"
     fold_dh: "f8[1]"
-    matrix: "f8[2]"  # (m + 1, m + 1)
+    matrix: "f8[2]"  # (size of a group, the same and one a hub), at least (m + 1, m + 1) where there are folds
+    schur: "f8[2]"  # (hubs, hubs + 1)
     vector: "f8[1]"  # (m + 1,)
     index: "i8[1]"  # (m + 1,)
     layer_y: "f8[1]"  # (m + nz,) state of a layer run

@@ -20,7 +20,8 @@ from .pointers import (
     put,
     sum8,
 )
-from .sliding import mask_solved, solve_dense
+from .sliding import mask_solved
+from .sparse import entry, solve_dense
 from .state import SOLVED, Control, Problem, State, Work
 
 
@@ -164,13 +165,13 @@ def fold_jet(P, C, S, W, j, toward):
     call_fields(P.fields_fold, 0.0, W.fold_x, mult, bias, W.fold_dx, W.fold_h, W.fold_g)
     call_linear(P.linear_fold, 0.0, W.fold_x, mult, bias, W.fold_G, W.fold_dh)
     for r in range(size):
-        W.vector[r] = -W.fold_g[index[r]]
         for c in range(size):
-            W.matrix[r, c] = W.fold_G[index[r] * (m + 1) + index[c]]
-    if not solve_dense(W.matrix, W.vector, size):
+            W.matrix[r, c] = entry(P.fold_row, P.fold_col, W.fold_G, index[r], index[c])
+        W.matrix[r, size] = -W.fold_g[index[r]]
+    if not solve_dense(W.matrix, size, 1):
         return 0
     for r in range(size):
-        mult[index[r]] = W.vector[r]
+        mult[index[r]] = W.matrix[r, size]
     code = call_jet_general(P.jet_fold, 0.0, W.fold_x, mult, bias, mask, C.order, W.rows.shape[1], W.rows)
     return 1 if code == 0 else 0
 

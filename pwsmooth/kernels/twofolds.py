@@ -27,10 +27,7 @@ def _state_at(P, C, S, rows, mult_row, s, W):
 @kernel
 def _alone(P, j):
     """Whether residual j depends on no other multiplier: its own slope then tells its stability."""
-    for i in range(P.m):
-        if i != j and P.coupled[j, i]:
-            return False
-    return True
+    return P.g_row[j + 1] - P.g_row[j] == 1
 
 
 @kernel
@@ -45,7 +42,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
     for j in range(m):
         if S.status[j] == SOLVED and P.slope_moves[j]:
             call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
-            if W.G[j * m + j] >= 0.0 and _alone(P, j):
+            if W.G[P.g_diagonal[j]] >= 0.0 and _alone(P, j):
                 lo, hi = 0.0, s_end
                 for _ in range(200):
                     mid = 0.5 * (lo + hi)
@@ -53,7 +50,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                         break
                     _state_at(P, C, S, rows, mult_row, mid, W)
                     call_linear(P.linear, t0 + mid, S.x, S.mult, P.p, W.G, W.dh)
-                    if W.G[j * m + j] < 0.0:
+                    if W.G[P.g_diagonal[j]] < 0.0:
                         lo = mid
                     else:
                         hi = mid

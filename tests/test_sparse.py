@@ -1,0 +1,71 @@
+"""The sparse linear system of the solved multipliers against dense linear algebra."""
+
+import numpy as np
+import pytest
+
+from pwsmooth.codegen.cache import load_kernels
+from pwsmooth.compiled import _diagonal, _groups
+
+
+class Numbers:
+    """Attributes by name, as a kernel sees a Bundle."""
+
+    def __init__(self, **values):
+        self.__dict__.update(values)
+
+
+def arrow(elements, size, hubs, rng, neighbours=False):
+    """A random matrix of `elements` groups of `size` that couple through the last `hubs` rows and columns."""
+    m = elements * size + hubs
+    pattern = np.zeros((m, m), bool)
+    for q in range(elements):
+        stop = (q + 2 if neighbours else q + 1) * size
+        pattern[q * size : (q + 1) * size, q * size : min(stop, m - hubs)] = True
+    pattern[m - hubs :, :] = pattern[:, m - hubs :] = True
+    pattern |= np.eye(m, dtype=bool)
+    return np.where(pattern, rng.normal(size=(m, m)), 0.0), pattern
+
+
+def compressed(matrix, pattern):
+    row = np.concatenate([[0], np.cumsum(pattern.sum(axis=1))])
+    return row, np.nonzero(pattern)[1], matrix[pattern]
+
+
+@pytest.mark.parametrize("neighbours", [False, True])
+@pytest.mark.parametrize("hubs", [0, 1, 3])
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_groups_and_hubs_give_the_solution_of_the_dense_system(size, hubs, neighbours):
+    sparse = load_kernels("sparse")
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        A, pattern = arrow(4, size, hubs, rng, neighbours)
+        m = len(A)
+        row, col, G = compressed(A, pattern)
+        hub = np.arange(m - hubs, m)
+        block_row, block_member = _groups(row, col, hub)
+        assert len(block_row) - 1 == (1 if neighbours else 4)
+        mask = rng.integers(0, 2, m)
+        b = rng.normal(size=m)
+        P = Numbers(m=m, g_row=row, g_col=col, g_diagonal=_diagonal(row, col), hub=hub, block_row=block_row,
+                    block_member=block_member)  # fmt: skip
+        W = Numbers(G=G, mask=mask, vector=b.copy(), place=np.zeros(m, int), index=np.zeros(m, int),
+                    matrix=np.zeros((m, m + 1 + hubs)), border=np.zeros((m, hubs)),
+                    schur=np.zeros((hubs, hubs + 1)))  # fmt: skip
+        assert sparse.solve_masked(P, W)
+        on = mask == 1
+        # Backward stable elimination: the residual is a few eps of |A||u|, with growth for no pivoting across groups.
+        rest = A[np.ix_(on, on)] @ W.vector[on] - b[on]
+        scale = np.abs(A[np.ix_(on, on)]).sum() * np.abs(W.vector[on]).max(initial=0.0) + 1.0
+        assert np.abs(rest).max(initial=0.0) <= 1e-11 * scale
+
+
+def test_an_entry_is_found_by_its_row_and_column():
+    sparse = load_kernels("sparse")
+    rng = np.random.default_rng(3)
+    A, pattern = arrow(3, 2, 1, rng)
+    row, col, values = compressed(A, pattern)
+    P = Numbers(g_row=row, g_col=col)
+    for i in range(len(A)):
+        for j in range(len(A)):
+            assert sparse.entry(row, col, values, i, j) == A[i, j]
+            assert sparse.couples(P, i, j) == pattern[i, j]
