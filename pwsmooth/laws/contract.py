@@ -77,8 +77,10 @@ class Pieces:
     ----------
     force : Expr
     rates : dict of state to Expr
-    start : dict of state to float
-        Relaxed initial values.
+    start : dict of state to float or Expr
+        Relaxed initial values, which may depend on the motion at the start.
+    scales : dict of state to float
+        Usual sizes: a bristle's deflection is 1e-5 m, so that an absolute tolerance of 1e-12 m is a poor one.
     parameters : dict of Symbol to float or sequence of float
     events, contacts, algebraic : tuples of Event, Unilateral, Algebraic
     outputs : dict of str to Expr
@@ -91,7 +93,8 @@ class Pieces:
 
     force: sp.Expr
     rates: Mapping[Any, sp.Expr] = dataclasses.field(default_factory=dict)
-    start: Mapping[Any, float] = dataclasses.field(default_factory=dict)
+    start: Mapping[Any, Any] = dataclasses.field(default_factory=dict)
+    scales: Mapping[Any, float] = dataclasses.field(default_factory=dict)
     parameters: Mapping[sp.Symbol, Any] = dataclasses.field(default_factory=dict)
     events: tuple[Event, ...] = ()
     contacts: tuple[Unilateral, ...] = ()
@@ -122,16 +125,19 @@ class Joint:
         self.name = name
         self.v, self.x, self.a, self.t = (None if e is None else sp.sympify(e) for e in (v, x, a, t))
         self.load = sp.S.One if load is None else sp.sympify(load)
-        self.starts: dict[Any, float] = {}
+        self.starts: dict[Any, Any] = {}
+        self.scales: dict[Any, float] = {}
 
     def label(self, name: str) -> str:
         """`name` with the joint's name behind it."""
         return f"{name}_{self.name}" if self.name else name
 
-    def state(self, name: str, start: float = 0.0) -> sp.Symbol:
-        """An internal state."""
-        symbol = sp.Symbol(self.label(name), real=True)
-        self.starts[symbol] = start
+    def state(self, name: str, start: Any = 0.0, scale: float = 1.0) -> sp.Symbol:
+        """An internal state; `start` may be an expression of the motion, `scale` is its usual size."""
+        return self._known(sp.Symbol(self.label(name), real=True), start, scale)
+
+    def _known(self, symbol, start, scale):
+        self.starts[symbol], self.scales[symbol] = start, float(scale)
         return symbol
 
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
@@ -146,11 +152,10 @@ class Joint:
         """The elements of a multistate law."""
         return Family(n, name=self.label("element"))
 
-    def member(self, family: Family, name: str, start: float = 0.0) -> Any:
+    def member(self, family: Family, name: str, start: Any = 0.0, scale: float = 1.0) -> Any:
         """An internal state of every element."""
         (symbol,) = family.symbols(self.label(name))
-        self.starts[symbol] = start
-        return symbol
+        return self._known(symbol, start, scale)
 
 
 class Law:
@@ -230,6 +235,7 @@ class Law:
             pieces,
             force=at.load * pieces.force,
             start={z: at.starts.get(z, 0.0) for z in pieces.rates},
+            scales={z: at.scales.get(z, 1.0) for z in pieces.rates},
             parameters={s: value for s, value in values.items() if s.name in used},
             events=(*pieces.events, *self._resets(at, pieces)),
             outputs={at.label(key): e for key, e in pieces.outputs.items()},

@@ -9,12 +9,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import sympy as sp
+
 from ..laws import Pieces
 from ..solution import Solution
 from ..solve import solve
 from ..system import System
 
 __all__ = ["Scene", "assemble"]
+
+ATOL = 1e-12  # solve's own, for a state of size 1
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Scene:
         Of states, outputs and parameters.
     note : str
         Source, and what is reconstructed.
+    atol : mapping of str to float
+        Absolute tolerances of states whose usual size is far from 1; `solve` takes them unless it is given others.
 
     Examples
     --------
@@ -57,9 +63,12 @@ class Scene:
     observables: Mapping[str, str | Callable[[Solution], Any]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     note: str = ""
+    atol: Mapping[str, float] = field(default_factory=dict)
 
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
         """`pwsmooth.solve` of the system from `start` over `t_span`; both may be replaced, options are solve's."""
+        if self.atol:
+            options.setdefault("atol", [self.atol.get(str(s), ATOL) for s in self.system.states])
         return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
 
     def observe(self, solution: Solution) -> dict[str, Any]:
@@ -81,8 +90,12 @@ def assemble(
     events: Iterable[Any] = (),
     contacts: Iterable[Any] = (),
     algebraic: Iterable[Any] = (),
-) -> tuple[System, dict[str, float]]:
-    """A System of a mechanism's own equations and the pieces of its laws, with its whole initial state.
+    begin: float = 0.0,
+) -> tuple[System, dict[str, float], dict[str, float]]:
+    """A System of a mechanism's own equations and the pieces of its laws, its initial state, its tolerances.
+
+    Arguments are those of `System`; `start` has the mechanism's states, laws bring their own, which may be
+    expressions of the motion at the time `begin`.
 
     Raises
     ------
@@ -91,7 +104,7 @@ def assemble(
     """
     all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
-    begin = dict(start)
+    first = dict(start)
     parts = {"events": list(events), "contacts": list(contacts), "algebraic": list(algebraic)}
     for piece in all_pieces:
         for mine, theirs in ((rates, piece.rates), (values, piece.parameters), (shown, piece.outputs)):
@@ -102,10 +115,17 @@ def assemble(
                     "`attach(name=...)`."
                 )
             mine.update(theirs)
-        begin.update(piece.start)
+        first.update(piece.start)
         for name, items in parts.items():
             items += getattr(piece, name)
     system = System(rates, time=time, parameters=values, outputs=shown, **parts)
-    names = system.definition.groups
-    spread = {n: value for key, value in begin.items() for n in names.get(str(key), (str(key),))}
-    return system, spread
+    groups = system.definition.groups
+    known = {k: v for k, v in {**values, **start}.items() if not hasattr(v, "__len__")}
+    known |= {} if time is None else {time: begin}
+
+    def each(of: Mapping[Any, Any], number: Callable[[Any], float]) -> dict[str, float]:
+        return {name: number(e) for key, e in of.items() for name in groups.get(str(key), (str(key),))}
+
+    scales = {key: scale for piece in all_pieces for key, scale in piece.scales.items()}
+    begin_values = each(first, lambda e: float(sp.sympify(e).subs(known)))
+    return system, begin_values, each(scales, lambda scale: ATOL * scale)

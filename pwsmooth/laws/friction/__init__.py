@@ -1,5 +1,37 @@
-"""Friction laws: f opposes the sliding velocity v, m dv/dt = u - f."""
+"""Friction laws: f opposes the sliding velocity v, m dv/dt = u - f.
 
-from .lugre import LuGre
+A law is some twenty lines: parameters with units, then force, rates and surfaces (dahl.py is a good first one to read).
+"""
 
-__all__ = ["LuGre"]
+from .boucwen import BoucWen
+from .coulomb import Coulomb, HiddenStatic, ModifiedCoulomb, StaticKinetic, StribeckFriction
+from .dahl import BlimanSorine, BlimanSorineFirst, Dahl, ModifiedDahl
+from .elastoplastic import Elastoplastic, ElastoplasticFixed
+from .gms import GMS
+from .lugre import LuGre, LuGreFadingDamping
+from .maxwell_slip import Masing, MaxwellSlip
+from .wojewoda import Wojewoda
+from .xky import XKY, MultistateXKY
+
+__all__ = [
+    "GMS",
+    "XKY",
+    "BlimanSorine",
+    "BlimanSorineFirst",
+    "BoucWen",
+    "Coulomb",
+    "Dahl",
+    "Elastoplastic",
+    "ElastoplasticFixed",
+    "HiddenStatic",
+    "LuGre",
+    "LuGreFadingDamping",
+    "Masing",
+    "MaxwellSlip",
+    "ModifiedCoulomb",
+    "ModifiedDahl",
+    "MultistateXKY",
+    "StaticKinetic",
+    "StribeckFriction",
+    "Wojewoda",
+]

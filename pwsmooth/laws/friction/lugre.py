@@ -2,9 +2,9 @@
 
     dz/dt = v - sigma0 |v| z/g(v),     f = sigma0 z + sigma1(v) dz/dt + sigma2 v
 
-Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425. v = 0 is a kink (|v|). Stiff with speed:
-the rate sigma0 |v|/g grows without bound. Drifts under small forces; passive only if
-sigma2 >= sigma1 (F_s - F_c)/F_c, or with sigma1 that falls off with speed.
+v = 0 is a kink (|v|). Stiff with speed: the rate sigma0 |v|/g grows without bound. Drifts under small forces.
+Passive for all inputs if and only if sigma2 >= sigma1 (F_s - F_c)/F_c (Barahanov, Ortega 2000), which the standard
+parameters violate; sigma1 that falls off with speed, sigma1 <= 4 g(v)/|v|, is a cure.
 """
 
 import math
@@ -17,9 +17,9 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class LuGre(Law):
-    """LuGre's law; the defaults are the standard example's (1 kg, SI)."""
+    """LuGre's law with constant bristle damping; the defaults are the standard example's (for 1 kg)."""
 
-    source = "Canudas de Wit et al., IEEE TAC 40 (1995) 419-425"
+    source = "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425"
     sigma0: float = parameter(1e5, "N/m", "bristle stiffness")
     sigma1: float = parameter(math.sqrt(1e5), "N s/m", "bristle damping", "nonnegative")
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
@@ -31,7 +31,7 @@ class LuGre(Law):
         check_stribeck(self)
 
     def pieces(self, at, p):
-        z, v = at.state("z"), at.v
+        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
         pull = p.sigma0 * sp.Abs(v) / stribeck(v, p)
         rate = v - pull * z
         force = p.sigma0 * z + self.damping(v, p) * rate + p.sigma2 * v
@@ -40,3 +40,16 @@ class LuGre(Law):
     def damping(self, v, p):
         """sigma1(v)"""
         return p.sigma1
+
+    def steady(self, v, p):
+        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
+
+
+@law
+class LuGreFadingDamping(LuGre):
+    """LuGre's law with sigma1(v) = sigma1 exp(-(v/v_d)^2), which keeps it passive."""
+
+    v_d: float = parameter(1e-3, "m/s", "velocity at which the bristle damping fades")
+
+    def damping(self, v, p):
+        return p.sigma1 * sp.exp(-((v / p.v_d) ** 2))

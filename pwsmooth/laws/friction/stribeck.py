@@ -1,13 +1,11 @@
-"""The Stribeck curve that several laws share: g(v) = F_c + (F_s - F_c) exp(-|v/v_s|^delta)."""
+"""The Stribeck curve that several laws share: g(v) = F_c + (F_s - F_c) exp(-|v/v_s|^2)."""
 
 import sympy as sp
 
 
 def stribeck(v, p):
-    """g(v) of the parameters F_c, F_s, v_s; an exponent `delta` that is no 2 needs |v|, a kink at v = 0."""
-    exponent = getattr(p, "delta", 2)
-    ratio = v / p.v_s if exponent == 2 else sp.Abs(v) / p.v_s
-    return p.F_c + (p.F_s - p.F_c) * sp.exp(-(ratio**exponent))
+    """g(v) of the parameters F_c, F_s, v_s: even and smooth, so that v = 0 is no surface of it."""
+    return p.F_c + (p.F_s - p.F_c) * sp.exp(-((v / p.v_s) ** 2))
 
 
 def check_stribeck(law):

@@ -1,0 +1,138 @@
+"""Coulomb friction and its relatives: forces that switch with the velocity, without a bristle.
+
+    f = g(v) Sgn(v) + sigma2 v
+
+The multiplier lam of v = 0 is the friction force in sticking. Static friction above the kinetic one is either the
+value g(0) of a Stribeck curve, or a hidden term: a part of f(lam) that vanishes in slip (lam = 1 or -1).
+"""
+
+import sympy as sp
+
+from ..contract import Law, Pieces, law, parameter
+from .stribeck import check_stribeck, stribeck
+
+
+@law
+class Coulomb(Law):
+    """f = F_c Sgn(v) + sigma2 v"""
+
+    source = "Coulomb 1785"
+    F_c: float = parameter(1.0, "N", "Coulomb force")
+    sigma2: float = parameter(0.0, "N s/m", "viscous friction", "nonnegative")
+
+    def pieces(self, at, p):
+        lam = at.switch("lam", at.v)
+        return Pieces(force=p.F_c * lam + p.sigma2 * at.v, surfaces=(at.v,))
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v) + p.sigma2 * v
+
+
+@law
+class StaticKinetic(Law):
+    """Two levels: sticking up to F_s, slip at F_c; what exceeds F_c is a hidden term.
+
+        f = F_c lam (1 + rho (1 - lam^2)) + sigma2 v,    max over lam of f = F_s at v = 0
+
+    The fold of f(lam) is the break-away: rho solves 2 rho ((1 + rho)/(3 rho))^(3/2) = F_s/F_c.
+    """
+
+    source = (
+        "two-level law as hidden dynamics; fold of Jeffrey, On the mathematical basis of solid friction, sec. 4"
+    )
+    F_c: float = parameter(1.0, "N", "kinetic friction force")
+    F_s: float = parameter(1.5, "N", "static friction force")
+    sigma2: float = parameter(0.0, "N s/m", "viscous friction", "nonnegative")
+
+    def check(self):
+        check_stribeck(self)
+
+    @staticmethod
+    def rho(p):
+        """The root rho >= 1/2 of 4 (1 + rho)^3 = 27 r^2 rho, r = F_s/F_c, by its trigonometric form."""
+        r = p.F_s / p.F_c
+        return 3 * r * sp.cos(sp.acos(-1 / r) / 3) - 1
+
+    def pieces(self, at, p):
+        lam = at.switch("lam", at.v)
+        friction = p.F_c * lam * (1 + self.rho(p) * (1 - lam**2))
+        return Pieces(force=friction + p.sigma2 * at.v, surfaces=(at.v,))
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v) + p.sigma2 * v
+
+
+@law
+class StribeckFriction(Law):
+    """f = g(v) Sgn(v) + sigma2 v with the Stribeck curve g: the limit of LuGre and XKY for stiff bristles."""
+
+    source = "Stribeck 1902; the switching block g(v) Sgn(v) of Kikuuwe et al. 2006"
+    F_c: float = parameter(1.0, "N", "Coulomb force")
+    F_s: float = parameter(1.5, "N", "static friction force")
+    v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
+    sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
+
+    def check(self):
+        check_stribeck(self)
+
+    def pieces(self, at, p):
+        lam = at.switch("lam", at.v)
+        return Pieces(force=stribeck(at.v, p) * lam + p.sigma2 * at.v, surfaces=(at.v,))
+
+    def steady(self, v, p):
+        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
+
+
+@law
+class HiddenStatic(Law):
+    """Static friction as a hidden state z that relaxes to gamma(lam) = 1 - lam^2 in the time beta.
+
+    f = F_c lam (1 + rho z),    beta dz/dt = 1 - lam^2 - z
+    """
+
+    source = "Jeffrey, On the mathematical basis of solid friction, eq. (25)"
+    F_c: float = parameter(1.0, "N", "kinetic friction force")
+    rho: float = parameter(3.0, "1", "strength of static friction", "nonnegative")
+    beta: float = parameter(0.1, "s", "relaxation time")
+
+    def pieces(self, at, p):
+        lam, z = at.switch("lam", at.v), at.state("z")
+        return Pieces(
+            force=p.F_c * lam * (1 + p.rho * z),
+            rates={z: (1 - lam**2 - z) / p.beta},
+            surfaces=(at.v,),
+            fastest_rate=1 / p.beta,
+        )
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v)
+
+
+@law
+class ModifiedCoulomb(Law):
+    """Regularised: no force below v_0, linear up to v_1, F_c above; it creeps and never sticks.
+
+    f = F_c c_d sgn(v),  c_d = clip((|v| - v_0)/(v_1 - v_0), 0, 1)  =  F_c (clip(v, v_1) - clip(v, v_0))/(v_1 - v_0)
+    """
+
+    source = "Ambrosio 2003, as in Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545; v_0, v_1 chosen"
+    F_c: float = parameter(1.0, "N", "kinetic friction force")
+    v_0: float = parameter(1e-4, "m/s", "velocity up to which there is no force")
+    v_1: float = parameter(1e-3, "m/s", "velocity from which the force is full")
+
+    def check(self):
+        if not self.v_1 > self.v_0:
+            raise ValueError(
+                f"`v_1` of ModifiedCoulomb is {self.v_1:g}, not above `v_0` = {self.v_0:g}; the force rises "
+                "between them, so give v_1 > v_0."
+            )
+
+    def pieces(self, at, p):
+        v = at.v
+        return Pieces(
+            force=self.steady(v, p), surfaces=(v - p.v_0, v + p.v_0, v - p.v_1, v + p.v_1)
+        )  # the second form has no surface v = 0
+
+    def steady(self, v, p):
+        low, high = (sp.Max(-limit, sp.Min(limit, v)) for limit in (p.v_0, p.v_1))
+        return p.F_c * (high - low) / (p.v_1 - p.v_0)

@@ -1,0 +1,109 @@
+"""Dahl's law and its kin: forces that depend on the path, not on the speed (rate independent).
+
+    dF/dx = sigma0 |1 - (F/F_c) sgn v|^alpha sgn(1 - (F/F_c) sgn v)
+
+v = 0 is a kink (|v|). No stiction, no Stribeck effect; small cycles drift, minor loops do not close. The internal
+rate sigma0 |v|/F_c grows with speed.
+"""
+
+import sympy as sp
+
+from ..contract import Law, Pieces, law, parameter
+
+
+@law
+class Dahl(Law):
+    """Dahl's law with exponent alpha; the state is the deflection z = F/sigma0."""
+
+    source = "Dahl 1968, The Aerospace Corp. TOR-158(3107-18)"
+    sigma0: float = parameter(1e5, "N/m", "stiffness at zero force")
+    F_c: float = parameter(1.0, "N", "Coulomb force")
+    alpha: float = parameter(1.0, "1", "exponent", structural=True)
+
+    def pieces(self, at, p):
+        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
+        if p.alpha == 1:
+            rate = v - p.sigma0 * sp.Abs(v) * z / p.F_c
+        else:
+            rest = 1 - p.sigma0 * z / p.F_c * sp.sign(v)
+            rate = v * sp.Abs(rest) ** p.alpha * sp.sign(rest)
+        pull = p.alpha * p.sigma0 * sp.Abs(v) / p.F_c
+        return Pieces(force=p.sigma0 * z, rates={z: rate}, surfaces=(v,), fastest_rate=pull)
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v)
+
+
+@law
+class ModifiedDahl(Law):
+    """Dahl's law between two parallel lines: dh/dx = beta (+-(F_c) + slope x - h) for +- v > 0.
+
+    Reconstructed; slope 0 and beta = sigma0/F_c give Dahl's law with exponent 1.
+    """
+
+    source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
+    certainty = "reconstructed"
+    needs = ("position",)
+    beta: float = parameter(1e5, "1/m", "rate of approach to the envelope")
+    F_c: float = parameter(1.0, "N", "half the distance of the envelopes")
+    slope: float = parameter(0.0, "N/m", "slope of the envelopes", "real")
+
+    def pieces(self, at, p):
+        h, v = at.state("h", scale=self.F_c), at.v
+        rate = p.beta * (p.F_c * v + sp.Abs(v) * (p.slope * at.x - h))
+        return Pieces(force=h, rates={h: rate}, surfaces=(v,), fastest_rate=p.beta * sp.Abs(v))
+
+
+@law
+class BlimanSorine(Law):
+    """Bliman and Sorine's second-order law: a fast and a slow exponential of the path, F = x_f + x_s.
+
+        eta epsilon dx_f/dl = -x_f + f_1 sgn v,    epsilon dx_s/dl = -x_s - f_2 sgn v,    dl = |v| dt
+
+    Each reversal is followed by a peak (no Stribeck curve: it belongs to the path, not to the speed).
+    """
+
+    source = "Bliman, Sorine 1995, Proc. European Control Conf."
+    f_1: float = parameter(2.5, "N", "strength of the fast part")
+    f_2: float = parameter(1.5, "N", "strength of the slow part", "nonnegative")
+    eta: float = parameter(0.5, "1", "ratio of the path lengths, < 1")
+    epsilon: float = parameter(1e-5, "m", "path length of the slow part")
+
+    def check(self):
+        if not self.eta < 1:
+            raise ValueError(f"`eta` of BlimanSorine is {self.eta:g}; give 0 < eta < 1, the fast part is fast.")
+        if not self.f_1 > self.f_2:
+            raise ValueError(
+                f"`f_2` of BlimanSorine is {self.f_2:g}, not below `f_1` = {self.f_1:g}; f_1 - f_2 is the "
+                "sliding force."
+            )
+
+    def pieces(self, at, p):
+        fast, slow, v = at.state("x_f", scale=self.f_1), at.state("x_s", scale=self.f_1), at.v
+        speed = sp.Abs(v)
+        rates = {
+            fast: (p.f_1 * v - speed * fast) / (p.eta * p.epsilon),
+            slow: (-p.f_2 * v - speed * slow) / p.epsilon,
+        }
+        pull = speed / (p.eta * p.epsilon)
+        return Pieces(force=fast + slow, rates=rates, surfaces=(v,), fastest_rate=pull)
+
+    def steady(self, v, p):
+        return (p.f_1 - p.f_2) * sp.sign(v)
+
+
+@law
+class BlimanSorineFirst(Law):
+    """Their first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon."""
+
+    source = "Bliman, Sorine 1995, Proc. European Control Conf."
+    f_1: float = parameter(1.0, "N", "sliding force")
+    epsilon: float = parameter(1e-5, "m", "path length")
+
+    def pieces(self, at, p):
+        force, v = at.state("x_s", scale=self.f_1), at.v
+        rate = (p.f_1 * v - sp.Abs(v) * force) / p.epsilon
+        return Pieces(force=force, rates={force: rate}, surfaces=(v,), fastest_rate=sp.Abs(v) / p.epsilon)
+
+    def steady(self, v, p):
+        return p.f_1 * sp.sign(v)

@@ -1,0 +1,69 @@
+"""The elastoplastic law: LuGre's bristles with a purely elastic range, in which nothing drifts.
+
+    dz/dt = v (1 - alpha(z, v) sgn(v) z/z_ss(v)),   z_ss = g(v)/sigma0,   f = sigma0 z + sigma1 dz/dt + sigma2 v
+
+alpha is 0 while w = z sgn(v) <= z_ba, 1 from w >= z_max on, half a sine between (in |z|; written in w, which is the
+same where alpha acts and includes that alpha = 0 where z opposes v).
+"""
+
+import sympy as sp
+
+from ..contract import Pieces, law, parameter
+from .lugre import LuGre
+from .stribeck import stribeck
+
+
+@law
+class Elastoplastic(LuGre):
+    """Dupont's law with z_max = z_ss(v), which holds at all speeds."""
+
+    source = "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47 (2002) 787-792"
+    z_ba: float = parameter(7e-6, "m", "break-away deflection")
+
+    def check(self):
+        super().check()
+        if not self.z_ba < self.F_c / self.sigma0:
+            raise ValueError(
+                f"`z_ba` of {type(self).__name__} is {self.z_ba:g}, not below z_max, which falls to F_c/sigma0 = "
+                f"{self.F_c / self.sigma0:g} with speed; give a smaller one."
+            )
+
+    def pieces(self, at, p):
+        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
+        steady = stribeck(v, p) / p.sigma0
+        z_max = self.z_max_of(steady, p)
+        w = z * sp.sign(v)
+        rise = sp.sin(sp.pi * (w - (z_max + p.z_ba) / 2) / (z_max - p.z_ba))
+        alpha = sp.Piecewise((0, w <= p.z_ba), ((1 + rise) / 2, w < z_max), (1, True))
+        rate = v * (1 - alpha * w / steady)
+        force = p.sigma0 * z + p.sigma1 * rate + p.sigma2 * v
+        pull = sp.Abs(v) / steady
+        return Pieces(force=force, rates={z: rate}, surfaces=(v, w - p.z_ba, w - z_max), fastest_rate=pull)
+
+    def z_max_of(self, steady, p):
+        return steady
+
+
+@law
+class ElastoplasticFixed(Elastoplastic):
+    """Dupont's law with a constant z_max, for presliding: at speed z_ss falls below it."""
+
+    z_ba: float = parameter(13e-6, "m", "break-away deflection")
+    z_max: float = parameter(15e-6, "m", "deflection from which the bristles slip wholly")
+
+    def check(self):
+        LuGre.check(self)
+        if not self.z_max > self.z_ba:
+            raise ValueError(
+                f"`z_max` of ElastoplasticFixed is {self.z_max:g}, not above `z_ba` = {self.z_ba:g}; alpha rises "
+                "between them, so give z_max > z_ba."
+            )
+        # One rounding above: 1.5/1e5 is not the nearest number to 15e-6.
+        if self.z_max > self.F_s / self.sigma0 * (1 + 1e-15):
+            raise ValueError(
+                f"`z_max` of ElastoplasticFixed is {self.z_max:g}, above F_s/sigma0 = {self.F_s / self.sigma0:g}; "
+                "no bristle gets there: give z_max <= F_s/sigma0."
+            )
+
+    def z_max_of(self, steady, p):
+        return p.z_max

@@ -1,0 +1,103 @@
+"""Springs in series with sliders, in parallel: Maxwell-slip, in mechanics of materials Iwan's model.
+
+    df_i/dt = kappa_i v  while |f_i| < L_i or f_i v < 0, else 0;      f = sum f_i
+
+An element sticks or slips (a Memory): it slips where |f_i| reaches L_i, and sticks again where v vanishes.
+Rate independent; Masing's rules hold: f - f_r = 2 Phi((x - x_r)/2) after a reversal, with the virgin curve
+Phi(x) = sum min(kappa_i x, L_i); inner loops close and are forgotten (return-point memory).
+"""
+
+import numpy as np
+import sympy as sp
+
+from ...primitives import Event
+from ..contract import Law, Pieces, law, parameter
+
+
+def slider(z, limit, stuck, v, at):
+    """(rate, events) of a spring of deflection z before a slider that gives way at |z| = limit."""
+    rate = sp.Piecewise((v, sp.Eq(stuck, 1)), (0, True))
+    # Sticking starts a few roundings inside: where v only touches zero the limit is reached again, from below.
+    inside = z * (1 - sp.Float(2.0**-48))
+    return rate, (
+        # While it slips |z| stays at the limit: a surface that stayed there too would be met again and again.
+        Event(stuck * (z / limit) ** 2 - 1, direction=1, update={stuck: 0}, name=at.label("slip")),
+        Event(v, update={stuck: 1, z: inside}, when=sp.Eq(stuck, 0), name=at.label("stick")),
+    )
+
+
+@law
+class MaxwellSlip(Law):
+    """n elements; the defaults are the multistate reference set's with constant strength F_s = 2 N."""
+
+    source = "Iwan, J. Appl. Mech. 33 (1966) 893-900; Lampaert, Swevers, Al-Bender; defaults chosen"
+    kappa: tuple = parameter(tuple(2.5 / i for i in range(1, 11)), "N/um", "stiffness", each=True)
+    strength: tuple = parameter((0.2,) * 10, "N", "strength of the slider", each=True)
+
+    @classmethod
+    def from_virgin_curve(cls, x, force):
+        """Elements of a concave polygon through (0, 0) and the points (x, force), which ends flat.
+
+        Parameters
+        ----------
+        x, force : array_like, shape (n,)
+            Increasing.
+        """
+        x, force = (np.concatenate([[0.0], np.asarray(a, float)]) for a in (x, force))
+        if not (np.diff(x) > 0).all():
+            raise ValueError("`x` of from_virgin_curve must increase from 0; sort the points.")
+        slope = np.append(np.diff(force) / np.diff(x), 0.0)
+        kappa = -np.diff(slope)
+        if not (kappa > 0).all():
+            raise ValueError(
+                "`force` of from_virgin_curve is not concave; each piece must be flatter than before."
+            )
+        return cls(kappa=tuple(kappa), strength=tuple(kappa * x[1:]))
+
+    def virgin_curve(self, x):
+        """Phi(x), x >= 0."""
+        kappa, strength = np.broadcast_arrays(self.kappa, self.strength)
+        return np.minimum(np.multiply.outer(np.asarray(x, float), kappa), strength).sum(axis=-1)
+
+    def loss(self, amplitude):
+        """Work of a closed cycle between -A and A: sum 4 L_i (A - L_i/kappa_i)+."""
+        kappa, strength = np.broadcast_arrays(self.kappa, self.strength)
+        return float(np.sum(4 * strength * np.maximum(amplitude - strength / kappa, 0)))
+
+    def pieces(self, at, p):
+        elements = at.family(self.elements)
+        f = at.member(elements, "f", scale=max(self.strengths()))
+        stuck = elements.memory(at.label("stuck"), 1)
+        rate, events = slider(f, p.strength, stuck, p.kappa * at.v, at)
+        return Pieces(
+            force=elements.sum(f),
+            rates={f: rate},
+            events=events,
+            outputs={"presliding": elements.sum(stuck)},
+            surfaces=(at.v, sp.Abs(f) - p.strength),
+        )
+
+    def steady(self, v, p):
+        return float(self.strengths().sum()) * sp.sign(v)
+
+    def strengths(self):
+        """L_i, shape (n,)"""
+        return np.broadcast_arrays(self.kappa, self.strength)[1]
+
+
+@law
+class Masing(Law):
+    """A spring beside one spring-slider: f = k x + k_0 w, with k_0 w kept in [-alpha, alpha]."""
+
+    source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
+    certainty = "reconstructed"
+    needs = ("position",)
+    k: float = parameter(1e4, "N/m", "stiffness of the spring", "nonnegative")
+    k_0: float = parameter(1e5, "N/m", "stiffness before the slider")
+    alpha: float = parameter(1.0, "N", "strength of the slider")
+
+    def pieces(self, at, p):
+        w, stuck = at.state("w", scale=self.alpha / self.k_0), at.memory("stuck", 1)
+        rate, events = slider(w, p.alpha / p.k_0, stuck, at.v, at)
+        force = p.k * at.x + p.k_0 * w
+        return Pieces(force=force, rates={w: rate}, events=events, surfaces=(at.v, sp.Abs(w) - p.alpha / p.k_0))

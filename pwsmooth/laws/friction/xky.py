@@ -1,0 +1,94 @@
+"""Xiong, Kikuuwe and Yamamoto's law: a differential-algebraic inclusion that is a continuous ODE.
+
+    0 in kappa a + sigma da/dt - g(v) Sgn(v - da/dt),      f = kappa a + sigma da/dt
+    <=>  f = clip(kappa a + sigma v, g(v)),    da/dt = (f - kappa a)/sigma
+
+|f| <= g(v) exactly, f continuous; passive for every g >= 0; no drift while |kappa a + sigma v| < g. The surfaces are
+|kappa a + sigma v| = g(v); v = 0 is none. The micro-damping sigma must not vanish. The multistate law has parallel
+elements with thresholds lam_i s, where s lags behind g(v): tau_d ds/dt = g(v) - s.
+"""
+
+import sympy as sp
+
+from ..contract import Law, Pieces, law, parameter
+from .stribeck import check_stribeck, stribeck
+
+
+def clip(x, limit):
+    """x cut off at -limit and limit"""
+    return sp.Max(-limit, sp.Min(limit, x))
+
+
+@law
+class XKY(Law):
+    """The single-state law; the defaults are LuGre's standard ones."""
+
+    source = "Xiong, Kikuuwe, Yamamoto, J. Appl. Math. 2013:320276; parameters of LuGre's standard example"
+    kappa: float = parameter(1e5, "N/m", "stiffness")
+    sigma: float = parameter(316.22776601683796, "N s/m", "micro-damping, by which the law divides,")
+    F_c: float = parameter(1.0, "N", "Coulomb force")
+    F_s: float = parameter(1.5, "N", "static friction force")
+    v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
+    sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
+
+    def check(self):
+        check_stribeck(self)
+
+    def pieces(self, at, p):
+        a, v, g = at.state("a", scale=self.F_c / self.kappa), at.v, stribeck(at.v, p)
+        trial = p.kappa * a + p.sigma * v
+        bristle = clip(trial, g)
+        return Pieces(
+            force=bristle + p.sigma2 * v,
+            rates={a: (bristle - p.kappa * a) / p.sigma},
+            surfaces=(trial - g, trial + g),
+            fastest_rate=p.kappa / p.sigma,
+        )
+
+    def steady(self, v, p):
+        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
+
+
+@law
+class MultistateXKY(Law):
+    """Parallel elements with frictional lag, (4.13a-c) of Xiong's thesis; equations and defaults reconstructed."""
+
+    source = (
+        "Xiong, Kikuuwe, Yamamoto, Tribol. Lett. 51 (2013) 513-523, eq. (4.13) of Xiong's thesis; reconstructed"
+    )
+    certainty = "reconstructed"
+    F_c: float = parameter(1.0, "N", "Coulomb force")
+    F_s: float = parameter(2.0, "N", "static friction force")
+    v_s: float = parameter(8.0, "um/s", "Stribeck velocity")
+    tau_d: float = parameter(0.02, "s", "time of the frictional lag")
+    kappa: tuple = parameter(tuple(2.5 / i for i in range(1, 11)), "N/um", "stiffness", each=True)
+    sigma: tuple = parameter((0.01,) * 10, "N s/um", "micro-damping, by which the law divides,", each=True)
+    share: tuple = parameter((0.1,) * 10, "1", "share of the strength", each=True)
+    sigma2: float = parameter(0.0, "N s/um", "viscous friction", "nonnegative")
+
+    def check(self):
+        check_stribeck(self)
+
+    def pieces(self, at, p):
+        elements, v = at.family(self.elements), at.v
+        s = at.state("s", stribeck(v, p), self.F_c)
+        a = at.member(elements, "a", scale=self.F_c / max(k for k, _ in self.pairs()))
+        limit = p.share * s
+        trial = p.kappa * a + p.sigma * v
+        bristle = clip(trial, limit)
+        return Pieces(
+            force=elements.sum(bristle) + p.sigma2 * v,
+            rates={s: (stribeck(v, p) - s) / p.tau_d, a: (bristle - p.kappa * a) / p.sigma},
+            outputs={"presliding": elements.sum(sp.Heaviside(limit - sp.Abs(trial)))},
+            surfaces=(trial - limit, trial + limit),
+            fastest_rate=max(k / s for k, s in self.pairs()),
+        )
+
+    def pairs(self):
+        """(kappa_i, sigma_i) of every element."""
+        n = self.elements
+        kappa, sigma = ((x if isinstance(x, tuple) else (x,) * n) for x in (self.kappa, self.sigma))
+        return list(zip(kappa, sigma))
+
+    def steady(self, v, p):
+        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v

@@ -1,0 +1,75 @@
+"""Drives: a motion, force or load as an expression of time, checked where a law would divide by a jump of it.
+
+Chain: **drive** -> the scenes that are driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+t = sp.Symbol("t", real=True)  # time in every scene
+
+
+def expression(value: Any, what: str) -> sp.Expr:
+    """A drive as an expression of `scenes.t`; any symbol of that name means time.
+
+    Raises
+    ------
+    TypeError
+        No expression and no number.
+    """
+    try:
+        e = sp.sympify(value, strict=True)
+    except (sp.SympifyError, TypeError):
+        e = None
+    if not isinstance(e, sp.Expr):
+        raise TypeError(f"`{what}` is {value!r}; give a sympy expression of t, or a number.")
+    return e.xreplace({s: t for s in e.free_symbols if s.name == "t"})
+
+
+def check_continuous(e: sp.Expr, what: str, t_span: Any, parameters: Mapping[Any, Any]) -> None:
+    """A ValueError for a jump of the drive inside the span: its derivative would be infinite there.
+
+    Raises
+    ------
+    ValueError
+    """
+    remedy = f"`{what}` jumps{{where}}, so that its velocity is infinite; let it rise within a finite time."
+    if e.diff(t).has(sp.DiracDelta) or e.has(sp.sign, sp.Heaviside, sp.floor, sp.ceiling, sp.Mod):
+        inside = e.diff(t)
+        if inside.has(sp.DiracDelta) or e.has(sp.floor, sp.ceiling, sp.Mod):
+            raise ValueError(remedy.format(where=f" ({e})"))
+    values = {str(key): value for key, value in parameters.items()}
+    e = e.xreplace({s: sp.Float(values[s.name]) for s in e.free_symbols if s.name in values})
+    f = sp.lambdify(t, e, "numpy")
+    grid = np.linspace(t_span[0], t_span[1], 513)
+    scale = float(np.max(np.abs(np.broadcast_to(f(grid), grid.shape)))) or 1.0
+    for piece in e.atoms(sp.Piecewise):
+        for edge in _edges(piece, t_span):
+            beside = 1e-12 * max(1.0, abs(edge), t_span[1] - t_span[0])
+            # Ten times the slope's own change, and far above rounding.
+            if abs(float(f(edge + beside)) - float(f(edge - beside))) > 1e-7 * scale:
+                raise ValueError(remedy.format(where=f" at t = {edge:.6g}"))
+
+
+def _edges(piece: sp.Piecewise, t_span: Any) -> list[float]:
+    """Instants in the span at which a condition of a Piecewise changes."""
+    edges = []
+    for _, condition in piece.args:
+        for relation in condition.atoms(sp.core.relational.Relational):
+            for root in sp.solve(relation.lhs - relation.rhs, t):
+                if root.is_number and root.is_real and t_span[0] < root < t_span[1]:
+                    edges.append(float(root))
+    return edges
+
+
+def value_at(e: Any, time: float, parameters: Mapping[Any, Any]) -> float:
+    """The value of an expression at an instant."""
+    values = {str(key): value for key, value in parameters.items()}
+    e = sp.sympify(e)
+    known = {s: values[s.name] for s in e.free_symbols if s.name in values}
+    return float(e.subs({t: time} | known))

@@ -1,0 +1,97 @@
+"""The prescribed-motion rig: position or velocity in, force out; no mass, so that the law is seen alone.
+
+x = p(t) or dx/dt = v(t)  ->  f(t)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy as sp
+
+from ..laws import Law
+from .drive import check_continuous, expression, t, value_at
+from .scene import Scene, assemble
+
+x = sp.Symbol("x", real=True)
+
+
+def prescribed_motion(
+    law: Law,
+    *,
+    position: Any = None,
+    velocity: Any = None,
+    normal: Any = None,
+    t_span: tuple[float, float] = (0.0, 1.0),
+    period: float | None = None,
+    parameters: Mapping[Any, float] | None = None,
+) -> Scene:
+    """A law under a given motion.
+
+    Parameters
+    ----------
+    law : Law
+    position, velocity : expression of t
+        One of them; a position must not jump. Symbols other than t are parameters of the drive.
+    normal : expression of t, optional
+        Normal load.
+    t_span : (float, float)
+    period : float, optional
+        Period of the motion.
+    parameters : mapping of Symbol or str to float, optional
+        Values of the drive's symbols.
+
+    Returns
+    -------
+    Scene
+        Outputs `force`, `position`, `velocity`, and those of the law.
+
+    Raises
+    ------
+    ValueError
+        Both or none of `position` and `velocity`; a position that jumps.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import Dahl
+    >>> from pwsmooth.scenes import prescribed_motion, t
+    >>> rig = prescribed_motion(Dahl(sigma0=1e5, F_c=1.0), position=3e-5*sp.sin(t), t_span=(0, 20))
+    >>> force = rig.solve()["force"]
+    >>> round(float(force.max()), 6)  # tanh(sigma0 X/F_c), in the steady loop
+    0.995055
+    """
+    if (position is None) == (velocity is None):
+        raise ValueError("give either `position` or `velocity` to prescribed_motion, an expression of t.")
+    values = dict(parameters or {})
+    if position is not None:
+        place = expression(position, "position")
+        check_continuous(place, "position", t_span, values)
+        speed, begin = place.diff(t), value_at(place, t_span[0], values)
+    else:
+        place, speed, begin = x, expression(velocity, "velocity"), 0.0
+    load = None if normal is None else expression(normal, "normal")
+    pieces = law.attach(position=place, velocity=speed, acceleration=speed.diff(t), normal=load, time=t)
+    own = {x: speed} if velocity is not None or not pieces.rates else {}
+    system, start, atol = assemble(
+        own,
+        pieces,
+        time=t,
+        start={x: begin} if own else {},
+        parameters=values,
+        outputs={"force": pieces.force, "position": place, "velocity": speed},
+        begin=t_span[0],
+    )
+    shown = {"force", "position", "velocity", *pieces.outputs}
+    return Scene(
+        f"prescribed motion, {type(law).__name__}",
+        system,
+        start,
+        (t_span[0], t_span[1]),
+        period,
+        {name: name for name in sorted(shown)},
+        law.units(),
+        law.source,
+        atol,
+    )

@@ -1,0 +1,147 @@
+"""Bodies that slide: a mass with friction under a force, on a spring, in an oscillator, under a controller.
+
+    m dv/dt = u(t, x, v) - f,      f the friction law's force at the velocity v
+
+Any law fits any scene; one that depends on the acceleration makes it an unknown of the equation of motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import sympy as sp
+
+from ..laws import Law
+from ..primitives import Algebraic
+from .drive import expression, t
+from .scene import Scene, assemble
+
+x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=True)
+mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
+
+
+def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, normal=None, parameters,
+           period=None, outputs=None, pull=1):  # fmt: skip
+    """The scene of one body: `drive` is the force on it without friction, `pull` the sign of v in dv/dt."""
+    m = parameters.get(mass, parameters.get("mass"))
+    if m is not None and not m > 0:
+        raise ValueError(f"`mass` is {m!r}; a body needs a mass > 0.")
+    load = None if normal is None else expression(normal, "normal")
+    needs = "acceleration" in law.needs
+    pieces = law.attach(
+        position=position, velocity=velocity, acceleration=a if needs else None, normal=load, time=t
+    )
+    rates = {**rates, v: a if needs else (drive - pull * pieces.force) / mass}
+    unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
+    shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
+    system, begin, atol = assemble(
+        rates, pieces, time=t, start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
+        begin=t_span[0],
+    )  # fmt: skip
+    seen = {n: n for n in (*map(str, rates), *shown, *pieces.outputs)}
+    return Scene(f"{name}, {type(law).__name__}", system, begin, (t_span[0], t_span[1]), period, seen, law.units(),
+                 law.source, atol)  # fmt: skip
+
+
+def force_driven(
+    law: Law, force: Any, *, m: float = 1.0, normal: Any = None, t_span: tuple[float, float] = (0.0, 1.0),
+    period: float | None = None, parameters: Mapping[Any, float] | None = None,
+) -> Scene:  # fmt: skip
+    """A mass under a force u(t): presliding, break-away, drift.
+
+    Parameters
+    ----------
+    law : Law
+    force : expression of t
+    m : float
+        Mass.
+    normal : expression of t, optional
+    t_span : (float, float)
+    period : float, optional
+    parameters : mapping, optional
+        Values of the drive's symbols.
+    """
+    values = {mass: m, **(parameters or {})}
+    u = expression(force, "force")
+    return _scene("force-driven mass", law, u, {x: v}, {x: 0.0, v: 0.0}, t_span, normal=normal, period=period,
+                  parameters=values)  # fmt: skip
+
+
+def block_on_belt(
+    law: Law, *, k: float = 2.0, pull: float = 0.1, m: float = 1.0, c: float = 0.0, normal: Any = None,
+    t_span: tuple[float, float] = (0.0, 35.0),
+) -> Scene:  # fmt: skip
+    """A block pulled over the ground by a spring whose end moves at constant speed; also a block on a belt.
+
+    The two are one system: on a belt that moves at `pull` the block stands at y = -elongation. The equations are
+    autonomous in the elongation e = pull t - x of the spring and the slip velocity v.
+
+    Parameters
+    ----------
+    law : Law
+    k, c : float
+        Spring and damper (of the elongation's rate), N/m and N s/m.
+    pull : float
+        Speed of the spring's end or of the belt.
+    m : float
+        Mass.
+    """
+    speed = sp.Symbol("pull", real=True)
+    values = {mass: m, spring: k, speed: pull}
+    stretch = spring * e
+    if c:
+        values[damper] = c
+        stretch += damper * (speed - v)
+    return _scene("block on a belt", law, stretch, {e: speed - v}, {e: 0.0, v: 0.0}, t_span, normal=normal,
+                  position=speed * t - e, parameters=values, outputs={"x": speed * t - e})  # fmt: skip
+
+
+def friction_oscillator(
+    law: Law, *, k: float = 3.1, c: float = 0.1, m: float = 1.0, amplitude: float = 2.4, omega: float = 1.0,
+    normal: Any = None, t_span: tuple[float, float] = (0.0, 60.0), start: tuple[float, float] = (0.5, 0.3),
+) -> Scene:  # fmt: skip
+    """A mass on a spring under -amplitude sin(omega t), with any law in place of the hidden one.
+
+    Parameters
+    ----------
+    law : Law
+        `HiddenStatic` gives the oscillator of the solid-friction paper.
+    k, c, m : float
+        Spring, damper, mass.
+    amplitude, omega : float
+        Of the drive.
+    start : (float, float)
+        Displacement and velocity.
+    """
+    strength, frequency = sp.symbols("amplitude omega", nonnegative=True)
+    values = {mass: m, spring: k, damper: c, strength: amplitude, frequency: omega}
+    drive = -strength * sp.sin(frequency * t) - spring * y - damper * v
+    begin = dict(zip((y, v), start))
+    period = 2 * math.pi / omega if omega else None
+    return _scene("friction oscillator", law, drive, {y: v}, begin, t_span, position=y, normal=normal,
+                  parameters=values, period=period)  # fmt: skip
+
+
+def position_control(
+    law: Law, *, target: float = 1.0, proportional: float = 3.0, derivative: float = 6.0, integral: float = 4.0,
+    m: float = 1.0, normal: Any = None, t_span: tuple[float, float] = (0.0, 100.0),
+) -> Scene:  # fmt: skip
+    """A mass under a PID controller: u = -k_d v - k_p (x - target) - k_i integral(x - target).
+
+    Parameters
+    ----------
+    law : Law
+    target : float
+    proportional, derivative, integral : float
+        k_p, k_d, k_i.
+    m : float
+        Mass.
+    """
+    goal = sp.Symbol("target", real=True)
+    k_p, k_d, k_i = sp.symbols("k_p k_d k_i", nonnegative=True)
+    values = {mass: m, goal: target, k_p: proportional, k_d: derivative, k_i: integral}
+    drive = -k_d * v - k_p * (x - goal) - k_i * i
+    return _scene("PID position control", law, drive, {x: v, i: x - goal}, {x: 0.0, i: 0.0, v: 0.0}, t_span,
+                  normal=normal, parameters=values)  # fmt: skip
