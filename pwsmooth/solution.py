@@ -23,8 +23,11 @@ __all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"
 
 
 @functools.lru_cache(maxsize=256)
-def _vectorised(model: Model, expression: sp.Expr) -> Any:
-    """A numpy function of (t, x, mult, p); a Select picks its branch where its multiplier is exactly +-1."""
+def vectorised(model: Model, expression: sp.Basic) -> Any:
+    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them.
+
+    A Select picks its branch where its multiplier is exactly +-1.
+    """
 
     def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
         return sp.Piecewise((a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(), True))
@@ -155,7 +158,7 @@ class Solution:
         if name in self.states:
             return x[self.states.index(name)]
         if name in self._expressions:
-            function = _vectorised(self.model, self._expressions[name])
+            function = vectorised(self.model, self._expressions[name])
             values = [self.parameters[str(p)] for p in self.model.parameters]
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 result = function(t, *x, *mult, *values)

@@ -1,0 +1,156 @@
+"""The linearised flow of a model between events: Jacobians in states and chosen parameters, w = (x, q).
+
+    x' = f(t, x, lam; q),   g(t, x, lam; q) = 0 for the solved multipliers J
+    A  = f_w + f_J lam_w,   lam_w = -(g_JJ)**-1 g_Jw                        (lambda eliminated while sliding)
+
+Chain: Model -> **Linearised** (numpy functions of it) -> variations.py, saltation.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..model import Model
+from ..regularity import total_derivative
+from ..solution import vectorised
+
+__all__ = ["Blocks", "Linearised", "linearise"]
+
+# A surface's columns: h, h_w, h_t, h_lam. The rest of a contact: dh/dt likewise.
+_PARTS = ("f", "f_w", "f_lam", "g_w", "g_t", "g_lam")
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Jacobian blocks at points; leading axis nt, N = n + number of parameters."""
+
+    f: np.ndarray  # (nt, n)
+    f_w: np.ndarray  # (nt, n, N)
+    f_lam: np.ndarray  # (nt, n, m)
+    g_w: np.ndarray  # (nt, m, N)
+    g_t: np.ndarray  # (nt, m)
+    g_lam: np.ndarray  # (nt, m, m)
+
+    def solved(self, J: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives lam_w (nt, |J|, N) and lam_t (nt, |J|) of the solved multipliers J."""
+        square = self.g_lam[:, J][:, :, J]
+        right = np.concatenate([self.g_w[:, J], self.g_t[:, J, None]], axis=2)
+        found = -np.linalg.solve(square, right)
+        return found[:, :, :-1], found[:, :, -1]
+
+    def flow(self, J: Sequence[int]) -> np.ndarray:
+        """A, shape (nt, n, N)."""
+        if len(J) == 0:
+            return self.f_w
+        return self.f_w + self.f_lam[:, :, J] @ self.solved(J)[0]
+
+
+class Linearised:
+    """Numpy functions of a model's Jacobians.
+
+    Parameters
+    ----------
+    model : Model
+    parameters : tuple of Symbol
+        The parameters q with respect to which is differentiated, after the states.
+    """
+
+    def __init__(self, model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> None:
+        self.model, self.chosen = model, parameters
+        self.n, self.m, self.N = (
+            len(model.states), len(model.multipliers), len(model.states) + len(parameters)
+        )  # fmt: skip
+        self.w = (*model.states, *parameters)
+        self.symbols = [mu.symbol for mu in model.multipliers]
+        # A switch of a higher class stands at 0 only after an accumulation, where it is held, not solved.
+        self.solvable = [mu.kind != "switch" or mu.regularity == "sliding" for mu in model.multipliers]
+
+    # ---- along the flow
+
+    @functools.cached_property
+    def _blocks(self) -> Any:
+        model = self.model
+        f, g = list(model.rhs), [mu.residual for mu in model.multipliers]
+        parts = [
+            f,
+            [e.diff(s) for e in f for s in self.w],
+            [e.diff(s) for e in f for s in self.symbols],
+            [e.diff(s) for e in g for s in self.w],
+            [e.diff(model.time) for e in g],
+            [e.diff(s) for e in g for s in self.symbols],
+        ]
+        return _stacked(model, [e for part in parts for e in part])
+
+    def blocks(self, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> Blocks:
+        """At nt points: t (nt,), x (n, nt), mult (m, nt), p (one per symbol of model.parameters)."""
+        n, m, N, nt = self.n, self.m, self.N, len(t)
+        values = self._blocks(t, x, mult, p)
+        shapes = [(n,), (n, N), (n, m), (m, N), (m,), (m, m)]
+        sizes = np.cumsum([0, *(int(np.prod(s)) for s in shapes)])
+        pieces = [
+            values[a:b].T.reshape(nt, *shape)
+            for a, b, shape in zip(sizes[:-1], sizes[1:], shapes)
+        ]  # fmt: skip
+        return Blocks(**dict(zip(_PARTS, pieces)))
+
+    def solved(self, status: np.ndarray) -> list[int]:
+        """Indices of the multipliers that are solved at this status."""
+        return [j for j in range(self.m) if status[j] == 0 and self.solvable[j]]
+
+    # ---- at instants
+
+    def gradient(self, surface: sp.Expr, t: float, x: Any, mult: Any, p: Any) -> tuple[np.ndarray, ...]:
+        """h_w (N,), h_t and h_lam (m,) of a surface at one point."""
+        values = _gradient(self.model, self.chosen, surface)(np.array([t]), x[:, None], mult[:, None], p)[:, 0]
+        return values[: self.N], values[self.N], values[self.N + 1 :]
+
+    def speed(self, index: int) -> sp.Expr:
+        """dh/dt of a contact's gap."""
+        model = self.model
+        return total_derivative(model.multipliers[index].surface, model.time, model.states, model.rhs)
+
+    def jump(self, new: tuple[sp.Expr, ...], t: float, x: Any, mult: Any, p: Any) -> tuple[np.ndarray, ...]:
+        """R (n,), R_w (n, N) and R_t (n,) of a reset at one point."""
+        values = _jump(self.model, self.chosen, new)(np.array([t]), x[:, None], mult[:, None], p)[:, 0]
+        n, N = self.n, self.N
+        return values[:n], values[n : n + n * N].reshape(n, N), values[n + n * N :]
+
+
+def _stacked(model: Model, expressions: Sequence[sp.Expr]) -> Any:
+    """A function of (t (nt,), x (n, nt), mult (m, nt), p) -> (number of expressions, nt); zeros cost nothing."""
+    alive = [i for i, e in enumerate(expressions) if e != 0]
+    function = vectorised(model, sp.Tuple(*(expressions[i] for i in alive))) if alive else None
+
+    def evaluate(t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(expressions), len(t)))
+        if function is not None:
+            with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
+                for i, value in zip(alive, function(t, *x, *mult, *p)):
+                    out[i] = value
+        return out
+
+    return evaluate
+
+
+@functools.lru_cache(maxsize=256)
+def _gradient(model: Model, chosen: tuple[sp.Symbol, ...], surface: sp.Expr) -> Any:
+    symbols = [*model.states, *chosen, model.time, *(mu.symbol for mu in model.multipliers)]
+    return _stacked(model, [surface.diff(s) for s in symbols])
+
+
+@functools.lru_cache(maxsize=256)
+def _jump(model: Model, chosen: tuple[sp.Symbol, ...], new: tuple[sp.Expr, ...]) -> Any:
+    w = (*model.states, *chosen)
+    return _stacked(model, [*new, *(e.diff(s) for e in new for s in w), *(e.diff(model.time) for e in new)])
+
+
+@functools.lru_cache(maxsize=64)
+def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearised:
+    """The `Linearised` of a model, kept: its functions take longer to make than to use."""
+    return Linearised(model, parameters)

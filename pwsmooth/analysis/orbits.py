@@ -1,0 +1,307 @@
+"""Periodic orbits as fixed points of Poincare maps, by Newton's method with the map's exact derivative.
+
+    F(x) = P(x) - x = 0,    (D P - 1) dx = -F;     Floquet multipliers: eigenvalues of D P
+
+D P comes from the variational equations and saltation matrices (variations.py). A stick makes it singular, which does
+no harm: only an eigenvalue 1 of D P does. For the half-period map N of a symmetric orbit the multipliers of the
+whole period are the squares of those of N, and -1 is where the symmetry breaks.
+
+Chain: sections.py -> **orbits** -> continuation.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..solution import Solution
+from ..solve import solve
+from .sections import Image, Section, Stroboscopic, Word, word_of
+
+__all__ = ["PeriodicOrbit", "find_orbit", "refine"]
+
+TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
+_MOST_STEPS = 30
+_RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
+
+
+@dataclass(frozen=True)
+class PeriodicOrbit:
+    """A periodic orbit, or the best that Newton's method reached (`success` False, `message` why).
+
+    Attributes
+    ----------
+    map : Stroboscopic or Section
+        The Poincare map of which `x` is a fixed point, with the system and its parameters.
+    x : ndarray, shape (n,)
+        The point on the section.
+    residual : float
+        Largest |P(x) - x|, relative to 1 + |x|.
+    jacobian : ndarray, shape (n, n)
+        D P at x (of the half-period map where `map` has a symmetry).
+    word : tuple
+        Events of one application of the map: (switch, kind, "from to to").
+    degenerate : tuple of str
+        Where the map has no derivative at this orbit (grazing, corners).
+    """
+
+    map: Stroboscopic | Section
+    x: np.ndarray
+    residual: float
+    jacobian: np.ndarray
+    word: Word
+    time: float
+    steps: int
+    success: bool
+    message: str
+    degenerate: tuple[str, ...] = ()
+
+    @property
+    def system(self) -> Any:
+        """The system, with the orbit's parameter values."""
+        return self.map.system
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether it was found as a fixed point of the half-period map."""
+        return getattr(self.map, "symmetry", None) is not None
+
+    @property
+    def period(self) -> float:
+        """Period of the orbit."""
+        return 2 * self.time if self.symmetric else self.time
+
+    @functools.cached_property
+    def map_multipliers(self) -> np.ndarray:
+        """Eigenvalues of D P on the section, largest first; of the half-period map for a symmetric orbit."""
+        if not np.isfinite(self.jacobian).all():
+            return np.full(len(self.x), np.nan, complex)
+        matrix = self.jacobian
+        if isinstance(self.map, Section):
+            # Tangent to the section: the direction across it would only add an eigenvalue 0.
+            normal = self.map.gradient(self.x)
+            basis = np.linalg.svd(normal[None])[2][1:].T
+            matrix = basis.T @ matrix @ basis
+        found = np.linalg.eigvals(matrix).astype(complex)
+        return found[np.argsort(-np.abs(found), kind="stable")]
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Floquet multipliers over `period`, largest first, without the 1 of an autonomous flow."""
+        return self.map_multipliers**2 if self.symmetric else self.map_multipliers
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return bool(np.all(np.abs(self.multipliers) < 1))
+
+    @property
+    def start(self) -> dict[str, float]:
+        """State on the section by name, as `solve` takes it."""
+        return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
+
+    def solution(self, periods: int = 1, **options: Any) -> Solution:
+        """The orbit over whole periods, with dense output."""
+        t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
+        chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
+        return solve(self.system, (t0, t0 + periods * self.period), list(map(float, self.x)), **chosen)
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{m:.6g}" for m in self.multipliers)
+        kind = ("symmetric " if self.symmetric else "") + ("stable" if self.stable else "unstable")
+        state = ", ".join(f"{k} = {v:.9g}" for k, v in self.start.items())
+        events = " | ".join(kind for _, kind, _ in self.word) or "no events"
+        head = (
+            f"PeriodicOrbit: {kind}, period {self.period:.9g}" if self.success else f"No orbit: {self.message}"
+        )
+        return f"{head}\n  at         {state}\n  multipliers {sizes}\n  events      {events}"
+
+
+def find_orbit(
+    system: Any,
+    x0: Any,
+    *,
+    period: Any = None,
+    section: Any = None,
+    direction: int = 1,
+    count: int | None = None,
+    phase: float = 0.0,
+    symmetry: Mapping[Any, Any] | None = None,
+    transient: int = 0,
+    most: int = 16,
+    **options: Any,
+) -> PeriodicOrbit:
+    """Periodic orbit near a start: after a transient, Newton's method on the Poincare map.
+
+    Parameters
+    ----------
+    system : System
+        Event-driven or smoothed.
+    x0 : mapping or sequence of float
+        First guess, on the section or not.
+    period : float or expression
+        Of the forcing; or
+    section : expression of states
+        A surface, for an autonomous system, crossed in `direction`.
+    count : int, optional
+        Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
+    phase : float
+        The section is t = phase*period; choose one at which nothing switches or sticks.
+    symmetry : mapping, optional
+        (x, t) -> (G x, t + T/2): finds symmetric orbits, also unstable ones, through half a period.
+    transient : int
+        Applications of the map before Newton's method starts.
+    most : int
+        Longest orbit looked for in the transient, in applications of the map.
+    **options
+        For `solve`.
+
+    Returns
+    -------
+    PeriodicOrbit
+        With `success` False and a `message` where none was found.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input; neither or both of `period` and `section`.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> dry = System({x: v, v: sp.sin(sp.Rational(2, 3)*t) - x - sp.sign(v)/4}, time=t)
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=3*sp.pi, symmetry={x: -x, v: -v})
+    >>> orbit.success, len(orbit.word)
+    (True, 1)
+    """
+    if (period is None) == (section is None):
+        raise ValueError(
+            "give one of `period` (of the forcing) and `section` (a surface of an autonomous system)."
+        )
+    transient = checks.whole(transient, "`transient`", 0)
+    at = np.array(system.initial_state(x0), float)
+    first: Stroboscopic | Section
+    if section is not None:
+        first = Section(system, surface=section, direction=direction, count=count or 1, options=options)
+        if symmetry is not None:
+            raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
+        # The guess need not lie on the section: the first return does.
+        at = first.image(at).x
+        if not np.isfinite(at).all():
+            return _none(
+                first, np.array(system.initial_state(x0), float), "the start never reaches the section."
+            )
+    else:
+        first = Stroboscopic(
+            system, period=period, count=count or 1, phase=phase, symmetry=symmetry, options=options
+        )
+    if transient:
+        points = first.iterate(at, transient + 1)
+        if not np.isfinite(points).all():
+            return _none(first, at, f"a trajectory of the transient failed: {first.image(at).solution.message}")
+        at = points[-1]
+        if count is None and symmetry is None:
+            first = _with_count(first, _recurrence(points, most))
+    return refine(first, at)
+
+
+def _with_count(first, count):
+    from dataclasses import replace
+
+    return replace(first, count=count)
+
+
+def _recurrence(points: np.ndarray, most: int) -> int:
+    """After how many steps the last point has been nearest before; 1 if never near."""
+    size = 1 + np.abs(points[-1])
+    back = np.array(
+        [np.abs((points[-1] - points[-1 - k]) / size).max() for k in range(1, min(most, len(points) - 1) + 1)]
+    )
+    near = np.flatnonzero(back < _RECURRENCE)
+    return int(near[0]) + 1 if near.size else 1
+
+
+def _none(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
+    n = len(x)
+    return PeriodicOrbit(map_, x, np.inf, np.full((n, n), np.nan), (), np.nan, 0, False, message)
+
+
+def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
+    """Newton's method from a point on the section; the step is shortened while the return does not improve.
+
+    Parameters
+    ----------
+    map_ : Stroboscopic or Section
+    x0 : mapping or sequence of float
+
+    Returns
+    -------
+    PeriodicOrbit
+    """
+    x = np.array(map_.system.initial_state(x0), float)
+    image = map_.image(x, ())
+    if not image.success:
+        return _none(map_, x, f"the trajectory from the first guess did not return: {image.solution.message}")
+    off, size = _off(x, image)
+    steps = 0
+    while size > TOLERANCE and steps < _MOST_STEPS:
+        step = np.linalg.lstsq(image.jacobian - np.eye(len(x)), -off, rcond=1e-13)[0]
+        found = _shortened(map_, x, step, size)
+        if found is None:
+            break
+        x, image = found
+        off, size = _off(x, image)
+        steps += 1
+    message = f"Newton's method converged in {steps} steps."
+    if size > TOLERANCE:
+        message = (
+            f"Newton's method stopped after {steps} steps, |P(x) - x| = {size:.2g}: give a guess nearer to the "
+            "orbit, a `transient`, or another `phase`."
+        )
+    return PeriodicOrbit(
+        map_, x, size, image.jacobian, word_of(image.solution), image.time, steps, size <= TOLERANCE, message,
+        image.degenerate,
+    )  # fmt: skip
+
+
+def _off(x: np.ndarray, image: Image) -> tuple[np.ndarray, float]:
+    off = image.x - x
+    return off, float(np.abs(off / (1 + np.abs(x))).max(initial=0.0))
+
+
+def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple[np.ndarray, Image] | None:
+    """The first of x + step, x + step/2, ... whose return is better; the whole step beside a corner of the map."""
+    fallback = None
+    for k in range(8):
+        trial = x + step / 2**k
+        if isinstance(map_, Section):
+            trial = _onto(map_, trial)
+        image = map_.image(trial, ())
+        if not image.success:
+            continue
+        new = _off(trial, image)[1]
+        if new < size or new <= TOLERANCE:
+            return trial, image
+        # On the other side of a change of itinerary the derivative is another one: a worse return may lead on.
+        if fallback is None and new < 10 * size:
+            fallback = trial, image
+    return fallback
+
+
+def _onto(section: Section, x: np.ndarray) -> np.ndarray:
+    """x moved onto the section along its gradient."""
+    from ..pointwise import value
+
+    states = section.system.model.states
+    for _ in range(3):
+        point = {**section.system.parameters, **dict(zip(states, map(float, x)))}
+        gradient = section.gradient(x)
+        x = x - gradient * value(section.surface, point) / (gradient @ gradient)
+    return x

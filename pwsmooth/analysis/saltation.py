@@ -1,0 +1,225 @@
+"""Saltation matrices: what an event does to a small deviation.
+
+At the zero of H(t, x) with a jump x+ = R(t, x-) (identity at a switching), a deviation w = (dx, dq) becomes
+
+    S w = R_w w + (R_x f- + R_t - f+) dt,      dt = -H_w w/(H_t + H_x f-)
+
+(di Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5). H is
+
+    crossing, stick     the switching surface h           (a stick drops the rank: grad h S = 0)
+    slip by tangency    lambda -+ 1: the field is continuous there, so S = 1
+    fold                psi g, psi the left null vector of g_lambda (envelope theorem: only g's own derivatives stay)
+    reset, impact       the event's surface, the gap; a clock's instant has dt = 0
+
+Chain: linearised.py -> **saltation** -> variations.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from ..solution import EventRecord, Solution
+from .linearised import Blocks, Linearised
+
+__all__ = ["Saltation", "saltations", "tangent_projector"]
+
+# Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
+_TOUCHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Saltation:
+    """One instant: its matrix, shape (N, N), and why it is none, if it is none.
+
+    `delay` is dt as a row over (x, q), shape (N,).
+    """
+
+    time: float
+    kinds: tuple[str, ...]
+    matrix: np.ndarray
+    delay: np.ndarray
+    degenerate: str = ""
+
+
+def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
+    """Saltation matrices of all instants of a solution after its start, in order of time."""
+    t = solution.t
+    instants: dict[float, list[EventRecord]] = {}
+    for event in solution.events:
+        if event.time > t[0]:
+            instants.setdefault(event.time, []).append(event)
+    if not instants:
+        return []
+    times = np.array(list(instants))
+    before = np.searchsorted(t, times, side="left")
+    after = np.searchsorted(t, times, side="right") - 1
+    fields = [line.blocks(t[c], solution.x[:, c], solution.mult[:, c], p) for c in (before, after)]
+    return [
+        _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), found).saltation()
+        for k, found in enumerate(instants.values())
+    ]
+
+
+class _Instant:
+    """One instant of a solution: the columns before and after it, and the Jacobian blocks there."""
+
+    def __init__(self, line, solution, p, fields, k, before, after, events):
+        self.line, self.p, self.events = line, p, events
+        self.t = float(solution.t[before])
+        self.x, self.mult = solution.x[:, before], solution.mult[:, before]
+        self.x_after, self.mult_after = solution.x[:, after], solution.mult[:, after]
+        self.status, self.status_after = solution.status[:, before], solution.status[:, after]
+        self.blocks, self.blocks_after = (_at(blocks, k) for blocks in fields)
+        self.f, self.f_after = self.blocks.f[0], self.blocks_after.f[0]
+        self.names = [str(s) for s in line.symbols]
+        self.J = line.solved(self.status)
+
+    def saltation(self) -> Saltation:
+        line, n, N = self.line, self.line.n, self.line.N
+        kinds = tuple(e.kind for e in self.events)
+        if "accumulation" in kinds:
+            projector = _projector(line, self.t, self.x_after, self.mult_after, self.p, self.status_after,
+                                   self.blocks_after)  # fmt: skip
+            matrix = np.eye(N) if projector is None else projector
+            return Saltation(self.t, kinds, matrix, np.zeros(N))
+        jumps = [e for e in self.events if self._new(e) is not None]
+        R, R_w, R_t = self.x, np.eye(n, N), np.zeros(n)
+        if jumps:
+            R, R_w, R_t = self._jump(jumps)
+        first, why = self._first(jumps)
+        S = np.eye(N)
+        S[:n] = R_w
+        delay = np.zeros(N)
+        if first is None:
+            return Saltation(self.t, kinds, S, delay, why)
+        H_w, H_t = self._surface(first)
+        if H_w is None:
+            delay = H_t  # a clock's instant moves with parameters alone
+        else:
+            speed = H_t + H_w[:n] @ self.f
+            size = abs(H_t) + np.abs(H_w[:n] * self.f).sum()
+            if not abs(speed) > _TOUCHING * (size + _TOUCHING):
+                why = why or f"t = {self.t:.9g}: {first.kind} [{first.switch}] touches its surface (grazing)"
+                return Saltation(self.t, kinds, S, delay, why)
+            delay = -H_w / speed
+        S[:n] += np.outer(R_w[:, :n] @ self.f + R_t - self.f_after, delay)
+        return Saltation(self.t, kinds, S, delay, why)
+
+    def _first(self, jumps) -> tuple[EventRecord | None, str]:
+        """The event whose surface sets the instant, and why there is no derivative if several do."""
+        causes = [e for e in self.events if e.kind not in ("slip by reset", "closed contact", "terminal")]
+        if not causes:
+            return None, ""
+        first = next((e for e in causes if e in jumps), causes[0])
+        others = [e for e in causes if e is not first and e.switch != first.switch and self._reached(e)]
+        why = ""
+        if others:
+            both = ", ".join(f"{e.kind} [{e.switch}]" for e in (first, *others))
+            why = f"t = {self.t:.9g}: {both} at one instant (a corner)"
+        return first, why
+
+    def _reached(self, event: EventRecord) -> bool:
+        """Whether an event of this instant stands on its own: not a consequence of another one's jump."""
+        H_w, H_t = self._surface(event)
+        return H_w is not None and event.kind != "slip by reset" and not np.any(self.x != self.x_after)
+
+    def _new(self, event: EventRecord) -> tuple[sp.Expr, ...] | None:
+        """State after an event as expressions of the state before, or None where it stays."""
+        model = self.line.model
+        if event.kind == "impact":
+            return model.multipliers[self.names.index(event.switch)].impact
+        spec = next((s for s in model.events if s.name == event.switch), None)
+        if event.kind not in ("reset", "terminal") or spec is None or not spec.update:
+            return None
+        update = dict(spec.update)
+        return tuple(update.get(i, x) for i, x in enumerate(model.states))
+
+    def _jump(self, jumps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """R, R_w (n, N), R_t (n,) of the jumps of this instant, one after the other."""
+        line, n, N = self.line, self.line.n, self.line.N
+        R, W, T = self.x, np.eye(n, N), np.zeros(n)
+        extra = np.eye(N)[n:]
+        for event in jumps:
+            new = self._new(event)
+            R, R_w, R_t = line.jump(new, self.t, R, self.mult, self.p)
+            W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
+        return R, W, T
+
+    def _surface(self, event: EventRecord) -> tuple[np.ndarray | None, np.ndarray]:
+        """H_w (N,), H_t of an event; (None, dt as a row) for an instant of a clock."""
+        line, blocks, J = self.line, self.blocks, self.J
+        model = line.model
+        if event.switch in self.names:
+            j = self.names.index(event.switch)
+            if event.kind in ("slip by fold", "sliding to sliding"):
+                matrix = blocks.g_lam[0][np.ix_(J, J)]
+                psi = np.linalg.svd(matrix)[0][:, -1]
+                return psi @ blocks.g_w[0, J], psi @ blocks.g_t[0, J]
+            if event.kind in ("slip by tangency", "opening", "slip by reset") and j in J:
+                lam_w, lam_t = blocks.solved(J)
+                return lam_w[0, J.index(j)], lam_t[0, J.index(j)]
+            surface = model.multipliers[j].surface
+        else:
+            spec = next(s for s in model.events if s.name == event.switch)
+            if spec.surface is None:
+                return None, self._clock(spec)
+            surface = spec.surface
+        return _total(line, blocks, J, surface, self.t, self.x, self.mult, self.p)
+
+    def _clock(self, spec) -> np.ndarray:
+        """How the present instant of a clock moves with the parameters, as a row (N,)."""
+        model, line = self.line.model, self.line
+        values = dict(zip(model.parameters, self.p))
+        row = np.zeros(line.N)
+        candidates = list(spec.at)
+        if spec.every is not None:
+            candidates.append(spec.every * round(self.t / float(spec.every.subs(values))))
+        at = min(candidates, key=lambda e: abs(float(e.subs(values)) - self.t))
+        for k, q in enumerate(line.chosen):
+            row[line.n + k] = float(at.diff(q).subs(values))
+        return row
+
+
+def _at(blocks: Blocks, k: int) -> Blocks:
+    return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
+
+
+def _total(line, blocks, J, surface, t, x, mult, p):
+    """H_w and H_t of a surface, solved multipliers in it eliminated."""
+    h_w, h_t, h_lam = line.gradient(surface, t, x, mult, p)
+    if len(J) and np.any(h_lam[J] != 0):
+        lam_w, lam_t = blocks.solved(J)
+        h_w, h_t = h_w + h_lam[J] @ lam_w[0], h_t + h_lam[J] @ lam_t[0]
+    return h_w, h_t
+
+
+def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
+    """Projector (N, N) on deviations along the surfaces on which a solution starts, None if it slides on none."""
+    column = int(np.searchsorted(solution.t, solution.t[0], side="right") - 1)
+    t, x, mult = solution.t[column], solution.x[:, column], solution.mult[:, column]
+    blocks = line.blocks(np.array([t]), x[:, None], mult[:, None], p)
+    return _projector(line, float(t), x, mult, p, solution.status[:, column], blocks)
+
+
+def _projector(line, t, x, mult, p, status, blocks) -> np.ndarray | None:
+    """1 - D (C D)**-1 C with the gradients C of what is held at 0, and directions D out of it."""
+    n, N = line.n, line.N
+    C, D = [], []
+    for j, mu in enumerate(line.model.multipliers):
+        if status[j] != 0 or mu.kind == "algebraic" or mu.regularity == "kink":
+            continue
+        surfaces = [mu.surface, line.speed(j)] if mu.kind == "contact" else [mu.surface]
+        rows = [line.gradient(h, t, x, mult, p)[0] for h in surfaces]
+        directions = [row[:n] for row in rows]
+        if mu.kind == "contact":
+            directions[-1] = blocks.f_lam[0, :, j]  # an impact takes the normal velocity along its push
+        C += rows
+        D += directions
+    if not C:
+        return None
+    constraints, along = np.array(C), np.zeros((N, len(D)))
+    along[:n] = np.array(D).T
+    return np.eye(N) - along @ np.linalg.pinv(constraints @ along) @ constraints

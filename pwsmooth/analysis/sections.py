@@ -1,0 +1,352 @@
+"""Poincare maps of a system: stroboscopic ones of driven systems, returns to a surface of autonomous ones.
+
+    P(x) = phi(t0 + T; t0, x)             one forcing period (or several)
+    N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
+    P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
+
+Chain: solve, variations.py -> **sections** -> orbits.py, continuation.py, diagrams.py, basins.py.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import checks
+from ..model import EventSpec
+from ..pointwise import value
+from ..solution import Solution
+from ..solve import solve
+from .linearised import linearise
+from .variations import variations
+
+__all__ = ["Image", "Section", "Stroboscopic", "Word", "symmetry_matrix", "word_of"]
+
+Word = tuple[tuple[str, str, str], ...]
+_RETURN = "pws_return"
+
+
+@dataclass(frozen=True)
+class Image:
+    """A point's image under a Poincare map, with its derivatives if they were asked for.
+
+    `jacobian` has the shape (n, n), `by_parameter` (n, k); `time` is how long the map took; `degenerate` says in
+    words where the map has no derivative.
+    """
+
+    x: np.ndarray
+    time: float
+    solution: Solution
+    jacobian: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    by_parameter: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    degenerate: tuple[str, ...] = ()
+
+    @property
+    def success(self) -> bool:
+        """Whether the trajectory reached the section again."""
+        return bool(np.isfinite(self.x).all())
+
+
+@dataclass(frozen=True)
+class _Map:
+    """What both maps share: the system, and how its trajectories are solved."""
+
+    system: Any
+    options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+
+    def _solve(self, system: Any, span: tuple[float, float], x: np.ndarray, dense: bool) -> Solution:
+        tight = {"rtol": 1e-10} if system.model.smoothing else {"rtol": 1e-12, "atol": 1e-14}
+        return solve(system, span, list(map(float, x)), dense_output=dense, **{**tight, **self.options})
+
+    def with_parameters(self, values: Mapping[Any, float]) -> Any:
+        """The same map of the system with other parameter values."""
+        return replace(self, system=self.system.with_parameters(values))
+
+    def __call__(self, x: Any) -> np.ndarray:
+        """P(x), shape (n,); nan where the trajectory fails or does not come back."""
+        return self.image(self.system.initial_state(x)).x
+
+    def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
+        raise NotImplementedError
+
+    def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
+        """Points P(x), P(P(x)), ..., shape (count, n), after the first `discard`; nan from a failure on."""
+        at = np.array(self.system.initial_state(x), float)
+        points = np.full((count, len(at)), np.nan)
+        for k in range(discard + count):
+            at = self.image(at).x
+            if not np.isfinite(at).all():
+                break
+            if k >= discard:
+                points[k - discard] = at
+        return points
+
+
+@dataclass(frozen=True)
+class Stroboscopic(_Map):
+    """The map over `count` forcing periods, or over half a one.
+
+    Parameters
+    ----------
+    system : System
+    period : float or sympy expression
+        Forcing period T; an expression of parameters (2*pi/omega) where one of these is to be changed.
+    count : int
+        Periods a step of the map.
+    phase : float
+        The section is t = phase*T.
+    symmetry : mapping of state to expression, optional
+        G, linear: with it the map is N = G**-1 phi over T/2, whose fixed points are the symmetric orbits.
+    options : mapping, optional
+        For `solve`; rtol 1e-12 (smoothed views 1e-10) unless given.
+
+    Raises
+    ------
+    ValueError
+        A period that is not positive; a symmetry that the system does not have.
+
+    Examples
+    --------
+    >>> x, t = sp.symbols("x t", real=True)
+    >>> from pwsmooth import System
+    >>> P = Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2*sp.pi)
+    >>> round(float(P({x: 0.5})[0]), 9)  # x = (cos t + sin t)/2 is the periodic orbit
+    0.5
+    """
+
+    period: Any = None
+    count: int = 1
+    phase: float = 0.0
+    symmetry: Any = None
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.system, "model"):
+            raise TypeError(f"`system` is {self.system!r}; give a System or one of its views.")
+        period = sp.sympify(self.period)
+        unknown = [s for s in period.free_symbols if s not in self.system.parameters]
+        if unknown:
+            raise ValueError(
+                f"`period` is {period}, in which {checks.listing(unknown)} is no parameter of the system."
+            )
+        if not math.inf > (T := float(period.subs(self.system.parameters))) > 0:
+            raise ValueError(f"`period` is {T:g}; give the period of the forcing, a number > 0.")
+        checks.whole(self.count, "`count`", 1)
+        if not math.isfinite(self.phase):
+            raise ValueError(f"`phase` is {self.phase}; give the section's part of the period, as 0.25.")
+        object.__setattr__(self, "period", period)
+        if self.symmetry is not None and not isinstance(self.symmetry, np.ndarray):
+            object.__setattr__(self, "symmetry", symmetry_matrix(self.system, self.symmetry, T))
+
+    def doubled(self) -> Stroboscopic:
+        """The map over twice as long: a half period becomes a whole one without symmetry, one becomes two."""
+        if self.symmetry is not None:
+            return replace(self, symmetry=None)
+        return replace(self, count=2 * self.count)
+
+    @property
+    def forcing_period(self) -> float:
+        """T at the system's parameters."""
+        return float(self.period.subs(self.system.parameters))
+
+    @property
+    def start_time(self) -> float:
+        """t0 of the section."""
+        return self.phase * self.forcing_period
+
+    @property
+    def duration(self) -> float:
+        """Time that one application of the map takes."""
+        return self.forcing_period * (0.5 if self.symmetry is not None else self.count)
+
+    def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
+        """Image of a point (n,), with derivatives if `parameters` is given (it may be empty)."""
+        t0 = self.start_time
+        run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
+        end = run.x[:, -1] if run.success and run.t[-1] == t0 + self.duration else np.full(len(x), np.nan)
+        back = np.eye(len(end)) if self.symmetry is None else np.linalg.inv(self.symmetry)
+        if parameters is None or not np.isfinite(end).all():
+            return Image(back @ end, self.duration, run)
+        moved = variations(run, parameters)
+        by_parameter = moved.by_parameter.copy()
+        for k, name in enumerate(parameters):
+            # The ends of the span move with the parameter: phi(t0 + T) by f there, and by -Phi f at its start.
+            q = checks.lookup(name, self.system.parameters, "`parameters`", "parameter")
+            slope = float(self.period.diff(q).subs(self.system.parameters))
+            if slope:
+                stretch = self.phase * slope + slope * self.duration / self.forcing_period
+                by_parameter[:, k] += (
+                    moved.rates * stretch - moved.matrix @ moved.first_rates * self.phase * slope
+                )
+        return Image(
+            back @ end, self.duration, run, back @ moved.matrix, back @ by_parameter, tuple(moved.degenerate)
+        )
+
+
+@dataclass(frozen=True)
+class Section(_Map):
+    """Return to a surface of an autonomous system.
+
+    Parameters
+    ----------
+    system : System
+    surface : sympy expression of states
+        h(x); the section is h = 0.
+    direction : {1, -1}
+        Crossed with h rising or falling.
+    count : int
+        Returns a step of the map.
+    longest : float
+        Give up after this time.
+    options : mapping, optional
+        For `solve`.
+
+    Raises
+    ------
+    ValueError
+        A surface of time, or of what is no state or parameter; a system that depends on time.
+    """
+
+    surface: Any = None
+    direction: int = 1
+    count: int = 1
+    longest: float = 1e3
+    _watched: Any = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        model, surface = self.system.model, sp.sympify(self.surface)
+        if self.direction not in (1, -1):
+            raise ValueError(f"`direction` is {self.direction!r}; give 1 (h rises) or -1 (it falls).")
+        known = {*model.states, *self.system.parameters}
+        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= known:
+            raise ValueError(
+                f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
+            )
+        forced = any(model.time in e.free_symbols for e in model.rhs) or any(
+            e.surface is None or model.time in e.surface.free_symbols for e in model.events
+        )
+        if forced:
+            raise ValueError(
+                "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
+                "with the period of the forcing."
+            )
+        checks.whole(self.count, "`count`", 1)
+        object.__setattr__(self, "surface", surface)
+        spec = EventSpec(_RETURN, surface, direction=self.direction, terminal=True)
+        names = {p for p in self.system.parameters if p in surface.free_symbols}
+        used = (*model.parameters, *sorted(names - {*model.parameters}, key=str))
+        watched = copy.copy(self.system)
+        watched.model = replace(model, events=(*model.events, spec), parameters=used)
+        object.__setattr__(self, "_watched", watched)
+
+    def doubled(self) -> Section:
+        """The map over twice as many returns."""
+        return replace(self, count=2 * self.count)
+
+    def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
+        """Image of a point (n,), with derivatives if `parameters` is given (it may be empty)."""
+        system, n = self._watched, len(x)
+        at, time = np.asarray(x, float), 0.0
+        total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
+        degenerate: list[str] = []
+        run = None
+        for _ in range(self.count):
+            run = self._solve(system, (0.0, self.longest), at, parameters is not None)
+            # At the same instant a switch with the same surface may follow it in the log.
+            back = run.success and any(e.switch == _RETURN and e.time > 0 for e in run.events[-8:])
+            if not back:
+                lost = np.full(n, np.nan)
+                return Image(lost, math.nan, run)
+            at, time = run.x[:, -1], time + float(run.t[-1])
+            if parameters is None:
+                continue
+            moved = variations(run, parameters)
+            degenerate += moved.degenerate
+            h_w = self._gradient(system, run, parameters)
+            stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / (h_w[:n] @ moved.rates)
+            by_parameter = moved.matrix @ by_parameter + moved.by_parameter
+            by_parameter = stop @ by_parameter - np.outer(moved.rates, h_w[n:]) / (h_w[:n] @ moved.rates)
+            total = stop @ moved.matrix @ total
+        assert run is not None
+        if parameters is None:
+            return Image(at, time, run)
+        return Image(at, time, run, total, by_parameter, tuple(degenerate))
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        """grad h at a point, shape (n,)."""
+        states = self.system.model.states
+        point = {**self.system.parameters, **dict(zip(states, map(float, x)))}
+        return np.array([value(self.surface.diff(s), point) for s in states])
+
+    def _gradient(self, system, run, parameters) -> np.ndarray:
+        chosen = tuple(
+            checks.lookup(name, self.system.parameters, "`parameters`", "parameter") for name in parameters
+        )
+        line = linearise(system.model, chosen)
+        p = np.array([run.parameters[str(q)] for q in system.model.parameters])
+        return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
+
+
+def word_of(solution: Solution) -> Word:
+    """The events of a solution after its start as (switch, kind, from and to): its itinerary in letters."""
+    begin = solution.t[0]
+    return tuple((e.switch, e.kind, e.note) for e in solution.events if e.time > begin and e.switch != _RETURN)
+
+
+def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
+    """G of x -> G x from a mapping of states to linear expressions; states that are not named stay.
+
+    Raises
+    ------
+    ValueError
+        Not linear, not invertible, or (x, t) -> (G x, t + T/2) does not map the system to itself.
+    """
+    states = system.model.states
+    images = {x: x for x in states}
+    for key, image in symmetry.items():
+        x = checks.lookup(key, states, "`symmetry`", "state")
+        images[x] = sp.sympify(image)
+    rows = [[sp.expand(images[x]).diff(y) for y in states] for x in states]
+    if any(not e.is_number for row in rows for e in row) or any(
+        images[x].subs(dict.fromkeys(states, 0)) != 0 for x in states
+    ):
+        raise ValueError(f"`symmetry` is {dict(symmetry)}; give linear expressions of states, as {{y: -y}}.")
+    G = np.array(rows, float)
+    if abs(np.linalg.det(G)) < 1e-12:
+        raise ValueError(f"`symmetry` is {dict(symmetry)}, which is not invertible.")
+    worst = _asymmetry(system, G, period)
+    if not worst < 1e-9:
+        raise ValueError(
+            f"`symmetry` is {dict(symmetry)}, but the system does not have it together with a shift of time by half "
+            f"the period {period:g}: the fields differ by {worst:.2g}. Leave it out, or give another one."
+        )
+    return G
+
+
+def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
+    """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces."""
+    model = system.model
+    line = linearise(model)
+    p = np.array(system.parameter_values, float)
+    rng = np.random.default_rng(0)
+    worst = 0.0
+    for _ in range(8):
+        t, x = rng.uniform(0, period), rng.normal(size=len(model.states))
+        fields = []
+        for time, at in ((t, x), (t + period / 2, G @ x)):
+            point = {model.time: time, **dict(zip(model.states, at)), **dict(zip(model.parameters, p))}
+            for mu in model.multipliers:
+                # A closed contact or an algebraic unknown has no side: at 0 they take no part in the check.
+                point[mu.symbol] = 0.0
+                if mu.kind == "switch":
+                    point[mu.symbol] = 1.0 if value(mu.surface, point) > 0 else -1.0
+            mult = np.array([[point[mu.symbol]] for mu in model.multipliers]).reshape(-1, 1)
+            fields.append(line.blocks(np.array([time]), at[:, None], mult, p).f[0])
+        difference = np.abs(G @ fields[0] - fields[1]).max(initial=0.0)
+        worst = max(worst, difference / (1e-300 + np.abs(fields[1]).max(initial=0.0) + 1e-12))
+    return float(worst)

@@ -1,0 +1,258 @@
+"""The fundamental matrix of a solution: the linearised flow between events times saltation matrices at them.
+
+    Phi = Phi_K S_K ... S_1 Phi_0,     X' = A(t) X  on every step,     S from saltation.py
+
+A is evaluated on the steps' own polynomials, so the orbit is not integrated again; the linear equation is solved on
+each step by collocation (Hairer, Norsett & Wanner, Solving ODEs I, II.7; II, IV.5): Gauss, order 16, for
+event-driven steps; Radau IIA, order 9 and L-stable, for smoothed ones, whose layers are stiff. Beside a fold both
+dt/ds and g_lambda vanish at the end of a step; Gauss has no node there.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import checks
+from ..smooth_path import StepPolynomials
+from ..solution import Dense, Solution
+from .linearised import Linearised, linearise
+from .saltation import Saltation, saltations, tangent_projector
+
+__all__ = ["Variations", "chosen_parameters", "variations"]
+
+_TOLERANCE = 1e-12  # of a step's transition matrix: whole step against two halves
+_DEEPEST = 10  # halvings; the steps resolve the solution already, so few are ever needed
+
+
+@dataclass(frozen=True)
+class Variations:
+    """How a solution moves with its start and with parameters.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, n)
+        d x(end) / d x(start).
+    by_parameter : ndarray, shape (n, k)
+        d x(end) / d q, one column a parameter.
+    factors : list of ndarray, shape (N, N)
+        Factors of the fundamental matrix of (x, q), in order of time, N = n + k: steps and saltations.
+    times : ndarray
+        End time of each factor.
+    saltations : list of Saltation
+    first_rates, rates : ndarray, shape (n,)
+        f at the start and at the end.
+    """
+
+    matrix: np.ndarray
+    by_parameter: np.ndarray
+    factors: list[np.ndarray]
+    times: np.ndarray
+    saltations: list[Saltation]
+    first_rates: np.ndarray
+    rates: np.ndarray
+
+    @property
+    def degenerate(self) -> list[str]:
+        """Instants at which the solution has no derivative (simultaneous switchings, ...), in words."""
+        return [s.degenerate for s in self.saltations if s.degenerate]
+
+
+def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
+    """Symbols of parameters given by name."""
+    return tuple(checks.lookup(name, system.parameters, "`parameters`", "parameter") for name in names)
+
+
+def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations:
+    """Fundamental matrix of a solution from its start to its end.
+
+    Parameters
+    ----------
+    solution : Solution
+        Solved with `dense_output=True`; event-driven, or a smoothed view by the package's own methods.
+    parameters : sequence of str or Symbol
+        Parameters with respect to which is differentiated too.
+
+    Returns
+    -------
+    Variations
+
+    Raises
+    ------
+    ValueError
+        No dense output, an unknown parameter, or a smoothed run whose events change the state.
+
+    Notes
+    -----
+    Where the start slides, it is moved along the surface only: the columns of the fundamental matrix across it
+    are zero, as a stick makes them.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> run = solve(System({x: -x}), (0, 1), {x: 1}, dense_output=True)
+    >>> round(float(variations(run).matrix[0, 0]), 12) == round(float(sp.exp(-1)), 12)
+    True
+    """
+    steps = _steps(solution)
+    chosen = chosen_parameters(solution.system, parameters)
+    line = linearise(solution.model, chosen)
+    values = np.array([solution.parameters[str(p)] for p in solution.model.parameters])
+    groups = steps.statuses(solution)
+    transitions = _transitions(line, steps, groups, values)
+    salts = saltations(line, solution, values)
+    n, N = line.n, line.N
+    factors, times = [], []
+    first = tangent_projector(line, solution, values)
+    if first is not None:
+        factors.append(first)
+        times.append(float(solution.t[0]))
+    k = 0
+    for i, end in enumerate(steps.ends):
+        while k < len(salts) and salts[k].time <= steps.start[i]:
+            factors.append(salts[k].matrix)
+            times.append(salts[k].time)
+            k += 1
+        factors.append(transitions[i])
+        times.append(float(end))
+    factors += [s.matrix for s in salts[k:]]
+    times += [s.time for s in salts[k:]]
+    total = np.eye(N)
+    for factor in factors:
+        total = factor @ total
+    c = [int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1, -1]
+    f = line.blocks(solution.t[c], solution.x[:, c], solution.mult[:, c], values).f
+    return Variations(total[:n, :n], total[:n, n:], factors, np.array(times), salts, f[0], f[1])
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Dense output of either path: powers of s in [0, length]; t(s) has the coefficients `time`."""
+
+    start: np.ndarray
+    ends: np.ndarray
+    length: np.ndarray
+    x: np.ndarray
+    mult: np.ndarray
+    time: np.ndarray
+    stiff: bool
+
+    def statuses(self, solution: Solution) -> np.ndarray:
+        """Status (ns, m) on each step: that of the last column that its start has."""
+        column = np.searchsorted(solution.t, self.start, side="right") - 1
+        return solution.status[:, np.clip(column, 0, None)].T
+
+
+def _steps(solution: Solution) -> _Steps:
+    dense = solution.dense
+    if isinstance(dense, Dense) and dense.time_coefficients is not None and dense.length is not None:
+        time = dense.time_coefficients
+        return _Steps(
+            dense.t0, dense.t1, dense.length, dense.coefficients, dense.mult_coefficients, time, False
+        )
+    if isinstance(dense, StepPolynomials):
+        if any(event.update for event in solution.model.events):
+            raise ValueError(
+                "`solution` is a smoothed run whose events change the state: its variations are not available. "
+                "Use the event-driven system."
+            )
+        ns = len(dense.t0)
+        time = np.stack([dense.t0, dense.length], axis=1)
+        return _Steps(
+            dense.t0, dense.t0 + dense.length, np.ones(ns), dense.coefficients, np.zeros((ns, 0, 1)), time, True
+        )
+    kept = "none" if dense is None else type(dense).__name__
+    raise ValueError(
+        f"`solution` has no step polynomials (dense output: {kept}). Solve with dense_output=True and one of the "
+        "package's own methods."
+    )
+
+
+def _transitions(line: Linearised, steps: _Steps, status: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Transition matrices (ns, N, N) of all steps, those of equal status together."""
+    ns, N = len(steps.length), line.N
+    result = np.empty((ns, N, N))
+    kinds, which = np.unique(status, axis=0, return_inverse=True)
+    for k, kind in enumerate(kinds):
+        here = np.flatnonzero(which.ravel() == k)
+        ends = np.zeros(len(here)), steps.length[here]
+        whole = _collocate(line, steps, line.solved(kind), p, here, *ends)
+        result[here] = _refined(line, steps, line.solved(kind), p, here, *ends, whole, 0)
+    return result
+
+
+def _refined(line, steps, J, p, piece, a, b, whole, depth) -> np.ndarray:
+    """Transitions over [a, b] of the given pieces: by two halves where the whole one differs from them."""
+    half, count = 0.5 * (a + b), len(piece)
+    twice, begin, end = np.concatenate([piece, piece]), np.concatenate([a, half]), np.concatenate([half, b])
+    halves = _collocate(line, steps, J, p, twice, begin, end)
+    two = halves[count:] @ halves[:count]
+    off = np.abs(whole - two).max(axis=(1, 2))
+    rough = np.flatnonzero(~(off <= _TOLERANCE * (1 + np.abs(two).max(axis=(1, 2)))))
+    if rough.size and depth < _DEEPEST:
+        again = np.concatenate([rough, rough + count])
+        finer = _refined(line, steps, J, p, twice[again], begin[again], end[again], halves[again], depth + 1)
+        two[rough] = finer[rough.size :] @ finer[: rough.size]
+    return two
+
+
+def _collocate(line, steps, J, p, piece, a, b) -> np.ndarray:
+    """One collocation step for X' = A X over [a, b] in s, for many pieces at once: (len(piece), N, N)."""
+    c, table, weights = _radau(5) if steps.stiff else _gauss(8)
+    n, N, stages, count = line.n, line.N, len(c), len(piece)
+    h = b - a
+    s = a[:, None] + h[:, None] * c
+    powers = s[:, :, None] ** np.arange(steps.x.shape[2])
+
+    def along(coefficients):
+        degree = coefficients.shape[2]
+        rows = powers[:, :, :degree] @ coefficients[piece].transpose(0, 2, 1)
+        return rows.reshape(count * stages, coefficients.shape[1]).T
+
+    time = steps.time[piece]
+    t = (powers[:, :, : time.shape[1]] @ time[:, :, None]).ravel()
+    slopes = time[:, 1:] * np.arange(1, time.shape[1])
+    speed = (powers[:, :, : slopes.shape[1]] @ slopes[:, :, None])[:, :, 0]
+    A = line.blocks(t, along(steps.x), along(steps.mult), p).flow(J).reshape(count, stages, n, N)
+    A = A * (h[:, None] * speed)[:, :, None, None]
+    # K_i = A_i (1 + sum_j a_ij K_j): one linear system of stages*n unknowns a piece; parameters do not move.
+    system = -(A[:, :, :, None, :n] * table[:, None, :, None])
+    system = system.reshape(count, stages * n, stages * n)
+    system[:, np.arange(stages * n), np.arange(stages * n)] += 1.0
+    K = np.linalg.solve(system, A.reshape(count, stages * n, N)).reshape(count, stages, n, N)
+    result = np.zeros((count, N, N))
+    result[:] = np.eye(N)
+    result[:, :n] += np.einsum("s,psij->pij", weights, K)
+    return result
+
+
+@functools.cache
+def _gauss(stages: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x, w = np.polynomial.legendre.leggauss(stages)
+    return _tableau((x + 1) / 2)
+
+
+@functools.cache
+def _radau(stages: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    from scipy.special import roots_jacobi
+
+    x, _ = roots_jacobi(stages - 1, 1, 0)
+    return _tableau(np.append((x + 1) / 2, 1.0))
+
+
+def _tableau(c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes, matrix and weights of the collocation method on the nodes c in [0, 1]."""
+    stages = len(c)
+    polynomials = np.polynomial.legendre.Legendre.basis
+    inverse = np.linalg.inv(np.stack([polynomials(k, domain=[0, 1])(c) for k in range(stages)], axis=1))
+    integrals = [polynomials(k, domain=[0, 1]).integ(lbnd=0) for k in range(stages)]
+    table = np.stack([f(c) for f in integrals], axis=1) @ inverse
+    weights = np.array([f(1.0) for f in integrals]) @ inverse
+    return c, table, weights

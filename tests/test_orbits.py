@@ -1,0 +1,198 @@
+"""Periodic orbits and their multipliers against closed forms and differences of the Poincare map."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from friction_oscillator import coulomb, hidden, k, sigma, v, y, z
+
+from pwsmooth import System
+from pwsmooth.analysis.orbits import find_orbit, refine
+from pwsmooth.analysis.sections import Section, Stroboscopic
+
+T = 2 * sp.pi
+MIRROR = {y: -y, v: -v}
+STEP, DIFFERENCE = 1e-5, 1e-6  # see test_variations.py
+
+t, x, u = sp.symbols("t x u", real=True)
+omega, F = sp.symbols("omega F", positive=True)
+
+
+def den_hartog(frequency, friction):
+    """x'' + x = sin(omega t) - F sign(x')."""
+    system = System(
+        {x: u, u: sp.sin(omega * t) - x - F * sp.sign(u)},
+        time=t,
+        parameters={omega: frequency, F: friction},
+    )
+    return find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / omega, symmetry={x: -x, u: -u})
+
+
+def constants(frequency):
+    """V, U and the friction at which sticking begins (den Hartog, Trans. ASME 53 (1931) APM-107)."""
+    V = 1 / (1 - frequency**2)
+    U = math.tan(math.pi / (2 * frequency)) / frequency
+    return V, U, abs(V) / math.sqrt(U**2 + frequency**-4)
+
+
+@pytest.mark.parametrize("frequency", [0.55, 0.7, 0.9, 1.2, 1.5, 2.0, 3.1])
+@pytest.mark.parametrize("part", [0.2, 0.9])
+def test_den_hartogs_amplitude(frequency, part):
+    V, U, limit = constants(frequency)
+    orbit = den_hartog(frequency, part * limit)
+    assert orbit.success
+    assert [kind for _, kind, _ in orbit.word] == ["crossing"]
+    turning = orbit.solution().x[0][np.abs(orbit.solution().x[1]) == 0]
+    assert np.abs(turning) == pytest.approx(math.sqrt(V**2 - (part * limit * U) ** 2), abs=1e-9)
+
+
+@pytest.mark.parametrize("frequency", [0.55, 0.7, 1.2, 2.0])
+def test_den_hartogs_multipliers_have_the_product_of_the_jumps_in_the_field(frequency):
+    # Undamped and linear between crossings, so the determinant of D P is that of the saltation matrices: at each
+    # crossing the acceleration after over that before, (f - F)/(f + F) with f = sin - x at the turning point.
+    *_, limit = constants(frequency)
+    friction = 0.6 * limit
+    orbit = den_hartog(frequency, friction)
+    run = orbit.solution(rtol=1e-12)
+    crossing = run.events[0].time
+    pull = abs(math.sin(frequency * crossing) - run.x[0, np.flatnonzero(run.t == crossing)[0]])
+    ratio = (pull - friction) / (pull + friction)
+    assert np.prod(orbit.multipliers).real == pytest.approx(ratio**2, rel=1e-8)
+
+
+def differences_of(P, at):
+    return np.array([(P(at + STEP * e) - P(at - STEP * e)) / (2 * STEP) for e in np.eye(len(at))]).T
+
+
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [
+        (coulomb(), {y: 0.5, v: 0.3}),
+        (hidden(), {y: 0.6, v: -1.07, z: 0}),
+        (hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03}),
+        (hidden().smoothed(eps=0.1), {y: 0.5, v: 0.3, z: 0}),
+    ],
+    ids=["crossings", "relaxing", "slaved", "smoothed"],
+)
+def test_multipliers_are_those_of_differences_of_the_map(system, start):
+    orbit = find_orbit(system, start, period=T, transient=30)
+    assert orbit.success and orbit.stable
+    numeric = np.linalg.eigvals(differences_of(orbit.map, orbit.x))
+    assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(np.sort(np.abs(numeric)), abs=DIFFERENCE)
+
+
+def test_the_orbit_is_the_published_one_and_lies_on_its_solution():
+    orbit = find_orbit(hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03}, period=T, symmetry=MIRROR)
+    run = orbit.solution(rtol=1e-12)
+    sticks = [s for s in run.segments if s.status == (0,)]
+    # spec/solid_friction.md section 4, nine decimals
+    assert [s.duration for s in sticks] == pytest.approx([0.539389027] * 2, abs=0.5e-9)
+    assert [s.start for s in sticks] == pytest.approx([1.755610496, 4.897203149], abs=0.5e-9)
+    assert run.x[:, -1] == pytest.approx(orbit.x, abs=1e-10)
+
+
+def test_the_half_period_map_squared_is_the_map_of_the_whole_period():
+    half = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=T, symmetry=MIRROR)
+    whole = find_orbit(coulomb(), half.start, period=T)
+    assert half.symmetric and not whole.symmetric
+    assert whole.x == pytest.approx(half.x, abs=1e-11)
+    assert whole.jacobian == pytest.approx(half.jacobian @ half.jacobian, abs=1e-11)
+    assert np.sort(np.abs(half.multipliers)) == pytest.approx(np.sort(np.abs(whole.multipliers)), abs=1e-11)
+
+
+def test_an_unstable_orbit_is_found_that_no_transient_reaches():
+    # sigma = 2.5 > 2.45: the symmetric orbit has lost its stability to the asymmetric pair.
+    system = hidden(sigma=2.5).smoothed(eps=0.1)
+    symmetric = find_orbit(system, {y: 0.91, v: -1.05, z: 0.015}, period=T, symmetry=MIRROR)
+    attractor = find_orbit(system, symmetric.x + 0.01, period=T, transient=100)
+    assert symmetric.success and not symmetric.stable
+    assert attractor.success and attractor.stable
+    assert np.abs(attractor.x - symmetric.x).max() > 0.01
+
+
+def relay(delta):
+    """x'' - 2 delta x' + x = -sign(x' ): an unstable spiral held by a relay; closed form in the test."""
+    a = sp.Symbol("a", positive=True)
+    return System({x: u, u: 2 * a * u - x - sp.sign(u)}, parameters={a: delta})
+
+
+def test_an_autonomous_orbit_is_a_fixed_point_of_the_return_map():
+    # Half a turn from x = -X at rest is one about x = -1: to -1 + (X - 1)*E with E = exp(delta pi/w) and
+    # w = sqrt(1 - delta^2). So X -> (X - 1)*E - 1, twice a turn; fixed at X = (E + 1)/(E - 1).
+    delta = 0.1
+    E = math.exp(delta * math.pi / math.sqrt(1 - delta**2))
+    orbit = find_orbit(relay(delta), {x: -15.0, u: 1.0}, section=u, direction=-1)
+    assert orbit.success and not orbit.stable
+    assert orbit.x[0] == pytest.approx((E + 1) / (E - 1), rel=1e-10)
+    assert orbit.multipliers == pytest.approx([E**2], rel=1e-9)
+    assert orbit.period == pytest.approx(2 * math.pi / math.sqrt(1 - delta**2), rel=1e-11)
+
+
+def test_the_derivative_of_a_return_map_by_a_parameter():
+    P = Section(relay(0.1), surface=u - x / 10, direction=-1)
+    at = P([10.0, 1.0])
+    found = P.image(at, ("a",))
+    high, low = (P.with_parameters({"a": 0.1 + s}).image(at).x for s in (STEP, -STEP))
+    assert found.by_parameter[:, 0] == pytest.approx((high - low) / (2 * STEP), rel=DIFFERENCE)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3])
+def test_the_derivative_of_the_stroboscopic_map_when_the_period_changes(phase):
+    P = Stroboscopic(coulomb(), 2 * sp.pi / sp.Symbol("omega", nonnegative=True), phase=phase)
+    at = np.array([0.6, -0.8])
+    found = P.image(at, ("omega", "sigma")).by_parameter
+    for j, name in enumerate(("omega", "sigma")):
+        value = {"omega": 1, "sigma": 2.4}[name]
+        high, low = (P.with_parameters({name: value + s}).image(at).x for s in (STEP, -STEP))
+        assert found[:, j] == pytest.approx((high - low) / (2 * STEP), abs=1e-5)
+
+
+def test_a_period_two_orbit_is_recognised_in_the_transient():
+    c = sp.Symbol("c")
+    # x jumps by the logistic map at every unit of time and stays: c = 3.2 has the two-cycle of the textbook.
+    from pwsmooth import Event
+
+    system = System(
+        {x: 0 * x}, time=t, parameters={c: 3.2}, events=[Event(every=1, update={x: c * x * (1 - x)})]
+    )
+    orbit = find_orbit(system, {x: 0.3}, period=1, phase=0.5, transient=200)
+    assert orbit.map.count == 2 and orbit.period == 2
+    # x = (c + 1 +- sqrt((c - 3)(c + 1)))/(2 c), multiplier 4 + 2 c - c^2
+    values = [(4.2 + s * math.sqrt(0.2 * 4.2)) / 6.4 for s in (1, -1)]
+    assert min(abs(orbit.x[0] - value) for value in values) < 1e-11
+    assert orbit.multipliers == pytest.approx([4 + 6.4 - 3.2**2], abs=1e-9)
+
+
+def test_what_is_not_found_is_said_and_raises_nothing():
+    blows_up = System({x: 1 + x**2})
+    orbit = refine(Stroboscopic(blows_up, 4.0), {x: 0})
+    assert not orbit.success and "did not return" in orbit.message
+    drifts = System({x: 1 + 0 * x}, time=t)
+    orbit = find_orbit(drifts, {x: 0}, period=1)
+    assert not orbit.success and "transient" in orbit.message
+    never = find_orbit(relay(0.1), {x: 1, u: 1}, section=u - 1e6)
+    assert not never.success and "never reaches" in never.message
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (dict(), "one of `period`"),
+        (dict(period=1, section=v), "one of `period`"),
+        (dict(period=-1), "`period` is -1"),
+        (dict(period=T, symmetry={y: -y, v: v}), "does not have it"),
+        (dict(period=T, symmetry={y: -(y**2)}), "linear expressions"),
+        (dict(period=2 * sp.pi / sp.Symbol("nu")), "nu is no parameter"),
+        (dict(section=v), "depends on time"),
+    ],
+)
+def test_bad_input_is_refused_with_a_remedy(options, text):
+    with pytest.raises(ValueError, match=text):
+        find_orbit(coulomb(), {y: 0.5, v: 0.3}, **options)
+
+
+def test_parameters_of_the_orbit_travel_with_it():
+    orbit = find_orbit(coulomb(sigma=2.0), {y: 0.5, v: 0.3}, period=T, symmetry=MIRROR)
+    assert orbit.system.parameters[sigma] == 2.0
+    assert orbit.map.with_parameters({k: 3.0}).system.parameters[k] == 3.0
