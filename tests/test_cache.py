@@ -9,9 +9,11 @@ from pathlib import Path
 
 import sympy as sp
 
+from pwsmooth import System, solve
 from pwsmooth.codegen import cache
 from pwsmooth.model import Model, Multiplier
 
+X = sp.Symbol("x", real=True)
 PACKAGE = Path(cache.__file__).resolve().parent.parent
 
 # Three models through one kernel, which reaches each of them by address; reports what was compiled and loaded.
@@ -210,3 +212,29 @@ def test_fingerprints_do_not_depend_on_the_process():
         done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
         prints.add(done.stdout)
     assert len(prints) == 1
+
+
+BESIDE_NUMBA = """
+import sys
+import numpy as np, sympy as sp
+from pwsmooth import Switch, System, solve
+from pwsmooth.compare.plain import plain
+from pwsmooth.compare.timestepping import stepper
+
+x, v = sp.symbols("x v", real=True)
+system = System({x: v, v: -x - Switch("lam", v)})
+plain(system).bare(0.0, np.array([12.0, 6.0]))  # numba has told the linker of its runtime
+if "solve" in sys.argv:
+    solve(system, (0, 1), {x: 12, v: 6})  # links the units
+print(stepper(plain(system))(0.0, 1.0, np.array([12.0, 6.0]), 10, 0.5)[0][-1].tolist())
+"""
+
+
+def test_linked_units_leave_the_runtime_of_numba_alone():
+    solve(System({X: -sp.sign(X)}), (0, 1), {X: 2})  # compiles the units, if this is the first process
+    printed = [
+        subprocess.run([sys.executable, "-c", BESIDE_NUMBA, *more], capture_output=True, text=True)
+        for more in ([], ["solve"])
+    ]
+    assert [p.returncode for p in printed] == [0, 0], printed[1].stderr
+    assert printed[0].stdout == printed[1].stdout

@@ -56,12 +56,28 @@ _PYTHON = (
 _kept: list = []  # engines and numba functions, whose addresses are in use
 
 
+def _own_name(name: str) -> str:
+    """A name of the same length that numba does not use: symbols of llvmlite are those of the whole process."""
+    return "pws" + name[3:]
+
+
+def _detached(image: bytes) -> bytes:
+    """The object file with its references to numba's runtime renamed.
+
+    Under their own names they would be resolved for numba too: a user's `@njit` function in the same process
+    would free its arrays with our dummy.
+    """
+    for name in _NEVER_CALLED:
+        image = image.replace(name.encode() + b"\0", _own_name(name).encode() + b"\0")
+    return image
+
+
 @cache
 def _resolve_symbols() -> None:
     nothing = ctypes.CFUNCTYPE(ctypes.c_void_p)(lambda: None)
     _kept.append(nothing)
     for name in _NEVER_CALLED:
-        llvm.add_symbol(name, ctypes.cast(nothing, ctypes.c_void_p).value)
+        llvm.add_symbol(_own_name(name), ctypes.cast(nothing, ctypes.c_void_p).value)
     for name in _PYTHON:
         llvm.add_symbol(name, ctypes.addressof(ctypes.c_char.in_dll(ctypes.pythonapi, name)))
 
@@ -82,7 +98,7 @@ def unit_address(name: str) -> int:
         )
         return compiled.address
     _resolve_symbols()
-    engine = link(image)
+    engine = link(_detached(image))
     _kept.append(engine)
     return engine.get_function_address(symbol.decode())
 
