@@ -1,0 +1,224 @@
+"""Lyapunov exponents: mean growth of deviations along a trajectory, sticks and jumps included.
+
+    q_k+1 r_k = F_k q_k     (QR decompositions),     exponent_i = lim sum_k log|r_k,ii| / time
+
+with the factors F of variations.py: transition matrices of the steps and saltation matrices (P. C. Mueller, Chaos,
+Solitons & Fractals 5 (1995) 1671). A stick annihilates a direction: its exponent is -inf, and that is the truth.
+On a periodic orbit the exponents are log|multiplier|/period.
+
+Chain: variations.py -> **lyapunov**.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..records import Outcome
+from ..solution import Solution
+from ..solve import solve
+from .variations import Variations, variations
+
+__all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
+
+_PIECES = 20  # means over as many parts of the run give the error
+_CHUNK = 500.0  # time whose polynomials are kept at once
+
+
+@dataclass(frozen=True)
+class LyapunovExponents:
+    """Exponents, largest first, and how well the run determines them.
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (count,)
+        1/time; -inf for directions that a stick, an impact without rebound or a reset takes away.
+    errors : ndarray, shape (count,)
+        Standard error of the mean over the parts of the run; it knows nothing of slower changes.
+    time : float
+        Length of the average.
+    outcome : Outcome
+        How the trajectory ended; after a failure the exponents are those of the part before it.
+    """
+
+    exponents: np.ndarray
+    errors: np.ndarray
+    time: float
+    outcome: Outcome
+
+
+class _Frame:
+    """Orthonormal deviations carried along, and the logarithms of their growth."""
+
+    def __init__(self, n: int, count: int, start: float) -> None:
+        self.start = start
+        # The same generic directions in every run; no run is different for its seed.
+        self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
+        self.times: list[float] = []
+        self.logs: list[np.ndarray] = []
+
+    def carry(self, moved: Variations, until: float = math.inf) -> None:
+        """Apply the factors up to a time."""
+        n, count = self.q.shape
+        for factor, time in zip(moved.factors, moved.times):
+            if time > until:
+                break
+            grown = factor[:n, :n] @ self.q
+            if count == 1:
+                size = np.sqrt((grown * grown).sum(axis=0))
+                self.q = grown / size if size > 0 else self.q
+            else:
+                self.q, r = np.linalg.qr(grown)
+                size = np.abs(np.diag(r))
+                # What is left of an annihilated direction is rounding.
+                size[size < 1e-14 * np.abs(grown).max()] = 0.0
+            with np.errstate(divide="ignore"):
+                self.logs.append(np.log(size))
+            self.times.append(float(time))
+
+    def means(self, start: float, end: float, outcome: Outcome) -> LyapunovExponents:
+        """Growth rates over (start, end]."""
+        count = self.q.shape[1]
+        times, logs = np.array(self.times), np.array(self.logs).reshape(-1, count)
+        before = times <= start
+        if not end > start or before.all():
+            empty = np.full(count, np.nan)
+            return LyapunovExponents(empty, empty.copy(), 0.0, outcome)
+        # Whole factors only: the average begins at the end of a step.
+        start = float(times[before].max(initial=self.start))
+        times, logs = times[~before], logs[~before]
+        exponents = logs.sum(axis=0) / (end - start)
+        edges = np.linspace(start, end, _PIECES + 1)
+        part = np.clip(np.searchsorted(edges, times, side="left") - 1, 0, _PIECES - 1)
+        rates = np.zeros((_PIECES, count))
+        with np.errstate(invalid="ignore"):
+            np.add.at(rates, part, logs)
+            errors = rates.std(axis=0, ddof=1) / math.sqrt(_PIECES) * _PIECES / (end - start)
+        order = np.argsort(-exponents, kind="stable")
+        return LyapunovExponents(exponents[order], errors[order], end - start, outcome)
+
+
+def largest_exponent(solution: Solution, after: float | None = None) -> float:
+    """Largest Lyapunov exponent of a solution.
+
+    Parameters
+    ----------
+    solution : Solution
+        Solved with `dense_output=True`.
+    after : float, optional
+        The average begins with the first step after it; before, the deviation finds its direction. Default: a
+        fifth of the run.
+
+    Returns
+    -------
+    float
+        1/time; -inf where sticks annihilate every direction, nan where nothing was left to average.
+
+    Raises
+    ------
+    ValueError
+        No dense output.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, y = sp.symbols("x y", real=True)
+    >>> run = solve(System({x: -x / 2, y: -3 * y}), (0, 20), {x: 1, y: 1}, dense_output=True)
+    >>> round(largest_exponent(run), 6)
+    -0.5
+    """
+    start, end = float(solution.t[0]), float(solution.t[-1])
+    if not end > start:
+        return math.nan
+    frame = _Frame(len(solution.x), 1, start)
+    frame.carry(variations(solution))
+    begin = start + 0.2 * (end - start) if after is None else float(after)
+    return float(frame.means(begin, end, solution.outcome).exponents[0])
+
+
+def lyapunov_exponents(
+    system: Any,
+    x0: Any,
+    time: float,
+    *,
+    transient: float = 0.0,
+    start_time: float = 0.0,
+    count: int = 1,
+    **options: Any,
+) -> LyapunovExponents:
+    """The largest `count` Lyapunov exponents of a system from a start.
+
+    Parameters
+    ----------
+    system : System
+    x0 : mapping or sequence of float
+    time : float
+        Length of the average, in the system's time.
+    transient : float
+        Time before it, in which the trajectory settles and the deviations find their directions.
+    start_time : float
+        t of `x0`.
+    count : int
+        1 to the number of states.
+    **options
+        For `solve`.
+
+    Returns
+    -------
+    LyapunovExponents
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input.
+
+    Notes
+    -----
+    The run is solved in pieces, so that memory does not grow with its length. A piece ends where nothing slides:
+    a restart would have to choose anew between several roots of the layer.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> damped = System({x: v, v: sp.cos(t) - x - v / 5}, time=t)
+    >>> found = lyapunov_exponents(damped, {x: 0, v: 0}, 200, transient=20, count=2)
+    >>> [round(float(e), 2) for e in found.exponents]
+    [-0.1, -0.1]
+    """
+    time, transient = checks.positive(time, "`time`"), float(transient)
+    if not 0 <= transient < math.inf:
+        raise ValueError(f"`transient` is {transient}; give a time >= 0.")
+    x = np.array(system.initial_state(x0), float)
+    frame = _Frame(len(x), checks.whole(count, "`count`", 1, len(x)), start_time)
+    t, first, last = start_time, start_time + transient, start_time + transient + time
+    outcome = Outcome.FINISHED
+    while t < last:
+        # The average begins where a piece does, so that it holds whole periods if `time` does.
+        end = min(t + _CHUNK, last, first if t < first else last)
+        run = solve(system, (t, end), list(map(float, x)), **{**options, "dense_output": True})
+        outcome = run.outcome
+        column = len(run.t) - 1
+        if run.success and run.t[-1] < last:
+            column = _free_column(run)
+        frame.carry(variations(run), float(run.t[column]))
+        t, x = float(run.t[column]), run.x[:, column]
+        if outcome is not Outcome.FINISHED:
+            break
+    return frame.means(first, t, outcome)
+
+
+def _free_column(run: Solution) -> int:
+    """The last column between events at which no multiplier is solved; the last one of all if there is none."""
+    free = np.all(run.status != 0, axis=0)
+    free[0] = False
+    alone = np.diff(run.t, prepend=-np.inf, append=np.inf)
+    free &= (alone[:-1] > 0) & (alone[1:] > 0)
+    found = np.flatnonzero(free)
+    return int(found[-1]) if found.size and found[-1] > 0.5 * len(run.t) else len(run.t) - 1

@@ -1,0 +1,85 @@
+"""Lyapunov exponents: of periodic orbits, of a chaotic flow with an exact return map, of a chaotic oscillator."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from friction_oscillator import coulomb, hidden, v, y, z
+
+from pwsmooth import Event, Memory, System, solve
+from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
+from pwsmooth.analysis.orbits import find_orbit
+
+PERIOD = 2 * math.pi
+x, u = sp.symbols("x u", real=True)
+
+
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [
+        (coulomb(), {y: 0.5, v: 0.3}),
+        (hidden(), {y: 0.6, v: -1.07, z: 0}),
+        (hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03}),
+        (hidden().smoothed(eps=0.1), {y: 0.5, v: 0.3, z: 0}),
+    ],
+    ids=["crossings", "relaxing", "slaved", "smoothed"],
+)
+def test_on_a_periodic_orbit_they_are_the_logarithms_of_the_multipliers(system, start):
+    orbit = find_orbit(system, start, period=2 * sp.pi, transient=30)
+    found = lyapunov_exponents(system, orbit.start, 10 * PERIOD, transient=5 * PERIOD, rtol=1e-11)
+    # Five periods align the deviation but for |m2/m1|**5 < 1e-6 of it.
+    assert found.exponents[0] == pytest.approx(math.log(abs(orbit.multipliers[0])) / PERIOD, abs=1e-6)
+
+
+def test_a_direction_that_a_stick_takes_away_has_minus_infinity():
+    slaved = hidden().layered({z: sp.oo})
+    found = lyapunov_exponents(slaved, {y: 0.78, v: -1.03}, 20 * PERIOD, transient=10 * PERIOD, count=2)
+    assert found.exponents[0] > -1
+    assert found.exponents[1] == -math.inf
+
+
+def folding_spiral(delta, frequency=1.0):
+    """An unstable spiral about s = +-1, s taken anew at every turning point: x -> s (1 + E) - E x, s = sign x."""
+    side = Memory("side", 1)
+    square = frequency**2 + delta**2
+    return System({x: u, u: 2 * delta * u - square * (x - side)}, events=[Event(u, update={side: sp.sign(x)})])
+
+
+def test_a_chaotic_flow_whose_return_map_has_one_slope():
+    # Half a turn takes pi/w and stretches by E = exp(delta pi/w) < 2: the exponent is delta, the flow's own 0,
+    # and the memory, overwritten at every event, has none.
+    delta = 0.15
+    found = lyapunov_exponents(folding_spiral(delta), {x: 0.7, u: 0.0}, 2000, transient=50, count=3)
+    assert found.outcome.success
+    # Both ends of the run lie inside a turn, which changes the sum of logarithms by no more than some 2 delta pi.
+    assert found.exponents[0] == pytest.approx(delta, abs=2 * math.pi * delta / 2000 * 2)
+    assert found.exponents[1] == pytest.approx(0, abs=5 / 2000)
+    assert found.exponents[2] == -math.inf
+
+
+def test_the_pieces_of_a_long_run_make_no_difference():
+    system, start = coulomb(), {y: 0.5, v: 0.3}
+    whole = solve(system, (0, 1300), start, dense_output=True, rtol=1e-11)
+    pieces = lyapunov_exponents(system, start, 1100, transient=200, rtol=1e-11)
+    # One average begins at t = 200, the other with the first step after it: no step or jump grows by more than e.
+    assert pieces.exponents[0] == pytest.approx(largest_exponent(whole, after=200), abs=1 / 1100)
+    assert 0 < pieces.errors[0] < 0.01
+
+
+def test_a_failed_run_gives_the_average_of_what_was_reached():
+    blows_up = System({x: x**2})
+    found = lyapunov_exponents(blows_up, {x: 1}, 5)
+    assert not found.outcome.success
+    assert found.time == pytest.approx(1, abs=1e-3)
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(ValueError, match="`time`"):
+        lyapunov_exponents(coulomb(), {y: 0, v: 0}, -1)
+    with pytest.raises(ValueError, match="`count`"):
+        lyapunov_exponents(coulomb(), {y: 0, v: 0}, 1, count=3)
+    with pytest.raises(ValueError, match="dense_output=True"):
+        largest_exponent(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}))
+    assert math.isnan(largest_exponent(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}, dense_output=True), after=2))
+    assert np.isfinite(largest_exponent(solve(coulomb(), (0, 9), {y: 0.5, v: 0.3}, dense_output=True)))
