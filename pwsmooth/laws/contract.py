@@ -145,8 +145,9 @@ class Joint:
         return Memory(self.label(name), initial, **assumptions)
 
     def switch(self, name: str, surface: sp.Expr) -> Switch:
-        """The multiplier of a surface, for terms that are nonlinear in it."""
-        return Switch(self.label(name), surface)
+        """The multiplier of a surface, for terms that are nonlinear in it; a constant's is its sign."""
+        surface = sp.sympify(surface)
+        return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 
     def family(self, n: int) -> Family:
         """The elements of a multistate law."""
@@ -200,6 +201,12 @@ class Law:
         """Force and rates at a joint, per unit of load; `p` has the parameters' symbols as attributes."""
         raise NotImplementedError
 
+    def steady(self, v: Any, p: Any) -> sp.Expr:
+        """Steady force at constant velocity, per unit of load, where the law has one; an odd function of v."""
+        raise NotImplementedError(
+            f"{type(self).__name__} has no steady curve: its force depends on the position."
+        )
+
     # ---- for users and scenes
 
     def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
@@ -211,7 +218,7 @@ class Law:
         velocity, position, acceleration : expression
             Motion at the joint; `needs` says which of the latter two the law uses.
         normal : expression, optional
-            Normal load; the law is per unit of load then.
+            Normal load; the law is per unit of load then. One that stays at zero is written Max(0, ...).
         time : Symbol, optional
         name : str
             Put behind the names of states and parameters, to tell several laws of a system apart.
@@ -240,6 +247,12 @@ class Law:
             events=(*pieces.events, *self._resets(at, pieces)),
             outputs={at.label(key): e for key, e in pieces.outputs.items()},
         )
+
+    def steady_force(self, velocity: Any) -> Any:
+        """Steady force at constant velocities (numbers, per unit of load)."""
+        v = sp.Symbol("v", real=True)
+        p = SimpleNamespace(**{name: value for name, value in self.values.items()})
+        return sp.lambdify(v, sp.sympify(self.steady(v, p)), "numpy")(velocity)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -282,10 +295,10 @@ class Law:
             if not value:
                 raise ValueError(f"{owner} is empty; give one value for each element.")
             value = tuple(_number(v, owner) for v in value)
-        elif not isinstance(value, str):
+        else:
             value = _number(value, owner)
         for v in value if isinstance(value, tuple) else (value,):
-            if not isinstance(v, str) and not test(v):
+            if not test(v):
                 raise ValueError(f"{owner} is {v!r}; the {about['meaning']} must be {words} ({about['unit']}).")
         lengths = {len(v) for _, v in self._each() if isinstance(v, (tuple, list))}
         if len(lengths) > 1:
@@ -318,7 +331,10 @@ class Law:
         """A contact that opens or closes forgets the deflections: they belong to the junctions that it had."""
         if at.load.is_positive or not pieces.rates:
             return ()
-        return (Event(at.load, update=dict.fromkeys(pieces.rates, 0), name=at.label("load vanishes")),)
+        # Of Max(0, g) the surface is g, which does not stay at zero.
+        others = [e for e in at.load.args if e != 0] if isinstance(at.load, sp.Max) else []
+        surface = others[0] if len(others) == 1 and 0 in at.load.args else at.load
+        return (Event(surface, update=dict.fromkeys(pieces.rates, 0), name=at.label("load vanishes")),)
 
 
 def _number(value, owner):

@@ -14,7 +14,7 @@ from ..laws import Law
 from .drive import check_continuous, expression, t, value_at
 from .scene import Scene, assemble
 
-x = sp.Symbol("x", real=True)
+x, v, done = sp.symbols("x v work", real=True)
 
 
 def prescribed_motion(
@@ -26,6 +26,7 @@ def prescribed_motion(
     t_span: tuple[float, float] = (0.0, 1.0),
     period: float | None = None,
     parameters: Mapping[Any, float] | None = None,
+    work: bool = False,
 ) -> Scene:
     """A law under a given motion.
 
@@ -41,6 +42,8 @@ def prescribed_motion(
         Period of the motion.
     parameters : mapping of Symbol or str to float, optional
         Values of the drive's symbols.
+    work : bool
+        Add the state `work`, the integral of f v dt.
 
     Returns
     -------
@@ -71,19 +74,27 @@ def prescribed_motion(
         speed, begin = place.diff(t), value_at(place, t_span[0], values)
     else:
         place, speed, begin = x, expression(velocity, "velocity"), 0.0
+    own, begins = {}, {}
+    if t not in speed.free_symbols:
+        # What never changes can be no surface: the constant becomes a state that keeps its value.
+        begins[v], own[v] = value_at(speed, t_span[0], values), sp.S.Zero
+        speed = v
+        values = {key: value for key, value in values.items() if str(key) in map(str, place.free_symbols)}
+    own[x], begins[x] = speed, begin
     load = None if normal is None else expression(normal, "normal")
     pieces = law.attach(position=place, velocity=speed, acceleration=speed.diff(t), normal=load, time=t)
-    own = {x: speed} if velocity is not None or not pieces.rates else {}
+    if work:
+        own[done], begins[done] = pieces.force * speed, 0.0
     system, start, atol = assemble(
         own,
         pieces,
         time=t,
-        start={x: begin} if own else {},
+        start=begins,
         parameters=values,
         outputs={"force": pieces.force, "position": place, "velocity": speed},
         begin=t_span[0],
     )
-    shown = {"force", "position", "velocity", *pieces.outputs}
+    shown = {"force", "position", "velocity", *pieces.outputs, *(("work",) if work else ())}
     return Scene(
         f"prescribed motion, {type(law).__name__}",
         system,

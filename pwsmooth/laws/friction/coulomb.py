@@ -9,6 +9,7 @@ value g(0) of a Stribeck curve, or a hidden term: a part of f(lam) that vanishes
 import sympy as sp
 
 from ..contract import Law, Pieces, law, parameter
+from ..inclusions import clip
 from .stribeck import check_stribeck, stribeck
 
 
@@ -134,5 +135,5 @@ class ModifiedCoulomb(Law):
         )  # the second form has no surface v = 0
 
     def steady(self, v, p):
-        low, high = (sp.Max(-limit, sp.Min(limit, v)) for limit in (p.v_0, p.v_1))
+        low, high = clip(v, p.v_0), clip(v, p.v_1)
         return p.F_c * (high - low) / (p.v_1 - p.v_0)

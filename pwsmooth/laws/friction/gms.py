@@ -4,7 +4,7 @@
     f = sum (kappa_i z_i + sigma_i dz_i/dt) + sigma2 v
 
 Stick -> slip where |kappa_i z_i| reaches lam_i s(v) (outwards), slip -> stick where v crosses zero: hybrid modes,
-here a Memory for each element. s is even; the form sgn(v) C (lam_i - F_i/s) needs an odd one.
+here a Memory for each element. s is even: the form sgn(v) C (lam_i - F_i/s) needs an odd one.
 """
 
 import sympy as sp
@@ -34,21 +34,21 @@ class GMS(Law):
     def pieces(self, at, p):
         elements, v = at.family(self.elements), at.v
         z = at.member(elements, "z", scale=self.F_s / max(self.kappas()))
-        stuck = elements.memory(at.label("stuck"), 1)
+        # 0 while it sticks, else the direction of slip, in which v cannot turn without sticking first.
+        slip = elements.memory(at.label("slip"), 0)
         threshold = p.share * stribeck(v, p)
-        slip = p.C / p.kappa * (p.share * sp.sign(v) - p.share * p.kappa * z / threshold)
-        rate = sp.Piecewise((v, sp.Eq(stuck, 1)), (slip, True))
-        outwards = sp.And(sp.Eq(stuck, 1), z * v > 0)
+        attraction = p.C / p.kappa * p.share * (slip - p.kappa * z / threshold)
+        rate = sp.Piecewise((v, sp.Eq(slip, 0)), (attraction, True))
         events = (
-            Event((p.kappa * z / threshold) ** 2 - 1, direction=1, update={stuck: 0}, when=outwards,
-                  name=at.label("slip")),
-            Event(v, when=sp.Eq(stuck, 0), update={stuck: 1}, name=at.label("stick")),
+            Event((1 - slip**2) * (p.kappa * z / threshold) ** 2 - 1, direction=1, update={slip: sp.sign(z)},
+                  when=z * v > 0, name=at.label("slip")),
+            Event(v, when=sp.Ne(slip, 0), update={slip: 0}, name=at.label("stick")),
         )  # fmt: skip
         return Pieces(
             force=elements.sum(p.kappa * z + p.sigma * rate) + p.sigma2 * v,
             rates={z: rate},
             events=events,
-            outputs={"presliding": elements.sum(stuck)},
+            outputs={"presliding": elements.sum(1 - slip**2)},
             surfaces=(v, sp.Abs(p.kappa * z) - threshold),
             fastest_rate=p.C / stribeck(v, p),
         )

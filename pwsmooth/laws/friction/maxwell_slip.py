@@ -17,12 +17,12 @@ from ..contract import Law, Pieces, law, parameter
 def slider(z, limit, stuck, v, at):
     """(rate, events) of a spring of deflection z before a slider that gives way at |z| = limit."""
     rate = sp.Piecewise((v, sp.Eq(stuck, 1)), (0, True))
-    # Sticking starts a few roundings inside: where v only touches zero the limit is reached again, from below.
-    inside = z * (1 - sp.Float(2.0**-48))
+    end = limit * sp.sign(z)
     return rate, (
         # While it slips |z| stays at the limit: a surface that stayed there too would be met again and again.
-        Event(stuck * (z / limit) ** 2 - 1, direction=1, update={stuck: 0}, name=at.label("slip")),
-        Event(v, update={stuck: 1, z: inside}, when=sp.Eq(stuck, 0), name=at.label("stick")),
+        Event(stuck * (z / limit) ** 2 - 1, direction=1, update={stuck: 0, z: end}, name=at.label("slip")),
+        # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
+        Event(v, update={stuck: 1, z: end * (1 - 2.0**-48)}, when=sp.Eq(stuck, 0), name=at.label("stick")),
     )
 
 
@@ -82,7 +82,7 @@ class MaxwellSlip(Law):
 
     def strengths(self):
         """L_i, shape (n,)"""
-        return np.broadcast_arrays(self.kappa, self.strength)[1]
+        return np.broadcast_arrays(np.atleast_1d(self.kappa), self.strength)[1]
 
 
 @law

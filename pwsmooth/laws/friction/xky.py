@@ -11,12 +11,8 @@ elements with thresholds lam_i s, where s lags behind g(v): tau_d ds/dt = g(v) -
 import sympy as sp
 
 from ..contract import Law, Pieces, law, parameter
+from ..inclusions import clip, sat_of_sgn
 from .stribeck import check_stribeck, stribeck
-
-
-def clip(x, limit):
-    """x cut off at -limit and limit"""
-    return sp.Max(-limit, sp.Min(limit, x))
 
 
 @law
@@ -37,7 +33,8 @@ class XKY(Law):
     def pieces(self, at, p):
         a, v, g = at.state("a", scale=self.F_c / self.kappa), at.v, stribeck(at.v, p)
         trial = p.kappa * a + p.sigma * v
-        bristle = clip(trial, g)
+        # Sgn -> sat with x = v + kappa a/sigma and y = f: x - y/sigma = v - da/dt
+        bristle = sat_of_sgn(trial / p.sigma, g, p.sigma)
         return Pieces(
             force=bristle + p.sigma2 * v,
             rates={a: (bristle - p.kappa * a) / p.sigma},
