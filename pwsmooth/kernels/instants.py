@@ -201,6 +201,26 @@ def _sides_after_jump(P, S, R, W):
 
 
 @kernel
+def _step_inside(P, S, j, W):
+    """Moves S.x by roundings onto the side of h_j that it has entered: a power has its branch point on h_j = 0.
+
+    A located zero of a curved surface is one to rounding, of either sign, and delta^1.5 does not exist on the other.
+    """
+    if P.surface_state[j] >= 0:
+        return
+    evaluate_surfaces(P, S, W)
+    best, most, total = 0, 0.0, 0.0
+    for i in range(P.n):
+        part = abs(W.dh[j * P.n + i] * S.x[i])
+        total += part
+        if part > most:
+            best, most = i, part
+    side = float(S.status[j])
+    if most > 0.0 and side * W.h[j] < 4e-16 * total:
+        S.x[best] += (side * 8e-16 * total - W.h[j]) / W.dh[j * P.n + best]
+
+
+@kernel
 def _arrivals(P, C, S, R, W, size, jumped):
     """Settles the switches W.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
     m = P.m
@@ -341,6 +361,8 @@ def at_instant(P, C, S, R, W):
             S.deflate[j] = 1
             switched = True
             note_interval(S, j)
+            if P.rk_unit != 0:
+                _step_inside(P, S, j, W)
     if fold >= 0:
         S.counts[C_LAYERS] += 1
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)

@@ -247,8 +247,9 @@ def run(P, C, S, R, W):
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
             h = taylor_step_size(P, C, S, rows, x, C.atol, mult_row, any_solved)
-        if math.isnan(h) and P.rk_unit != 0:
-            # No Taylor series from here: a power that vanishes at an event, such as delta^1.5 at touch-down.
+        if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
+            # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
+            # delta^1.5 at touch-down.
             by_pair = True
             mult_row, surface_rows = n, P.rows_pair
             longest = min(C.max_step, next_stop(C, S) - S.now[0])
