@@ -353,6 +353,8 @@ def at_instant(P, C, S, R, W):
         else:
             went = -status[j]
             if jumped:
+                if P.rk_unit != 0:
+                    _step_inside(P, S, j, W)  # on the other side the field may not exist
                 went = 1 if leading_order(P, C, S, W, j) > 0 else -1
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
