@@ -209,15 +209,15 @@ def _step_inside(P, S, j, W):
     if P.surface_state[j] >= 0:
         return
     evaluate_surfaces(P, S, W)
-    best, most, total = 0, 0.0, 0.0
-    for i in range(P.n):
-        part = abs(W.dh[j * P.n + i] * S.x[i])
+    best, most, total = -1, 0.0, 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        part = abs(W.dh[e] * S.x[P.dh_col[e]])
         total += part
         if part > most:
-            best, most = i, part
+            best, most = e, part
     side = float(S.status[j])
-    if most > 0.0 and side * W.h[j] < 4e-16 * total:
-        S.x[best] += (side * 8e-16 * total - W.h[j]) / W.dh[j * P.n + best]
+    if best >= 0 and side * W.h[j] < 4e-16 * total:
+        S.x[P.dh_col[best]] += (side * 8e-16 * total - W.h[j]) / W.dh[best]
 
 
 @kernel
