@@ -202,7 +202,7 @@ def _sides_after_jump(P, S, R, W):
 
 @kernel
 def _step_inside(P, S, j, W):
-    """Moves S.x by roundings onto the side of h_j that it has entered: a power has its branch point on h_j = 0.
+    """Moves S.x by roundings onto the side S.status[j] of h_j: a power may have its branch point on h_j = 0.
 
     A located zero of a curved surface is one to rounding, of either sign, and delta^1.5 does not exist on the other.
     """
@@ -324,6 +324,8 @@ def at_instant(P, C, S, R, W):
         W.came[j] = status[j]
         if W.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
+        elif W.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+            _step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
     record_point(P, S, R)
     S.counts[C_STALLED] = S.counts[C_STALLED] + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
     if S.counts[C_STALLED] > _MOST_AT_ONCE:
@@ -354,7 +356,7 @@ def at_instant(P, C, S, R, W):
             went = -status[j]
             if jumped:
                 if P.rk_unit != 0:
-                    _step_inside(P, S, j, W)  # on the other side the field may not exist
+                    _step_inside(P, S, j, W)
                 went = 1 if leading_order(P, C, S, W, j) > 0 else -1
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
