@@ -134,7 +134,9 @@ def test_names_are_taken_in_every_spelling_and_unknown_ones_refused():
 
 def test_every_figure_of_the_checkout_says_what_it_is():
     for name, module in figures.discover().items():
-        assert module.__name__.endswith(f"figure_{int(name):02d}")
+        first, _, second = name.partition(".")  # 4 is figure_04, 4.8 is figure_4_08, a word stands for itself
+        stem = f"{first}_{int(second):02d}" if second else f"{int(first):02d}" if first.isdigit() else first
+        assert module.__name__.endswith(f"figure_{stem}")
         assert module.TITLE and len(module.CAPTION.split()) > 15 and callable(module.draw)
 
 
@@ -180,10 +182,11 @@ def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path
     """Every claim that differs is one that is known to; the reasons stand in the figures."""
     assert figures.make(out=tmp_path, fast=True)
     entries = json.loads((tmp_path / "claims.json").read_text())
-    assert list(entries) == ["1", "2", "4", "5", "6", "7", "8", "9", "10"]
     assert len(list(tmp_path.glob("figure_*.png"))) == len(list(tmp_path.glob("figure_*.pdf"))) == len(entries)
     differ = {name: sum(c["verdict"] == "differs" for c in entry["claims"]) for name, entry in entries.items()}
-    assert differ == {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1}
+    known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1}
+    known |= {"4.8": 1, "4.9": 0, "4.10": 0, "4.11": 0}
+    assert differ == known
     last = entries["6"]["claims"][-1]
     assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
 
