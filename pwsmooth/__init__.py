@@ -17,6 +17,8 @@ _HOME = {
     "Algebraic": "primitives",
     "Family": "family",
     "Kicks": "noise",
+    "Diffusion": "diffusion",
+    "ensemble": "noise_ensemble",
     "solve": "solve",
     "Solution": "solution",
     "Outcome": "solution",

@@ -86,7 +86,7 @@ class Kicks:
         if self.law not in LAWS:
             raise ValueError(f"`law` is {self.law!r}; choose 'uniform' or 'normal'.")
         for name in ("seed", "trajectory"):
-            object.__setattr__(self, name, _whole(getattr(self, name), f"`{name}`"))
+            object.__setattr__(self, name, whole(getattr(self, name), f"`{name}`"))
         object.__setattr__(self, "every", every)
         if isinstance(self.size, Mapping):
             names = _names(self.on) if self.on is not None else tuple(str(key) for key in self.size)
@@ -131,6 +131,11 @@ def _names(on: Any) -> tuple[str, ...]:
     return tuple(str(s) for s in on)
 
 
+def rebundled(bundle: Any, **changes: Any) -> Any:
+    """A Bundle with some fields replaced."""
+    return type(bundle)(**{name: getattr(bundle, name) for name, _ in type(bundle).fields} | changes)
+
+
 def _size(value: Any, name: str) -> float:
     size = checks.number(value, f"`size` of {name!r}")
     if not 0 <= size < math.inf:
@@ -138,7 +143,7 @@ def _size(value: Any, name: str) -> float:
     return size
 
 
-def _whole(value: Any, what: str) -> int:
+def whole(value: Any, what: str) -> int:
     """An exact integer: a float seed would make runs differ that look the same."""
     try:
         if isinstance(value, (bool, np.bool_)):
@@ -216,9 +221,7 @@ class KickedRun:
         """The event-driven path's Problem with kicks in it."""
         from .codegen.units import unit_address
 
-        fields = {name: getattr(problem, name) for name, _ in type(problem).fields}
-        fields["p"] = self._headed(fields["act"], problem.p)
-        return type(problem)(**fields | {"act": unit_address("kick_act")})
+        return rebundled(problem, p=self._headed(problem.act, problem.p), act=unit_address("kick_act"))
 
     def smooth(self, addresses: np.ndarray, act: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(addresses, parameters) of the smoothed path with kicks in them; `act` is the place of its `act`."""
@@ -230,19 +233,30 @@ class KickedRun:
         return addresses, p
 
 
-def kicked(system: Any, noise: Any, method: str) -> KickedRun | None:
-    """The run of a system with kicks; None where the noise changes nothing.
+def prepared(system: Any, noise: Any, method: str) -> Any:
+    """The run of a system with noise: a KickedRun or DiffusionRun; None where the noise changes nothing.
 
     Raises
     ------
     ValueError, TypeError
-        `noise` is none, a state that does not exist, a method that cannot be restarted at a kick.
+        `noise` is none, it names what does not exist, or the method cannot run with it.
     """
+    from .diffusion import Diffusion
+    from .diffusion_run import DiffusionRun
     from .stiff import SCIPY_METHODS
 
+    if isinstance(noise, Diffusion):
+        if method != "auto":
+            raise ValueError(
+                f"`method` is {method!r}, but a diffusion has its own; leave `method` out, and set `step` and "
+                "`resolution` of the Diffusion."
+            )
+        diffusion = DiffusionRun(system, noise)
+        return diffusion if diffusion.acts else None
     if not isinstance(noise, Kicks):
         raise TypeError(
-            f"`noise` is {noise!r}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v'))."
+            f"`noise` is {noise!r}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v')), or "
+            "Diffusion(...), such as Diffusion({v: 0.1}, step=0.01)."
         )
     if method in SCIPY_METHODS:
         raise ValueError(

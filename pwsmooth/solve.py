@@ -68,8 +68,9 @@ def solve(
         Stop at the first ambiguity instead of following the recorded continuation.
     parameters : mapping, optional
         Values that replace the system's own for this run.
-    noise : Kicks, optional
-        Random kicks at regular times (noise.py).
+    noise : Kicks or Diffusion, optional
+        Random kicks at regular times, or white noise (noise.py, diffusion.py). A diffusion has steps of its own:
+        tolerances do not act on it.
 
     Returns
     -------
@@ -97,9 +98,9 @@ def solve(
         system = system.with_parameters(parameters)
     kicks = None
     if noise is not None:
-        from .noise import kicked
+        from .noise import prepared
 
-        kicks = kicked(system, noise, method)
+        kicks = prepared(system, noise, method)
         system = kicks.system if kicks else system
     model, values = system.model, system.parameters
     t0, t1 = checks.span(t_span)
@@ -114,6 +115,8 @@ def solve(
     for name, flag in (("strict", strict), ("dense_output", dense_output)):
         if not isinstance(flag, (bool, np.bool_)):
             raise TypeError(f"`{name}` is {flag!r}; give True or False.")
+    if hasattr(kicks, "solve"):
+        return kicks.solve((t0, t1), start, times, max_steps, strict, max_step, dense_output, order)
     rtol = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
     if smoothed:
         from .smooth_path import solve_smoothed

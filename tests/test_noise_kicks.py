@@ -1,13 +1,14 @@
 """Kicks: exact answers, reproducibility, and what they do to switches."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sympy as sp
 from noise_numbers import draws
 
-from pwsmooth import Event, Kicks, Memory, Switch, System, solve
+from pwsmooth import Event, Kicks, Memory, Outcome, Switch, System, ensemble, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 lam = Switch("lam", v)
@@ -198,3 +199,20 @@ def test_the_solution_says_what_kicked_it():
     run = solve(block(), (0, 1.5), {v: 0}, noise=Kicks(0.4, 1, on=v, seed=4))
     assert "uniform kicks of v by 0.4, every 1, seed 4" in repr(run)
     assert run.to_dataset().attrs["noise"] == str(run.noise)
+
+
+def test_an_ensemble_of_kicked_runs_is_what_solve_gives():
+    noise = Kicks(0.4, 1, on=v, seed=4)
+    many = ensemble(block(), (0, 3.5), {v: 0}, noise, 4, t_eval=[1.1, 2.1])
+    for k in range(4):
+        one = solve(block(), (0, 3.5), {v: 0}, noise=replace(noise, trajectory=k), t_eval=[1.1, 2.1, 3.5])
+        assert np.array_equal(many["v"][k], one["v"][:2]) and many.end[k, 0] == one["v"][2]
+
+
+def test_an_ensemble_keeps_what_came_before_a_stop():
+    system = System({x: 1 + 0 * x}, events=[Event(x - 2, terminal=True)])
+    many = ensemble(system, (0, 9), {x: 0}, Kicks(0.5, 1, on=x, seed=5), 3, t_eval=[0.5, 1, 4, 8])
+    assert set(many.outcomes) == {Outcome.TERMINATED}
+    assert np.array_equal(np.isnan(many["x"]), np.tile([0, 0, 1, 1], (3, 1)).astype(bool))
+    # One is kicked across the surface of the event, which ends it as well.
+    assert np.all((many.end >= 2) & (many.end < 2.5)) and np.all(many.end_time < 4)

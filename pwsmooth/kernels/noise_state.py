@@ -16,3 +16,46 @@ class Kick(Bundle):
     trajectory: "int"
     where: "i8[1]"  # states that are kicked
     size: "f8[1]"
+
+
+ROOT, SPLIT = 0x726F6F74, 0x73706C69  # of the Brownian path: whole intervals, and their halves
+DEEPEST = 40  # halvings of an interval
+LOCATED = 34  # halvings after which an event counts as located: 6e-11 of an interval
+
+# Entries of Diffused.place: where on the Brownian path the run stands, and what it has done.
+INTERVAL, POSITION, LEVEL, LAST, RECORDING, TRAJECTORY, REJECTED = range(7)
+
+
+class Diffused(Bundle):
+    """One diffusion: dx = f dt + G dW with q sources, on a Brownian path made of intervals of length `step`."""
+
+    outputs: "int"  # address of the generated function that fills `out`, see codes below
+    q: "int"
+    pairs: "int"  # number of Milstein terms a state: q (q + 1)/2, or 0 where G depends on time alone
+    moving: "int"  # 1: G depends on time
+    gates: "int"  # number of smoothed surfaces
+    step: "float"
+    resolution: "float"
+    level: "int"  # halvings of every interval
+    finest: "int"  # further ones beside a surface that the noise acts on
+    seed: "int"
+    noisy: "i8[1]"  # (m + ne,) the noise acts on this surface
+    place: "i8[1]"
+    out: (
+        "f8[1]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
+    )
+    out_start: "f8[1]"  # the same at the start of the step
+    out_ahead: "f8[1]"
+    increment: "f8[2]"  # (DEEPEST + 1, q) of every level: increment of W over the present part of the interval
+    area: "f8[2]"  # ... and its space-time area H = int W ds / h - W/2
+    right_increment: "f8[2]"  # the same of the other half
+    right_area: "f8[2]"
+    x: "f8[1]"  # (n,) start of the step
+    f: "f8[1]"
+    mult: "f8[1]"  # (m,)
+    status: "i8[1]"
+    starts: "f8[2]"  # (1 or trajectories, n), of an ensemble
+    snapshots: "f8[3]"  # (trajectories, times, n)
+    grid: "i8[1]"  # (times,) interval at whose start each snapshot is taken
+    ends: "f8[2]"  # (trajectories, n + 1): time and state at the end of each
+    codes: "i8[2]"  # (trajectories, 2): why it ended, steps

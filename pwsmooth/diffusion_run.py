@@ -1,0 +1,255 @@
+"""Running a diffusion: what is checked at the door, and one trajectory as a Solution.
+
+Chain: solve, ensemble -> **this file** -> diffusion.py (symbols), kernels/noise_path.py (steps), on the Brownian
+path of kernels/noise_tree.py.
+"""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from . import checks
+from .diffusion import Diffusion, lower, meaning, split
+from .event_driven import EventDriven
+from .noise import rebundled
+
+_LONGEST_GRID = 2**31  # intervals
+
+
+class DiffusionRun:
+    """A diffusion on one view, checked and compiled: what solve() and ensemble() run.
+
+    Raises
+    ------
+    ValueError
+        What `Diffusion` says about solve().
+    """
+
+    def __init__(self, system: Any, noise: Diffusion) -> None:
+        self.system, self.noise = system, noise
+        model = system.model
+        contacts = [str(m.symbol) for m in model.multipliers if m.kind == "contact"]
+        if contacts:
+            raise ValueError(
+                f"the system has the contact {checks.listing(contacts)}; a diffusion with contacts is not provided. "
+                "Use Kicks, or a contact law with a finite stiffness."
+            )
+        timed = [e.name for e in model.events if e.surface is None]
+        if timed:
+            raise ValueError(
+                f"the event {checks.listing(timed)} happens at given times, which a diffusion's steps do not meet; "
+                "solve from one instant to the next, or use Kicks."
+            )
+        own = {name: sp.Symbol(name, real=True) for name in noise.parameters}
+        named = meaning(system, own)
+        for name in own:
+            if named[name] is not own[name]:
+                raise ValueError(f"`parameters` of the diffusion names {name!r}, which the system has already.")
+        extra = {own[name]: value for name, value in noise.parameters.items()}
+        values = {**system.parameters, **extra}
+        states = list(model.states)
+        entries, numbers = split(noise.entries(states), named, values, lift=True)
+        for i, _, _ in entries:
+            if i >= len(states) - model.n_memory:
+                raise ValueError(
+                    f"`amplitude` drives {states[i].name!r}, which is a memory: it changes in events only."
+                )
+        self.acts = bool(entries)
+        if not self.acts:
+            return
+        used = tuple(s for s in extra if any(s in e.free_symbols for _, _, e in entries))
+        try:
+            lowered = lower(model, entries, used, noise.convention)
+            fits = lowered.holds({**values, **numbers})
+        except ValueError:
+            fits = False
+        if not fits:
+            # What cancels between its numbers cancels only with the numbers in place.
+            entries, numbers = split(noise.entries(states), named, values, lift=False)
+            lowered = lower(model, entries, used, noise.convention)
+        self.lowered = lowered
+        self.values = {**values, **numbers}
+        self._view = copy.copy(system)
+        self._view.model, self._view.parameters = lowered.model, self.values
+        self._warn()
+
+    def _warn(self) -> None:
+        slides = [
+            m for m, noisy in zip(self.system.model.multipliers, self.lowered.noisy)
+            if noisy and m.kind == "switch" and m.regularity == "sliding"
+        ]  # fmt: skip
+        if slides:
+            m = slides[0]
+            hidden = " and its hidden terms never act" if m.hidden else ""
+            warnings.warn(
+                f"the diffusion acts on the surface {m.surface} = 0 of {m.symbol}: at eps = 0 such a path does not "
+                f"stick{hidden}. For sticking under noise take the smoothed view, or Kicks.",
+                stacklevel=5,
+            )
+
+    def interval(self, t: float, what: str) -> int:
+        """Number of the interval that begins at t.
+
+        Raises
+        ------
+        ValueError
+            t is no multiple of the step.
+        """
+        t, step = float(t), self.noise.step
+        number = round(t / step)
+        if abs(t / step - number) > 1e-6 or abs(number) > _LONGEST_GRID:
+            raise ValueError(
+                f"{what} is {t!r}, which is no multiple of the diffusion's `step` {step!r}; the nearest one is "
+                f"{number * step!r}. Choose a step that divides it, such as {abs(t) / max(1, abs(number))!r}."
+            )
+        return number
+
+    def solve(self, t_span, start, times, max_steps, strict, max_step=math.inf, dense_output=False, order=None):
+        """The Solution of one trajectory."""
+        if dense_output:
+            raise ValueError(
+                "`dense_output` is True, but a diffusion has no polynomials; ask for times by `t_eval`."
+            )
+        if order is not None or max_step < math.inf:
+            raise ValueError(
+                "`order` and `max_step` do not act on a diffusion; set `step`, `level` and `resolution` of it."
+            )
+        first, last = (self.interval(t, "`t_span`") for t in t_span)
+        if first == last:
+            raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
+        for t in () if times is None else times:
+            self.interval(t, "an entry of `t_eval`")
+        run = Path(self, first * self.noise.step, last * self.noise.step, times, max_steps, strict)
+        run.advance(first, last, start)
+        return run.solution()
+
+    def bundle(self, problem, starts=None, snapshots=None, grid=None):
+        """The kernel's Diffused; without an ensemble its arrays are empty."""
+        from .kernels import noise_state as names
+
+        lowered, noise = self.lowered, self.noise
+        n, m = len(lowered.model.states), len(lowered.model.multipliers)
+        q = lowered.q
+        rows = 0 if snapshots is None else len(snapshots)
+        halves = np.zeros((names.DEEPEST + 2, q))
+        out = np.zeros(len(lowered.model.outputs))
+        from .codegen import compile_model
+
+        return names.Diffused(
+            outputs=compile_model(lowered.model).outputs,
+            q=q,
+            pairs=lowered.pairs,
+            moving=int(lowered.moving),
+            gates=len(lowered.model.smoothing),
+            step=noise.step,
+            resolution=noise.resolution,
+            level=noise.level,
+            finest=noise.finest,
+            seed=noise.seed,
+            noisy=np.array(lowered.noisy, np.int64),
+            place=np.zeros(7, np.int64),
+            out=out,
+            out_start=out.copy(),
+            out_ahead=out.copy(),
+            increment=halves,
+            area=halves.copy(),
+            right_increment=halves.copy(),
+            right_area=halves.copy(),
+            x=np.zeros(n),
+            f=np.zeros(n),
+            mult=np.zeros(m),
+            status=np.zeros(m, np.int64),
+            starts=np.zeros((0, n + 1)) if starts is None else starts,
+            snapshots=np.zeros((0, 0, n)) if snapshots is None else snapshots,
+            grid=np.zeros(0, np.int64) if grid is None else grid,
+            ends=np.zeros((rows, n + 1)),
+            codes=np.zeros((rows, 2), np.int64),
+        )
+
+
+def _free(problem, lowered):
+    """The Problem in which switches that the noise acts on do not slide."""
+    from .kernels import state
+
+    kind = problem.kind.copy()
+    for j, noisy in enumerate(lowered.noisy[: len(kind)]):
+        if noisy and kind[j] in (state.SLIDING, state.CROSSING):
+            kind[j] = state.KINK
+    return rebundled(problem, kind=kind)
+
+
+class Path(EventDriven):
+    """One trajectory: the event-driven run with the stochastic loop in the place of its own."""
+
+    def __init__(self, run: DiffusionRun, t0, t1, times, max_steps, strict):
+        view = run._view
+        p = np.array(view.parameter_values, float)
+        n = len(view.model.states)
+        super().__init__(
+            view,
+            run.values,
+            p,
+            1e-9,
+            np.full(n, 1e-12),
+            t1,
+            times,
+            False,
+            math.inf,
+            max_steps,
+            None,
+            strict,
+            "auto",
+        )
+        self.owner, self.t0, self.t1 = run, t0, t1
+        self.problem = _free(self.problem, run.lowered)
+        noise = run.noise
+        self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
+                           "finest": noise.finest}  # fmt: skip
+
+    def control_and_state(self, start):
+        """The kernel's Control and State at the start."""
+        names = self.names
+        m, ne = len(self.model.multipliers), len(self.model.events)
+        control = names.Control(**self.control, clock=np.empty(0), clock_event=np.empty(0, np.int64))
+        state = names.State(
+            now=np.array([self.t0, 1e-3]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
+            side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([self.t0, 0.0, 0.0, 0.0], (m, 1)),
+        )  # fmt: skip
+        return control, state
+
+    def advance(self, first, last, start):
+        """Runs the kernel to its end."""
+        from .codegen.units import unit_address
+        from .kernels import noise_state as names
+
+        control, state = self.control_and_state(start)
+        noise = self.owner.bundle(self.problem)
+        noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 1
+        noise.place[names.TRAJECTORY] = self.owner.noise.trajectory
+        diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
+        record = self._record(1024, None, state.counts)
+        while True:
+            bundles = (self.problem, control, state, record, self.work, noise)
+            self.code = diffuse(*(bundle.address for bundle in bundles))
+            if self.code != self.names.FULL:
+                break
+            record = self._record(max(4 * len(record.t), 65536), record, state.counts)
+        self.state, self.record, self.place = state, record, noise.place
+
+    def solution(self):
+        """The Solution, of the system as it was given."""
+        from .kernels import noise_state as names
+
+        solution = self.finish()
+        solution.system = self.owner.system
+        solution.noise = self.owner.noise
+        solution.cost = {"steps": int(self.state.counts[self.names.C_STEPS]),
+                         "refused": int(self.place[names.REJECTED]), "events": len(solution.events)}  # fmt: skip
+        return solution

@@ -1,0 +1,180 @@
+"""Ensembles: many trajectories of one system with noise, of which only what is asked for is kept.
+
+Chain: **this file** -> diffusion_run.py and kernels/noise_path.py (one compiled loop), or solve() for kicks.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from . import checks
+from .diffusion import Diffusion
+from .diffusion_run import DiffusionRun, Path
+from .noise import Kicks
+from .records import Outcome
+
+_ROWS = 64  # trajectories between two looks at the keyboard
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Many trajectories of one system with noise.
+
+    Attributes
+    ----------
+    t : ndarray, shape (nt,)
+        The asked-for times.
+    x : ndarray, shape (count, n, nt)
+        States there; nan where a trajectory had ended before.
+    end_time, end : ndarrays, shapes (count,) and (count, n)
+        Where and in which state each ended.
+    outcomes : tuple of Outcome
+    steps : ndarray of int, shape (count,)
+    states : tuple of str
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    end_time: np.ndarray
+    end: np.ndarray
+    outcomes: tuple[Outcome, ...]
+    steps: np.ndarray
+    states: tuple[str, ...]
+
+    def __getitem__(self, name: Any) -> np.ndarray:
+        """One state by name or Symbol, shape (count, nt)."""
+        if str(name) not in self.states:
+            raise KeyError(f"{str(name)!r} is no state of this ensemble; they are {', '.join(self.states)}.")
+        return self.x[:, self.states.index(str(name))]
+
+
+def ensemble(
+    system: Any,
+    t_span: Any,
+    x0: Any,
+    noise: Kicks | Diffusion,
+    count: int,
+    *,
+    t_eval: Any = None,
+    parameters: Mapping[Any, float] | None = None,
+    max_steps: int = 10_000_000,
+    **options: Any,
+) -> Ensemble:
+    """`count` trajectories of a system with noise, of which only what is asked for is kept.
+
+    Trajectory k has the noise `replace(noise, trajectory=noise.trajectory + k)` and is to the bit what solve() gives.
+    So an ensemble may be cut into parts, in any order, on any number of workers. Those of a Diffusion run in one
+    compiled loop.
+
+    Parameters
+    ----------
+    system, t_span, noise, parameters, max_steps
+        As for `solve`.
+    x0 : mapping, sequence, or ndarray of shape (count, n)
+        One start for all, or one a trajectory.
+    count : int
+    t_eval : array_like, optional
+        Times of the states that are kept; without it only the ends are.
+    **options
+        With Kicks: further options of `solve`.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `solve`; starts of a wrong shape.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Diffusion, System, ensemble
+    >>> x = sp.Symbol("x")
+    >>> many = ensemble(System({x: -x}), (0, 4), {x: 0}, Diffusion({x: 1}, step=1 / 16, seed=1), 2000)
+    >>> bool(abs(many.end.var() - 0.5) < 0.1)
+    True
+    """
+    count = checks.whole(count, "`count`", 1)
+    if parameters is not None:
+        system = system.with_parameters(parameters)
+    if isinstance(x0, np.ndarray) and x0.ndim == 2:
+        if len(x0) != count:
+            raise ValueError(f"`x0` has {len(x0)} rows for {count} trajectories; give one row each.")
+        starts = np.array([system.initial_state(row) for row in x0], float)
+    else:
+        starts = np.array([system.initial_state(x0)], float)
+    t0, t1 = checks.span(t_span)
+    times = checks.wanted_times(t_eval, t0, t1)
+    max_steps = checks.whole(max_steps, "`max_steps`", 1)
+    run = DiffusionRun(system, noise) if isinstance(noise, Diffusion) else None
+    if run is None or not run.acts:
+        return _one_by_one(system, (t0, t1), starts, noise, count, times, max_steps, options)
+    if options:
+        raise ValueError(f"{checks.listing(options)} do not act on a diffusion; leave them out.")
+    return _all_at_once(run, (t0, t1), starts, count, times, max_steps)
+
+
+def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options) -> Ensemble:
+    """Trajectories by solve()."""
+    from .solve import solve
+
+    n = starts.shape[1]
+    asked = np.empty(0) if times is None else times
+    x = np.full((count, n, len(asked)), np.nan)
+    end_time, end, steps, outcomes = np.zeros(count), np.zeros((count, n)), np.zeros(count, np.int64), []
+    wanted = None if times is None else np.append(asked, t_span[1])
+    for k in range(count):
+        own = replace(noise, trajectory=noise.trajectory + k)
+        start = starts[k if len(starts) > 1 else 0]
+        run = solve(system, t_span, start, noise=own, t_eval=wanted, max_steps=max_steps, **options)
+        # A run that stopped early ends with the state where it stopped, which was not asked for.
+        same = run.t[: len(asked)] == asked[: len(run.t)]
+        reached = int(np.argmin(np.append(same, False)))
+        x[k, :, :reached] = run.x[:, :reached]
+        end_time[k], end[k], steps[k] = run.t[-1], run.x[:, -1], run.cost["steps"]
+        outcomes.append(run.outcome)
+    names = tuple(str(s) for s in system.states)
+    return Ensemble(asked, x, end_time, end, tuple(outcomes), steps, names)
+
+
+def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
+    """`count` trajectories in one compiled loop; starts (1 or count, n)."""
+    from .codegen.units import unit_address
+    from .event_driven import _outcomes
+    from .kernels import noise_state as names
+
+    first, last = (run.interval(t, "`t_span`") for t in t_span)
+    asked = np.empty(0) if times is None else times
+    grid = np.array([run.interval(t, "an entry of `t_eval`") for t in asked], np.int64)
+    step, n = run.noise.step, starts.shape[1]
+    path = Path(run, first * step, last * step, None, max_steps, False)
+    control, state = path.control_and_state(starts[0].copy())
+    begun = np.column_stack([starts, np.full(len(starts), first * step)])
+    noise = run.bundle(path.problem, begun, np.empty((count, len(grid), n)), grid)
+    noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 0
+    noise.place[names.TRAJECTORY] = run.noise.trajectory
+    loop = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 6)(
+        unit_address("diffuse_many")
+    )
+    bundles = (path.problem, control, state, path._record(1024, None, state.counts), path.work, noise)
+    one = unit_address("diffuse")
+    for row in range(0, count, _ROWS):
+        # Between two visits Ctrl-C works.
+        loop(one, row, min(row + _ROWS, count), *(bundle.address for bundle in bundles))
+    words = _outcomes(path.names)
+    return Ensemble(
+        grid * step,
+        noise.snapshots.transpose(0, 2, 1).copy(),
+        noise.ends[:, 0].copy(),
+        noise.ends[:, 1:].copy(),
+        tuple(words[code] for code in noise.codes[:, 0].tolist()),
+        noise.codes[:, 1].copy(),
+        tuple(str(s) for s in run.system.states),
+    )
