@@ -242,13 +242,14 @@ def initial_state(x0, states, initial_memory, gone):
     memories = tuple(initial_memory)
     if isinstance(x0, Mapping):
         values, given = dict(initial_memory), set()
+        by_name = {s.name: s for s in (*memories, *states)}
         for key, value in x0.items():
             name = str(key)
             if name in gone:
                 raise ValueError(
                     f"`x0` names {name!r}, which is no state of this view: {gone[name]}. Leave it out."
                 )
-            symbol = next((s for s in (*states, *memories) if s.name == name), None)
+            symbol = by_name.get(name)
             if symbol is None:
                 raise ValueError(
                     f"`x0` names {name!r}, which is no state of this system; its states are "

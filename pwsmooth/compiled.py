@@ -28,24 +28,36 @@ class CompiledProblem:
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
         n, m, ne = code.n, code.m, code.ne
-        self.kind = np.array([_kind(mu) for mu in model.multipliers], np.int64)
+        # With families this is the model of one element, and `numbers` writes what holds for it out.
+        loops = model.loops
+        text = loops.template.model if loops else model
+
+        def numbers(kind, values):
+            return np.array(loops.spread(kind, values) if loops else values, np.int64)
+
+        self.kind = numbers("multipliers", [_kind(mu) for mu in text.multipliers])
         slides = bool(m) and bool(np.any((self.kind != state.KINK) & (self.kind != state.CROSSING)))
-        hidden = np.array([mu.hidden for mu in model.multipliers], np.int64)
+        hidden = numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
         folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
-        symbols = [mu.symbol for mu in model.multipliers]
         g_row, g_col = code.pattern("G")
         dh_row, dh_col = code.pattern("DH")
-        hub = np.zeros(0, np.int64)
+        # What is solved for and belongs to the whole system may couple all elements.
+        families = loops.template.families("multipliers") if loops else ()
+        hub = np.flatnonzero(numbers("multipliers", [f is None for f in families]) * (self.kind != state.KINK)
+                             * (self.kind != state.CROSSING)) if loops else np.zeros(0, np.int64)  # fmt: skip
         block_row, block_member = _groups(g_row, g_col, hub)
-        moving = {model.time, *model.states, *symbols}
-        slope_moves = np.array(
-            [k == state.SLIDING and not mu.hidden and bool(mu.residual.diff(mu.symbol).free_symbols & moving)
-             for k, mu in zip(self.kind, model.multipliers, strict=True)], np.int64,
-        )  # fmt: skip
-        surface_state = np.array([_surface_state(model, mu) for mu in model.multipliers], np.int64)
-        has_surface = np.array([part.surface is not None for part in (*model.multipliers, *model.events)], bool)
-        expressions = (*model.rhs, *(mu.residual for mu in model.multipliers))
+        fixed = set(text.parameters) | (loops.template.constants if loops else set())
+        slope_moves = numbers("multipliers", [_slope_moves(mu, fixed) for mu in text.multipliers])
+        surface_state = numbers("multipliers", [_surface_state(text, mu) for mu in text.multipliers])
+        if loops:
+            surface_state = loops.numbered("multipliers", "states", surface_state)
+        holders = (("multipliers", text.multipliers), ("events", text.events))
+        has_surface = [numbers(kind, [part.surface is not None for part in parts]) for kind, parts in holders]
+        has_surface = np.concatenate(has_surface) != 0
+        expressions = (*text.rhs, *(mu.residual for mu in text.multipliers))
+        if loops:
+            expressions += tuple(e for _, _, e in loops.template.sums)
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
@@ -58,7 +70,7 @@ class CompiledProblem:
             **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
             fields=code.fields,
             linear=code.linear,
-            act=code.act if ne or any(mu.kind == "contact" for mu in model.multipliers) else 0,
+            act=code.act if ne or np.any(self.kind == state.CONTACT) else 0,
             layer=code.layer if self.ratios else 0,
             jet_slip=code.jet_slip,
             jet_general=code.jet_general if slides else 0,
@@ -83,8 +95,8 @@ class CompiledProblem:
             dh_col=dh_col,
             slope_moves=slope_moves,
             surface_state=surface_state,
-            direction=np.array([e.direction for e in model.events], np.int64),
-            terminal=np.array([e.terminal for e in model.events], np.int64),
+            direction=numbers("events", [e.direction for e in text.events]),
+            terminal=numbers("events", [int(e.terminal) for e in text.events]),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
@@ -201,6 +213,13 @@ def _diagonal(row, col):
     """Where the diagonal entries of a sparse matrix stand."""
     rows = np.repeat(np.arange(len(row) - 1), np.diff(row))
     return np.flatnonzero(rows == col)
+
+
+def _slope_moves(mu: Multiplier, fixed) -> int:
+    """Whether dg/dlambda of a sliding switch can change its sign along a step."""
+    if _kind(mu) != state.SLIDING or mu.hidden:
+        return 0
+    return int(not mu.residual.diff(mu.symbol).free_symbols <= fixed)
 
 
 def _kind(mu: Multiplier) -> int:

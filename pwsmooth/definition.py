@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from . import checks
-from .family import Expansion, spread
+from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import EventSpec
@@ -36,8 +36,8 @@ class Definition:
     field: Field
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic):
-    """The `Definition` of the arguments of a System.
+def read(rates, time, parameters, outputs, events, contacts, algebraic, families=None):
+    """The `Definition` of the arguments of a System; `families` writes families out, or only their one element.
 
     Raises
     ------
@@ -54,13 +54,15 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
     ):  # fmt: skip
         checks.all_of_kind(argument, items, kind)
 
-    families = Expansion()
+    families = families or Expansion()
     pairs, outputs = families.rates(written), families.outputs(dict(seen))
     events, contacts, algebraic = (
         tuple(copy for item in items for copy in families.items(item))
         for items in (events, contacts, algebraic)
     )
     found = checks.symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    meanings, moving, behind = families.further()
+    found = list(dict.fromkeys([*found, *checks.symbols_of(behind)]))
     reactions = checks.reactions(contacts, found)
     found = checks.symbols_of([*found, *outputs.values(), *_event_expressions(events)])
     names = checks.Names(found)
@@ -71,14 +73,15 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
     memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(spread(parameters or {}, families.groups, "`parameters`"), names, found, taken)
+    values = _parameters(families.parameters(parameters or {}), names, found, taken | meanings)
 
-    moving = {time, *states, *unknowns, *map(plain, reactions)}
+    moving |= {time, *states, *unknowns, *map(plain, reactions)}
     lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
     # Rates first: their surfaces give the switches their order.
     lifted = {
         "rates": tuple(lift(e) for _, e in pairs),
         "algebraic": tuple((a, lift(item.residual)) for a, item in zip(unknowns, algebraic, strict=True)),
+        "sums": tuple((s, lift(e)) for s, (_, e) in families.sums.items()),
     }
     gaps = [lift(R.gap) for R in reactions]
     specs = _events(events, lift, [*states, *memories], [*states, *memories, *unknowns, time])

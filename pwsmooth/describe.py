@@ -14,7 +14,11 @@ SHOWN = 12  # entries of a list; families can be long
 def rows(system):
     """(heading, lines) of the description of a system."""
     model: Model = system.model
-    definition = system.definition
+    # A family in one line: as it was written.
+    element = None if system._view else system._element
+    definition = element.definition if element else system.definition
+    if element:
+        model = model.loops.template.model
     gone = system._view.gone if system._view else {}
     equations = []
     for x, rate in definition.rates:
@@ -27,10 +31,12 @@ def rows(system):
         "switches",
         [
             f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
-            for s in system.switches
+            for s in definition.switches
         ],
     )
-    yield "hidden terms", [f"{term}   in {where}'" for where, _, term in system.hidden_terms]
+    # A hidden term on a surface that slides has no looped form.
+    hidden = () if element else system.hidden_terms
+    yield "hidden terms", [f"{term}   in {where}'" for where, _, term in hidden]
     yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition.contacts]
     yield "memories", [f"{m}, at first {m.initial:g}" for m in system.initial_memory]
     events = zip(model.events, definition.events, strict=True)

@@ -2,9 +2,8 @@
 
     dz_i/dt = q(z_i, z_{i+1}, z_{i-1}, kappa_i, ...),   i = 1, ..., n;     sums over i in any rate
 
-An element is written once, with member symbols; the System writes the n copies out. (The lowered model has
-plain scalar states z_1, ..., z_n, so that its compile time grows with n; members keep their family and offset,
-which is what a looped form of the generated code needs.)
+An element is written once, with member symbols. From a few elements on the System lowers that one element and the
+generated code loops over all (looping.py); below, and for what has no looped form, it writes the n copies out (here).
 Chain: primitives.py -> family (here) -> system.py.
 """
 
@@ -209,14 +208,14 @@ class Expansion:
 
     def __init__(self):
         self.groups: dict[str, tuple[str, ...]] = {}
+        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # only where nothing is written out (looping.py)
         self.copies: dict[sp.Symbol, tuple[str, int]] = {}
         self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
 
     def element(self, e, k):
         """The expression (or condition) of element k; k is None outside of all families."""
         if isinstance(e, MemberSum):
-            family = family_of(e.args[0])
-            return sp.Add(*(self.element(e.args[0], j) for j in range(family.n)))
+            return self.total(e.args[0], family_of(e.args[0]))
         if isinstance(e, (Member, MemberMemory)):
             return self._member(e, k)
         if isinstance(e, (Switch, Reaction)):
@@ -227,6 +226,26 @@ class Expansion:
             copies = involved(e)
             self._memo[e, k] = e.func(*(self.element(a, k) for a in e.args)) if copies else e
         return self._memo[e, k]
+
+    def total(self, e, family):
+        """The sum of an expression over a family."""
+        return sp.Add(*(self.element(e, j) for j in self.elements(family)))
+
+    def elements(self, family):
+        """The numbers k of the elements to be written out."""
+        return range(family.n)
+
+    def label(self, name, k, space="_"):
+        """Name of the copy of something of element k."""
+        return f"{name}{space}{k + 1}"
+
+    def parameters(self, given):
+        """Values of parameters by name, one entry a copy."""
+        return spread(given, self.groups, "`parameters`")
+
+    def further(self):
+        """(symbols with a meaning of their own, those of them that move, expressions behind them)."""
+        return {}, set(), ()
 
     def _member(self, m, k):
         if k is None:
@@ -247,7 +266,7 @@ class Expansion:
         if k is None:
             raise ValueError(f"{s} belongs to every element of a family; outside of its own rates take a sum.")
         self._group(s.name, family_of(s).n)
-        return self._rebuilt(s, f"{s.name}_{k + 1}", k)
+        return self._rebuilt(s, self.label(s.name, k), k)
 
     def _rebuilt(self, s, name, k):
         if isinstance(s, Switch):
@@ -262,7 +281,7 @@ class Expansion:
     def rates(self, pairs):
         result = []
         for x, e in pairs:
-            copies = range(family_of(x, e).n) if isinstance(x, Member) else [None]
+            copies = self.elements(family_of(x, e)) if isinstance(x, Member) else [None]
             result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in copies]
         return result
 
@@ -273,7 +292,7 @@ class Expansion:
             if family is None:
                 result[name] = self.element(e, None)
             else:
-                result |= {f"{name}_{k + 1}": self.element(e, k) for k in range(family.n)}
+                result |= {self.label(name, k): self.element(e, k) for k in self.elements(family)}
         return result
 
     @singledispatchmethod
@@ -288,13 +307,13 @@ class Expansion:
         family = family_of(*parts)
         if not any(map(involved, parts)):
             return [item]
-        return [self._event(item, k) for k in (range(family.n) if family else [None])]
+        return [self._event(item, k) for k in (self.elements(family) if family else [None])]
 
     def _event(self, item, k):
         def part(e):
             return self.element(e, k) if isinstance(e, sp.Basic) else e
 
-        name = item.name if k is None or item.name is None else f"{item.name} {k + 1}"
+        name = item.name if k is None or item.name is None else self.label(item.name, k, " ")
         return Event(
             part(item.surface),
             every=part(item.every),
@@ -312,15 +331,15 @@ class Expansion:
         if family is None:
             return [item]
         return [
-            Unilateral(self.element(item.gap, k), self.element(item.restitution, k), f"{item.name}_{k + 1}")
-            for k in range(family.n)
+            Unilateral(self.element(item.gap, k), self.element(item.restitution, k), self.label(item.name, k))
+            for k in self.elements(family)
         ]
 
     @items.register
     def _(self, item: Algebraic):
         if not isinstance(item.unknown, Member):
             return [Algebraic(item.unknown, self.element(item.residual, None))]
-        copies = range(item.unknown.family.n)
+        copies = self.elements(item.unknown.family)
         return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in copies]
 
 

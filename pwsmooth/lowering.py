@@ -35,6 +35,7 @@ class Field:
     initial_memory: tuple[float, ...] = ()
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
     copies: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
+    sums: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()  # over families that are not written out
 
     def expressions(self):
         """All expressions whose symbols must be known."""
@@ -43,7 +44,7 @@ class Field:
         for _, gap, e in self.contacts:
             yield from (gap, e)
         yield from (r for _, r in self.algebraic)
-        yield from (e for _, e in self.outputs)
+        yield from (e for _, e in (*self.outputs, *self.sums))
         for event in self.events:
             yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
             yield from (e for _, e in event.update)
@@ -100,6 +101,7 @@ class Field:
             "contacts": tuple((s, change(gap), change(e)) for s, gap, e in self.contacts),
             "algebraic": tuple((s, change(r)) for s, r in self.algebraic),
             "outputs": tuple((name, change(e)) for name, e in self.outputs),
+            "sums": tuple((s, change(e)) for s, e in self.sums),
             "events": events,
         }
         return replace(self, **(mapped | fields))

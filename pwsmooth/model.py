@@ -15,8 +15,12 @@ Chain: System (notation) -> Model (this file) -> codegen (compiled addresses) ->
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import sympy as sp
+
+if TYPE_CHECKING:
+    from .template import Loops
 
 
 class Select(sp.Function):
@@ -113,3 +117,4 @@ class Model:
     eps_ratio: tuple[float, ...] = ()  # of every multiplier: eps_j relative to the first switch's
     sigmoid: str = "algebraic"
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
+    loops: Loops | None = None  # of a model with families whose copies are not written out

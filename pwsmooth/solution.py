@@ -13,21 +13,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
+from . import looped_outputs
 from .model import Model, Select
 from .records import Ambiguity, Dense, EventRecord, Outcome, Segment
 
 if TYPE_CHECKING:
     import xarray
 
+MANY = 64  # multipliers, whose itinerary nobody reads
+
 __all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"]
 
 
-@functools.lru_cache(maxsize=256)
 def vectorised(model: Model, expression: sp.Basic) -> Any:
-    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them.
+    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
+    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
+    return _function(arguments, expression)
 
-    A Select picks its branch where its multiplier is exactly +-1.
-    """
+
+@functools.lru_cache(maxsize=256)
+def _function(arguments: tuple[sp.Symbol, ...], expression: sp.Basic) -> Any:
+    """A numpy function of the symbols; a Select picks its branch where its multiplier is exactly +-1."""
 
     def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
         return sp.Piecewise((a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(), True))
@@ -38,7 +44,6 @@ def vectorised(model: Model, expression: sp.Basic) -> Any:
             lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
             lambda e: piecewise(*e.args),
         )
-    arguments = [model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters]
     return sp.lambdify(arguments, expression, modules=["scipy", "numpy"], cse=True)
 
 
@@ -139,7 +144,10 @@ class Solution:
         return tuple(self._expressions)
 
     @functools.cached_property
-    def _expressions(self) -> dict[str, sp.Expr]:
+    def _expressions(self) -> Mapping[str, Any]:
+        """Name -> expression; with families that are looped over, its place among the template's."""
+        if self.model.loops is not None:
+            return looped_outputs.names(self.model.loops)
         named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
         if self.model.smoothing:
             # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
@@ -158,8 +166,11 @@ class Solution:
         if name in self.states:
             return x[self.states.index(name)]
         if name in self._expressions:
-            function = vectorised(self.model, self._expressions[name])
             values = [self.parameters[str(p)] for p in self.model.parameters]
+            if self.model.loops is not None:
+                with np.errstate(all="ignore"):
+                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
+            function = vectorised(self.model, self._expressions[name])
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 result = function(t, *x, *mult, *values)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
@@ -316,8 +327,11 @@ class Solution:
         kinds: dict[str, int] = {}
         for event in self.events:
             kinds[event.kind] = kinds.get(event.kind, 0) + 1
-        steps = self.itinerary
-        shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
+        if len(self.mult) <= MANY:
+            steps = self.itinerary
+            shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
+        else:
+            shown = f"of {len(self.mult)} multipliers; see `segments` and `events`"
         rows = [
             ("time", f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"),
             ("end", ", ".join(f"{n} = {v:.9g}" for n, v in zip(self.states, self.x[:, -1]))),
@@ -349,6 +363,8 @@ class Solution:
 @functools.lru_cache(maxsize=256)
 def _is_slip_velocity(model: Model, j: int) -> bool:
     """Whether the surface of multiplier j is a state's rate, up to a function of time: then one slips on it."""
+    if model.loops is not None:
+        model, j = model.loops.template.model, model.loops.locate("multipliers", j)[0]
     h = model.multipliers[j].surface
     if h is None:
         return False

@@ -19,14 +19,16 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import sympy as sp
 
-from . import checks
+from . import checks, looping
 from .definition import read
 from .describe import html, text
 from .family import spread
+from .lifting import plain
 from .lowering import lower
 from .regularity import Surface
 from .sigmoids import sigmoid as sigmoid_of
@@ -125,19 +127,39 @@ class System:
     ):
         if convention not in ("hidden", "filippov"):
             raise ValueError(f"`convention` is {convention!r}; choose 'hidden' (as written) or 'filippov'.")
-        self.definition = read(
-            rates, time, parameters, outputs, tuple(events), tuple(contacts), tuple(algebraic)
-        )
-        self.switches = self.definition.switches
-        self.parameters = self.definition.parameters
-        self._field = filippov(self.definition.field) if convention == "filippov" else self.definition.field
-        checks.values_fit(self._field, self.parameters)
-        self.model = lower(self._field)
+        self._arguments = rates, time, parameters, outputs, tuple(events), tuple(contacts), tuple(algebraic)
+        self._convention = convention
         self._view: View | None = None
+        # Families are lowered as one element where that can be (looping.py): n copies would take time ~ n and more.
+        self._element = looping.read(*self._arguments) if convention == "hidden" else None
+        if self._element:
+            self.parameters, self.model = self._element.parameters, self._element.model
+        else:
+            self.parameters, self.model = self.definition.parameters, lower(self._field)
+        self._check_values()
         self._notes: tuple[str, ...] = ()
         self._cache: dict = {}  # of views: their fields and models
 
     # ---- what a system knows
+
+    @cached_property
+    def definition(self):
+        """What was written, with the copies of families written out."""
+        return read(*self._arguments)
+
+    @cached_property
+    def _field(self):
+        return filippov(self.definition.field) if self._convention == "filippov" else self.definition.field
+
+    @property
+    def switches(self):
+        """Given switches and those found in ordinary notation, the inner ones first."""
+        return self.definition.switches
+
+    @property
+    def groups(self):
+        """Name of a member of a family -> names of its copies."""
+        return (self._element or self.definition).groups
 
     @property
     def states(self):
@@ -145,7 +167,7 @@ class System:
 
     @property
     def initial_memory(self):
-        return {m: m.initial for m in self.definition.memories}
+        return {m: m.initial for m in (self._element or self.definition).memories}
 
     @property
     def parameter_values(self):
@@ -173,11 +195,11 @@ class System:
         ValueError, TypeError
             Names that this view does not have, missing states, wrong length, nan or infinity.
         """
-        memory = dict(zip(self._field.memories, self._field.initial_memory, strict=True))
+        memory = {plain(m): m.initial for m in (self._element or self.definition).memories}
         gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
         if isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
-        return checks.initial_state(x0, self._field.states, memory, gone)
+        return checks.initial_state(x0, self.states[: len(self.states) - len(memory)], memory, gone)
 
     def with_parameters(self, parameters):
         """The same view with other values of some parameters; nothing is derived or compiled anew.
@@ -189,11 +211,18 @@ class System:
         other = copy.copy(self)
         other.parameters = dict(self.parameters)
         values = checks.mapping(parameters, "`parameters`", "parameters to values")
+        by_name = {p.name: p for p in self.parameters}
         for key, number in self._spread(values, "`parameters`").items():
-            p = checks.lookup(key, self.parameters, "`parameters`", "parameter")
+            p = by_name.get(key) or checks.lookup(key, self.parameters, "`parameters`", "parameter")
             other.parameters[p] = checks.parameter_value(p, number)
-        checks.values_fit(self._field, other.parameters)
+        other._check_values()
         return other
+
+    def _check_values(self):
+        if self._element and not self._view:
+            self._element.check_values(self.parameters)
+        else:
+            checks.values_fit(self._field, self.parameters)
 
     # ---- views
 
@@ -310,7 +339,7 @@ class System:
 
     def _spread(self, values, what):
         """`values` with the entries of families written out."""
-        return spread(values, self.definition.groups, what)
+        return spread(values, self.groups, what)
 
     def _by_switch(self, values, argument):
         """Multiplier -> positive number, from one number for all or a mapping."""

@@ -45,7 +45,10 @@ class Compiled:
         self.model = model
         self.n, self.m, self.ne = len(model.states), len(model.multipliers), len(model.events)
         self.nz, self.np = len(model.layer_states), len(model.parameters)
-        self._key = cache.fingerprint(model)
+        # With loops the text, and so its machine code, is that of one element: sizes are put into the loaded code.
+        self._loops = model.loops
+        self._key = cache.fingerprint(model.loops.template if model.loops else model)
+        self._sizes = model.loops.sizes if model.loops else ()
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
@@ -54,7 +57,7 @@ class Compiled:
             return None
         from . import native
 
-        code = native.load(paths[name])
+        code = native.load(paths[name], self._sizes)
         self._modules.append(code)
         return code
 
@@ -70,6 +73,10 @@ class Compiled:
     @cached_property
     def _fields(self):
         def build():
+            if self._loops:
+                from .looped_fields import LoopedFields
+
+                return LoopedFields(self.model).write()
             from .fields import write_fields
 
             return write_fields(self.model)
@@ -79,6 +86,10 @@ class Compiled:
     @cached_property
     def _jets(self):
         def build():
+            if self._loops:
+                from .looped_jets import write_looped_jets
+
+                return write_looped_jets(self.model)
             from .jets import write_jets
 
             return write_jets(self.model)
@@ -104,6 +115,12 @@ class Compiled:
     def pattern(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns of the sparse matrix "G" or "DH" that `linear` fills."""
         constants = self._module("linear").constants
+        if self._loops:
+            from .layout import Layout, sparse_pattern
+
+            lay = Layout(self._loops.template)
+            families, columns = (lay.multipliers, lay.multipliers) if name == "G" else (lay.surfaces, lay.states)
+            return sparse_pattern(constants[f"{name}_ROWS"], families, columns, self._sizes)
         return tuple(np.array(constants[f"{name}_{part}"], np.int64) for part in ("ROW", "COL"))
 
     @cached_property
@@ -130,21 +147,32 @@ class Compiled:
     def jet_general(self) -> int:
         return self._general.address("jet_general") if self._general else 0
 
+    def _rows(self, program) -> tuple[int, np.ndarray]:
+        if program is None:
+            return 0, np.zeros(0, np.int64)
+        if self._loops:
+            from .layout import Layout
+            from .looped_jets import numeric_rows
+
+            count, rows = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
+            return count, np.array(rows, np.int64)
+        return program.constants["NROWS"], np.array(program.constants["SURFACE_ROWS"], np.int64)
+
     @property
     def nrows_slip(self) -> int:
-        return self._slip.constants["NROWS"] if self._slip else 0
+        return self._rows(self._slip)[0]
 
     @property
     def nrows_general(self) -> int:
-        return self._general.constants["NROWS"] if self._general else 0
+        return self._rows(self._general)[0]
 
     @cached_property
     def surface_rows_slip(self) -> np.ndarray:
-        return np.array(self._slip.constants["SURFACE_ROWS"] if self._slip else (), dtype=np.int64)
+        return self._rows(self._slip)[1]
 
     @cached_property
     def surface_rows_general(self) -> np.ndarray:
-        return np.array(self._general.constants["SURFACE_ROWS"] if self._general else (), dtype=np.int64)
+        return self._rows(self._general)[1]
 
     @property
     def mult_row0(self) -> int:

@@ -66,8 +66,8 @@ def sources_key(*packages: str) -> str:
     """Hash of every source of the named subpackages and of the versions that compile them."""
     digest = hashlib.sha256(_versions().encode())
     here = Path(__file__).resolve().parent.parent
-    # model.py defines what the generators read.
-    files = [here / "model.py"] if "codegen" in packages else []
+    # These two define what the generators read.
+    files = [here / "model.py", here / "template.py"] if "codegen" in packages else []
     for package in packages:
         files += sorted((here / package).rglob("*.py"))
     for path in files:

@@ -74,12 +74,24 @@ class Graph:
     Operations: num (value), var (kind, index), sum (coefficients; the constant is a num node), mul, div, pow,
     fun (name), fun2 (name), sel (multiplier; arguments: branch at +1, branch at -1, affine form),
     ite (condition, then, else), and the conditions rel (relation), and, or, not, true, false.
+
+    Of a model with loops the graph is that of its template, and `level` holds the family that a node belongs to, or
+    None. There a var of a neighbour is (kind, index, offset), the number of an element is the var ("i", family),
+    total (family) sums its argument over the elements, and inside (family, offset) asks whether there is a neighbour.
     """
 
     def __init__(self, model: Model):
-        self.model = model
+        self.template = template = model.loops.template if model.loops else None
+        self.model = model = template.model if template else model
         self.nodes: list[Node] = []
         self.depends: list[int] = []
+        self.level: list[int | None] = []
+        self.families: dict[str, tuple[int | None, ...]] = {}
+        if template:
+            kinds = {"x": "states", "p": "parameters", "mult": "multipliers"}
+            self.families = {kind: template.families(name) for kind, name in kinds.items()}
+        self._sums = {s: (family, e) for s, family, e in template.sums} if template else {}
+        self._place = template.place if template else {}
         self._number: dict[Node, int] = {}
         self._memo: dict[sp.Basic, int] = {}
         self._derivative: dict[tuple[int, int], int] = {}
@@ -107,7 +119,7 @@ class Graph:
         for a in args:
             depends |= self.depends[a]
         if op == "var":
-            kind, index = data
+            kind, index = data[:2]
             if kind == "t":
                 depends = TIME
             elif kind == "mult":
@@ -119,7 +131,25 @@ class Graph:
         self._number[node] = len(self.nodes)
         self.nodes.append(node)
         self.depends.append(depends)
+        self.level.append(self._level(node) if self.families else None)
         return len(self.nodes) - 1
+
+    def _level(self, node: Node) -> int | None:
+        """The family of whose elements a node has one value each, or None."""
+        if node.op == "var":
+            kind, index = node.data[:2]
+            return index if kind == "i" else self.families[kind][index] if kind in self.families else None
+        if node.op == "inside":
+            return node.data[0]
+        if node.op == "total":
+            return None
+        levels = {self.level[a] for a in node.args}
+        if node.op == "sel":
+            levels.add(self.families["mult"][node.data])
+        levels.discard(None)
+        if len(levels) > 1:
+            raise ValueError("symbols of several families stand in one expression")
+        return levels.pop() if levels else None
 
     def num(self, value: float) -> int:
         return self._make("num", (), float(value))
@@ -251,7 +281,23 @@ class Graph:
             found = self._memo[expr] = self._convert(expr)
         return found
 
+    def _member(self, e: sp.Symbol) -> int:
+        """The node of a sum, of the number of an element or of a neighbour."""
+        if e in self._sums:
+            family, inner = self._sums[e]
+            return self._make("total", (self.expression(inner),), family)
+        place = self._place[e]
+        if place.base is None:
+            return self.var("i", place.family)
+        node = self._make("var", (), (*self._variable[place.base], place.offset))
+        if self.template.periodic[place.family] or place.outside == place.base:
+            return node  # beyond an end of the chain its index is that of the element itself
+        inside = self._make("inside", (), (place.family, place.offset))
+        return self.ite(inside, node, self.expression(place.outside))
+
     def _convert(self, e: sp.Basic) -> int:
+        if e.is_Symbol and e not in self._variable and (e in self._sums or e in self._place):
+            return self._member(e)
         if e.is_Symbol:
             if e not in self._variable:
                 raise ValueError(f"the model uses {e}, which is no state, parameter or multiplier of it")
@@ -348,6 +394,11 @@ class Graph:
             return self.one
         if not self.nodes[node].args:
             return self.zero
+        if self.nodes[node].op == "total":
+            # By a number of element i: of the summand of that element alone.
+            slope = self.derivative(self.nodes[node].args[0], variable)
+            own = self.level[variable] is not None or slope == self.zero
+            return slope if own else self._make("total", (slope,), self.nodes[node].data)
         key = (node, variable)
         found = self._derivative.get(key)
         if found is None:
@@ -438,7 +489,7 @@ class Graph:
     def variables(self, node: int, kind: str) -> list[int]:
         """Indices of the variables of one kind that stand below a node, ascending; selections count."""
         found = set()
-        for a in self.reach([node]):
+        for a in self.reach([node], through=True):
             op, _, data = self.nodes[a]
             if op == "var" and data[0] == kind:
                 found.add(data[1])
@@ -446,8 +497,11 @@ class Graph:
                 found.add(data)
         return sorted(found)
 
-    def reach(self, roots, lazy: bool = False) -> list[int]:
-        """Nodes needed for `roots`, in order of evaluation; with `lazy`, without entering branches."""
+    def reach(self, roots, lazy: bool = False, through: bool = False) -> list[int]:
+        """Nodes needed for `roots`, in order of evaluation; with `lazy`, without entering branches.
+
+        Sums over families are entered only with `through`.
+        """
         seen, stack = set(), list(roots)
         while stack:
             a = stack.pop()
@@ -455,7 +509,7 @@ class Graph:
                 continue
             seen.add(a)
             op, args, _ = self.nodes[a]
-            if lazy and op == "sel":
+            if lazy and op == "sel" or op == "total" and not through:
                 continue
             stack.extend(args[:1] if lazy and op == "ite" else args)
         return sorted(seen)

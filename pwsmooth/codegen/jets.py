@@ -358,10 +358,10 @@ class JetProgram:
         for i, rate in enumerate(self.rates):
             if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
                 loop.line(f"d{i} = {self._frozen(i, order_k.coefficient(rate) or '0.0')}")
-        if order_k.place < LANES - 1:
+        if order_k.order < LANES - 1:
             for operand in sorted({u for pair in order_k.products for u in pair}):
-                loop.line(f"c{order_k.place + 1}{label(operand)} = {order_k.last_value(operand)}")
-        if order_k.place == 0:
+                loop.line(f"c{order_k.order + 1}{label(operand)} = {order_k.last_value(operand)}")
+        if order_k.order == 0:
             for node in sorted(order_k.transient):
                 loop.line(f"z{node} = 0.0")  # an affine node has no order above 1
 

@@ -178,7 +178,7 @@ class Function:
         return INT(node.value) if isinstance(node.value, int) else DOUBLE(node.value)
 
     def _Name(self, node):
-        return self.builder.load(self.locals[node.id])
+        return self.builder.load(self.locals.get(node.id) or self.module.sizes[node.id])
 
     def _Attribute(self, node):
         return DOUBLE({"nan": float("nan"), "inf": float("inf")}[node.attr])
@@ -257,6 +257,10 @@ class Module:
             elif isinstance(node, ast.FunctionDef):
                 definitions.append(node)
         self.flags = self.constants.get("FLAGS", ())
+        # The numbers of elements n0, n1, ... of families: written into the loaded code, so that one text serves all.
+        self.sizes = {f"n{f}": ir.GlobalVariable(self.module, INT, f"n{f}") for f in range(self.constants.get("SIZES", 0))}
+        for variable in self.sizes.values():
+            variable.initializer = INT(0)
         self.functions: dict[str, ir.Function] = {}
         for node in definitions:
             kinds = [KINDS[a.annotation.id] for a in node.args.args]
@@ -395,7 +399,7 @@ def link(image: bytes) -> llvm.ExecutionEngine:
 class Code:
     """Loaded object code; it lives as long as this object."""
 
-    def __init__(self, text: str, image: bytes):
+    def __init__(self, text: str, image: bytes, sizes: tuple[int, ...] = ()):
         head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
         self.constants = {
             node.targets[0].id: ast.literal_eval(node.value)
@@ -403,24 +407,29 @@ class Code:
             if isinstance(node, ast.Assign)
         }
         self._engine = link(image)
+        for f, n in enumerate(sizes):
+            ctypes.c_int64.from_address(self._engine.get_global_value_address(f"n{f}")).value = n
 
     def address(self, name: str) -> int:
         return self._engine.get_function_address(name)
 
 
-_loaded: dict[Path, Code] = {}
+_loaded: dict[tuple[Path, tuple[int, ...]], Code] = {}
 _lock = threading.Lock()
 
 
-def load(path: Path) -> Code:
-    """Machine code of a generated source, from the object file beside it where this machine made one."""
+def load(path: Path, sizes: tuple[int, ...] = ()) -> Code:
+    """Machine code of a generated source, from the object file beside it where this machine made one.
+
+    `sizes` are the numbers of elements of its families: the loops' bounds, in memory of this copy of the code.
+    """
     with _lock:
-        if path not in _loaded:
+        if (path, sizes) not in _loaded:
             text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{machine_mark()}.o")
             try:
                 image = stored.read_bytes()
             except OSError:
                 image = build(text)
                 write_atomically(stored, image)
-            _loaded[path] = Code(text, image)
-        return _loaded[path]
+            _loaded[path, sizes] = Code(text, image, sizes)
+        return _loaded[path, sizes]

@@ -69,13 +69,14 @@ def rewrite(graph: Graph, roots: list[int]) -> list[int]:
 class Degrees:
     """Degree in time of every node, for a program with fixed (`general=False`) or solvable multipliers."""
 
-    def __init__(self, graph: Graph, rates: list[int], general: bool):
+    def __init__(self, graph: Graph, rates: list[int], general: bool, never_affine=frozenset()):
         self.graph, self.rates, self.general = graph, rates, general
         # (degree with fixed multipliers, multipliers it moves with): optimistic, raised until consistent.
         self.states = [(CONSTANT, 0)] * len(rates)
         while True:
             self._memo: dict[int, tuple[int, int]] = {}
             found = [(CONSTANT, 0) if r == graph.zero else self._raised(r) for r in rates]
+            found = [(GENERAL if i in never_affine and b else b, m) for i, (b, m) in enumerate(found)]
             if found == self.states:
                 break
             self.states = found
@@ -99,7 +100,7 @@ class Degrees:
     def _find(self, node: int) -> tuple[int, int]:
         op, args, data = self.graph.nodes[node]
         if op == "var":
-            kind, index = data
+            kind, index = data[:2]
             if kind == "x":
                 return self.states[index]
             if kind == "mult":
@@ -165,7 +166,7 @@ class JetCode(ScalarCode):
 
     def _branches(self, key):
         if key[0] == "sel" and not self.degrees.general:
-            return [(f"if mult[{key[1]}] > 0.0:", 0), ("else:", 1)]
+            return [(f"if {self.place('mult', key[1])} > 0.0:", 0), ("else:", 1)]
         return super()._branches(key)
 
 
@@ -206,7 +207,7 @@ class OrderK(JetCode):
         super().__init__(graph, writer, degrees, "k", solved)
         self.rows: dict[int, int] = {}
         self.products: dict[tuple[int, int], int] = {}
-        self.place = 0  # of this order in its block
+        self.order = 0  # place of this order in its block
         self.reciprocals: set[int] = set()
         self.carried: set[int] = set()  # the last order's value is needed, in l
         self.states = {graph.var("x", i) for i in range(len(degrees.rates))}
@@ -273,11 +274,10 @@ class OrderK(JetCode):
         While a switchable operand is constant the sum is skipped at run time.
         """
         a, b = min(a, b), max(a, b)
-        block = self.products.setdefault((a, b), len(self.products))
         (x, row_a), (y, row_b) = ((label(u), self.row(u)) for u in (a, b))
-        terms = [f"rows[scratch + {4 * block + self.place}]"]
-        for r in range(1, self.place + 1):
-            low = self.place + 1 - r
+        terms = [f"rows[{self.scratch(a, b)} + {self.order}]"]
+        for r in range(1, self.order + 1):
+            low = self.order + 1 - r
             if a == b:
                 terms += [f"(later + 1.0) * rows[{row_a} + {low}] * c{r}{x}"]
             else:
@@ -285,6 +285,11 @@ class OrderK(JetCode):
         text = " + ".join(terms)
         guard = self.guard(a, b)
         return f"choose({guard}, {text}, 0.0)" if guard else f"({text})"
+
+    def scratch(self, a: int, b: int) -> str:
+        """Text of the place of a product's four block sums."""
+        block = self.products.setdefault((a, b), len(self.products))
+        return f"scratch + {4 * block}"
 
     def guard(self, a: int, b: int) -> str:
         """Text of the condition under which neither operand is constant; empty where that is certain."""
@@ -294,15 +299,15 @@ class OrderK(JetCode):
     def block_sums(self) -> list[str]:
         """Lines at the start of a block."""
         lines = ["later = choose(q > 0, 1.0, 0.0)"]
-        for (a, b), block in self.products.items():
-            call = f"presum(rows, {self.row(a)}, {self.row(b)}, q, scratch + {4 * block})"
+        for a, b in self.products:
+            call = f"presum(rows, {self.row(a)}, {self.row(b)}, q, {self.scratch(a, b)})"
             guard = self.guard(a, b)
             lines += [f"if {guard}:", f"    {call}"] if guard else [call]
         return lines
 
     def next_place(self) -> None:
         """Start the next order of an unrolled block: nothing of it is emitted yet."""
-        self.place += 1
+        self.order += 1
         self.scopes = [set()]
 
     def last_value(self, operand: int) -> str:

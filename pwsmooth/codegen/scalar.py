@@ -89,6 +89,8 @@ class ScalarCode:
         op, args, _ = self.graph.nodes[node]
         if op in ("num", "true", "false") or self.available(node):
             return
+        if op == "total":
+            raise AssertionError("a sum over a family is made by its own loop")
         if op == "sel":
             self._group(node, needed)
             return
@@ -152,9 +154,14 @@ class ScalarCode:
         op, which = key
         if op == "ite":
             return [(f"if {self.name(which)}:", 1), ("else:", 2)]
+        mult = self.place("mult", which)
         if self.solved is None:
-            return [(f"if mult[{which}] == 1.0:", 0), (f"elif mult[{which}] == -1.0:", 1), ("else:", 2)]
-        return [(f"if {self.solved(which)}:", 2), (f"elif mult[{which}] > 0.0:", 0), ("else:", 1)]
+            return [(f"if {mult} == 1.0:", 0), (f"elif {mult} == -1.0:", 1), ("else:", 2)]
+        return [(f"if {self.solved(which)}:", 2), (f"elif {mult} > 0.0:", 0), ("else:", 1)]
+
+    def place(self, kind: str, index: int, offset: int = 0) -> str:
+        """Text of a variable's place in memory."""
+        return f"{kind}[{index}]"
 
     # ---- formulas ----
 
@@ -163,8 +170,7 @@ class ScalarCode:
         op, args, data = self.graph.nodes[node]
         names = [self.name(a) for a in args]
         if op == "var":
-            kind, index = data
-            return "t" if kind == "t" else f"{kind}[{index}]"
+            return "t" if data[0] == "t" else self.place(*data)
         if op == "sum":
             return linear(zip(data, names, strict=True))
         if op in ("mul", "div"):

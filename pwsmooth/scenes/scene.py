@@ -119,7 +119,7 @@ def assemble(
         for name, items in parts.items():
             items += getattr(piece, name)
     system = System(rates, time=time, parameters=values, outputs=shown, **parts)
-    groups = system.definition.groups
+    groups = system.groups
     known = {k: v for k, v in {**values, **start}.items() if not hasattr(v, "__len__")}
     known |= {} if time is None else {time: begin}
 

@@ -1,0 +1,98 @@
+"""Places in the arrays of a model with loops: counts that depend on the numbers of elements, as text and as numbers.
+
+A block of an array is one number, or one for each element of a family: it starts at c + a_0 n_0 + a_1 n_1 + ...
+Chain: template.py -> layout (here) -> looped_fields.py, looped_jets.py; codegen/__init__.py reads the same counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+
+from ..template import Template
+
+
+@dataclass(frozen=True)
+class Count:
+    """c + a_0 n_0 + a_1 n_1 + ..."""
+
+    fixed: int = 0
+    each: tuple[tuple[int, int], ...] = ()  # (family, a), ascending
+
+    def __add__(self, other: Count) -> Count:
+        each = dict(self.each)
+        for family, a in other.each:
+            each[family] = each.get(family, 0) + a
+        return Count(self.fixed + other.fixed, tuple(sorted(each.items())))
+
+    def times(self, factor: int) -> Count:
+        return Count(self.fixed * factor, tuple((f, a * factor) for f, a in self.each))
+
+    def text(self) -> str:
+        """In generated code, where m0, m1, ... are the numbers of elements."""
+        parts = [f"{a} * m{f}" if a != 1 else f"m{f}" for f, a in self.each if a]
+        return " + ".join([*([str(self.fixed)] if self.fixed or not parts else []), *parts])
+
+    def at(self, sizes) -> int:
+        return self.fixed + sum(a * sizes[f] for f, a in self.each)
+
+
+def one(family: int | None) -> Count:
+    """Length of a block."""
+    return Count(1) if family is None else Count(0, ((family, 1),))
+
+
+def starts(families) -> list[Count]:
+    """First place of every block, and the end of the last."""
+    return list(accumulate(map(one, families), initial=Count()))
+
+
+class Layout:
+    """Where the blocks of a template stand in x, mult, p, and in the outputs of the generated functions."""
+
+    def __init__(self, template: Template):
+        self.states, self.parameters = template.families("states"), template.families("parameters")
+        self.multipliers, self.events = template.families("multipliers"), template.families("events")
+        self.surfaces = (*self.multipliers, *self.events)
+        self.starts = {
+            "x": starts(self.states), "dx": starts(self.states), "xnew": starts(self.states),
+            "p": starts(self.parameters), "mult": starts(self.multipliers), "mask": starts(self.multipliers),
+            "g": starts(self.multipliers), "h": starts(self.surfaces),
+        }  # fmt: skip
+        self.periodic = template.periodic
+
+    def place(self, array: str, block: int, family: int | None, offset: int = 0) -> str:
+        """Text of a block's entry, for elements that of the present one or of a neighbour."""
+        start = self.starts[array][block].text()
+        if family is None:
+            return f"{array}[{start}]"
+        index = neighbour(family, offset) if offset else f"i{family}"
+        return f"{array}[{start + ' + ' if start != '0' else ''}{index}]"
+
+
+def neighbour(family: int, offset: int) -> str:
+    """Name of a neighbour's index."""
+    return f"j{family}{'p' if offset > 0 else 'm'}{abs(offset)}"
+
+
+def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of a sparse matrix: `rows` lists the column blocks of every row block.
+
+    A row of an element holds that element's entry of every column block of its family.
+    """
+    first = [c.at(sizes) for c in starts(columns)]
+    lengths, entries = [], []
+    for blocks, family in zip(rows, families, strict=True):
+        if family is None:
+            row = [np.arange(first[b], first[b + 1]) for b in blocks]
+            entries.append(np.concatenate(row) if row else np.zeros(0, np.int64))
+            lengths.append([len(entries[-1])])
+            continue
+        i = np.arange(sizes[family])
+        row = [first[b] + (0 if columns[b] is None else i) + 0 * i for b in blocks]
+        entries.append(np.stack(row, axis=1).ravel() if row else np.zeros(0, np.int64))
+        lengths.append([len(blocks)] * len(i))
+    ends = np.cumsum([0, *(n for part in lengths for n in part)])
+    return ends.astype(np.int64), np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)

@@ -1,0 +1,496 @@
+"""Taylor jets of a model with loops: the programs of jets.py, order by order over all elements.
+
+    for every order k:   shared part -> loop over elements -> sums -> shared part -> ...
+
+Sums of order k are there before anything of order k reads them, and order k + 1 of a state comes from order k of its
+rate. What an element keeps from order to order stands in memory: coefficients in its rows, other numbers in *slots*
+(n numbers each). A loop's body is written as if all of them were locals; `_preamble` then loads what it reads.
+Last orders (l, d) have two slots in turn, so that a second loop of the same order still finds the old ones.
+
+Chain: Graph (dag.py) -> recurrences.py, sections.py -> text (this file) -> native.py.
+"""
+
+from __future__ import annotations
+
+import re
+
+from ..model import Model
+from .dag import Graph
+from .fields import Source, surfaces
+from .jets import FLAGS, SHORTEST_ROW
+from .layout import Count, Layout, neighbour, one, starts
+from .native import LANES
+from .recurrences import AFFINE, CONSTANT, Degrees, OrderK, OrderZero, label, plain, rewrite
+from .scalar import Writer
+from .sections import Placed, Root, Sections
+
+CONDITIONS = ("rel", "and", "or", "not", "true", "false", "inside")
+NAMES = re.compile(r"\b(?:[vrslkzw]\d+|on\d+|c[123][xw]\d+|o\d+(?:[pm]\d+)?)\b")
+ASSIGNED = re.compile(r"^( *)([a-z]\w*) = ")
+
+
+class LoopedOrderZero(Placed, OrderZero):
+    """Values at the start of the step, of the whole or of one element."""
+
+    def __init__(self, graph, writer, degrees, solved, reciprocals, layout):
+        super().__init__(graph, writer, degrees, solved, reciprocals)
+        self.layout = layout
+
+    def _ensure(self, node: int, needed: set[int]) -> None:
+        op, _, data = self.graph.nodes[node]
+        if op == "var" and data[0] == "x" and self.degrees.of(node) == AFFINE and not self.available(node):
+            self.emit([self.degrees.rates[data[1]]])  # its slope
+        super()._ensure(node, needed)
+
+
+class LoopedOrderK(Placed, OrderK):
+    """Coefficients of order k, of the whole or of one element."""
+
+    def __init__(self, graph, writer, degrees, solved, layout):
+        super().__init__(graph, writer, degrees, solved)
+        self.layout = layout
+
+    def known_from(self, other: LoopedOrderK) -> None:
+        """Take over what a first writing of the orders has found to be needed."""
+        for name in ("rows", "products", "reciprocals", "carried", "transient"):
+            setattr(self, name, getattr(other, name))
+
+    def available(self, node: int) -> bool:
+        op, _, data = self.graph.nodes[node]
+        if op == "var" and data[0] == "x" and self.graph.level[node] is not None:
+            return True  # loaded
+        return super().available(node)
+
+    def row(self, node: int) -> str:
+        op, _, data = self.graph.nodes[plain(node)]
+        if op == "var" and len(data) == 3:
+            base = self.graph.var(*data[:2])
+            at = super().row(base if node >= 0 else ~base)
+            return f"{at}{neighbour(0, data[2])[2:]}"
+        return super().row(node)
+
+    def family(self, operand: int) -> int | None:
+        return self.graph.level[plain(operand)]
+
+    def product_family(self, pair) -> int | None:
+        levels = {self.family(u) for u in pair} - {None}
+        return levels.pop() if levels else None
+
+    def of_family(self, family: int | None) -> list[tuple[int, int]]:
+        return [pair for pair in self.products if self.product_family(pair) == family]
+
+    def scratch(self, a: int, b: int) -> str:
+        self.products.setdefault((a, b), len(self.products))
+        family = self.product_family((a, b))
+        block = self.of_family(family).index((a, b))
+        return f"{'scratch' if family is None else f'w{family}'} + {4 * block}"
+
+
+class LoopedJet:
+    """Writes `jet_slip` of one template; its text ends with the layout, NROWS and SURFACE_ROWS, as counts."""
+
+    def __init__(self, model: Model):
+        self.graph = graph = Graph(model)
+        self.model, self.layout = graph.model, Layout(graph.template)
+        self.states = [graph.var("x", i) for i in range(len(self.model.states))]
+        rates = [graph.expression(e) for e in self.model.rhs]
+        nodes = rewrite(graph, rates + surfaces(graph))
+        self.rates, self.h = nodes[: len(rates)], nodes[len(rates) :]
+        holders = (*self.model.multipliers, *self.model.events)
+        self.has_surface = [s.surface is not None for s in holders]
+        # A neighbour's slope would be a slope of the neighbour's rate: its series is general.
+        seen = frozenset(
+            graph.nodes[a].data[1]
+            for a in graph.reach(nodes, through=True)
+            if graph.nodes[a].op == "var" and len(graph.nodes[a].data) == 3
+        )
+        self.degrees = Degrees(graph, self.rates, False, seen)
+        self.source = Source()
+        self.slots: dict[tuple[int, str], int] = {}
+        self.closed: set[int] = set()
+
+    # ---- memory of elements
+
+    def slot(self, family: int, name: str, index: str = "") -> str:
+        """Text of a number that an element keeps."""
+        count = len([key for key in self.slots if key[0] == family])
+        number = self.slots.setdefault((family, name), count)
+        return f"rows[E{family} + {number} * m{family} + {index or f'i{family}'}]"
+
+    def old(self, name: str) -> str:
+        return f"{name}{'ab'[self.code.order % 2]}"
+
+    def new(self, name: str) -> str:
+        return f"{name}{'ba'[self.code.order % 2]}"
+
+    def row_place(self, row: int, family: int, index: str = "") -> str:
+        return f"({(self.row_starts[row] + Count()).text()} + {index or f'i{family}'}) * stride"
+
+    # ---- the top of a loop's body
+
+    def _preamble(self, lines, family: int, order_zero: bool) -> list[str]:
+        """Loads of what the body reads of its element and does not make; zeros for what only a branch makes."""
+        depth = min((len(line) - len(line.lstrip()) for line in lines), default=0)
+        made, deep = set(), {}
+        for line in lines:
+            found = ASSIGNED.match(line)
+            if found:
+                made.add(found[2])
+                deep[found[2]] = deep.get(found[2], True) and len(found[1]) > depth
+        loads: dict[str, str] = {}
+        waiting = sorted(set(NAMES.findall("\n".join(lines))) - made)
+        while waiting:
+            name = waiting.pop()
+            text = None if name in loads else self._load(name, order_zero)
+            if text is not None:
+                loads[name] = text
+                waiting += [n for n in NAMES.findall(text) if n not in loads]
+        # Places of rows first: other loads go through them.
+        order = sorted(loads, key=lambda n: (n[0] not in "ow" or n.startswith("on"), n))
+        zeros = [n for n, is_deep in deep.items() if is_deep and self._number(n)]
+        return [*(f"{n} = {loads[n]}" for n in order), *(f"{n} = 0.0" for n in zeros)]
+
+    def _number(self, name: str) -> bool:
+        found = re.fullmatch(r"[vrsk](\d+)", name)
+        return bool(found) and self.graph.nodes[int(found[1])].op not in CONDITIONS
+
+    def _load(self, name: str, order_zero: bool) -> str | None:
+        """Text of what a name of an element stands for; None for locals of the whole function."""
+        graph, code = self.graph, self.code
+        if name.startswith("on"):
+            return None
+        if name[0] == "w":
+            family = int(name[1:])
+            return f"W{family} + {4 * len(code.of_family(family))} * i{family}"
+        if name[0] == "o":
+            row, sign, offset = re.fullmatch(r"o(\d+)([pm]?)(\d*)", name).groups()
+            family = self.row_families[int(row)]
+            index = neighbour(family, int(sign.replace("p", "+").replace("m", "-") + offset)) if sign else ""
+            return None if family is None else self.row_place(int(row), family, index)
+        if name[0] == "c":
+            r, kind, node = re.fullmatch(r"c(\d)([xw])(\d+)", name).groups()
+            if graph.level[int(node)] is None:
+                return None
+            return f"rows[{code.row(int(node) if kind == 'x' else ~int(node))} + 4 * q + {r}]"
+        node = int(name[1:])
+        family = graph.level[node]
+        if family is None:
+            return None
+        op, _, data = graph.nodes[node]
+        if name[0] == "v":
+            if op in ("var", "inside"):
+                return self.zero_code.formula(node)
+            if op in CONDITIONS:
+                return f"{self.slot(family, name)} != 0.0"
+            return f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
+        if name[0] == "k" and op == "var":
+            index = neighbour(family, data[2]) if len(data) == 3 else ""
+            return f"{self.slot(family, self.old(f'd{data[1]}'), index)} * inv"
+        if name[0] == "z":
+            # An affine node has no order above 1.
+            return f"choose(later > 0.0, 0.0, {self.slot(family, f's{node}')})" if code.order == 0 else "0.0"
+        return self.slot(family, self.old(name) if name[0] == "l" else name)
+
+    # ---- the program
+
+    def write(self) -> str:
+        graph, lay = self.graph, self.layout
+        self.zero_code = LoopedOrderZero(graph, Writer(1), self.degrees, None, set(), lay)
+        first = self._orders(Writer(2), None)
+        families = [self.code.family(u) for u in first.rows]
+        self.row_families, self.row_starts = families, starts(families)
+        self.slots.clear()
+        loop = Writer(2)
+        order_k = self._orders(loop, first)
+        sums = Writer(2)
+        self._block_sums(sums, order_k)
+        start = self._start(order_k)
+        body = Writer(1)
+        for f in range(len(lay.periodic)):
+            body.line(f"m{f} = n{f}")
+        self._bounds(body, order_k)
+        body.lines += self._declared(start.lines, loop.lines)
+        body.lines += start.lines
+        body.line(f"for q in range((K + {LANES - 1}) // {LANES}):")
+        body.line(f"    k = {LANES} * q + 1")
+        body.line("    inv = 1.0 / k")
+        body.line("    later = choose(q > 0, 1.0, 0.0)")
+        body.lines += sums.lines + loop.lines
+        body.line("return 0")
+        self.source.helpers |= self.zero_code.helpers | order_k.helpers
+        self.source.function("jet_slip", "t, x, mult, p, K, stride, rows", body, returns="I")
+        self.source.constants = {
+            "SIZES": len(lay.periodic),
+            "ROW_FAMILIES": tuple(families),
+            "SCRATCH": (self.scratch.fixed, *(dict(self.scratch.each).get(f, 0) for f in range(len(lay.periodic)))),
+            "SURFACE_ROWS": tuple(self.surface_rows),
+            "FLAGS": FLAGS,
+        }
+        return self.source.text()
+
+    def _bounds(self, body: Writer, order_k: LoopedOrderK) -> None:
+        """Places of the rows of the whole and of the scratch numbers."""
+        for row, family in enumerate(self.row_families):
+            if family is None:
+                text = self.row_starts[row].text()
+                body.line(f"o{row} = ({text}) * stride")
+        body.line(f"scratch = ({self.row_starts[-1].text()}) * stride")
+        at = Count(4 * len(order_k.of_family(None)))
+        for f in range(len(self.layout.periodic)):
+            products, slots = 4 * len(order_k.of_family(f)), len([key for key in self.slots if key[0] == f])
+            body.line(f"W{f} = scratch + {at.text()}")
+            at += one(f).times(products)
+            body.line(f"E{f} = scratch + {at.text()}")
+            at += one(f).times(slots)
+        self.scratch = at
+
+    def _declared(self, *parts) -> list[str]:
+        """First values of locals of the whole that only a branch sets."""
+        names = set()
+        for lines, depth in zip(parts, (4, 8), strict=True):
+            inside = None  # indentation of the loop over elements that a line stands in
+            for line in lines:
+                indent = len(line) - len(line.lstrip())
+                if inside is not None and indent > inside:
+                    continue
+                inside = indent if re.match(r" *for i\d", line) else None
+                found = ASSIGNED.match(line)
+                if found and indent > depth and self._number(found[2]):
+                    names.add(found[2])
+        return [f"    {name} = 0.0" for name in sorted(names)]
+
+    # ---- orders
+
+    def _orders(self, loop: Writer, known: LoopedOrderK | None) -> LoopedOrderK:
+        """Write a block of four orders; without `known` to see what they need."""
+        code = self.code = LoopedOrderK(self.graph, loop, self.degrees, None, self.layout)
+        if known is not None:
+            code.known_from(known)
+        for node in self.states:
+            code.row(node)
+        self.surface_rows = []
+        for node, has in zip(self.h, self.has_surface, strict=True):
+            if has:
+                code.row(node)
+            self.surface_rows.append(code.rows[node] if has else -1)
+        for place in range(LANES):
+            if place:
+                loop.line("if k == K:")
+                loop.line("    return 0")
+                loop.line("k += 1")
+                loop.line("inv = 1.0 / k")
+                code.next_place()
+            self._order(code, loop, known is not None)
+        return code
+
+    def _order(self, code: LoopedOrderK, loop: Writer, final: bool) -> None:
+        lay = self.layout
+        for i, node in enumerate(self.states):
+            if lay.states[i] is None:
+                if self.degrees.of(node) in (CONSTANT, AFFINE):
+                    code.coefficient(node)
+                else:
+                    loop.line(f"k{node} = d{i} * inv")
+                    code.scopes[0].add(node)
+        roots = []
+        for i, family in enumerate(lay.states):
+            if family is not None:
+                roots.append(Root(self.states[i], family, lambda i=i: self._keep_state(i)))
+            if family is None or self._moves(i):
+                roots.append(Root(self.rates[i], family, lambda i=i: self._keep_rate(i)))
+        for node, has in zip(self.h, self.has_surface, strict=True):
+            if has:
+                roots.append(Root(node, self.graph.level[node], list))
+        self.closed = set()
+        preamble = (lambda lines, f: self._preamble(lines, f, False)) if final else None
+        Sections(code, preamble, self._close if final else None).write(roots)
+        if final:
+            self._close_shared(code, loop)
+
+    def _moves(self, i: int) -> bool:
+        return self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE)
+
+    def _keep_state(self, i: int) -> list[str]:
+        if self.degrees.of(self.states[i]) == CONSTANT:
+            return []
+        return [f"rows[{self.code.row(self.states[i])} + k] = {self.code.coefficient(self.states[i])}"]
+
+    def _keep_rate(self, i: int) -> list[str]:
+        family = self.layout.states[i]
+        if family is None or not self._moves(i):
+            return []
+        return [f"{self.slot(family, self.new(f'd{i}'))} = {self.code.coefficient(self.rates[i]) or '0.0'}"]
+
+    def covered(self, nodes) -> set[int]:
+        """Everything below the nodes, branches and companions included."""
+        found: set[int] = set()
+        fresh = list(nodes)
+        while fresh:
+            added = set(self.graph.reach(fresh)) - found
+            found |= added
+            fresh = [q for a in added if (q := self.code.companion(a)) is not None and q not in found]
+        return found
+
+    def _close(self, family: int, wanted) -> list[str]:
+        """Lines that keep what a loop has made of an element: rows and last values."""
+        code, lines = self.code, []
+        fresh = {a for a in self.covered(wanted) if self.graph.level[a] == family} - self.closed
+        for operand, row in code.rows.items():
+            node = plain(operand)
+            if node in fresh and node not in self.states and self.degrees.of(node) != CONSTANT:
+                lines.append(f"rows[o{row} + k] = {code.last_value(operand)}")
+        for node in sorted(code.carried & fresh):
+            lines.append(f"{self.slot(family, self.new(f'l{node}'))} = {code.coefficient(node) or '0.0'}")
+        if any(operand < 0 and plain(operand) in self.states for operand in code.rows):
+            for operand, row in code.rows.items():
+                if operand < 0 and plain(operand) in self.states and plain(operand) in fresh:
+                    lines.append(f"rows[o{row} + k] = {code.last_value(operand)}")
+        self.closed |= fresh
+        return lines
+
+    def _close_shared(self, code: LoopedOrderK, loop: Writer) -> None:
+        for operand, row in code.rows.items():
+            if code.family(operand) is None and self.degrees.of(plain(operand)) != CONSTANT:
+                loop.line(f"rows[o{row} + k] = {code.last_value(operand)}")
+        for node in sorted(code.carried):
+            if self.graph.level[node] is None:
+                loop.line(f"l{node} = {code.coefficient(node) or '0.0'}")
+        for i, family in enumerate(self.layout.states):
+            if family is None and self._moves(i):
+                loop.line(f"d{i} = {code.coefficient(self.rates[i]) or '0.0'}")
+        if code.order < LANES - 1:
+            for operand in sorted({u for pair in code.products for u in pair if code.family(u) is None}):
+                loop.line(f"c{code.order + 1}{label(operand)} = {code.last_value(operand)}")
+        if code.order == 0:
+            for node in sorted(code.transient):
+                if self.graph.level[node] is None:
+                    loop.line(f"z{node} = 0.0")
+
+    def _block_sums(self, sums: Writer, code: LoopedOrderK) -> None:
+        """The parts of all products that are known at the start of a block of orders."""
+        for f in (None, *range(len(self.layout.periodic))):
+            calls = [
+                f"presum(rows, {code.row(a)}, {code.row(b)}, q, {code.scratch(a, b)})" for a, b in code.of_family(f)
+            ]
+            if f is None:
+                for call in calls:
+                    sums.line(call)
+            elif calls:
+                sums.line(f"for i{f} in range(m{f}):")
+                top = self._preamble(calls, f, False)
+                indices = Sections(code).indices([*top, *calls])
+                for line in (*indices, *top, *calls):
+                    sums.line("    " + line)
+
+    # ---- before the orders
+
+    def _start(self, order_k: LoopedOrderK) -> Writer:
+        """Values at the start of the step, into rows and slots."""
+        graph, lay = self.graph, self.layout
+        start = Writer(1)
+        code = self.zero_code = LoopedOrderZero(graph, start, self.degrees, None, order_k.reciprocals, lay)
+        true = [*self.rates, *(h for h, has in zip(self.h, self.has_surface, strict=True) if has)]
+        everything = self.covered([*self.states, *true])
+        self._check_selections(start, graph.reach(true, through=True))
+        outside = set()
+        for node in graph.reach([*self.states, *true], through=True):
+            if graph.nodes[node].op == "total":
+                everything |= self.covered(graph.nodes[node].args)
+                outside |= code.needed(graph.nodes[node].args)
+        outside |= code.needed([*self.states, *true])
+        roots = [Root(x, f, list) for x, f in zip(self.states, lay.states, strict=True)]
+        roots += [
+            Root(r, f, lambda i=i: self._first_rate(i)) for i, (r, f) in enumerate(zip(self.rates, lay.states))
+        ]
+        roots += [Root(h, graph.level[h], list) for h, has in zip(self.h, self.has_surface, strict=True) if has]
+        kept = {plain(u) for u in order_k.rows} | {int(re.sub(r"\D", "", name)) for _, name in self.slots if name[0] in "vrsl"}
+        # What a branch alone needs is made there; all else that is kept is made anyway.
+        roots += [
+            Root(a, graph.level[a], list) for a in sorted(kept) if a in outside or a not in everything
+        ]
+        self.closed = set()
+        Sections(code, lambda lines, f: self._preamble(lines, f, True), self._open).write(roots)
+        for operand, row in order_k.rows.items():
+            if order_k.family(operand) is None:
+                start.line(f"rows[o{row}] = {'0.0' if operand < 0 else order_k.value(operand)}")
+                if self.degrees.of(plain(operand)) == CONSTANT:
+                    start.line("for k in range(1, K + 1):")
+                    start.line(f"    rows[o{row} + k] = 0.0")
+        for node in sorted(order_k.transient):
+            if graph.level[node] is None:
+                start.line(f"z{node} = s{node}")
+        for node in sorted(order_k.carried):
+            if graph.level[node] is None:
+                start.line(f"l{node} = {order_k.value(node)}")
+        for i, family in enumerate(lay.states):
+            if family is None and self._moves(i):
+                start.line(f"d{i} = {order_k.value(self.rates[i])}")
+        return start
+
+    def _first_rate(self, i: int) -> list[str]:
+        family = self.layout.states[i]
+        if family is None or not self._moves(i):
+            return []
+        return [f"{self.slot(family, f'd{i}a')} = {self.code.value(self.rates[i])}"]
+
+    def _open(self, family: int, wanted) -> list[str]:
+        """Lines that keep an element's numbers of order 0."""
+        graph, code, lines = self.graph, self.code, []
+        fresh = {a for a in self.covered(wanted) if graph.level[a] == family} - self.closed
+        for operand, row in code.rows.items():
+            node = plain(operand)
+            if node in fresh:
+                lines.append(f"rows[o{row}] = {'0.0' if operand < 0 else code.value(node)}")
+                if self.degrees.of(node) == CONSTANT:
+                    lines += ["for k in range(1, K + 1):", f"    rows[o{row} + k] = 0.0"]
+        for f, name in list(self.slots):
+            if f != family or name[0] not in "vrsl":
+                continue
+            node = int(re.sub(r"\D", "", name))
+            if node not in fresh or name.endswith("b"):
+                continue
+            text = code.value(node) if name[0] == "l" else name
+            if graph.nodes[node].op in CONDITIONS:
+                text = f"choose({text}, 1.0, 0.0)"
+            lines.append(f"{self.slot(family, name)} = {text}")
+        self.closed |= fresh
+        return lines
+
+    def _check_selections(self, start: Writer, nodes) -> None:
+        """Without solved multipliers a selection has a side."""
+        graph, lay = self.graph, self.layout
+        for j in sorted({graph.nodes[a].data for a in nodes if graph.nodes[a].op == "sel"}):
+            family = lay.multipliers[j]
+            mult = lay.place("mult", j, family)
+            indent = ""
+            if family is not None:
+                start.line(f"for i{family} in range(m{family}):")
+                indent = "    "
+            start.line(f"{indent}if {mult} != 1.0 and {mult} != -1.0:")
+            start.line(f"{indent}    return 2")
+
+
+def numeric_rows(constants, surfaces, sizes):
+    """(number of rows, row of every surface) of a program for these numbers of elements.
+
+    `surfaces` holds the family of every surface block.
+    """
+    first = [c.at(sizes) for c in starts(constants["ROW_FAMILIES"])]
+    fixed, *each = constants["SCRATCH"]
+    scratch = fixed + sum(a * n for a, n in zip(each, sizes, strict=True))
+    rows: list[int] = []
+    for row, family in zip(constants["SURFACE_ROWS"], surfaces, strict=True):
+        count = 1 if family is None else sizes[family]
+        own = row >= 0 and constants["ROW_FAMILIES"][row] is not None
+        rows += [-1 if row < 0 else first[row] + (i if own else 0) for i in range(count)]
+    return first[-1] - (-scratch // SHORTEST_ROW), rows
+
+
+def write_looped_jets(model: Model) -> dict[str, str]:
+    """Sources as of jets.write_jets."""
+    from .recurrences import NoRecurrence
+
+    try:
+        return {"slip": LoopedJet(model).write()}
+    except NoRecurrence as reason:
+        return {"none": f"# no jets: {reason}\n"}

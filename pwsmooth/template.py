@@ -1,0 +1,220 @@
+"""A model with families, lowered for one element: what stands for all of them, and how many there are.
+
+    dx/dt = f(t, x, lambda, S; p),   dz_i/dt = q(t, z_i, z_(i+1), lambda_i, x, S; p, kappa_i),   S = sum e(z_i, ...)
+
+A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the sizes;
+in a `Model` with loops the copies look as if they were written out, but are made only when somebody asks for one.
+Arrays are blocks in the order of the template's symbols: a number each, or n numbers for what belongs to elements.
+Chain: family.py -> looping.py -> **template** -> codegen/looped_*.py.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .model import Model
+
+MARK = "[]"  # in the name of what every element has
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a symbol of the elements points to.
+
+    `base` is the symbol of the element itself and `outside` what stands beyond an end of the chain; of the number
+    i = 1, ..., n of the element `base` is None.
+    """
+
+    family: int
+    base: sp.Symbol | None
+    offset: int = 0
+    outside: sp.Expr | None = None
+
+
+@dataclass(frozen=True)
+class Template:
+    """One element of each family and what is of the whole system; independent of the numbers of elements."""
+
+    model: Model  # its symbols are the blocks
+    periodic: tuple[bool, ...]  # of every family
+    places: tuple[tuple[sp.Symbol, Place], ...]  # of every symbol of elements
+    sums: tuple[tuple[sp.Symbol, int, sp.Expr], ...]  # symbol, family, summand
+    event_families: tuple[int | None, ...]
+    output_families: tuple[int | None, ...]
+
+    @cached_property
+    def place(self) -> dict[sp.Symbol, Place]:
+        return dict(self.places)
+
+    @property
+    def constants(self) -> set[sp.Symbol]:
+        """Symbols of elements that do not change along a step: their parameters', also a neighbour's."""
+        parameters = set(self.model.parameters)
+        return {s for s, place in self.places if place.base is None or place.base in parameters}
+
+    def families(self, kind: str) -> tuple[int | None, ...]:
+        """The family of every block of "states", "parameters", "multipliers", "events" or "outputs"."""
+        if kind in ("events", "outputs"):
+            return self.event_families if kind == "events" else self.output_families
+        blocks = getattr(self.model, kind)
+        symbols = [b.symbol for b in blocks] if kind == "multipliers" else blocks
+        return tuple(self.place[s].family if s in self.place else None for s in symbols)
+
+
+def named(text: str, k: int | None) -> str:
+    """A name of the template as that of element k."""
+    return text if k is None else text.replace(f" {MARK}", f" {k + 1}").replace(MARK, f"_{k + 1}")
+
+
+@dataclass(frozen=True)
+class Loops:
+    """A template with the number of elements of every family."""
+
+    template: Template
+    sizes: tuple[int, ...]
+
+    def starts(self, kind: str) -> list[int]:
+        """First number of every block, and the count of all."""
+        lengths = (1 if f is None else self.sizes[f] for f in self.template.families(kind))
+        return list(accumulate(lengths, initial=0))
+
+    def spread(self, kind: str, values: Sequence[Any]) -> list[Any]:
+        """One value a block -> one value a number."""
+        families = self.template.families(kind)
+        return [v for v, f in zip(values, families) for _ in range(1 if f is None else self.sizes[f])]
+
+    def locate(self, kind: str, i: int) -> tuple[int, int | None]:
+        """(block, element or None) of number i."""
+        starts = self.starts(kind)
+        block = bisect_right(starts, i) - 1
+        return block, None if self.template.families(kind)[block] is None else i - starts[block]
+
+    def numbered(self, kind: str, other: str, blocks: np.ndarray) -> np.ndarray:
+        """Blocks of `other`, one for each number of `kind` (-1: none), as numbers: those of the same element."""
+        first, starts = self.starts(other), self.starts(kind)
+        families = self.template.families(kind)
+        elements = np.concatenate([np.arange(b - a) for a, b in zip(starts, starts[1:])] or [np.zeros(0, int)])
+        own = np.array(self.spread(kind, [f is not None for f in families]), bool)
+        shared = np.array([f is None for f in self.template.families(other)], bool)
+        result = [
+            b if b < 0 else first[b] + (k if o and not shared[b] else 0) for b, k, o in zip(blocks, elements, own)
+        ]
+        return np.array(result, np.int64)
+
+    def symbol(self, symbol: sp.Symbol, k: int | None) -> sp.Basic:
+        """What a symbol of the template is in element k."""
+        place = self.template.place.get(symbol)
+        if place is None:
+            return symbol
+        assert k is not None
+        if place.base is None:
+            return sp.Integer(k + 1)
+        at, n = k + place.offset, self.sizes[place.family]
+        if self.template.periodic[place.family]:
+            at %= n
+        elif not 0 <= at < n:
+            assert place.outside is not None
+            return self.expression(place.outside, k)
+        return sp.Symbol(named(place.base.name, at), **place.base._assumptions_orig)
+
+    def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
+        """An expression of the template for element k, sums written out."""
+        sums = {s: (family, inner) for s, family, inner in self.template.sums}
+        made = {}
+        for s in e.free_symbols:
+            if s in sums:
+                family, inner = sums[s]
+                made[s] = sp.Add(*(self.expression(inner, j) for j in range(self.sizes[family])))
+            elif s in self.template.place:
+                made[s] = self.symbol(s, k)
+        return e.xreplace(made) if made else e
+
+    def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
+        """All states or parameters."""
+        result: list[sp.Symbol] = []
+        for s, family in zip(getattr(self.template.model, kind), self.template.families(kind)):
+            result += [self.symbol(s, k) for k in (range(self.sizes[family]) if family is not None else [None])]
+        return tuple(result)
+
+
+class Copy:
+    """One multiplier or event of a model with loops: its attributes are made when they are asked for."""
+
+    def __init__(self, loops: Loops, item: Any, k: int | None):
+        self._loops, self._item, self._k = loops, item, k
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._item, name)
+        if name == "name":
+            return named(value, self._k)
+        if name == "update":
+            starts = self._loops.starts("states")
+            families = self._loops.template.families("states")
+            return tuple(
+                (starts[b] + (self._k or 0) * (families[b] is not None), self._loops.expression(e, self._k))
+                for b, e in value
+            )
+        return self._made(value)
+
+    def _made(self, value: Any) -> Any:
+        if isinstance(value, sp.Basic):
+            return self._loops.expression(value, self._k)
+        return tuple(map(self._made, value)) if isinstance(value, tuple) else value
+
+
+class Copies(Sequence):
+    """The rates, multipliers, events or outputs of a model with loops, in the order of its arrays."""
+
+    def __init__(self, loops: Loops, kind: str):
+        self.loops, self.kind = loops, kind
+        self._numbers = {"rhs": "states"}.get(kind, kind)
+        self._length = loops.starts(self._numbers)[-1]
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return tuple(self[k] for k in range(*i.indices(len(self))))
+        if not -len(self) <= i < len(self):
+            raise IndexError(i)
+        block, k = self.loops.locate(self._numbers, i % len(self))
+        item = getattr(self.loops.template.model, self.kind)[block]
+        if self.kind == "rhs":
+            return self.loops.expression(item, k)
+        if self.kind == "outputs":
+            return named(item[0], k), self.loops.expression(item[1], k)
+        return Copy(self.loops, item, k)
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Copies):
+            return (self.kind, self.loops) == (other.kind, other.loops)
+        return NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.kind, self.loops))
+
+
+def with_loops(loops: Loops) -> Model:
+    """The model that a template and sizes stand for."""
+    return Model(
+        time=loops.template.model.time,
+        states=loops.symbols("states"),
+        parameters=loops.symbols("parameters"),
+        rhs=Copies(loops, "rhs"),  # type: ignore[arg-type]
+        multipliers=Copies(loops, "multipliers"),  # type: ignore[arg-type]
+        events=Copies(loops, "events"),  # type: ignore[arg-type]
+        outputs=Copies(loops, "outputs"),  # type: ignore[arg-type]
+        n_memory=sum(loops.spread("states", [b >= len(loops.template.model.states)
+                                             - loops.template.model.n_memory
+                                             for b in range(len(loops.template.model.states))])),
+        loops=loops,
+    )  # fmt: skip
