@@ -17,7 +17,7 @@ def rows(system):
     # A family in one line: as it was written.
     element = None if system._view else system._element
     definition = element.definition if element else system.definition
-    if element:
+    if element and model.loops:
         model = model.loops.template.model
     gone = system._view.gone if system._view else {}
     equations = []

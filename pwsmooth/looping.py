@@ -64,7 +64,10 @@ class OneElement(Expansion):
         known = {pair: s for s, pair in self.sums.items()}
         if (family, inner) not in known:
             self.number(family)
-            self.sums[sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)] = family, inner
+            self.sums[sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)] = (
+                family,
+                inner,
+            )
         return {pair: s for s, pair in self.sums.items()}[family, inner]
 
     def _member(self, m, k):
@@ -181,9 +184,7 @@ def _values(loops, one, given):
         blocks[s.name.removesuffix(MARK)] = [loops.symbol(s, k if place else None) for k in range(n)]
     for key, value in spread(given, one.groups, "`parameters`").items():
         values[key if isinstance(key, str) else key.name] = value
-    return {
-        s: checks.parameter_value(s, values[s.name]) for block in blocks.values() for s in block
-    }
+    return {s: checks.parameter_value(s, values[s.name]) for block in blocks.values() for s in block}
 
 
 def _template(plain, one):
@@ -206,7 +207,9 @@ def _template(plain, one):
     for lam, h in field.switches:
         if (number := family(h)) is not None:
             # Switches found in ordinary notation are named after their surface or their number.
-            renamed[lam] = lam if lam.name.endswith(MARK) else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
+            renamed[lam] = (
+                lam if lam.name.endswith(MARK) else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
+            )
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
         if h.free_symbols & neighbours:
             raise NotLooped("a surface between neighbours")
@@ -218,7 +221,9 @@ def _template(plain, one):
         targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
         event_families.append(family(*parts, *targets))
         timed = [e for e in (event.every, *event.at) if e is not None]
-        if family(*timed) is not None or (event.surface is not None and event.surface.free_symbols & neighbours):
+        if family(*timed) is not None or (
+            event.surface is not None and event.surface.free_symbols & neighbours
+        ):
             raise NotLooped("an event of elements at given times, or between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):

@@ -118,3 +118,11 @@ class Model:
     sigmoid: str = "algebraic"
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
     loops: Loops | None = None  # of a model with families whose copies are not written out
+
+    def __post_init__(self) -> None:
+        if self.loops is not None:
+            from .template import written_out
+
+            # A model that was changed (`dataclasses.replace`) is no longer what its template says.
+            for name, value in written_out(self).items():
+                object.__setattr__(self, name, value)

@@ -363,8 +363,9 @@ class Solution:
 @functools.lru_cache(maxsize=256)
 def _is_slip_velocity(model: Model, j: int) -> bool:
     """Whether the surface of multiplier j is a state's rate, up to a function of time: then one slips on it."""
-    if model.loops is not None:
-        model, j = model.loops.template.model, model.loops.locate("multipliers", j)[0]
+    loops = model.loops
+    if loops is not None:
+        model, j = loops.template.model, loops.locate("multipliers", j)[0]
     h = model.multipliers[j].surface
     if h is None:
         return False

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import accumulate
 from typing import Any
@@ -105,7 +105,8 @@ class Loops:
         own = np.array(self.spread(kind, [f is not None for f in families]), bool)
         shared = np.array([f is None for f in self.template.families(other)], bool)
         result = [
-            b if b < 0 else first[b] + (k if o and not shared[b] else 0) for b, k, o in zip(blocks, elements, own)
+            b if b < 0 else first[b] + (k if o and not shared[b] else 0)
+            for b, k, o in zip(blocks, elements, own)
         ]
         return np.array(result, np.int64)
 
@@ -164,6 +165,10 @@ class Copy:
             )
         return self._made(value)
 
+    def plain(self) -> Any:
+        """The multiplier or event itself."""
+        return type(self._item)(**{f.name: getattr(self, f.name) for f in fields(self._item)})
+
     def _made(self, value: Any) -> Any:
         if isinstance(value, sp.Basic):
             return self._loops.expression(value, self._k)
@@ -201,6 +206,20 @@ class Copies(Sequence):
 
     def __hash__(self) -> int:
         return hash((self.kind, self.loops))
+
+
+def written_out(model: Model) -> dict[str, Any]:
+    """The fields of a model that differs from its template, all copies written out; nothing for one that does not."""
+    kinds = ("rhs", "multipliers", "events", "outputs")
+    loops = model.loops
+    same = all(isinstance(getattr(model, kind), Copies) for kind in kinds)
+    if loops is None or same and len(model.parameters) == loops.starts("parameters")[-1]:
+        return {}
+    changed: dict[str, Any] = {}
+    for kind in kinds:
+        items = [item.plain() if isinstance(item, Copy) else item for item in getattr(model, kind)]
+        changed[kind] = tuple(items)
+    return changed | {"loops": None}
 
 
 def with_loops(loops: Loops) -> Model:

@@ -119,7 +119,9 @@ class Compiled:
             from .layout import Layout, sparse_pattern
 
             lay = Layout(self._loops.template)
-            families, columns = (lay.multipliers, lay.multipliers) if name == "G" else (lay.surfaces, lay.states)
+            families, columns = (
+                (lay.multipliers, lay.multipliers) if name == "G" else (lay.surfaces, lay.states)
+            )
             return sparse_pattern(constants[f"{name}_ROWS"], families, columns, self._sizes)
         return tuple(np.array(constants[f"{name}_{part}"], np.int64) for part in ("ROW", "COL"))
 

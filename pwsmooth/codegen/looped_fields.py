@@ -14,6 +14,7 @@ from .layout import Count, Layout, one, starts
 from .scalar import Writer
 from .sections import ElementCode, Root, Sections
 
+
 def solvable(multiplier) -> bool:
     """Whether a multiplier is ever solved for: kinks and crossings are not."""
     return multiplier.kind != "switch" or multiplier.regularity == "sliding"
@@ -80,7 +81,8 @@ class LoopedFields:
         graph, lay = self.graph, self.layout
         solved = [solvable(m) for m in self.model.multipliers]
         G = [
-            sorted({i, *(j for j in graph.variables(r, "mult") if solved[j])}) for i, r in enumerate(self.residuals)
+            sorted({i, *(j for j in graph.variables(r, "mult") if solved[j])})
+            for i, r in enumerate(self.residuals)
         ]
         dh = [self._moving_states(s) for s in self.h]
         entries, length = self._rows("G", G, lay.multipliers, "mult", lay.multipliers, self.residuals, Count())

@@ -182,7 +182,9 @@ class LoopedJet:
                 return self.zero_code.formula(node)
             if op in CONDITIONS:
                 return f"{self.slot(family, name)} != 0.0"
-            return f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
+            return (
+                f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
+            )
         if name[0] == "k" and op == "var":
             index = neighbour(family, data[2]) if len(data) == 3 else ""
             return f"{self.slot(family, self.old(f'd{data[1]}'), index)} * inv"
@@ -222,7 +224,10 @@ class LoopedJet:
         self.source.constants = {
             "SIZES": len(lay.periodic),
             "ROW_FAMILIES": tuple(families),
-            "SCRATCH": (self.scratch.fixed, *(dict(self.scratch.each).get(f, 0) for f in range(len(lay.periodic)))),
+            "SCRATCH": (
+                self.scratch.fixed,
+                *(dict(self.scratch.each).get(f, 0) for f in range(len(lay.periodic))),
+            ),
             "SURFACE_ROWS": tuple(self.surface_rows),
             "FLAGS": FLAGS,
         }
@@ -370,7 +375,8 @@ class LoopedJet:
         """The parts of all products that are known at the start of a block of orders."""
         for f in (None, *range(len(self.layout.periodic))):
             calls = [
-                f"presum(rows, {code.row(a)}, {code.row(b)}, q, {code.scratch(a, b)})" for a, b in code.of_family(f)
+                f"presum(rows, {code.row(a)}, {code.row(b)}, q, {code.scratch(a, b)})"
+                for a, b in code.of_family(f)
             ]
             if f is None:
                 for call in calls:
@@ -403,11 +409,11 @@ class LoopedJet:
             Root(r, f, lambda i=i: self._first_rate(i)) for i, (r, f) in enumerate(zip(self.rates, lay.states))
         ]
         roots += [Root(h, graph.level[h], list) for h, has in zip(self.h, self.has_surface, strict=True) if has]
-        kept = {plain(u) for u in order_k.rows} | {int(re.sub(r"\D", "", name)) for _, name in self.slots if name[0] in "vrsl"}
+        kept = {plain(u) for u in order_k.rows} | {
+            int(re.sub(r"\D", "", name)) for _, name in self.slots if name[0] in "vrsl"
+        }
         # What a branch alone needs is made there; all else that is kept is made anyway.
-        roots += [
-            Root(a, graph.level[a], list) for a in sorted(kept) if a in outside or a not in everything
-        ]
+        roots += [Root(a, graph.level[a], list) for a in sorted(kept) if a in outside or a not in everything]
         self.closed = set()
         Sections(code, lambda lines, f: self._preamble(lines, f, True), self._open).write(roots)
         for operand, row in order_k.rows.items():

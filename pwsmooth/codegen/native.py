@@ -258,7 +258,9 @@ class Module:
                 definitions.append(node)
         self.flags = self.constants.get("FLAGS", ())
         # The numbers of elements n0, n1, ... of families: written into the loaded code, so that one text serves all.
-        self.sizes = {f"n{f}": ir.GlobalVariable(self.module, INT, f"n{f}") for f in range(self.constants.get("SIZES", 0))}
+        self.sizes = {
+            f"n{f}": ir.GlobalVariable(self.module, INT, f"n{f}") for f in range(self.constants.get("SIZES", 0))
+        }
         for variable in self.sizes.values():
             variable.initializer = INT(0)
         self.functions: dict[str, ir.Function] = {}

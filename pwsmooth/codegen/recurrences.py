@@ -260,7 +260,7 @@ class OrderK(JetCode):
 
     def name(self, node: int) -> str:
         degree = self.degrees.of(node)
-        if self.graph.nodes[node].op in ("rel", "and", "or", "not"):
+        if self.graph.nodes[node].op in ("rel", "and", "or", "not", "inside"):
             return f"v{node}"  # conditions are constants of the step
         return f"k{node}" if degree in (GENERAL, SWITCHABLE) else self.coefficient(node) or "0.0"
 

@@ -1,0 +1,137 @@
+"""Systems with families for the tests of their looped form, and both forms of them."""
+
+import contextlib
+
+import sympy as sp
+
+from pwsmooth import Event, Family, Switch, System, looping
+
+t, x, v, s = sp.symbols("t x v s", real=True)
+
+
+def clipped(n):
+    """n parallel elements of the differential-algebraic law in prescribed motion: nested switches, a sum as output."""
+    elements = Family(n)
+    (a,) = elements.symbols("a")
+    kappa, sigma, share = elements.symbols("kappa sigma share", positive=True)
+    speed = 10 * sp.cos(2 * sp.pi * t)
+    force = sp.Max(-share * s, sp.Min(share * s, kappa * a + sigma * speed))
+    system = {
+        "rates": {s: (1 + sp.exp(-((speed / 8) ** 2)) - s) / 0.02, a: (force - kappa * a) / sigma},
+        "parameters": {kappa: [2.5 / (i + 1) for i in range(n)], sigma: 0.01, share: 1 / n},
+        "outputs": {"force": elements.sum(force), "share_of": force / elements.sum(force)},
+    }
+    return system, {s: 1.1, a: 0}, (0, 1)
+
+
+def bristles(n):
+    """A mass on n LuGre bristles: the sum feeds the speed, which moves the elements; a shared kink in each."""
+    elements = Family(n)
+    (z,) = elements.symbols("z")
+    s0, s1, Fc, Fs = elements.symbols("s0 s1 Fc Fs", positive=True)
+    rate = v - s0 * sp.Abs(v) * z / (Fc + (Fs - Fc) * sp.exp(-((v / sp.Rational(1, 10)) ** 2)))
+    force = elements.sum(s0 * z + s1 * rate)
+    values = {s0: [100.0 * (1 + i) / n**2 for i in range(n)], s1: 1 / n, Fc: 1 / n, Fs: 1.5 / n}
+    rates = {x: v, v: 2 * sp.cos(3 * t) - force - 4 * v, z: rate}
+    return {"rates": rates, "parameters": values, "outputs": {"force": force}}, {x: 0, v: 0.1, z: 0}, (0, 2)
+
+
+def slip_stick(n):
+    """Generalised Maxwell-slip: memories, guards, events of elements, a surface that all of them share."""
+    elements = Family(n)
+    (z,) = elements.symbols("z")
+    kappa, share, sigma = elements.symbols("kappa share sigma", positive=True)
+    slip = elements.memory("slip", 0)
+    speed = 10 * sp.cos(2 * sp.pi * t)
+    g = 1 + sp.exp(-((speed / 8) ** 2))
+    rate = sp.Piecewise((speed, sp.Eq(slip, 0)), (50 * (share * sp.sign(speed) - kappa * z / g) / kappa, True))
+    events = [
+        Event(kappa * z - share * g, direction=1, update={slip: 1}, when=sp.Eq(slip, 0), name="up"),
+        Event(kappa * z + share * g, direction=-1, update={slip: 1}, when=sp.Eq(slip, 0), name="down"),
+        Event(speed, update={slip: 0}, when=sp.Eq(slip, 1), name="stop"),
+    ]
+    system = {
+        "rates": {z: rate},
+        "parameters": {kappa: [2.5 / (i + 1) for i in range(n)], share: 1 / n, sigma: 0.01},
+        "events": events,
+        "outputs": {"force": elements.sum(kappa * z + sigma * rate), "slipping": elements.sum(slip)},
+    }
+    return system, {z: 0}, (0, 1.2)
+
+
+def smooth_chain(n, **options):
+    """A chain of springs with a cubic term, a wall beyond its end, numbers of elements, no switch."""
+    blocks = Family(n, **options)
+    y, w = blocks.symbols("y w")
+    k = sp.Symbol("k", positive=True)
+    ahead = blocks.neighbour(y, 1) if options else blocks.neighbour(y, 1, outside=sp.sin(t))
+    pull = ahead - 2 * y + blocks.neighbour(y, -1)
+    far = blocks.neighbour(y, -2) - y
+    rates = {y: w, w: k * pull - y**3 + far / (1 + w**2) + blocks.index / 10}
+    start = {y: [0.1 * ((3 * i) % 7) / 7 for i in range(n)], w: 0}
+    outputs = {"energy": blocks.sum(w**2 + k * (ahead - y) ** 2) / 2, "stretch": ahead - y}
+    return {"rates": rates, "parameters": {k: 2.0}, "outputs": outputs}, start, (0, 3)
+
+
+def mean_field(n):
+    """Sums of functions of sums: every element follows the spread about the mean, the whole the sum of both."""
+    elements = Family(n)
+    (z,) = elements.symbols("z")
+    rate = elements.symbols("r", positive=True)[0]
+    mean = elements.sum(z) / n
+    spread = elements.sum((z - mean) ** 2) / n
+    rates = {
+        v: spread - v,
+        z: rate * (mean - z) + sp.sin(z) / (1 + spread) * sp.Abs(v - s) - elements.sum(z * v),
+        s: 0,
+    }
+    start = {v: 0.2, z: [sp.sin(3 * i) for i in range(n)], s: 0.3}
+    return {"rates": rates, "parameters": {rate: [1 + i / n for i in range(n)]}}, start, (0, 1)
+
+
+MODELS = {
+    "clipped": clipped,
+    "bristles": bristles,
+    "slip_stick": slip_stick,
+    "smooth_chain": smooth_chain,
+    "ring": lambda n: smooth_chain(n, periodic=True),
+    "mean_field": mean_field,
+}
+
+
+@contextlib.contextmanager
+def looped_from(n):
+    """Families are looped over from n elements on."""
+    before, looping.LOOPED_FROM = looping.LOOPED_FROM, n
+    try:
+        yield
+    finally:
+        looping.LOOPED_FROM = before
+
+
+def both(name, n):
+    """(looped system, the same with its copies written out, start, span)."""
+    arguments, start, span = MODELS[name](n)
+    arguments = {"time": t} | arguments
+    with looped_from(1):
+        looped = System(**arguments)
+    with looped_from(10**9):
+        copies = System(**arguments)
+    assert looped.model.loops is not None and copies.model.loops is None
+    return looped, copies, start, span
+
+
+def friction_chain(n):
+    """Blocks on a belt, coupled by springs: every block has its own switch, which slides."""
+    blocks = Family(n)
+    y, w = blocks.symbols("y w")
+    (F,) = blocks.symbols("F", positive=True)
+    u, k = sp.symbols("u k", positive=True)
+    pull = blocks.neighbour(y, 1) - 2 * y + blocks.neighbour(y, -1)
+    rates = {y: w, w: k * pull - y - F * Switch("lam", w - u)}
+    values = {u: 0.1, k: 2.0, F: [1 + 0.3 * ((7 * i) % 5) / 5 for i in range(n)]}
+    return (
+        {"rates": rates, "parameters": values},
+        {y: [0.1 * ((3 * i) % 7) / 7 for i in range(n)], w: 0},
+        (0, 10),
+    )

@@ -1,0 +1,214 @@
+"""Families are lowered as one element: the looped code gives what the written-out copies give, and does not grow."""
+
+import ctypes
+
+import numpy as np
+import pytest
+import sympy as sp
+from looped_models import MODELS, both, looped_from, t
+
+from pwsmooth import Event, Family, System, Unilateral, solve
+from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.layout import Layout
+from pwsmooth.codegen.looped_fields import LoopedFields
+from pwsmooth.codegen.looped_jets import write_looped_jets
+
+EPS = np.finfo(float).eps
+
+
+def pointers(*arrays):
+    """Arrays with one more entry (an empty one has no address), and their addresses."""
+    arrays = [np.append(np.asarray(a, float), 0.0) for a in arrays]
+    return arrays, [a.ctypes.data for a in arrays]
+
+
+def multipliers_in_order(looped, copies):
+    """Number in the written-out model of every multiplier of the looped one: there the copies of one element come
+    together, here those of one switch."""
+    lay = Layout(looped.model.loops.template)
+    own = [f is not None for f in lay.multipliers]
+    n = looped.model.loops.sizes[0] if looped.model.loops.sizes else 0
+    if not any(own):
+        return list(range(len(copies.model.multipliers)))
+    assert all(own)
+    return [len(own) * i + b for b in range(len(own)) for i in range(n)]
+
+
+def point(looped, copies, seed=1):
+    """A random state, sides of the switches (in both orders) and the parameters."""
+    rng = np.random.default_rng(seed)
+    model = looped.model
+    x = rng.normal(size=len(model.states))
+    x[len(x) - model.n_memory :] = rng.integers(0, 2, model.n_memory)
+    order = multipliers_in_order(looped, copies)
+    mult = rng.choice([-1.0, 1.0], len(order))
+    there = np.zeros(len(order))
+    there[order] = mult
+    return x, mult, there, order, [float(looped.parameters[q]) for q in model.parameters]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_field_and_its_surfaces_are_those_of_the_copies(name):
+    looped, copies, _, _ = both(name, 9)
+    x, mult, there, order, p = point(looped, copies)
+    results = []
+    for system, lam in ((looped, mult), (copies, there)):
+        code = compile_model(system.model)
+        arrays, at = pointers(x, lam, p, np.empty(code.n), np.empty(code.m + code.ne), np.empty(code.m))
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 6)
+        kind(code.fields)(0.37, *at)
+        results.append([a[:-1] for a in arrays[3:5]])
+    (dx, h), (dx_copies, h_copies) = results
+    m = len(order)
+    # Sums are added in another order: n terms, each at most as large as the largest number that occurs.
+    scale = 50 * EPS * (1 + np.abs(dx_copies).max())
+    np.testing.assert_allclose(dx, dx_copies, atol=scale, rtol=0)
+    np.testing.assert_allclose(h, [*h_copies[order], *h_copies[m:]], atol=scale, rtol=0)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_gradients_of_surfaces_are_those_of_the_copies(name):
+    looped, copies, _, _ = both(name, 9)
+    x, mult, there, order, p = point(looped, copies)
+    dense = []
+    for system, lam in ((looped, mult), (copies, there)):
+        code = compile_model(system.model)
+        row, col = code.pattern("DH")
+        entries = code.pattern("G")[1]
+        arrays, at = pointers(x, lam, p, np.empty(len(entries)), np.empty(len(col) + code.m + code.ne))
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 5)
+        kind(code.linear)(0.37, *at)
+        gradients = np.zeros((code.m + code.ne, code.n + 1))
+        for i in range(code.m + code.ne):
+            gradients[i, col[row[i] : row[i + 1]]] = arrays[4][row[i] : row[i + 1]]
+        gradients[:, -1] = arrays[4][len(col) : -1]
+        dense.append(gradients)
+    m = len(order)
+    np.testing.assert_allclose(
+        dense[0], dense[1][[*order, *range(m, len(dense[1]))]], atol=1e3 * EPS, rtol=1e-13
+    )
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("K", [1, 6, 12])
+def test_the_taylor_coefficients_are_those_of_the_copies(name, K):
+    looped, copies, _, _ = both(name, 9)
+    x, mult, there, order, p = point(looped, copies)
+    results = []
+    for system, lam in ((looped, mult), (copies, there)):
+        code = compile_model(system.model)
+        rows = np.full((code.nrows_slip, K + 5), np.nan)
+        _, at = pointers(x, lam, p)
+        kind = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2,
+                                ctypes.c_void_p)  # fmt: skip
+        assert kind(code.jet_slip)(0.37, *at, K, K + 5, rows.ctypes.data) == 0
+        surfaces = np.array([rows[r, : K + 1] if r >= 0 else np.zeros(K + 1) for r in code.surface_rows_slip])
+        results.append((rows[: code.n, : K + 1], surfaces.reshape(-1, K + 1)))
+    (states, h), (states_copies, h_copies) = results
+    m = len(order)
+    h_copies = h_copies[[*order, *range(m, len(h_copies))]]
+    for found, expected in ((states, states_copies), (h, h_copies)):
+        # Order k is a sum of k products of lower orders: rounding grows with k, relative to the largest of an order.
+        size = np.abs(states_copies).max(axis=0) + (np.abs(expected).max(axis=0) if len(expected) else 0.0)
+        assert np.all(np.abs(found - expected) <= 100 * (K + 1) * EPS * (1 + size))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_run_is_that_of_the_copies(name):
+    looped, copies, start, span = both(name, 9)
+    a, b = (solve(system, span, start, rtol=1e-10, atol=1e-12) for system in (looped, copies))
+    assert a.outcome is b.outcome and a.cost == b.cost
+    assert [(e.kind, e.switch) for e in a.events if " " in e.switch] == [
+        (e.kind, e.switch) for e in b.events if " " in e.switch
+    ]
+    # Both make the same steps; what differs are roundings, which a span of a few units does not blow up.
+    np.testing.assert_allclose(a.t, b.t, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(a.x, b.x, rtol=0, atol=1e-9)
+    for output in b.outputs:
+        np.testing.assert_allclose(a[output], b[output], rtol=1e-7, atol=1e-8)
+    assert a.outputs == b.outputs
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_generated_text_does_not_know_how_many_elements_there_are(name):
+    texts = []
+    for n in (9, 300):
+        arguments, _, _ = MODELS[name](n)
+        with looped_from(1):
+            model = System(**({"time": t} | arguments)).model
+        texts.append(LoopedFields(model).write() | write_looped_jets(model))
+    # mean_field writes n itself into its mean, as a number.
+    if name == "mean_field":
+        assert [len(text.split("\n")) for text in texts[0].values()] == [
+            len(text.split("\n")) for text in texts[1].values()
+        ]
+    else:
+        assert texts[0] == texts[1]
+
+
+def test_systems_of_two_sizes_share_machine_code_and_not_their_sizes():
+    runs = {}
+    for n in (9, 30):
+        looped, _, start, span = both("slip_stick", n)
+        runs[n] = looped, solve(looped, span, start)
+    keys = {compile_model(system.model)._key for system, _ in runs.values()}
+    assert len(keys) == 1
+    # n equal shares of the same strength reach it at their own times, from the stiffest to the softest.
+    for n, (_, run) in runs.items():
+        assert run["slipping"].max() == n
+    again = solve(runs[9][0], (0, 1.2), {"z": 0})
+    np.testing.assert_array_equal(again.x, runs[9][1].x)
+
+
+def test_n_equal_elements_are_one_of_n_times_the_strength():
+    # Bristles in parallel that are all alike: f = n (s0 z + s1 z'), the same as one element with n s0, n s1, n F.
+    n = 40
+    looped, _, start, _ = both("bristles", n)
+    names = {"s0": 50.0 / n, "s1": 2.0 / n, "Fc": 1.0 / n, "Fs": 1.5 / n}
+    many = solve(looped.with_parameters(names), (0, 2), start, rtol=1e-11, atol=1e-13)
+    single, _, begin, _ = both("bristles", 1)
+    one = {key: n * value for key, value in names.items()}
+    few = solve(single.with_parameters(one), (0, 2), begin, rtol=1e-11, atol=1e-13)
+    assert abs(many["v"][-1] - few["v"][-1]) <= 1e-9
+    assert abs(many["z_40"][-1] - few["z_1"][-1]) <= 1e-9
+
+
+def test_a_changed_model_is_written_out():
+    from dataclasses import replace
+
+    looped, copies, _, _ = both("slip_stick", 9)
+    changed = replace(looped.model, outputs=())
+    assert changed.loops is None and changed.rhs == copies.model.rhs and changed.events == copies.model.events
+    assert changed.multipliers == copies.model.multipliers
+
+
+def test_what_has_no_looped_form_is_written_out():
+    blocks = Family(9)
+    y, w = blocks.symbols("y w")
+    ball = Unilateral(y, restitution=0.5, name="R")
+    near = Event(blocks.neighbour(y, 1, outside=2) - y, update={w: 0}, name="meet")
+    later = Event(at=[blocks.index], update={w: 0}, name="kick")
+    for arguments in (
+        {"rates": {y: w, w: ball.reaction - 1}, "contacts": [ball]},
+        {"rates": {y: w, w: -y}, "events": [near]},
+        {"rates": {y: w, w: -y}, "events": [later]},
+        {"rates": {y: w, w: -sp.Max(0, y - blocks.neighbour(y, 1))}},
+    ):
+        model = System(**arguments).model
+        assert model.loops is None and len(model.states) == 18
+
+
+def test_a_wrong_value_of_one_element_is_named():
+    tau = sp.Symbol("tau", nonnegative=True)
+    elements = Family(9)
+    (z,) = elements.symbols("z")
+    (T,) = elements.symbols("T", nonnegative=True)
+    values = [1.0] * 9
+    values[4] = 0.0
+    with pytest.raises(ValueError, match=r"z_5.*divides by T_5"):
+        System({z: (tau - z) / T}, parameters={T: values, tau: 1})
+    with pytest.raises(ValueError, match="gives 3 values to T, which has 9 copies"):
+        System({z: (tau - z) / T}, parameters={T: [1, 2, 3], tau: 1})
+    system = System({z: (tau - z) / T}, parameters={T: 1.0, tau: 1})
+    with pytest.raises(ValueError, match="no value for z_9"):
+        solve(system, (0, 1), {f"z_{i}": 0 for i in range(1, 9)})
