@@ -20,6 +20,7 @@ _HOME = {
     "Diffusion": "diffusion",
     "ensemble": "noise_ensemble",
     "solve": "solve",
+    "sweep": "sweep",
     "Solution": "solution",
     "Outcome": "solution",
 }

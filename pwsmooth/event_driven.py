@@ -58,24 +58,28 @@ class EventDriven:
     def begin(self, t0, start):
         """Runs the kernel to its end, emptying its buffers as they fill."""
         names, model = self.names, self.model
-        m, ne = len(model.multipliers), len(model.events)
         clock, which = _clock(model, self.values, t0, self.control["t_end"], self.control["max_steps"])
         control = names.Control(**self.control, clock=clock, clock_event=which)
-        state = names.State(
+        state = self.fresh_state(t0, start)
+        record = self._record(_ROOM, None, state.counts)
+        while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
+            # Between two visits Ctrl-C works; the room grows geometrically.
+            record = self._record(max(4 * len(record.t), _NEXT_ROOM), record, state.counts)
+        self.code, self.state, self.record = code, state, record
+
+    def fresh_state(self, t0, start):
+        """The kernel's State before its first step (kernels/ensemble.py makes the same one for every orbit)."""
+        m, ne = len(self.model.multipliers), len(self.model.events)
+        return self.names.State(
             now=np.array([t0, min(1e-3, self.control["max_step"])]),
             x=start,
             mult=np.zeros(m),
             status=np.zeros(m),
             deflate=np.zeros(m + ne),
             side=np.ones(ne),
-            counts=np.zeros(names.N_COUNTS),
+            counts=np.zeros(self.names.N_COUNTS),
             last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
-        record = self._record(_ROOM, None, state.counts)
-        while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
-            # Between two visits Ctrl-C works; the room grows geometrically.
-            record = self._record(max(4 * len(record.t), _NEXT_ROOM), record, state.counts)
-        self.code, self.state, self.record = code, state, record
 
     def _record(self, room, old, counts):
         """Buffers for `room` points and events, with what `old` holds copied over."""

@@ -284,17 +284,9 @@ class Solution:
     # ---- other forms -------------------------------------------------------------------------------
 
     def to_dataset(self) -> xarray.Dataset:
-        """An xarray Dataset with every state, multiplier, status and output over time, and provenance.
+        """An xarray Dataset with every state, multiplier, status and output over time, and provenance."""
+        import xarray
 
-        Raises
-        ------
-        ImportError
-            xarray is not installed.
-        """
-        try:
-            import xarray
-        except ImportError as error:
-            raise ImportError("to_dataset() needs xarray: pip install 'pwsmooth[dataset]'.") from error
         data: dict[str, Any] = {name: ("time", row) for name, row in zip(self.states, self.x)}
         data.update({name: ("time", row) for name, row in zip(self.multipliers, self.mult)})
         data.update({f"status_{name}": ("time", row) for name, row in zip(self.multipliers, self.status)})

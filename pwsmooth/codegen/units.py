@@ -28,6 +28,7 @@ UNITS = {
 }
 # Units that only some runs need: they are no fields of the Problem.
 MORE_UNITS = {
+    "ensemble": ("ensemble", "ensemble"),
     "kick_act": ("noise_kicks", "kick_act"),
     "kick_act_smooth": ("noise_kicks", "kick_act_smooth"),
     "diffuse": ("noise_path", "diffuse"),

@@ -1,0 +1,187 @@
+"""sweep(): thousands of orbits over parameters, initial conditions and seeds, measured and kept.
+
+axes.py      what is swept            measures.py  what is kept of an orbit
+plan.py      a checked sweep          chunk.py     what a worker does with a chunk of points
+running.py   executors, progress      store.py     chunks on disk, resumed after a kill
+dataset.py   the result               study.py     a sweep in a TOML file
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .contract import Measure, Window
+from .measures import (
+    Amplitude,
+    Counts,
+    Extremes,
+    Function,
+    Itinerary,
+    Lyapunov,
+    Period,
+    Points,
+    Statistics,
+    Sticks,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from concurrent.futures import Executor
+
+    import xarray
+
+__all__ = [
+    "Amplitude",
+    "Counts",
+    "Extremes",
+    "Function",
+    "Itinerary",
+    "Lyapunov",
+    "Measure",
+    "Period",
+    "Points",
+    "Statistics",
+    "Sticks",
+    "Window",
+    "sweep",
+]
+
+
+def sweep(
+    system: Any,
+    axes: Mapping[Any, Sequence[float]] | None = None,
+    *,
+    points: Mapping[Any, Sequence[float]] | None = None,
+    start: Mapping[Any, float] | None = None,
+    measures: Any = ("sticks", "itinerary", "period"),
+    period: Any = None,
+    transient: int = 100,
+    periods: int = 20,
+    t_span: Sequence[float] | None = None,
+    measure_from: float | None = None,
+    units: Mapping[Any, str] | None = None,
+    noise: Any = None,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    chunk: int | None = None,
+    store: Any = None,
+    progress: bool | None = None,
+    **options: Any,
+) -> xarray.Dataset:
+    """Run a system over a grid or a list of points and keep measures of every orbit.
+
+    Event-driven systems run in compiled code on all cores, with the arithmetic of `solve`: a point of a sweep and a
+    solve over the same span with the same tolerances give the same bits. Smoothed and noisy systems, and
+    functions of the Solution, run through `solve`, point by point.
+
+    Parameters
+    ----------
+    system : System or scene
+        A scene brings its start, period and units.
+    axes : mapping of name to sequence of float
+        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of the noise.
+    points : mapping of name to sequence of float
+        A list of points, one of each sequence; with `axes` too, the whole grid at every point of the list.
+    start : mapping
+        Initial values of the states that are not swept.
+    measures : sequence of Measure, str or callable
+        Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",
+        "counts", "lyapunov"), Measures of this module, functions of the Solution.
+    period : float or expression in the parameters
+        Of the drive, e.g. ``2*sympy.pi/omega``. An orbit runs for `transient` periods unseen, then `periods`
+        more are measured.
+    transient, periods : int
+    t_span, measure_from : (float, float), float
+        Without a drive: the span of a run, and where in it measuring begins.
+    units : mapping of name to str
+        Of parameters, states, outputs and time; they label coordinates and variables.
+    noise : Kicks or Diffusion, optional
+        As for `solve`; the axes "seed" and "trajectory" replace its numbers.
+    executor : concurrent.futures.Executor, optional
+        By default threads on all cores, which compiled orbits keep busy. Functions of the Solution that are slow
+        Python gain from processes: ``ProcessPoolExecutor()``; a cluster: Dask's ``Client(...).get_executor()``.
+    workers : int, optional
+        Threads of the default executor.
+    chunk : int, optional
+        Points that a worker takes at a time, by default about half a second of work. No value depends on it.
+    store : path, optional
+        Zarr directory to which chunks are written as they finish. The same call with the same store goes on where
+        it was stopped, and gives the same bits as a run that was not; another sweep's store is refused.
+    progress : bool, optional
+        Progress bar with rate and failures, by default on a terminal.
+    **options
+        rtol, atol, method, order, max_step, max_steps of `solve`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions are the axes. `outcome` holds for every point how its run ended (>= 0 is success, in words
+        in its attribute flag_meanings), `t_reached` where; a failed point has nan, -1 or "" in its measures.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+    RuntimeError
+        A worker process was lost.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch, System, sweep
+    >>> t, y, v = sp.symbols("t y v", real=True)
+    >>> k, sigma = sp.symbols("k sigma", positive=True)
+    >>> lam = Switch("lam", v)
+    >>> block = System({y: v, v: -sigma*sp.sin(t) - k*y - v/10 - lam}, time=t, parameters={k: 3.1, sigma: 2.4})
+    >>> found = sweep(block, {"sigma": [1.2, 2.4]}, start={"y": 0.5, "v": 0.3}, period=2*sp.pi,
+    ...               measures=["itinerary", "amplitude(y)"], units={"y": "m"})
+    >>> found.itinerary.values.tolist()
+    ['S R S L', 'R L']
+    """
+    from .. import checks
+    from .dataset import empty_arrays, make_dataset
+    from .plan import make_plan
+    from .running import chunk_target, cores, run_chunks
+
+    workers = None if workers is None else checks.whole(workers, "`workers`", 1)
+    chunk = None if chunk is None else checks.whole(chunk, "`chunk`", 1)
+    if executor is not None and not hasattr(executor, "submit"):
+        raise TypeError(
+            f"`executor` is {executor!r}; give a concurrent.futures.Executor, such as ProcessPoolExecutor() or a "
+            "Dask client's `get_executor()`."
+        )
+    plan, where = make_plan(
+        system,
+        axes,
+        points,
+        start,
+        measures,
+        t_span,
+        measure_from,
+        period,
+        transient,
+        periods,
+        units,
+        noise,
+        options,
+    )
+    _ = plan.variables  # two measures of one name are refused before anything runs
+
+    def target() -> int:
+        return chunk or chunk_target(plan, where, workers or getattr(executor, "_max_workers", None) or cores())
+
+    if store is not None:
+        from .store import Store
+
+        kept = Store(store, plan, where, target)
+        run_chunks(plan, where, kept.todo, executor, workers, kept.keep, progress)
+        return kept.dataset()
+    arrays = empty_arrays(plan, where)
+
+    def keep(first: int, stop: int, result: dict[str, Any]) -> None:
+        for name, values in result.items():
+            arrays[name][first:stop] = values
+
+    _, chunks = where.boxes(target())
+    run_chunks(plan, where, chunks, executor, workers, keep, progress)
+    return make_dataset(plan, where, arrays)

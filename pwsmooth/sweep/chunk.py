@@ -1,0 +1,95 @@
+"""The value of a chunk of points: what a worker does, in whichever thread, process or machine.
+
+Event-driven systems run as a compiled ensemble (orbits.py), smoothed and noisy ones and users' functions through
+solve(), point by point. Both give the same bits wherever a point is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..records import Outcome
+from .plan import FUNCTION_FAILED, REFUSED, Plan, with_number
+
+
+def run_chunk(plan: Plan, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Name -> values, shape (points, ...), of the points whose swept values are `columns`."""
+    count = len(next(iter(columns.values())))
+    result = {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in plan.variables.items()}
+    ensemble = goes_as_ensemble(plan)
+    if ensemble:
+        from .orbits import run_orbits
+
+        orbits = run_orbits(plan, columns)
+        for measure in plan.compiled_measures:
+            for name, values in measure.gather(orbits, plan.setting).items():
+                result[name][:] = values
+        result["t_reached"][:] = orbits.reached
+        result["ambiguities"][:] = orbits.counts[:, 2]
+        result["outcome"][:] = orbits.outcome
+    if plan.functions or not ensemble:
+        _one_by_one(plan, columns, result, plan.functions if ensemble else plan.measures, ensemble)
+    return result
+
+
+def goes_as_ensemble(plan: Plan) -> bool:
+    """Whether the measures run in compiled code: event-driven, without noise."""
+    model = plan.system.model
+    return plan.noise is None and not (model.smoothing and not model.multipliers)
+
+
+def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool) -> tuple[Any, Any]:
+    """Solution and window of point i of a chunk.
+
+    Raises
+    ------
+    ValueError, TypeError
+        What solve() refuses: a combination of values that no single axis shows.
+    """
+    from ..solve import solve
+
+    t0, begin, end, period = (a[i] for a in plan.windows(columns, len(next(iter(columns.values())))))
+    values, start, noise = {}, list(plan.start), plan.noise
+    for name, kind in plan.kinds:
+        if kind == "parameter":
+            values[name] = float(columns[name][i])
+        elif kind == "state":
+            start[plan.setting.states.index(name)] = float(columns[name][i])
+        elif kind == "noise":
+            noise = with_number(noise, name, columns[name][i])
+    options = {k: v for k, v in plan.options if v is not None}
+    if noise is not None:
+        options["noise"] = noise
+    window = plan.window(begin, end, period)
+    solution = solve(
+        plan.system, (float(t0), float(end)), start, parameters=values, dense_output=dense, **options
+    )
+    return solution, window
+
+
+def _one_by_one(plan, columns, result, measures, outcome_known):
+    dense = any(getattr(m, "dense", True) for m in measures)
+    for i in range(len(result["outcome"])):
+        if outcome_known and result["outcome"][i] < 0:
+            continue
+        try:
+            solution, window = solve_point(plan, columns, i, dense)
+        except (ValueError, TypeError):
+            result["outcome"][i] = REFUSED
+            continue
+        if not outcome_known:
+            result["t_reached"][i] = solution.t[-1]
+            result["ambiguities"][i] = len(solution.ambiguities)
+            result["outcome"][i] = solution.outcome
+            if solution.outcome < Outcome.FINISHED:
+                continue
+        for measure in measures:
+            try:
+                values = measure.of(solution, window, plan.setting)
+                for name, value in values.items():
+                    result[name][i] = value
+            except Exception:  # a user's function may raise anything: a point must not cost the sweep
+                result["outcome"][i] = FUNCTION_FAILED

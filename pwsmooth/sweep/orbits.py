@@ -1,0 +1,167 @@
+"""A chunk of orbits through the compiled ensemble (kernels/ensemble.py): arrays in, arrays out.
+
+The ctypes call releases Python's lock, so that threads use all cores.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..event_driven import EventDriven, _clock
+from ..records import Outcome
+from .measures import Itinerary
+from .plan import REFUSED, Plan
+
+_RING = 256  # segments remembered, of which the last periods' are read
+_NODES = 12  # of Gauss: exact for a polynomial of degree 23, the steps' own
+
+
+def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
+    """The ensemble's arrays after the run, with `ok`, `code_done` and `outcome`, each (N,)."""
+    from ..codegen.units import unit_address
+    from ..kernels import ensemble_state, state
+
+    options, setting, system = dict(plan.options), plan.setting, plan.system
+    model, count = system.model, len(next(iter(columns.values())))
+    t0, begin, end, period = plan.windows(columns, count)
+    strobes = setting.periods + 1
+    base = np.array(system.parameter_values, float)
+    run = EventDriven(
+        system, system.parameters, base, options["rtol"], np.array(options["atol"]), 1.0, np.zeros(strobes),
+        bool(setting.quantities), options["max_step"], options["max_steps"], options["order"], False,
+        options["method"],
+    )  # fmt: skip
+    n, m, ne = len(model.states), len(model.multipliers), len(model.events)
+    p = np.tile(base, (count, 1))
+    x0 = np.tile(np.array(plan.start, float), (count, 1))
+    for name, kind in plan.kinds:
+        if kind == "parameter":
+            p[:, [s.name for s in model.parameters].index(name)] = columns[name]
+        elif kind == "state":
+            x0[:, setting.states.index(name)] = columns[name]
+    quantities, outputs = _quantities(plan, n, m)
+    # The buffers are emptied when full: small ones stay in the cache.
+    now = run.fresh_state(0.0, np.zeros(n))
+    record = run._record(max(512, 4 * (2 * m + 3 * ne + 64)), None, now.counts)
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nq, most = len(quantities), Itinerary.most
+    digits = np.zeros(m, np.int64)
+    digits[list(setting.word_columns)] = 3 ** np.arange(len(setting.word_columns))
+    orbits = SimpleNamespace(
+        code=np.zeros(count, np.int64),
+        reached=np.zeros(count),
+        counts=np.zeros((count, 4), np.int64),
+        stick_time=np.zeros((count, m)),
+        sticks=np.zeros((count, m), np.int64),
+        strobe=np.zeros((count, strobes, n)),
+        found=np.zeros(count, np.int64),
+        word=np.zeros((count, most), np.int64),
+        word_length=np.zeros(count, np.int64),
+        window=np.ascontiguousarray(np.column_stack([begin, end])),
+        **{name: np.zeros((count, nq)) for name in ("low", "high", "first", "second")},
+    )
+    address = unit_address("ensemble")
+    call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 2)(address)
+
+    def go(control, first, stop):
+        many = ensemble_state.Ensemble(
+            run=unit_address("run"),
+            outputs=run.sizes.outputs if outputs else 0,
+            longest=setting.period_detector.longest if setting.forced else 0,
+            period_tol=setting.period_detector.tol,
+            t_end=_cell(control, "t_end"),
+            p=p,
+            ratio=_ratios(plan, columns, run.problem.ratio, count),
+            x0=x0,
+            t0=np.ascontiguousarray(t0),
+            period=np.ascontiguousarray(period),
+            quantity=quantities,
+            wanted=np.array(setting.bits, np.int64),
+            word_digits=digits,
+            node=0.5 * (nodes + 1),
+            weight=0.5 * weights,
+            last=np.zeros(1),
+            flags=np.zeros(3, np.int64),
+            was=np.zeros(m, np.int64),
+            before=np.zeros(m, np.int64),
+            segment_t=np.zeros(_RING),
+            segment=np.zeros(_RING, np.int64),
+            value=np.zeros((_NODES + 2, nq)),
+            at=np.zeros(_NODES + 2),
+            x=np.zeros(n),
+            mult=np.zeros(m),
+            out=np.zeros(len(model.outputs)),
+            **vars(orbits),
+        )
+        bundles = (run.problem, control, now, record, run.work, many)
+        call(*(bundle.address for bundle in bundles), first, stop)
+
+    if any(event.every is not None or event.at for event in model.events):
+        # The instants of time events depend on the parameters and the span: one orbit a call.
+        for i in range(count):
+            values = system.parameters | {s: v for s, v in zip(model.parameters, p[i].tolist())}
+            clock, which = _clock(model, values, t0[i], end[i], options["max_steps"])
+            go(state.Control(**run.control, clock=clock, clock_event=which), i, i + 1)
+    else:
+        nothing = np.empty(0)
+        go(state.Control(**run.control, clock=nothing, clock_event=nothing), 0, count)
+    orbits.code_done = orbits.code == state.DONE
+    orbits.ok = orbits.code_done | (orbits.code == state.TERMINAL)
+    orbits.outcome = np.where(orbits.code_done, int(Outcome.FINISHED), int(Outcome.TERMINATED))
+    for i in np.flatnonzero(~orbits.ok).tolist():
+        orbits.outcome[i] = _outcome(plan, columns, i)
+    return orbits
+
+
+def _cell(bundle, name):
+    """A scalar of a Bundle as an array of one element on its own memory."""
+    at = 0
+    for field, code in type(bundle).fields:
+        if field == name:
+            return bundle.cells[at : at + 1].view(np.float64)
+        at += 1 if code in ("int", "float") else 1 + int(code[3])
+    raise KeyError(name)
+
+
+def _ratios(plan, columns, fixed, count):
+    """Problem.ratio of every orbit: finite ratios of layered states are parameters, and may be swept."""
+    ratio = np.tile(fixed, (count, 1))
+    finite = [layer.ratio for layer in plan.system.model.layer_states]
+    if any(r != sp.oo for r in finite):
+        for k, r in enumerate(finite):
+            if str(r) in columns:
+                ratio[:, k] = columns[str(r)]
+    return ratio
+
+
+def _quantities(plan, n, m):
+    """Index of every quantity, and whether any is an output."""
+    model, setting = plan.system.model, plan.setting
+    outputs = [str(name) for name, _ in model.outputs]
+    multipliers = [str(mu.symbol) for mu in model.multipliers]
+    places = []
+    for name in setting.quantities:
+        # As a Solution looks a name up: a state, an output, a multiplier.
+        if name in setting.states:
+            places.append(setting.states.index(name))
+        elif name in outputs:
+            places.append(n + m + outputs.index(name))
+        else:
+            places.append(n + multipliers.index(name))
+    return np.array(places, np.int64), any(place >= n + m for place in places)
+
+
+def _outcome(plan, columns, i):
+    """Why an orbit failed, in solve()'s words: some of the kernel's codes have causes that are told apart there."""
+    from .chunk import solve_point
+
+    try:
+        return int(solve_point(plan, columns, i, dense=False)[0].outcome)
+    except (ValueError, TypeError):
+        return REFUSED

@@ -1,0 +1,338 @@
+"""A sweep, checked and frozen: what every worker needs, and what a store must agree with.
+
+Chain: sweep() -> **Plan** -> chunks (chunk.py) -> store.py, Dataset.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import checks
+from ..solve import _LOOSEST
+from .axes import Axes, read_axes
+from .contract import Measure, Setting, Variable, Window, alphabet
+from .measures import Function, Period, measure_from_text
+
+# Outcomes of a point beyond those of a solve.
+REFUSED, FUNCTION_FAILED, NOT_RUN = -101, -102, -128
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that the value of a point depends on; picklable. Numbers of single points come with a chunk."""
+
+    system: Any
+    start: tuple[float, ...]
+    kinds: tuple[tuple[str, str], ...]
+    t0: float
+    span: float | None  # without a drive: length of the run
+    measure_from: float | None
+    period: Any  # sympy expression in the parameters, or None
+    transient: int
+    periods: int
+    measures: tuple[Measure, ...]
+    setting: Setting
+    options: tuple[tuple[str, Any], ...]  # of solve
+    noise: Any = None
+
+    @property
+    def forced(self) -> bool:
+        return self.period is not None
+
+    @functools.cached_property
+    def variables(self) -> dict[str, Variable]:
+        """Of the Dataset, by name; `outcome` comes last: it marks a point as done."""
+        named: dict[str, Variable] = {}
+        for measure in self.measures:
+            for name, variable in measure.variables(self.setting).items():
+                if name in named and named[name] != variable:
+                    raise ValueError(
+                        f"two measures give {name!r}; leave one out, or name the function's numbers."
+                    )
+                named[name] = variable
+        about = {"long_name": "where the run ended", **_units(self.setting.time_unit)}
+        named["t_reached"] = Variable((), (), np.float64, np.nan, about)
+        about = {
+            "long_name": "recorded ambiguities: points from which the solution is not unique",
+            "units": "1",
+        }
+        named["ambiguities"] = Variable((), (), np.int32, -1, about)
+        named["outcome"] = Variable((), (), np.int16, NOT_RUN, _flags())
+        return named
+
+    @property
+    def compiled_measures(self) -> tuple[Measure, ...]:
+        return tuple(m for m in self.measures if m.compiled)
+
+    @property
+    def functions(self) -> tuple[Measure, ...]:
+        return tuple(m for m in self.measures if not m.compiled)
+
+    def windows(self, columns: Mapping[str, np.ndarray], count: int) -> tuple[np.ndarray, ...]:
+        """Start time, window start, window end and period of every point of a chunk; each (count,)."""
+        t0 = np.full(count, self.t0)
+        for name, kind in self.kinds:
+            if kind == "time":
+                t0 = np.array(columns[name], float)
+        if self.period is None:
+            begin = np.broadcast_to(self.t0 if self.measure_from is None else self.measure_from, t0.shape)
+            end = t0 + self.span
+            return t0, np.maximum(begin, t0), end, end - np.maximum(begin, t0)
+        symbols = tuple(self.system.parameters)
+        values = [columns.get(s.name, self.system.parameters[s]) for s in symbols]
+        period = np.broadcast_to(np.asarray(_numeric(self.period, symbols)(*values), float), t0.shape)
+        begin = t0 + self.transient * period
+        return t0, begin, begin + self.periods * period, period
+
+    def window(self, begin: float, end: float, period: float) -> Window:
+        return Window(float(begin), float(end), float(period), self.setting.periods, self.forced)
+
+    def identity(self, axes: Axes) -> dict[str, str]:
+        """What a store must agree with, item by item in words: equal identities give equal bits."""
+        from ..codegen.cache import fingerprint
+
+        items = {
+            "system": fingerprint(self.system.model),
+            "parameters": _listed({str(p): v for p, v in self.system.parameters.items()}),
+            "start": _listed(dict(zip(self.setting.states, self.start))),
+            "time": _listed(dict(t0=self.t0, span=self.span, measure_from=self.measure_from)),
+            "period": str(self.period),
+            "transient and periods": f"{self.transient}, {self.periods}",
+            "tolerances and method": _listed(dict(self.options)),
+            "noise": repr(self.noise),
+            "measures": "; ".join(_described(m) for m in self.measures),
+        }
+        for name, (dim, values) in axes.values.items():
+            digest = hashlib.sha256(values.tobytes()).hexdigest()[:12]
+            items[f"axis {name}"] = (
+                f"{len(values)} values from {values[0]:.9g} to {values[-1]:.9g} along {dim}, {digest}"
+            )
+        return items
+
+
+def _units(unit):
+    return {"units": unit} if unit else {}
+
+
+def _listed(items):
+    return ", ".join(f"{key} = {value!r}" for key, value in items.items())
+
+
+def _described(measure: Measure) -> str:
+    if not isinstance(measure, Function):
+        return repr(measure)
+    function = measure.function
+    try:
+        text = inspect.getsource(function)
+    except (OSError, TypeError):
+        code = getattr(function, "__code__", None)
+        text = repr(code and (code.co_code, code.co_consts, code.co_names))
+    name = f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
+    return f"Function({name}, {measure.names}, {hashlib.sha256(text.encode()).hexdigest()[:12]})"
+
+
+@functools.lru_cache(maxsize=64)
+def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
+    return sp.lambdify(symbols, expression, modules="numpy")
+
+
+def _flags() -> dict[str, Any]:
+    from ..records import Outcome
+
+    meanings = {o.value: o.name.lower() for o in Outcome}
+    meanings |= {REFUSED: "refused_at_the_door", FUNCTION_FAILED: "function_failed", NOT_RUN: "not_run"}
+    return {
+        "long_name": "how the run ended; >= 0 is success",
+        "flag_values": list(meanings),
+        "flag_meanings": " ".join(meanings.values()),
+    }
+
+
+def make_plan(
+    system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
+    transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
+) -> tuple[Plan, Axes]:  # fmt: skip
+    """The checked plan and axes; `system` is a System or a scene.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+    """
+    if hasattr(system, "system") and hasattr(system, "start"):
+        scene, system = system, system.system
+        start = {**scene.start, **{str(k): v for k, v in (start or {}).items()}}
+        units = {**getattr(scene, "units", {}), **(units or {})}
+        if period is None and t_span is None:
+            period, t_span = scene.period, None if scene.period else scene.t_span
+    if not hasattr(system, "model"):
+        raise TypeError(f"`system` is {system!r}; give a System, one of its views, or a scene.")
+    where = read_axes(system, axes, points)
+    first = where.columns(0, 1)
+    given = {str(k): v for k, v in (start or {}).items()}
+    swept = {name for name, kind in where.kinds.items() if kind == "state"}
+    initial = system.initial_state(given | {name: float(first[name][0]) for name in swept})
+    for name, kind in where.kinds.items():
+        if kind == "noise" and not hasattr(noise, name):
+            raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
+    period = _period(system, period, where)
+    if period is not None:
+        if t_span is not None:
+            raise ValueError("give `period` (with `transient` and `periods`) or `t_span`, not both.")
+        transient = checks.whole(transient, "`transient`", 0)
+        periods = checks.whole(periods, "`periods`", 1)
+        t0, span, measure_from = 0.0, None, None
+    elif t_span is None:
+        raise ValueError("give `period`, the period of the drive, or `t_span`, how long a run lasts.")
+    else:
+        t0, t1 = checks.span(t_span)
+        span, transient, periods = t1 - t0, 0, 1
+        if measure_from is not None:
+            measure_from = checks.number(measure_from, "`measure_from`")
+            if not t0 <= measure_from < t1:
+                raise ValueError(f"`measure_from` is {measure_from:g}; give a time in [{t0:g}, {t1:g}).")
+    chosen = tuple(measure_from_text(m) if isinstance(m, str) else _measure(m) for m in _listing(measures))
+    setting = _setting(system, chosen, periods, period is not None, _unit_names(units))
+    plan = Plan(
+        system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
+        measure_from=measure_from, period=period, transient=transient, periods=periods, measures=chosen,
+        setting=setting, options=_options(system, options), noise=noise,
+    )  # fmt: skip
+    clash = [name for name in plan.variables if name in where.values or name in where.dims]
+    if clash:
+        raise ValueError(f"the measure {clash[0]!r} has the name of an axis; rename the axis' symbol.")
+    return plan, where
+
+
+def _listing(measures):
+    if isinstance(measures, (str, Measure)) or callable(measures):
+        return (measures,)
+    return tuple(measures)
+
+
+def _measure(item):
+    if isinstance(item, Measure):
+        return item
+    if isinstance(item, type) and issubclass(item, Measure):
+        return item()
+    if callable(item):
+        return Function(item)
+    raise TypeError(
+        f"`measures` contains {item!r}; give names such as 'sticks', Measures, or functions of a Solution."
+    )
+
+
+def _unit_names(units):
+    if units is not None and not isinstance(units, Mapping):
+        raise TypeError(f"`units` is {units!r}; give a dict of names to units, such as {{'k': 'N/m'}}.")
+    return tuple(sorted((str(k), str(v)) for k, v in (units or {}).items()))
+
+
+def _period(system, period, where):
+    """The drive's period as an expression in the parameters."""
+    if period is None:
+        return None
+    known = {p.name: p for p in system.parameters}
+    try:
+        expression = sp.sympify(period, locals=known)
+        expression = expression.subs({s: known[s.name] for s in expression.free_symbols if s.name in known})
+    except (sp.SympifyError, TypeError, AttributeError) as error:
+        raise ValueError(
+            f"`period` is {period!r}; give a number or an expression in the parameters."
+        ) from error
+    unknown = expression.free_symbols - set(system.parameters)
+    if unknown:
+        raise ValueError(
+            f"`period` is {expression}, which contains {checks.listing(unknown)}; it may depend on parameters: "
+            f"{checks.listing(system.parameters)}."
+        )
+    at = dict(system.parameters) | {known[n]: v[1].min() for n, v in where.values.items() if n in known}
+    value = complex(expression.subs(at))
+    if not (value.imag == 0 and value.real > 0 and math.isfinite(value.real)):
+        raise ValueError(f"`period` is {expression} = {expression.subs(at)}; give a positive period.")
+    return expression
+
+
+def _setting(system, measures, periods, forced, units):
+    model = system.model
+    names = [str(mu.symbol) for mu in model.multipliers]
+    sticking = tuple(
+        j for j, mu in enumerate(model.multipliers)
+        if mu.kind == "contact" or (mu.kind == "switch" and mu.regularity == "sliding")
+    )  # fmt: skip
+    words = tuple(j for j, mu in enumerate(model.multipliers) if mu.kind != "algebraic")
+    states = tuple(str(s) for s in model.states)
+    quantities: dict[str, int] = {}
+    outputs = [str(name) for name, _ in model.outputs]
+    for measure in measures:
+        for name in measure.quantities:
+            if name not in (*states, *names, *outputs):
+                raise ValueError(
+                    f"a measure names {name!r}, which is no state, multiplier or output of this system; they are "
+                    f"{', '.join((*states, *names, *outputs))}."
+                )
+            quantities[name] = quantities.get(name, 0) | measure.bits
+        lacking = [
+            n
+            for n in getattr(measure, "names", ())
+            if not measure.quantities and measure.compiled and n not in states
+        ]
+        if lacking:
+            raise ValueError(f"Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}.")
+    kinds = {type(m).__name__ for m in measures}
+    if model.smoothing and not model.multipliers and kinds & {"Sticks", "Itinerary"}:
+        raise ValueError(
+            "a smoothed view has no sticks to count, as its switches never stand still; sweep the system itself, or "
+            "measure with a function of the Solution."
+        )
+    if "Sticks" in kinds and not sticking:
+        raise ValueError("`measures` asks for sticks, but nothing in this system can stick (slide).")
+    if "Itinerary" in kinds and not 0 < len(words) <= 36:
+        raise ValueError(f"an itinerary is made of 1 to 36 multipliers, not of {len(words)}.")
+    detector = next((m for m in measures if isinstance(m, Period)), Period())
+    return Setting(
+        states, tuple(names[j] for j in sticking), sticking, words, tuple(alphabet(model, j) for j in words),
+        tuple(quantities), tuple(quantities.values()), periods, forced, detector, units, str(model.time or "t"),
+    )  # fmt: skip
+
+
+def _options(system, options):
+    """Checked options of solve that the compiled path needs too."""
+    model = system.model
+    smoothed = bool(model.smoothing) and not model.multipliers
+    checked = dict(options)
+    rtol = checks.relative_tolerance(checked.get("rtol", 1e-9))
+    checked["rtol"] = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
+    atol = checked.get("atol", 1e-12)
+    checked["atol"] = tuple(checks.absolute_tolerance(atol, model.states).tolist())
+    checked["max_step"] = checks.longest_step(checked.get("max_step", math.inf))
+    checked["max_steps"] = checks.whole(checked.get("max_steps", 10_000_000), "`max_steps`", 1)
+    order = checked.pop("order", None)
+    checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 28)
+    checked.setdefault("method", "auto")
+    known = {"rtol", "atol", "max_step", "max_steps", "order", "method"}
+    if set(checked) - known:
+        raise TypeError(
+            f"sweep() has no option {sorted(set(checked) - known)[0]!r}; solve's are {', '.join(known)}."
+        )
+    if smoothed and order is not None:
+        raise ValueError("`order` belongs to event-driven systems; leave it out for a smoothed view.")
+    if not smoothed and checked["method"] not in ("auto", "taylor", "rk"):
+        raise ValueError(
+            f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor' and 'rk'."
+        )
+    return tuple(sorted(checked.items()))
+
+
+def with_number(noise: Any, name: str, number: int) -> Any:
+    """The same noise with another seed or trajectory."""
+    return replace(noise, **{name: int(number)})
