@@ -218,7 +218,9 @@ def _restitution(eta):
 def _exact_eta(e):
     e = float(e)
     if not 0 < e <= 1:
-        raise ValueError(f"`e` is {e:g}, no coefficient of restitution that a contact can have; give 0 < e <= 1.")
+        raise ValueError(
+            f"`e` is {e:g}, no coefficient of restitution that a contact can have; give 0 < e <= 1."
+        )
     # phi(eta) = phi(-eta e), divided by eta^2 and sorted so that nothing cancels as e -> 1:
     #     rest(eta) = eta (third(eta) + e^3 third(-eta e)) - (1 - e)(1 + e)/2 = 0,  increasing.
     half = (1 - e) * (1 + e) / 2
