@@ -49,6 +49,7 @@ def parameter(
     *,
     each: bool = False,
     structural: bool = False,
+    choices: Sequence[str] = (),
 ) -> Any:
     """A field of a law.
 
@@ -64,8 +65,11 @@ def parameter(
         One value for each element of a multistate law; a single number serves all of them.
     structural : bool
         It shapes the equations (an exponent, a choice): a number in them, no symbol that a sweep can change.
+    choices : sequence of str
+        It is one of these words, and structural.
     """
-    about = {"unit": unit, "meaning": meaning, "sign": sign, "each": each, "structural": structural}
+    about = {"unit": unit, "meaning": meaning, "sign": sign, "each": each,
+             "structural": structural or bool(choices), "choices": tuple(choices)}  # fmt: skip
     return dataclasses.field(default=default, metadata=about)
 
 
@@ -119,10 +123,13 @@ class Joint:
     load : Expr
         Normal load, 1 without.
     t : Symbol or None
+    beyond : callable
+        Level -> surface with the zero and the sense of x - level.
     """
 
-    def __init__(self, v, x=None, a=None, load=None, t=None, name=""):
+    def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None):
         self.name = name
+        self.beyond = beyond or (lambda level: self.x - level)
         self.v, self.x, self.a, self.t = (None if e is None else sp.sympify(e) for e in (v, x, a, t))
         self.load = sp.S.One if load is None else sp.sympify(load)
         self.starts: dict[Any, Any] = {}
@@ -210,7 +217,7 @@ class Law:
     # ---- for users and scenes
 
     def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
-               time: Any = None, name: str = "") -> Pieces:  # fmt: skip
+               time: Any = None, name: str = "", beyond: Any = None) -> Pieces:  # fmt: skip
         """The law's pieces at a joint.
 
         Parameters
@@ -222,6 +229,9 @@ class Law:
         time : Symbol, optional
         name : str
             Put behind the names of states and parameters, to tell several laws of a system apart.
+        beyond : callable, optional
+            Level -> expression with the zero and the sense of `position` - level, where the position itself is
+            singular: of a journal at e in a bearing, position |e| - c, it is (e.e - (c + level)**2)/(2 c).
 
         Raises
         ------
@@ -234,7 +244,7 @@ class Law:
                 raise ValueError(
                     f"{type(self).__name__} needs the {what} of its joint; give attach({what}=...)."
                 )
-        at = Joint(velocity, position, acceleration, normal, time, name)
+        at = Joint(velocity, position, acceleration, normal, time, name, beyond)
         symbols, values = self._symbols(at)
         pieces = self.pieces(at, SimpleNamespace(**symbols))
         used = _symbols_of(pieces)
@@ -282,6 +292,12 @@ class Law:
 
     def _check(self, field):
         about, value = field.metadata, getattr(self, field.name)
+        if about["choices"]:
+            if value not in about["choices"]:
+                raise ValueError(
+                    f"`{field.name}` of {type(self).__name__} is {value!r}; choose one of {', '.join(about['choices'])}."
+                )
+            return
         if about["each"] and isinstance(value, Sequence):
             value = tuple(value)
         elif about["each"] and hasattr(value, "tolist"):

@@ -1,6 +1,7 @@
 """Scenes: mechanism + law + drive; the contract is in scene.py."""
 
 from .drive import t
+from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
 from .sliding import block_on_belt, force_driven, friction_oscillator, position_control
@@ -9,9 +10,14 @@ __all__ = [
     "Scene",
     "assemble",
     "block_on_belt",
+    "falling_ball",
     "force_driven",
+    "free_impact",
     "friction_oscillator",
+    "grazing_amplitude",
+    "impact_oscillator",
     "position_control",
     "prescribed_motion",
+    "pressed_block",
     "t",
 ]

@@ -1,0 +1,102 @@
+"""Contact laws without memory: Hertz, Kelvin-Voigt, Hunt-Crossley, Anagnostopoulos.
+
+    Hertz            F = K p^n                      p >= 0, else 0
+    Kelvin-Voigt     F = K (p + b v)                (5.1): jumps at touch-down, pulls before release
+    Hunt-Crossley    F = K p^n (1 + b v)            (5.2): continuous; pulls where v < -1/b
+    Anagnostopoulos  F = K p + 2 zeta sqrt(K m) v,  zeta from c_r
+
+p is the indentation and v its rate. (5.1), (5.2): X. Xiong's thesis, chapter 5. `release` says where contact ends: "zero
+indentation" is the law as printed; with "zero force" it never pulls.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import sympy as sp
+
+from ...primitives import Event
+from ..contract import Law, Pieces, law, parameter
+from .eta import check_c_r
+from .impact import RELEASES
+
+
+class _Memoryless(Law):
+    """F = g(p) + damping, on p > 0."""
+
+    needs: ClassVar[tuple[str, ...]] = ("position",)
+
+    def _pieces(self, at, force, stored, surfaces=()):
+        surface = at.beyond(0)
+        events = (
+            Event(surface, direction=1, name=at.label("touch-down")),
+            Event(surface, direction=-1, name=at.label("lift-off")),
+        )
+        return Pieces(
+            force=sp.Piecewise((force, surface > 0), (0, True)),
+            events=events,
+            outputs={"stored": sp.Piecewise((stored, surface > 0), (0, True))},
+            surfaces=(surface, *surfaces),
+        )
+
+
+@law
+class Hertz(_Memoryless):
+    """Elastic contact."""
+
+    source = "Hertz 1882; hertz_stiffness and journal_stiffness give K"
+    K: float = parameter(1e5, "N/m^n", "stiffness")
+    n: float = parameter(1.5, "1", "exponent", structural=True)
+
+    def pieces(self, at, p):
+        return self._pieces(at, p.K * at.x**p.n, p.K * at.x ** (p.n + 1) / (p.n + 1))
+
+
+@law
+class KelvinVoigt(_Memoryless):
+    """Spring and dashpot in parallel."""
+
+    source = "X. Xiong's thesis, (5.1)"
+    K: float = parameter(1000.0, "N/m", "stiffness")
+    b: float = parameter(0.02, "s", "viscous coefficient over stiffness", "nonnegative")
+    release: str = parameter(RELEASES[1], "1", "where contact ends", choices=RELEASES)
+
+    def pieces(self, at, p):
+        push = at.x + p.b * at.v
+        force = sp.Max(0, push) if self.release == "zero force" else push
+        return self._pieces(at, p.K * force, p.K * at.x**2 / 2, (push,))
+
+
+@law
+class HuntCrossley(_Memoryless):
+    """Damping in proportion to the elastic force."""
+
+    source = "X. Xiong's thesis, (5.2), after Hunt, Crossley 1975"
+    K: float = parameter(1e5, "N/m^n", "stiffness")
+    b: float = parameter(0.3, "s/m", "damping", "nonnegative")
+    n: float = parameter(1.5, "1", "exponent", structural=True)
+    release: str = parameter(RELEASES[1], "1", "where contact ends", choices=RELEASES)
+
+    def pieces(self, at, p):
+        damping = 1 + p.b * at.v
+        factor = sp.Max(0, damping) if self.release == "zero force" else damping
+        return self._pieces(at, p.K * at.x**p.n * factor, p.K * at.x ** (p.n + 1) / (p.n + 1), (damping,))
+
+
+@law
+class Anagnostopoulos(_Memoryless):
+    """Linear: the dashpot that gives c_r to the mass `m`, with zeta = -ln c_r/sqrt(pi^2 + ln^2 c_r)."""
+
+    source = "Anagnostopoulos 1988, recalled from the literature"
+    K: float = parameter(1e5, "N/m", "stiffness")
+    m: float = parameter(1.0, "kg", "reduced mass of the bodies")
+    c_r: float = parameter(0.5, "1", "coefficient of restitution")
+
+    def check(self):
+        check_c_r(self.c_r, "`c_r` of Anagnostopoulos")
+
+    def pieces(self, at, p):
+        log = sp.log(p.c_r)
+        zeta = -log / sp.sqrt(sp.pi**2 + log**2)
+        force = p.K * at.x + 2 * zeta * sp.sqrt(p.K * p.m) * at.v
+        return self._pieces(at, force, p.K * at.x**2 / 2)

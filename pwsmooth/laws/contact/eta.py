@@ -1,0 +1,89 @@
+"""The table of damping factors eta(c_r) of the laws F = g(delta) (1 + eta v/v0).
+
+Each law was derived so that its restitution comes near c_r; what it really is follows from `restitution(eta)`,
+whatever g, the mass and the speed are. Where the formula was looked up stands in `source`.
+Chain: restitution.py -> eta (here) -> impact.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from .restitution import exact_eta, restitution
+
+__all__ = ["ETA", "Factor", "damping_factor", "effective_restitution"]
+
+
+class Factor(NamedTuple):
+    """One entry: eta as a function of c_r, and where it comes from."""
+
+    formula: Callable[[Any], Any]
+    source: str
+
+
+def _zhiying_qishao(c):
+    return sp.Rational(3, 4) * (1 - c**2) * sp.exp(2 * (1 - c))
+
+
+_KNOWN = "recalled from the literature, checked against a public implementation"
+ETA: dict[str, Factor] = {
+    "hunt-crossley": Factor(lambda c: sp.Rational(3, 2) * (1 - c), f"Hunt, Crossley 1975; {_KNOWN}"),
+    "herbert-mcwhannell": Factor(
+        lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3), f"Herbert, McWhannell 1977; {_KNOWN}"
+    ),
+    "lee-wang": Factor(lambda c: sp.Rational(3, 4) * (1 - c), f"Lee, Wang 1983; {_KNOWN}"),
+    "lankarani-nikravesh": Factor(
+        lambda c: sp.Rational(3, 4) * (1 - c**2),
+        "Lankarani, Nikravesh 1990; the tables of Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545",
+    ),
+    "gonthier": Factor(lambda c: (1 - c**2) / c, f"Gonthier et al. 2004, its approximation; {_KNOWN}"),
+    "zhang-sharf": Factor(exact_eta, "Zhang, Sharf 2004: the exact root, so that c_r is the restitution"),
+    "zhiying-qishao": Factor(_zhiying_qishao, f"Zhiying, Qishao 2006; {_KNOWN}"),
+    "wang-liu-ma": Factor(
+        _zhiying_qishao,
+        "Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, misprints corrected by its own tables; the "
+        "factor of Zhiying and Qishao",
+    ),
+    "flores": Factor(lambda c: 8 * (1 - c) / (5 * c), f"Flores et al. 2011; {_KNOWN}"),
+    "hu-guo": Factor(lambda c: 3 * (1 - c) / (2 * c), "Hu, Guo 2015, recalled from the literature"),
+}
+
+
+def damping_factor(name: str, c_r: Any) -> Any:
+    """eta of a law of the table at `c_r`, a number or (but for the exact law) an expression.
+
+    Raises
+    ------
+    ValueError
+        An unknown name, or c_r outside (0, 1].
+
+    Examples
+    --------
+    >>> float(damping_factor("lankarani-nikravesh", 0.5))
+    0.5625
+    """
+    if name not in ETA:
+        raise ValueError(f"`eta` is {name!r}; the table has {', '.join(ETA)}.")
+    if not isinstance(c_r, sp.Basic) or c_r.is_number:
+        check_c_r(float(c_r))
+    return ETA[name].formula(c_r)
+
+
+def effective_restitution(name: str, c_r: float) -> float:
+    """The restitution that a law of the table really has when it is asked for `c_r`.
+
+    Examples
+    --------
+    >>> round(effective_restitution("lankarani-nikravesh", 0.5), 6)
+    0.725241
+    """
+    return float(restitution(float(damping_factor(name, c_r))))
+
+
+def check_c_r(c_r, what="`c_r`"):
+    """A coefficient of restitution is above 0 (where these laws divide by it) and at most 1."""
+    if not 0 < c_r <= 1:
+        raise ValueError(f"{what} is {c_r:g}; a coefficient of restitution must be > 0 and <= 1.")

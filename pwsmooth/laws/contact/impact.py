@@ -1,0 +1,139 @@
+"""Laws with a restitution: F = g(delta) (1 + eta(c_r) v/v0), v0 the speed at this contact's touch-down.
+
+One law with a table of eta (eta.py) and three elastic parts g:
+
+    HertzImpact   g = K delta^n
+    LiuImpact     g = (pi E* L/2) delta^(3/2) / sqrt(2 (c + delta))                       a journal in its bearing
+    BaiImpact     g = (pi E* L/8) delta sqrt(2 delta (3 c + 2 delta)^2/(c + delta)^3)     its tangent stiffness
+
+v0 is hidden discrete memory: the touch-down event latches it. Lankarani and Nikravesh's law is HertzImpact with
+"lankarani-nikravesh"; Wang, Liu and Ma's LiuImpact with "wang-liu-ma"; Wang and Liu's hybrid of 2015 LiuImpact with
+"lankarani-nikravesh"; Bai's hybrid BaiImpact with "zhiying-qishao".
+Sources: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545 (misprints corrected by its own tables).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import sympy as sp
+
+from ...primitives import Event
+from ..contract import Law, Pieces, law, parameter
+from .eta import ETA, check_c_r, damping_factor
+
+RELEASES = ("zero force", "zero indentation")
+
+
+@law
+class ImpactLaw(Law):
+    """What the three elastic parts share; not a law by itself."""
+
+    needs: ClassVar[tuple[str, ...]] = ("position",)
+    c_r: float = parameter(0.9, "1", "coefficient of restitution that is aimed at")
+    eta: str = parameter(
+        "lankarani-nikravesh", "1", "damping factor, by its name in the table", choices=tuple(ETA)
+    )
+    # A re-contact at vanishing speed would have infinite damping.
+    slowest: float = parameter(1e-6, "m/s", "floor of the latched speed")
+    release: str = parameter(RELEASES[0], "1", "where contact ends under a pull", choices=RELEASES)
+
+    def check(self):
+        check_c_r(self.c_r, f"`c_r` of {type(self).__name__}")
+
+    def elastic(self, d: Any, p: Any) -> Any:
+        """g(delta)"""
+        raise NotImplementedError
+
+    def potential(self, d: Any, p: Any) -> Any:
+        """G(delta), the work of g."""
+        raise NotImplementedError
+
+    def pieces(self, at, p):
+        d, v, surface = at.x, at.v, at.beyond(0)
+        speed = at.memory("speed", self.slowest, positive=True)
+        factor = sp.Float(damping_factor(self.eta, self.c_r)) if self.eta == "zhang-sharf" else (
+            damping_factor(self.eta, p.c_r)
+        )  # fmt: skip
+        damping = 1 + factor * v / speed
+        if self.release == "zero force":
+            damping = sp.Max(0, damping)
+        inside = surface > 0
+        events = [
+            # The latched speed is that of the instant of touch-down, before anything else acts.
+            Event(surface, direction=1, update={speed: v}, when=v >= p.slowest, name=at.label("touch-down")),
+            Event(surface, direction=1, update={speed: p.slowest}, when=v < p.slowest,
+                  name=at.label("slow touch-down")),
+            Event(surface, direction=-1, name=at.label("lift-off")),
+        ]  # fmt: skip
+        return Pieces(
+            force=sp.Piecewise((self.elastic(d, p) * damping, inside), (0, True)),
+            events=tuple(events),
+            outputs={"stored": sp.Piecewise((self.potential(d, p), inside), (0, True))},
+            surfaces=(surface, 1 + factor * v / speed),
+        )
+
+
+@law
+class HertzImpact(ImpactLaw):
+    """g = K delta^n: Hunt and Crossley, Lankarani and Nikravesh, Flores, ... by the choice of eta."""
+
+    source = "Hunt, Crossley 1975; Lankarani, Nikravesh 1990; and the table eta.py"
+    K: float = parameter(1e5, "N/m^n", "stiffness")
+    n: float = parameter(1.5, "1", "exponent, 3/2 for Hertz's contact", structural=True)
+
+    def elastic(self, d, p):
+        return p.K * d**p.n
+
+    def potential(self, d, p):
+        return p.K * d ** (p.n + 1) / (p.n + 1)
+
+
+# Gauss-Legendre on [0, 1]: int_0^d s^1.5 q(s) ds = 2 d^2.5 int_0^1 u^4 q(d u^2) du has a smooth integrand, where
+# the closed form with asinh cancels for d << c; ten nodes are exact to rounding for d < c.
+_NODES, _WEIGHTS = (a.tolist() for a in np.polynomial.legendre.leggauss(10))
+
+
+class _JournalLaw(ImpactLaw):
+    """g = delta^1.5 q(delta) of a journal in a bearing."""
+
+    def slope(self, d: Any, p: Any) -> Any:
+        """q(delta)"""
+        raise NotImplementedError
+
+    def elastic(self, d, p):
+        return d ** sp.Rational(3, 2) * self.slope(d, p)
+
+    def potential(self, d, p):
+        terms = [(w / 2, ((1 + u) / 2) ** 2) for u, w in zip(_NODES, _WEIGHTS)]
+        return 2 * d ** sp.Rational(5, 2) * sum(w * u2**2 * self.slope(d * u2, p) for w, u2 in terms)
+
+
+@law
+class LiuImpact(_JournalLaw):
+    """Liu's stiffness of a journal in its bearing; with "wang-liu-ma" the law of Wang, Liu and Ma."""
+
+    source = "Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, after Liu et al."
+    eta: str = parameter("wang-liu-ma", "1", "damping factor, by its name in the table", choices=tuple(ETA))
+    E_star: float = parameter(1.1373626e11, "Pa", "composite modulus")
+    length: float = parameter(0.015, "m", "length of the joint")
+    clearance: float = parameter(5e-4, "m", "radial clearance")
+
+    def slope(self, d, p):
+        return sp.pi * p.E_star * p.length / (2 * sp.sqrt(2)) / sp.sqrt(p.clearance + d)
+
+
+@law
+class BaiImpact(_JournalLaw):
+    """Bai's hybrid: the tangent stiffness of Liu's force per length, and Zhiying and Qishao's factor."""
+
+    source = "Bai et al., recalled from the literature; the stiffness verified as the tangent of Liu's"
+    eta: str = parameter("zhiying-qishao", "1", "damping factor, by its name in the table", choices=tuple(ETA))
+    E_star: float = parameter(1.1373626e11, "Pa", "composite modulus")
+    length: float = parameter(0.015, "m", "length of the joint")
+    clearance: float = parameter(5e-4, "m", "radial clearance")
+
+    def slope(self, d, p):
+        c = p.clearance
+        return sp.sqrt(2) * sp.pi * p.E_star * p.length / 8 * (3 * c + 2 * d) / (c + d) ** sp.Rational(3, 2)

@@ -1,0 +1,96 @@
+"""Elastic parts: the stiffness of Hertz's contact, and the bodies' composite modulus.
+
+    1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2,     F = (4/3) E* sqrt(R) delta^(3/2)
+
+R = R_i R_j/(R_i + R_j) outside, R_B R_J/(R_B - R_J) for a journal in its bearing (the sphere's formula is used for
+internal cylinders too: Wang, Liu, Ma 2016, whose sigma_i = (1 - nu_i^2)/(pi E_i) give the same K).
+Chain: stiffness (here) -> impact.py, scenes/slider_crank.py.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite, sqrt
+
+__all__ = ["composite_modulus", "hertz_stiffness", "journal_stiffness"]
+
+
+def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: float | None = None) -> float:
+    """E* of two bodies, of one material if the second is not given.
+
+    Parameters
+    ----------
+    E_1, E_2 : float
+        Young's moduli, Pa.
+    nu_1, nu_2 : float
+        Poisson's ratios, in (-1, 1/2].
+
+    Raises
+    ------
+    ValueError
+        A modulus that is not positive, a ratio that no isotropic body has.
+
+    Examples
+    --------
+    >>> round(composite_modulus(207e9, 0.3)/1e9, 4)
+    113.7363
+    """
+    E_2, nu_2 = E_1 if E_2 is None else E_2, nu_1 if nu_2 is None else nu_2
+    for name, E in (("E_1", E_1), ("E_2", E_2)):
+        _positive(name, E)
+    for name, nu in (("nu_1", nu_1), ("nu_2", nu_2)):
+        if not -1 < nu <= 0.5:
+            raise ValueError(f"`{name}` is {nu:g}; Poisson's ratio lies above -1 and is at most 1/2.")
+    return 1 / ((1 - nu_1**2) / E_1 + (1 - nu_2**2) / E_2)
+
+
+def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
+    """K of two spheres, or of a sphere on a plane, in N/m^1.5.
+
+    Raises
+    ------
+    ValueError
+        A modulus or radius that is not positive.
+
+    Examples
+    --------
+    >>> hertz_stiffness(3.0, 4.0)
+    8.0
+    """
+    _positive("E_star", E_star)
+    for name, R in (("R_1", R_1), ("R_2", R_2)):
+        if not R > 0:
+            raise ValueError(f"`{name}` is {R:g}; a radius is positive (inf: a plane).")
+    return 4 / 3 * E_star * sqrt(1 / (1 / R_1 + 1 / R_2))
+
+
+def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
+    """K of a journal of radius R_J in a bearing of radius R_B, in N/m^1.5.
+
+    Raises
+    ------
+    ValueError
+        R_J >= R_B: the journal does not fit.
+
+    Examples
+    --------
+    >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095)/1e10, 3)
+    6.61
+    """
+    _positive("E_star", E_star)
+    check_radii(R_B, R_J)
+    return 4 / 3 * E_star * sqrt(R_B * R_J / (R_B - R_J))
+
+
+def check_radii(R_B: float, R_J: float) -> None:
+    """A journal is smaller than its bearing."""
+    _positive("R_B", R_B)
+    _positive("R_J", R_J)
+    if not R_J < R_B:
+        raise ValueError(
+            f"`R_J` is {R_J:g} and `R_B` is {R_B:g}; the journal must be smaller than its bearing, by the clearance."
+        )
+
+
+def _positive(name, value):
+    if not (isfinite(value) and value > 0):
+        raise ValueError(f"`{name}` is {value:g}; give a positive number.")
