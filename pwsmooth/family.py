@@ -208,7 +208,9 @@ class Expansion:
 
     def __init__(self):
         self.groups: dict[str, tuple[str, ...]] = {}
-        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # only where nothing is written out (looping.py)
+        self.sums: dict[
+            sp.Symbol, tuple[Family, sp.Expr]
+        ] = {}  # only where nothing is written out (looping.py)
         self.copies: dict[sp.Symbol, tuple[str, int]] = {}
         self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
 

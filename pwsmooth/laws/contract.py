@@ -294,8 +294,9 @@ class Law:
         about, value = field.metadata, getattr(self, field.name)
         if about["choices"]:
             if value not in about["choices"]:
+                known = ", ".join(about["choices"])
                 raise ValueError(
-                    f"`{field.name}` of {type(self).__name__} is {value!r}; choose one of {', '.join(about['choices'])}."
+                    f"`{field.name}` of {type(self).__name__} is {value!r}; choose one of {known}."
                 )
             return
         if about["each"] and isinstance(value, Sequence):

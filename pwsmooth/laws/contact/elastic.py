@@ -5,8 +5,8 @@
     Hunt-Crossley    F = K p^n (1 + b v)            (5.2): continuous; pulls where v < -1/b
     Anagnostopoulos  F = K p + 2 zeta sqrt(K m) v,  zeta from c_r
 
-p is the indentation and v its rate. (5.1), (5.2): X. Xiong's thesis, chapter 5. `release` says where contact ends: "zero
-indentation" is the law as printed; with "zero force" it never pulls.
+p is the indentation and v its rate. (5.1), (5.2): X. Xiong's thesis, chapter 5. `release` says where contact ends:
+"zero indentation" is the law as printed; with "zero force" it never pulls.
 """
 
 from __future__ import annotations
