@@ -282,7 +282,7 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
     for k in range(8):
         trial = x + step / 2**k
         if isinstance(map_, Section):
-            trial = _onto(map_, trial)
+            trial = onto_section(map_, trial)
         image = map_.image(trial, ())
         if not image.success:
             continue
@@ -295,8 +295,8 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
     return fallback
 
 
-def _onto(section: Section, x: np.ndarray) -> np.ndarray:
-    """x moved onto the section along its gradient."""
+def onto_section(section: Section, x: np.ndarray) -> np.ndarray:
+    """x moved onto the section along its gradient, shape (n,)."""
     from ..pointwise import value
 
     states = section.system.model.states

@@ -30,6 +30,7 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "symmetry_matrix", "word_
 
 Word = tuple[tuple[str, str, str], ...]
 _RETURN = "pws_return"
+_INSTANT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,9 @@ class _Map:
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         """The same map of the system with other parameter values."""
-        return replace(self, system=self.system.with_parameters(values))
+        other = copy.copy(self)  # nothing of what __post_init__ checks or makes depends on values
+        object.__setattr__(other, "system", self.system.with_parameters(values))
+        return other
 
     def __call__(self, x: Any) -> np.ndarray:
         """P(x), shape (n,); nan where the trajectory fails or does not come back."""
@@ -74,6 +77,11 @@ class _Map:
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         raise NotImplementedError
+
+    def over(self, x: Any, time: float) -> Solution:
+        """The trajectory of a point of the section over a time."""
+        t0 = getattr(self, "start_time", 0.0)
+        return self._solve(self.system, (t0, t0 + time), x, False)
 
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """Points P(x), P(P(x)), ..., shape (count, n), after the first `discard`; nan from a failure on."""
@@ -148,6 +156,14 @@ class Stroboscopic(_Map):
         if self.symmetry is not None:
             return replace(self, symmetry=None)
         return replace(self, count=2 * self.count)
+
+    def at_phase(self, phase: float) -> Stroboscopic:
+        """The same map on another section."""
+        return replace(self, phase=phase)
+
+    def solved(self, x: Any, time: float, system: Any) -> Solution:
+        """The trajectory of a point from the section to a time, with dense output."""
+        return self._solve(system, (replace(self, system=system).start_time, time), x, True)
 
     @property
     def forcing_period(self) -> float:
@@ -244,6 +260,12 @@ class Section(_Map):
         watched.model = replace(model, events=(*model.events, spec), parameters=used)
         object.__setattr__(self, "_watched", watched)
 
+    def with_parameters(self, values: Mapping[Any, float]) -> Any:
+        """The same map of the system with other parameter values."""
+        other = super().with_parameters(values)
+        object.__setattr__(other, "_watched", self._watched.with_parameters(values))
+        return other
+
     def doubled(self) -> Section:
         """The map over twice as many returns."""
         return replace(self, count=2 * self.count)
@@ -257,9 +279,11 @@ class Section(_Map):
         run = None
         for _ in range(self.count):
             run = self._solve(system, (0.0, self.longest), at, parameters is not None)
+            if run.t[-1] < _INSTANT:
+                # A rounding off the section, it has come upon it at once: that is the start, not a return.
+                run = self._solve(system, (0.0, self.longest), run.x[:, -1], parameters is not None)
             # At the same instant a switch with the same surface may follow it in the log.
-            back = run.success and any(e.switch == _RETURN and e.time > 0 for e in run.events[-8:])
-            if not back:
+            if not (run.success and any(e.switch == _RETURN and e.time > _INSTANT for e in run.events[-8:])):
                 lost = np.full(n, np.nan)
                 return Image(lost, math.nan, run)
             at, time = run.x[:, -1], time + float(run.t[-1])
@@ -268,6 +292,11 @@ class Section(_Map):
             moved = variations(run, parameters)
             degenerate += moved.degenerate
             h_w = self._gradient(system, run, parameters)
+            if abs(h_w[:n] @ moved.rates) < 1e-12 * (1 + np.abs(moved.rates).max()):
+                lost = np.full(
+                    n, np.nan
+                )  # it comes to rest on the section: no return, and no derivative of one
+                return Image(lost, math.nan, run)
             stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / (h_w[:n] @ moved.rates)
             by_parameter = moved.matrix @ by_parameter + moved.by_parameter
             by_parameter = stop @ by_parameter - np.outer(moved.rates, h_w[n:]) / (h_w[:n] @ moved.rates)
@@ -294,8 +323,13 @@ class Section(_Map):
 
 def word_of(solution: Solution) -> Word:
     """The events of a solution after its start as (switch, kind, from and to): its itinerary in letters."""
-    begin = solution.t[0]
+    begin = after_start(solution)
     return tuple((e.switch, e.kind, e.note) for e in solution.events if e.time > begin and e.switch != _RETURN)
+
+
+def after_start(solution: Solution) -> float:
+    """A time just after the start: a start that sticks, but for a rounding of its velocity, is no event."""
+    return float(solution.t[0]) + 1e-11 * (1 + abs(float(solution.t[0])))
 
 
 def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:

@@ -1,0 +1,181 @@
+"""Bifurcations between two points of a branch of periodic orbits: located and named.
+
+Fold, flip, symmetry breaking, branch point and torus are zeros of test functions between points of one itinerary:
+tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
+itinerary is enclosed by bisection; itineraries.py says what it is.
+
+Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arclength import Point, Walk
+from .itineraries import Change, change_between, same_itinerary
+from .orbits import PeriodicOrbit
+
+__all__ = ["Bifurcation", "bifurcations_between"]
+
+_BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
+_APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """A point of a branch at which the orbit's stability or itinerary changes.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "flip", "symmetry breaking", "branch point", "torus", or the name of a change of itinerary.
+    name : str
+        The parameter's.
+    parameter : float
+        Its value.
+    uncertainty : float
+        Half width of the bracket in the parameter.
+    orbit : PeriodicOrbit
+        At the bifurcation, on the side from which the branch comes.
+    change : Change or None
+        Which events change, for changes of itinerary.
+    beyond : PeriodicOrbit or None
+        The orbit on the other side of a change of itinerary.
+    """
+
+    kind: str
+    name: str
+    parameter: float
+    uncertainty: float
+    orbit: PeriodicOrbit
+    change: Change | None = None
+    beyond: PeriodicOrbit | None = None
+
+    def __str__(self) -> str:
+        text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
+        if self.change is not None and self.beyond is not None:
+            sizes = [", ".join(f"{m:.4g}" for m in orbit.multipliers) for orbit in (self.orbit, self.beyond)]
+            text += f"\n    {self.change}\n    multipliers {sizes[0]} -> {sizes[1]}"
+        return text
+
+
+def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+    """All bifurcations on the way from one point to the next, in order."""
+    found: list[Bifurcation] = []
+    for _ in range(8):
+        if same_itinerary(here.orbit, there.orbit):
+            return found + _smooth(walk, here, there)
+        left, right, width = _change(walk, here, there)
+        found += _smooth(walk, here, left)
+        change = change_between(*_apart(walk, here, there, left, right))
+        found.append(
+            Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
+        )
+        here = right
+    return found
+
+
+def _change(walk: Walk, here: Point, there: Point) -> tuple[Point, Point, float]:
+    """The first change of itinerary, enclosed between two points."""
+    low, high, left, right = 0.0, 1.0, here, there
+    length = np.linalg.norm(there.u - here.u)
+    while (high - low) * length > _BRACKET * (1 + np.abs(here.u).max()):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        point = walk.along(here, there, middle, left)
+        if point is not None and same_itinerary(here.orbit, point.orbit):
+            low, left = middle, point
+        else:
+            # No orbit at all is a change too: beside a corner the chord's plane can miss the branch.
+            high, right = middle, point or right
+    return left, right, (high - low) * abs(there.u[-1] - here.u[-1]) * walk.scale
+
+
+def _apart(
+    walk: Walk, here: Point, there: Point, left: Point, right: Point
+) -> tuple[PeriodicOrbit, PeriodicOrbit]:
+    """Orbits of the two itineraries a little away from the change."""
+    chord = there.u - here.u
+    length = float(np.linalg.norm(chord))
+    found = []
+    for point, sign in ((left, -1.0), (right, 1.0)):
+        at = float((point.u - here.u) @ chord) / length**2 + sign * _APART / length
+        further = walk.along(here, there, min(max(at, 0.0), 1.0))
+        same = further is not None and same_itinerary(further.orbit, point.orbit)
+        found.append(further.orbit if same and further is not None else point.orbit)
+    return found[0], found[1]
+
+
+def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
+    """Bifurcations of stability between two points of one itinerary."""
+    found = []
+    symmetric = here.orbit.symmetric
+    tests = {
+        "fold": lambda p: p.tangent[-1],
+        "symmetry breaking" if symmetric else "flip": lambda p: _determinant(p.orbit, -1),
+        "branch point": lambda p: _determinant(p.orbit, 1),
+        "torus": lambda p: _torus(p.orbit),
+    }
+    for kind, test in tests.items():
+        a, b = test(here), test(there)
+        if not (a * b < 0):
+            continue
+        if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
+            continue  # the same zero as the fold's
+        at = _zero(walk, here, there, test, a, b)
+        if at is None or (kind == "torus" and not _has_pair(at[0].orbit)):
+            continue
+        point, width = at
+        found.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
+    return sorted(found, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
+
+
+def _zero(
+    walk: Walk, here: Point, there: Point, test: Callable[[Point], float], a: float, b: float
+) -> tuple[Point, float] | None:
+    """The zero of a test function with the values a, b at two points, and how well the parameter is known there."""
+    from scipy.optimize import brentq
+
+    found = {0.0: here, 1.0: there}
+
+    def at(part: float) -> float:
+        if part not in found:
+            point = walk.along(here, there, part)
+            if point is None:
+                raise _Lost
+            found[part] = point
+        return test(found[part])
+
+    try:
+        zero = float(brentq(at, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
+        at(zero)
+    except _Lost:
+        return None
+    point = found[zero]
+    # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
+    return point, 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
+
+
+class _Lost(Exception):
+    """Newton's method found no orbit between two points of a branch."""
+
+
+def _determinant(orbit: PeriodicOrbit, root: int) -> float:
+    """Product of mu - root: zero where a multiplier of the map is `root`; every factor bounded."""
+    factors = orbit.map_multipliers - root
+    return float(np.prod(factors / (1 + np.abs(orbit.map_multipliers))).real)
+
+
+def _torus(orbit: PeriodicOrbit) -> float:
+    mu = orbit.map_multipliers
+    pairs = [mu[i] * mu[j] - 1 for i in range(len(mu)) for j in range(i)]
+    return float(np.prod(np.array([p / (1 + abs(p)) for p in pairs])).real) if pairs else 1.0
+
+
+def _has_pair(orbit: PeriodicOrbit) -> bool:
+    mu = orbit.map_multipliers
+    return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-3)))

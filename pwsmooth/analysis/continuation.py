@@ -1,0 +1,208 @@
+"""Branches of periodic orbits over one parameter.
+
+Every point is a trajectory of the exact system: where the itinerary changes, the branch goes on through the change if
+the orbit does, and the change is located and named (itineraries.py). Where no orbit is found beyond a point, the
+branch ends there and says why; nothing is continued on the far side of a surface.
+
+Chain: arclength.py, bifurcations.py -> **continuation**.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from .arclength import Point, Walk, value_of
+from .bifurcations import Bifurcation, bifurcations_between
+from .orbits import PeriodicOrbit, refine
+
+__all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
+
+
+@dataclass
+class Branch:
+    """Periodic orbits along a parameter.
+
+    Attributes
+    ----------
+    parameter : str
+    orbits : list of PeriodicOrbit
+        In the order in which they were found.
+    bifurcations : list of Bifurcation
+    end : str
+        Why it ended, in words.
+    """
+
+    parameter: str
+    orbits: list[PeriodicOrbit] = field(default_factory=list)
+    bifurcations: list[Bifurcation] = field(default_factory=list)
+    end: str = ""
+
+    @property
+    def values(self) -> np.ndarray:
+        """The parameter along the branch, shape (number of orbits,)."""
+        return np.array([value_of(orbit, self.parameter) for orbit in self.orbits])
+
+    @property
+    def x(self) -> np.ndarray:
+        """Points on the section, shape (n, number of orbits)."""
+        return np.array([orbit.x for orbit in self.orbits]).T
+
+    @property
+    def stable(self) -> np.ndarray:
+        """Whether each orbit is stable."""
+        return np.array([orbit.stable for orbit in self.orbits])
+
+    def of_kind(self, kind: str) -> list[Bifurcation]:
+        """Bifurcations of one kind."""
+        return [b for b in self.bifurcations if b.kind == kind]
+
+    def __repr__(self) -> str:
+        low, high = self.values.min(), self.values.max()
+        lines = [
+            f"Branch: {len(self.orbits)} orbits, {self.parameter} from {low:.9g} to {high:.9g}; {self.end}"
+        ]
+        return "\n".join([*lines, *(f"  {b}" for b in self.bifurcations)])
+
+
+def follow(
+    orbit: PeriodicOrbit,
+    parameter: Any,
+    to: float,
+    *,
+    step: float = 0.02,
+    longest_step: float = 0.1,
+    shortest_step: float = 1e-7,
+    most: int = 500,
+) -> Branch:
+    """Follow a periodic orbit over a parameter.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        The first one, converged.
+    parameter : str or Symbol
+    to : float
+        Where to stop; a branch that turns back also stops at the value at which it began.
+    step, longest_step, shortest_step : float
+        Of the arc in (x, q/|to - q0|).
+    most : int
+        Largest number of orbits.
+
+    Returns
+    -------
+    Branch
+
+    Raises
+    ------
+    ValueError
+        An orbit that did not converge, an unknown parameter, `to` not different from the present value.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.orbits import find_orbit
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> F = sp.Symbol("F", positive=True)
+    >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=sp.pi, symmetry={x: -x, v: -v})
+    >>> [b.kind for b in follow(orbit, F, to=0.8, step=0.1).bifurcations]
+    ['crossing-sliding']
+    """
+    if not isinstance(orbit, PeriodicOrbit):
+        raise TypeError(f"`orbit` is {orbit!r}; give a PeriodicOrbit, as find_orbit() returns it.")
+    if not orbit.success:
+        raise ValueError(f"`orbit` did not converge: {orbit.message}")
+    name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
+    begin, end = value_of(orbit, name), checks.number(to, "`to`")
+    if begin == end:
+        raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
+    for what, number in (("step", step), ("longest_step", longest_step), ("shortest_step", shortest_step)):
+        checks.positive(number, f"`{what}`")
+    walk = Walk(orbit, name, abs(end - begin))
+    branch = Branch(name, [orbit])
+    here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
+    here = walk.rephased(here)
+    ds = min(step, longest_step)
+    while len(branch.orbits) < checks.whole(most, "`most`", 1):
+        there = walk.step(here, ds)
+        if there is None:
+            if ds > shortest_step:
+                ds *= 0.3
+                continue
+            there = walk.turn(here, ds)
+            if there is None:
+                branch.end = walk.why_ended(here, ds)
+                return branch
+        past = _passed(there, here, walk, begin, end)
+        if past is not None:
+            last = walk.at_parameter(here, there, past)
+            if last is None:
+                branch.end = f"no orbit was found at {name} = {past:g}."
+                return branch
+            there = last
+        branch.bifurcations += bifurcations_between(walk, here, there)
+        branch.orbits.append(there.orbit)
+        if past is not None:
+            branch.end = f"reached {name} = {past:g}."
+            return branch
+        ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
+        here = walk.rephased(there)
+    branch.end = f"stopped after {len(branch.orbits)} orbits (`most`)."
+    return branch
+
+
+def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> float | None:
+    """The bound that the last step has passed: the end of the range or, after a turn, its beginning."""
+    q, q0 = (walk.value(p) for p in (there, here))
+    low, high = sorted((begin, end))
+    if q >= high and q > q0:
+        return high
+    if q <= low and q < q0:
+        return low
+    return None
+
+
+def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrbit:
+    """An orbit on the branch that begins at a flip or where the symmetry breaks.
+
+    Parameters
+    ----------
+    bifurcation : Bifurcation
+        Of kind "flip" or "symmetry breaking".
+    amplitude : float
+        Distance from the old orbit along the critical eigenvector; the parameter follows from it.
+
+    Returns
+    -------
+    PeriodicOrbit
+        Of the doubled map, at its own parameter value; `success` False if none was found.
+
+    Raises
+    ------
+    ValueError
+        Another kind of bifurcation.
+    """
+    if bifurcation.kind not in ("flip", "symmetry breaking"):
+        raise ValueError(
+            f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip or a symmetry breaking."
+        )
+    old = bifurcation.orbit
+    values, vectors = np.linalg.eig(old.jacobian)
+    direction = vectors[:, np.argmin(np.abs(values + 1))].real
+    direction = direction / np.linalg.norm(direction)
+    doubled = old.map.doubled()
+    walk = Walk(
+        PeriodicOrbit(doubled, old.x, 0.0, old.jacobian, (), old.time, 0, True, ""), bifurcation.name, 1.0
+    )
+    normal = np.append(direction, 0.0)
+    guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
+    found = walk.correct(guess, normal, normal)
+    if found is None:
+        return refine(doubled, old.x + amplitude * direction)
+    return found.orbit

@@ -1,0 +1,169 @@
+"""Changes of itinerary along a branch of periodic orbits, located and named.
+
+Two orbits on both sides of the change differ in a few events, which come together there. What they are says what
+happened (di Bernardo, Kowalczyk & Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917), for a switch met from side s:
+
+    nothing          <->  stick, slip to s                      grazing-sliding
+    crossing         <->  stick, slip to -s                     crossing-sliding
+    stick            <->  crossing, stick from -s               switching-sliding
+    a stick goes on  <->  slip, stick again                     adding-sliding
+    nothing          <->  crossing, crossing back               grazing
+    nothing          <->  impact                                grazing impact
+
+Chain: orbits.py -> **itineraries** -> continuation.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .orbits import PeriodicOrbit
+from .sections import after_start
+
+__all__ = ["Change", "change_between", "same_itinerary"]
+
+# Events that both orbits have differ by the square root of the bracket at most: 1e-6 at a bracket of 1e-12.
+_TOGETHER = 1e-3
+
+
+@dataclass(frozen=True)
+class Letter:
+    """One event of a full period: `came` and `went` are -1, 0, +1, or 0 and 0 where there is no switch."""
+
+    time: float  # as a part of the period, 0 <= time < 1
+    switch: str
+    kind: str
+    came: int
+    went: int
+
+    @property
+    def word(self) -> tuple[str, str, int, int]:
+        """Everything but the time."""
+        return self.switch, self.kind, self.came, self.went
+
+    def __str__(self) -> str:
+        sides = f" {self.came:+d} to {self.went:+d}" if self.came or self.went else ""
+        return f"{self.kind}{sides} [{self.switch}]"
+
+
+@dataclass(frozen=True)
+class Change:
+    """How two itineraries differ: the name of the bifurcation, and the events of either side."""
+
+    name: str
+    before: tuple[Letter, ...]
+    after: tuple[Letter, ...]
+    time: float
+
+    def __str__(self) -> str:
+        def words(letters: tuple[Letter, ...]) -> str:
+            return ", ".join(map(str, letters)) or "nothing"
+
+        return f"{self.name}: {words(self.before)} -> {words(self.after)}, at {self.time:.4f} of the period"
+
+
+def letters(orbit: PeriodicOrbit) -> list[Letter]:
+    """Events of one whole period, in order."""
+    # With the map's own tolerances: near a change of itinerary looser ones see another word.
+    run = orbit.map.over(orbit.x, orbit.period)
+    begin, start = run.t[0], after_start(run)
+    found = []
+    for e in run.events:
+        if not e.time > start or e.kind == "terminal":
+            continue
+        came, went = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
+        found.append(Letter((e.time - begin) / orbit.period % 1.0, e.switch, e.kind, came, went))
+    return found
+
+
+def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether two orbits have the same events in the same cyclic order."""
+    if one.word == other.word:
+        return True
+    a, b = ([letter.word for letter in letters(orbit)] for orbit in (one, other))
+    return len(a) == len(b) and (not a or any(b[k:] + b[:k] == a for k in range(len(b))))
+
+
+def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
+    """What happens between two orbits close to each other on both sides of a change of itinerary."""
+    before, after = letters(one), letters(other)
+    old, new = _unmatched(before, after), _unmatched(after, before)
+    cluster = sorted([*((x.time, 0, x) for x in old), *((x.time, 1, x) for x in new)], key=lambda x: x[:2])
+    if not cluster:
+        return Change("change of order", (), (), 0.0)
+    first = [c for c in cluster if _distance(c[0], cluster[0][0]) < _TOGETHER]
+    if len(cluster) > len(first) and _distance(cluster[-1][0], cluster[0][0]) < 2 * _TOGETHER:
+        first = [c for c in cluster if _distance(c[0], cluster[0][0]) < 2 * _TOGETHER]
+    gone = tuple(x for _, side, x in first if side == 0)
+    come = tuple(x for _, side, x in first if side == 1)
+    far = len(first) < len(cluster) and not _repeats(cluster, first, one.symmetric)
+    time = first[0][0]
+    name = _name(gone, come, _status_before(before if len(gone) > len(come) else after, time))
+    if far or name is None and len(gone) + len(come) < 2:
+        # Events far apart change at once: the orbit after is not the continuation of the one before.
+        return Change("jump of the orbit", tuple(old), tuple(new), time)
+    return Change(name or "change of itinerary", gone, come, time)
+
+
+def _distance(a: float, b: float) -> float:
+    """Of two phases, as parts of the period."""
+    return abs((a - b + 0.5) % 1.0 - 0.5)
+
+
+def _unmatched(these: list[Letter], those: list[Letter]) -> list[Letter]:
+    """Events that the other orbit does not have at nearly the same phase."""
+    free = list(those)
+    lost = []
+    for letter in these:
+        near = [x for x in free if x.word == letter.word and _distance(x.time, letter.time) < _TOGETHER]
+        if near:
+            free.remove(min(near, key=lambda x: _distance(x.time, letter.time)))
+        else:
+            lost.append(letter)
+    return lost
+
+
+def _repeats(cluster, first, symmetric: bool) -> bool:
+    """Whether the other changes are the mirror images, half a period later, of the first ones."""
+    rest = [c for c in cluster if c not in first]
+    at = first[0][0] + 0.5
+    return symmetric and len(rest) == len(first) and all(_distance(c[0], at) < 3 * _TOGETHER for c in rest)
+
+
+def _status_before(word: list[Letter], time: float) -> dict[str, int]:
+    """Status of every switch just before a phase, from the last event of each in the cyclic word."""
+    status = {}
+    for letter in sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0):
+        status[letter.switch] = letter.went
+    return status
+
+
+def _name(gone, come, status: dict[str, int]) -> str | None:
+    """The name of a change, read in either direction; None if it has none."""
+    if len({x.switch for x in (*gone, *come)}) > 1:
+        return "corner"
+    less, more = (gone, come) if len(gone) <= len(come) else (come, gone)
+    kinds = [x.kind for x in more]
+    moves = [(x.came, x.went) for x in more]
+    slips = [k.startswith("slip by") for k in kinds]
+    if not less:
+        if kinds in (["impact"], ["reset"]):
+            return "grazing impact" if kinds == ["impact"] else "grazing of an event"
+        if kinds == ["crossing", "crossing"]:
+            return "grazing"
+        if len(more) == 2 and "stick" in kinds and any(slips):
+            # The short piece at the change is the one that is new: a stick, or a slip within a stick.
+            inside = kinds[0] != "stick" if status.get(more[0].switch) is None else status[more[0].switch] == 0
+            return "adding-sliding" if inside else "grazing-sliding"
+        return None
+    one = less[0]
+    if len(less) == 1 and len(more) == 2:
+        if one.kind == "crossing" and kinds[0] == "stick" and slips[1] and moves[1][1] == one.went:
+            return "crossing-sliding"
+        if one.kind == "stick" and kinds == ["crossing", "stick"] and moves[0][0] == one.came:
+            return "switching-sliding"
+        if one.kind.startswith("slip by") and slips[0] and kinds[1] == "crossing":
+            return "switching-sliding"  # the same, seen in reversed time: it leaves through the other side
+    if len(less) == len(more) == 1 and one.kind.startswith("slip by") and slips[0]:
+        return "exit by a fold" if "fold" in (one.kind + kinds[0]) and one.kind != kinds[0] else "exit side"
+    return None

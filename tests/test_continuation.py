@@ -1,0 +1,211 @@
+"""Branches of periodic orbits: bifurcations at parameters that are known exactly."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from friction_oscillator import coulomb, hidden, v, y, z
+
+from pwsmooth import Event, System
+from pwsmooth.analysis.continuation import branch_off, follow
+from pwsmooth.analysis.orbits import find_orbit, refine
+from pwsmooth.analysis.sections import Section, Stroboscopic
+
+t, x, u = sp.symbols("t x u", real=True)
+a, b = sp.symbols("a b", real=True)
+omega, F = sp.symbols("omega F", positive=True)
+# The bracket of a change of itinerary is 1e-12 of the arc, an event is decided to some 1e-13: a thousand of these.
+LOCATED = 1e-10
+
+
+def mapped(update, start, value, **options):
+    """A System whose stroboscopic map is given: states stand still between the jumps of a clock."""
+    states = list(update)
+    system = System(
+        {s: 0 * s for s in states}, time=t, parameters={a: value}, events=[Event(every=1, update=update)]
+    )
+    return find_orbit(system, start, period=1, phase=0.5, **options)
+
+
+# ---- smooth bifurcations
+
+
+def test_a_fold_is_found_and_passed():
+    # x -> a + x - x^2: fixed at +-sqrt(a)
+    branch = follow(mapped({x: a + x - x**2}, {x: 0.9}, 0.8), a, to=-0.2)
+    assert [bif.kind for bif in branch.bifurcations] == ["fold"]
+    # The zero of the tangent's slope, sqrt(a) steep, is found to 1e-12: a to its square.
+    assert branch.bifurcations[0].parameter == pytest.approx(0, abs=LOCATED)
+    assert branch.x[0, 0] > 0 > branch.x[0, -1]
+    assert branch.values[-1] == 0.8 and "reached" in branch.end
+
+
+def test_a_flip_is_found_and_its_branch_is_the_two_cycle():
+    branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), "a", to=3.3)
+    (flip,) = branch.bifurcations
+    assert flip.kind == "flip"
+    assert flip.parameter == pytest.approx(3, abs=1e-9)
+    assert not branch.stable[-1] and branch.stable[0]
+    cycle = branch_off(flip, 0.02)
+    c = cycle.system.parameters[a]
+    assert cycle.success and cycle.stable and c > 3
+    assert min(abs(cycle.x[0] - (c + 1 + s * math.sqrt((c - 3) * (c + 1))) / (2 * c)) for s in (1, -1)) < 1e-9
+    assert cycle.multipliers == pytest.approx([4 + 2 * c - c**2], abs=1e-8)
+
+
+def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
+    # half a period: x -> a x - x^3, so N = -(a x - x^3): -1 at x = 0, a = 1
+    system = System(
+        {x: 0 * x},
+        time=t,
+        parameters={a: 0.7},
+        events=[Event(every=sp.Rational(1, 2), update={x: a * x - x**3})],
+    )
+    orbit = find_orbit(system, {x: 0.0}, period=1, phase=0.25, symmetry={x: -x})
+    branch = follow(orbit, a, to=1.5)
+    (broken,) = branch.bifurcations
+    assert broken.kind == "symmetry breaking"
+    assert broken.parameter == pytest.approx(1, abs=1e-9)
+    pair = branch_off(broken, 0.1)
+    assert pair.success and not pair.symmetric
+    # x = a x - x^3
+    assert pair.x[0] ** 2 == pytest.approx(pair.system.parameters[a] - 1, abs=1e-9)
+
+
+def test_a_torus_begins_where_a_complex_pair_leaves_the_unit_circle():
+    c, s = sp.Rational(3, 5), sp.Rational(4, 5)
+    orbit = mapped({x: a * (c * x - s * u), u: a * (s * x + c * u) - u**3}, {x: 0, u: 0}, 0.8)
+    branch = follow(orbit, a, to=1.3)
+    assert [bif.kind for bif in branch.bifurcations] == ["torus"]
+    assert branch.bifurcations[0].parameter == pytest.approx(1, abs=1e-9)
+
+
+def test_a_branch_point_is_no_fold():
+    # x -> x + a x - x^3: a pitchfork at a = 0, without a symmetry that the map is told of
+    branch = follow(mapped({x: x + a * x - x**3}, {x: 0.0}, -0.5), a, to=0.5)
+    assert [bif.kind for bif in branch.bifurcations] == ["branch point"]
+    assert branch.bifurcations[0].parameter == pytest.approx(0, abs=1e-9)
+
+
+# ---- changes of itinerary
+
+
+@pytest.mark.parametrize("frequency", [0.55, 0.7, 0.9, 1.5, 2.0, 3.1])
+def test_den_hartogs_oscillator_begins_to_stick_by_crossing_sliding(frequency):
+    V, U = 1 / (1 - frequency**2), math.tan(math.pi / (2 * frequency)) / frequency
+    limit = abs(V) / math.sqrt(U**2 + frequency**-4)  # den Hartog (1931)
+    system = System(
+        {x: u, u: sp.sin(omega * t) - x - F * sp.sign(u)},
+        time=t,
+        parameters={omega: frequency, F: 0.8 * limit},
+    )
+    orbit = find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / omega, symmetry={x: -x, u: -u})
+    branch = follow(orbit, F, to=1.1 * limit)
+    (begins,) = branch.bifurcations
+    assert begins.kind == "crossing-sliding"
+    assert begins.parameter == pytest.approx(limit, abs=LOCATED)
+    assert [kind for _, kind, _ in begins.beyond.word] == ["stick", "slip by tangency"]
+
+
+def held_from_below(force, parameters):
+    """x' = force(t) - x above x = 0, and up from below: x slides while the force is negative."""
+    return System({x: sp.Piecewise((force - x, x > 0), (5, True))}, time=t, parameters=parameters)
+
+
+def test_grazing_sliding_at_the_exact_amplitude():
+    # Above the surface x = 1 + (a/sqrt 2) sin(t - pi/4), which touches 0 at a = sqrt 2 with x' = 0.
+    system = held_from_below(1 + a * sp.sin(t), {a: 1.1})
+    orbit = find_orbit(system, {x: 0.5}, period=2 * sp.pi)
+    branch = follow(orbit, a, to=2.0)
+    (grazing,) = branch.bifurcations
+    assert grazing.kind == "grazing-sliding"
+    assert grazing.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
+    # The smooth orbit has the multiplier exp(-2 pi), the one that slides has none left.
+    assert grazing.orbit.multipliers == pytest.approx([math.exp(-2 * math.pi)], abs=1e-12)
+    assert grazing.beyond.multipliers == pytest.approx([0], abs=1e-15)
+
+
+def test_adding_sliding_at_the_exact_force():
+    # cos t + a cos 2t has a maximum at t = pi, inside the stick, which is a - 1.
+    system = held_from_below(sp.cos(t) + a * sp.cos(2 * t), {a: 0.8})
+    orbit = find_orbit(system, {x: 0.5}, period=2 * sp.pi)
+    (adding,) = follow(orbit, a, to=1.2).bifurcations
+    assert adding.kind == "adding-sliding"
+    assert adding.parameter == pytest.approx(1, abs=LOCATED)
+
+
+def test_switching_sliding_at_the_exact_phase():
+    # Put to x = 1 at t = 2 pi k it lands one unit later, while the field below turns upwards at phase a.
+    system = System(
+        {x: sp.Piecewise((-1, x > 0), (sp.sin(t - a), True))}, time=t, parameters={a: 0.7},
+        events=[Event(every=2 * sp.pi, update={x: 1})],
+    )  # fmt: skip
+    orbit = find_orbit(system, {x: 0.6}, period=2 * sp.pi, phase=0.5 / 2 / math.pi)
+    (switching,) = follow(orbit, a, to=1.3).bifurcations
+    assert switching.kind == "switching-sliding"
+    assert switching.parameter == pytest.approx(1, abs=LOCATED)
+
+
+def test_a_grazing_impact_is_named():
+    from pwsmooth import Unilateral
+
+    # x'' + x'/5 + x = cos 2t reaches 1/|1 - 4 + 0.4 i|; the wall stands at a.
+    wall = Unilateral(a - x, restitution=0.8, name="R")
+    system = System(
+        {x: u, u: sp.cos(2 * t) - x - sp.Rational(1, 5) * u - wall.reaction}, time=t, parameters={a: 0.5}
+    )
+    reach = 1 / abs(1 - 4 + 0.4j)
+    orbit = find_orbit(system, {x: 0.1, u: 0.0}, period=sp.pi, phase=0.1)
+    branch = follow(orbit, a, to=0.9 * reach, most=60)
+    first = branch.bifurcations[0]
+    assert first.kind == "grazing impact"
+    assert first.parameter == pytest.approx(reach, abs=LOCATED)
+
+
+# ---- how branches end
+
+
+def test_a_branch_ends_where_the_map_jumps_and_says_so():
+    # Two-stage limit: the slip-only orbit is captured, with the whole stick, once |F| at its crossing falls to N.
+    # The same |F| = N is where the oscillator without the hidden term begins to stick, continuously.
+    mirror = {y: -y, v: -v}
+    free = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=2 * sp.pi, symmetry=mirror)
+    continuous = follow(free, "sigma", to=2.0).of_kind("crossing-sliding")[0]
+    sudden = refine(Stroboscopic(hidden().layered({z: 0}), 2 * sp.pi, symmetry=mirror), free.x)
+    branch = follow(sudden, "sigma", to=2.0)
+    assert "jumps" in branch.end
+    assert branch.values[-1] == pytest.approx(continuous.parameter, abs=1e-5)  # ends within its shortest steps
+    assert all([kind for _, kind, _ in orbit.word] == ["crossing"] for orbit in branch.orbits)
+
+
+def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():
+    # rho = 0: sticks grow with falling drive and pass over t = 0; at a drive below N everything is at rest.
+    orbit = find_orbit(coulomb(sigma=2.2), {y: 0.5, v: 0.3}, period=2 * sp.pi, phase=0.31, transient=20)
+    branch = follow(orbit, "sigma", to=1.2)
+    assert {"jump of the orbit", "change of itinerary"}.isdisjoint(bif.kind for bif in branch.bifurcations)
+    assert branch.values[-1] == 1.2
+    phases = [o.map.phase for o in branch.orbits]
+    assert len(set(phases)) > 1
+
+
+def test_an_autonomous_orbit_is_followed_on_its_section():
+    # x'' - 2 a x' + x = -sign x': fixed at X = (E + 1)/(E - 1), E = exp(a pi/sqrt(1 - a^2))
+    relay = System({x: u, u: 2 * a * u - x - sp.sign(u)}, parameters={a: 0.1})
+    orbit = find_orbit(relay, {x: 6.3, u: 0.1}, section=u, direction=-1)
+    branch = follow(orbit, a, to=0.25)
+    E = np.exp(branch.values * np.pi / np.sqrt(1 - branch.values**2))
+    assert branch.x[0] == pytest.approx((E + 1) / (E - 1), rel=1e-9)
+    assert isinstance(branch.orbits[-1].map, Section)
+
+
+def test_bad_input_is_refused():
+    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=2 * sp.pi)
+    with pytest.raises(ValueError, match="already is"):
+        follow(orbit, "sigma", to=2.4)
+    with pytest.raises(ValueError, match="'nonsense'"):
+        follow(orbit, "nonsense", to=2.5)
+    with pytest.raises(TypeError, match="PeriodicOrbit"):
+        follow({y: 1}, "sigma", to=2.5)
+    with pytest.raises(ValueError, match="did not converge"):
+        follow(refine(Stroboscopic(System({x: 1 + x**2}), 4.0), {x: 0}), "sigma", to=2)
