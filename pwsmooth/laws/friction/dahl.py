@@ -25,8 +25,10 @@ class Dahl(Law):
         if p.alpha == 1:
             rate = v - p.sigma0 * sp.Abs(v) * z / p.F_c
         else:
-            rest = 1 - p.sigma0 * z / p.F_c * sp.sign(v)
-            rate = v * sp.Abs(rest) ** p.alpha * sp.sign(rest)
+            share = p.sigma0 * z / p.F_c
+            # Written for each sign of v, so that no surface jumps where v turns.
+            ahead, back = (sp.Abs(1 - side * share) ** p.alpha * sp.sign(1 - side * share) for side in (1, -1))
+            rate = v * sp.Piecewise((ahead, v > 0), (back, True))
         pull = p.alpha * p.sigma0 * sp.Abs(v) / p.F_c
         return Pieces(force=p.sigma0 * z, rates={z: rate}, surfaces=(v,), fastest_rate=pull)
 

@@ -32,13 +32,18 @@ class Elastoplastic(LuGre):
         z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
         steady = stribeck(v, p) / p.sigma0
         z_max = self.z_max_of(steady, p)
-        w = z * sp.sign(v)
-        rise = sp.sin(sp.pi * (w - (z_max + p.z_ba) / 2) / (z_max - p.z_ba))
-        alpha = sp.Piecewise((0, w <= p.z_ba), ((1 + rise) / 2, w < z_max), (1, True))
-        rate = v * (1 - alpha * w / steady)
+
+        def slip(w):
+            """alpha(w) w/z_ss, w = z sgn(v)"""
+            rise = sp.sin(sp.pi * (w - (z_max + p.z_ba) / 2) / (z_max - p.z_ba))
+            alpha = sp.Piecewise((0, w <= p.z_ba), ((1 + rise) / 2, w < z_max), (1, True))
+            return alpha * w / steady
+
+        # Written for each sign of v, so that no surface jumps where v turns.
+        rate = v * sp.Piecewise((1 - slip(z), v > 0), (1 - slip(-z), True))
         force = p.sigma0 * z + p.sigma1 * rate + p.sigma2 * v
-        pull = sp.Abs(v) / steady
-        return Pieces(force=force, rates={z: rate}, surfaces=(v, w - p.z_ba, w - z_max), fastest_rate=pull)
+        surfaces = (v, z - p.z_ba, z + p.z_ba, z - z_max, z + z_max)
+        return Pieces(force=force, rates={z: rate}, surfaces=surfaces, fastest_rate=sp.Abs(v) / steady)
 
     def z_max_of(self, steady, p):
         return steady
