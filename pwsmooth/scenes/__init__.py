@@ -4,9 +4,11 @@ from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
+from .slider_crank import IdealSliderCrank, slider_crank
 from .sliding import block_on_belt, force_driven, friction_oscillator, position_control
 
 __all__ = [
+    "IdealSliderCrank",
     "Scene",
     "assemble",
     "block_on_belt",
@@ -18,6 +20,7 @@ __all__ = [
     "impact_oscillator",
     "position_control",
     "prescribed_motion",
+    "slider_crank",
     "pressed_block",
     "t",
 ]

@@ -1,0 +1,127 @@
+"""A revolute joint with clearance: a journal that moves in its bearing, carried by any contact and friction law.
+
+    e = S - B (journal centre from bearing centre),  n = e/|e|,  tau = (-n_y, n_x),  delta = |e| - c
+    v_T = e'.tau + omega_J R_J - omega_B R_B,         force on the journal  F = -F_N n - F_T tau
+
+The wall is one case of a unilateral surface: in free flight, where n is 0/0 at the centre, it is the zero of
+(e.e - c^2)/(2 c), and n is e/c.
+Chain: laws -> **journal** -> slider_crank.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import sympy as sp
+
+from ..laws import Law, Pieces
+from ..primitives import Event, Memory
+
+__all__ = ["ClearanceJoint", "clearance_joint"]
+
+
+class ClearanceJoint(NamedTuple):
+    """What the joint does to the two bodies, and what it brings to the System.
+
+    Attributes
+    ----------
+    force : (Expr, Expr)
+        On the journal; the opposite one acts on the bearing, at its centre.
+    moments : (Expr, Expr)
+        On the journal's and on the bearing's body, about the centres.
+    normal, friction : Expr
+        F_N >= 0, and F_T, which opposes v_T.
+    indentation : Expr
+        delta, negative in free flight.
+    slip : Expr
+        v_T.
+    pieces : list of Pieces
+        Of the laws.
+    events : tuple of Event
+    """
+
+    force: tuple[Any, Any]
+    moments: tuple[Any, Any]
+    normal: Any
+    friction: Any
+    indentation: Any
+    slip: Any
+    pieces: list[Pieces]
+    events: tuple[Event, ...]
+
+
+def clearance_joint(
+    e: Sequence[Any],
+    rate: Sequence[Any],
+    *,
+    c: Any,
+    R_B: Any,
+    R_J: Any,
+    spin_B: Any = 0,
+    spin_J: Any = 0,
+    normal: Law,
+    tangential: Law | None = None,
+    name: str = "",
+) -> ClearanceJoint:
+    """The joint's forces from the motion of the journal in the bearing.
+
+    Parameters
+    ----------
+    e, rate : (Expr, Expr)
+        Journal centre from bearing centre, and its rate.
+    c, R_B, R_J : Expr
+        Radial clearance and radii.
+    spin_B, spin_J : Expr
+        Angular velocities of the bearing's and the journal's body.
+    normal : Law
+        Contact law.
+    tangential : Law, optional
+        Friction law, per unit of load.
+    name : str
+        Put behind the names of the joint's symbols.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.contact import Hertz
+    >>> x, y, u, v = sp.symbols("x y u v", real=True)
+    >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
+    >>> [event.name for event in joint.events]
+    ['wall reached', 'wall left']
+    """
+    ex, ey = e
+    square = ex**2 + ey**2
+    length = sp.sqrt(square)
+    touching = Memory(f"touching_{name}" if name else "touching", 0)
+
+    def beyond(level):
+        return (square - (c + level) ** 2) / (2 * c)
+
+    # The normal e/|e| in contact and e/c in flight, where it is regular at the centre; equal at the wall.
+    inverse = sp.Piecewise((1 / length, sp.Eq(touching, 1)), (1 / c, True))
+    nx, ny = ex * inverse, ey * inverse
+    approach = rate[0] * nx + rate[1] * ny
+    slip = rate[1] * nx - rate[0] * ny + spin_J * R_J - spin_B * R_B
+    depth = (square - c**2) / (length + c)
+    pieces = [normal.attach(position=depth, velocity=approach, name=name, beyond=beyond)]
+    push = pieces[0].force
+    friction: Any = sp.S.Zero
+    if tangential is not None:
+        pieces.append(tangential.attach(velocity=slip, normal=push, name=name))
+        friction = pieces[1].force
+    events = tuple(
+        Event(beyond(0), direction=way, update={touching: flag}, name=f"wall {word}{name and ' ' + name}")
+        for way, flag, word in ((1, 1, "reached"), (-1, 0, "left"))
+    )
+    force = (-push * nx + friction * ny, -push * ny - friction * nx)
+    return ClearanceJoint(
+        force=force,
+        moments=(-R_J * friction, R_B * friction),
+        normal=push,
+        friction=friction,
+        indentation=length - c,
+        slip=slip,
+        pieces=pieces,
+        events=events,
+    )

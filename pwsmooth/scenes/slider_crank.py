@@ -1,0 +1,270 @@
+"""The planar slider-crank with a clearance joint between rod and slider; the crank turns at constant speed.
+
+    P = r (cos phi, sin phi),  u = (cos psi, sin psi),  t = (-sin psi, cos psi),  B = P + l u,  S = (x, 0),  e = S - B
+    (I_2 + m_2 l^2/4) psi'' = -(m_2 l/2) P''.t - l F.t + M_B - (m_2 l/2) g cos psi,      m_3 x'' = F_x
+
+F is the joint's force on the slider, M_B its moment on the rod. States are the journal's place e in its bearing and
+its rate: the indentation, a few micrometres, is the small difference of psi and x, and would have only their
+accuracy. psi and x follow from e:  sin psi = -(r sin phi + e_y)/l,  x = r cos phi + l cos psi + e_x.
+Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4. Assumed, as not printed there:
+rod's centre of mass at mid-length, 200 rpm, R_B = 10 mm, joint length 15 mm, steel, friction coefficient 0.01, no
+gravity, no guide friction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..laws import Law
+from ..laws.contact import LiuImpact, composite_modulus
+from ..laws.friction import ModifiedCoulomb
+from .drive import t
+from .journal import clearance_joint
+from .scene import Scene, assemble
+
+__all__ = ["IdealSliderCrank", "slider_crank"]
+
+CRANK, ROD = 0.05, 0.30  # m
+ROD_MASS, ROD_INERTIA, SLIDER_MASS = 1.130, 0.015300, 1.013  # kg, kg m^2, kg
+BEARING, LENGTH, MODULUS, POISSON = 0.010, 0.015, 207e9, 0.3  # assumed
+RPM, FRICTION = 200.0, 0.01
+
+e_x, e_y, u_x, u_y = sp.symbols("e_x e_y u_x u_y", real=True)
+omega, r, l, m_2, I_2, m_3, c, R_B, g = sp.symbols("omega r l m_2 I_2 m_3 c R_B g", positive=True)
+UNITS = {
+    "e_x": "m", "e_y": "m", "u_x": "m/s", "u_y": "m/s", "x": "m", "velocity": "m/s", "acceleration": "m/s^2",
+    "psi": "rad", "indentation": "m", "slip": "m/s", "normal": "N", "friction": "N", "torque": "N m",
+    "energy": "J",
+}  # fmt: skip
+
+
+def slider_crank(
+    normal: Law | None = None,
+    tangential: Law | None | str = "modified Coulomb",
+    *,
+    clearance: float = 5e-4,
+    c_r: float = 0.9,
+    rpm: float = RPM,
+    bearing: float = BEARING,
+    crank: float = CRANK,
+    rod: float = ROD,
+    rod_mass: float = ROD_MASS,
+    rod_inertia: float = ROD_INERTIA,
+    slider_mass: float = SLIDER_MASS,
+    gravity: float = 0.0,
+    start: Sequence[float] = (0.0, 0.0),
+    revolutions: float = 1.0,
+) -> Scene:
+    """The mechanism with the clearance joint.
+
+    Parameters
+    ----------
+    normal : Law, optional
+        Contact law; Wang, Liu and Ma's with `c_r` and steel without. A law that has the joint's clearance as a
+        parameter must have this one.
+    tangential : Law, optional
+        Friction law per unit of load; None is none.
+    clearance : float
+        Radial clearance R_B - R_J, m, > 0 and below the bearing's radius.
+    c_r : float
+        Coefficient of restitution of the default contact law.
+    rpm : float
+        Crank speed, revolutions a minute.
+    bearing, crank, rod : float
+        Radius R_B, and lengths, m.
+    rod_mass, rod_inertia, slider_mass : float
+        kg, and kg m^2 about the rod's centre of mass at mid-length.
+    gravity : float
+        In the direction of -y, m/s^2.
+    start : (float, float)
+        Journal centre in the bearing at phi = 0, m; it moves with the ideal joint's velocity.
+    revolutions : float
+        Of the suggested span.
+
+    Returns
+    -------
+    Scene
+        Outputs x, velocity, acceleration (slider), psi, indentation (< 0 in free flight), slip, normal, friction,
+        torque, pin_x, pin_y (crank-pin force on the rod), guide (on the slider), energy.
+
+    Raises
+    ------
+    ValueError
+        A clearance, length, mass or speed that is not positive; a journal that is not smaller than its bearing; a
+        start inside the wall; a law with another clearance.
+
+    Examples
+    --------
+    >>> scene = slider_crank(clearance=1e-3)
+    >>> first = scene.solve((0, 0.01)).event_times("reset", "touch-down")[0]
+    >>> round(first*1e3, 8)
+    8.86094991
+    """
+    sizes = dict(clearance=clearance, rpm=rpm, bearing=bearing, crank=crank, rod=rod, rod_mass=rod_mass,
+                 rod_inertia=rod_inertia, slider_mass=slider_mass)  # fmt: skip
+    for name, value in sizes.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"`{name}` is {value!r}; give a number > 0.")
+    if not clearance < bearing:
+        raise ValueError(
+            f"`clearance` is {clearance:g} and `bearing` {bearing:g}; the journal's radius, their difference, must be "
+            "positive."
+        )
+    if not crank + clearance < rod:
+        raise ValueError(
+            f"`rod` is {rod:g}; it must be longer than crank and clearance, {crank + clearance:g}."
+        )
+    if math.hypot(*start) >= clearance:
+        raise ValueError(
+            f"`start` is {math.hypot(*start):g} m from the bearing's centre, on or inside its wall at {clearance:g}; "
+            "start in free flight."
+        )
+    steel = composite_modulus(MODULUS, POISSON)
+    if normal is None:
+        normal = LiuImpact(E_star=steel, length=LENGTH, clearance=clearance, c_r=c_r)
+    elif getattr(normal, "clearance", clearance) != clearance:
+        raise ValueError(
+            f"`normal` has clearance={normal.clearance:g}, the joint {clearance:g}; give them the same one."  # type: ignore[attr-defined]
+        )
+    if isinstance(tangential, str):
+        if tangential != "modified Coulomb":
+            raise ValueError(f"`tangential` is {tangential!r}; give a friction law, or None.")
+        tangential = ModifiedCoulomb(F_c=FRICTION)
+
+    phi = omega * t
+    P = sp.Matrix([r * sp.cos(phi), r * sp.sin(phi)])
+    acceleration_P = -(omega**2) * P
+    sine = -(r * sp.sin(phi) + e_y) / l
+    cosine = sp.sqrt(1 - sine**2)
+    spin = -(r * omega * sp.cos(phi) + u_y) / (l * cosine)
+    along, across = sp.Matrix([cosine, sine]), sp.Matrix([-sine, cosine])
+    joint = clearance_joint(
+        (e_x, e_y), (u_x, u_y), c=c, R_B=R_B, R_J=R_B - c, spin_B=spin, normal=normal, tangential=tangential
+    )
+    F = sp.Matrix(joint.force)
+    drop = m_2 * l / 2 * g * cosine if gravity else 0
+    moment = -m_2 * l / 2 * acceleration_P.dot(across) - l * F.dot(across) + joint.moments[1] - drop
+    turn = moment / (I_2 + m_2 * l**2 / 4)
+    slide = F[0] / m_3
+    bearing_acceleration = acceleration_P + l * (turn * across - spin**2 * along)
+    rates = {
+        e_x: u_x,
+        e_y: u_y,
+        u_x: slide - bearing_acceleration[0],
+        u_y: -bearing_acceleration[1],
+    }
+    weight = sp.Matrix([0, m_2 * g if gravity else 0])
+    pin = m_2 * (acceleration_P + l / 2 * (turn * across - spin**2 * along)) + F + weight
+    velocity = u_x - r * omega * sp.sin(phi) - l * spin * sine
+    centre = omega * sp.Matrix([-P[1], P[0]]) + l / 2 * spin * across
+    stored = joint.pieces[0].outputs.get("stored", sp.S.Zero)
+    kinetic = (m_2 * centre.dot(centre) + I_2 * spin**2 + m_3 * velocity**2) / 2
+    height = P[1] + l / 2 * sine
+    outputs = {
+        "x": e_x + P[0] + l * cosine,
+        "velocity": velocity,
+        "acceleration": slide,
+        "psi": sp.asin(sine),
+        "indentation": joint.indentation,
+        "slip": joint.slip,
+        "normal": joint.normal,
+        "friction": joint.friction,
+        "torque": P[0] * pin[1] - P[1] * pin[0],
+        "pin_x": pin[0],
+        "pin_y": pin[1],
+        "guide": -F[1],
+        "energy": kinetic + stored + (m_2 * g * height if gravity else 0),
+    }
+    values = {omega: 2 * math.pi * rpm / 60, r: crank, l: rod, m_2: rod_mass, I_2: rod_inertia, m_3: slider_mass,
+              c: clearance, R_B: bearing}  # fmt: skip
+    if gravity:
+        values[g] = gravity
+    if tangential is None:
+        del values[R_B]
+        outputs.pop("slip")
+    period = 60 / rpm
+    system, begin, atol = assemble(
+        rates,
+        joint.pieces,
+        time=t,
+        start={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0},
+        parameters=values,
+        outputs=outputs,
+        events=joint.events,
+    )
+    # The indentation is about a hundredth of the clearance, and is wanted to many digits.
+    atol |= {"e_x": 1e-10 * clearance, "e_y": 1e-10 * clearance}
+    return Scene(
+        f"slider-crank, {type(normal).__name__}",
+        system,
+        begin,
+        (0.0, revolutions * period),
+        period,
+        {n: n for n in outputs},
+        UNITS,
+        "masses and lengths: Wang, Liu, Ma 2016, Table 4; centre of mass, crank speed, radii, joint length, "
+        f"material and friction assumed. Contact: {normal.source}",
+        atol,
+    )
+
+
+class IdealSliderCrank:
+    """The same mechanism with an ideal joint, in closed form over the crank angle.
+
+    Parameters
+    ----------
+    rpm, crank, rod, rod_mass, rod_inertia, slider_mass : float
+        As of `slider_crank`.
+
+    Examples
+    --------
+    >>> round(float(IdealSliderCrank().acceleration(0.0)), 3)
+    -25.588
+    """
+
+    def __init__(self, *, rpm: float = RPM, crank: float = CRANK, rod: float = ROD, rod_mass: float = ROD_MASS,
+                 rod_inertia: float = ROD_INERTIA, slider_mass: float = SLIDER_MASS) -> None:  # fmt: skip
+        self.omega, self.r, self.l = 2 * math.pi * rpm / 60, crank, rod
+        self.m_2, self.I_2, self.m_3 = rod_mass, rod_inertia, slider_mass
+
+    def _rod(self, phi):
+        """sin, cos of psi, and its first two derivatives by phi."""
+        ratio = self.r / self.l
+        sine = -ratio * np.sin(phi)
+        cosine = np.sqrt(1 - sine**2)
+        first = -ratio * np.cos(phi) / cosine
+        second = (ratio * np.sin(phi) + first**2 * sine) / cosine
+        return sine, cosine, first, second
+
+    def position(self, phi: Any) -> Any:
+        """x at crank angles phi, m."""
+        return self.r * np.cos(phi) + self.l * self._rod(phi)[1]
+
+    def velocity(self, phi: Any) -> Any:
+        """dx/dt, m/s."""
+        sine, _, first, _ = self._rod(phi)
+        return self.omega * (-self.r * np.sin(phi) - self.l * sine * first)
+
+    def acceleration(self, phi: Any) -> Any:
+        """d2x/dt2, m/s^2."""
+        sine, cosine, first, second = self._rod(phi)
+        return self.omega**2 * (-self.r * np.cos(phi) - self.l * (cosine * first**2 + sine * second))
+
+    def torque(self, phi: Any) -> Any:
+        """Driving torque at constant speed: d(kinetic energy)/d phi, N m."""
+        sine, cosine, first, second = self._rod(phi)
+        w2 = self.omega**2
+        # Centre of mass: r (cos, sin) + (l/2) (cos psi, sin psi)
+        vx, vy = (
+            -self.r * np.sin(phi) - self.l / 2 * sine * first,
+            self.r * np.cos(phi) + self.l / 2 * cosine * first,
+        )
+        ax = -self.r * np.cos(phi) - self.l / 2 * (cosine * first**2 + sine * second)
+        ay = -self.r * np.sin(phi) + self.l / 2 * (cosine * second - sine * first**2)
+        rod = w2 * (self.m_2 * (vx * ax + vy * ay) + self.I_2 * first * second)
+        return rod + self.m_3 * self.velocity(phi) / self.omega * self.acceleration(phi)
