@@ -32,7 +32,7 @@ MORE_UNITS = {
     "kick_act": ("noise_kicks", "kick_act"),
     "kick_act_smooth": ("noise_kicks", "kick_act_smooth"),
     "diffuse": ("noise_path", "diffuse"),
-    "diffuse_many": ("noise_path", "diffuse_many"),
+    "diffuse_many": ("noise_many", "diffuse_many"),
 }
 # What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
 _NEVER_CALLED = (

@@ -26,7 +26,6 @@ from .noise_state import (
     POSITION,
     RECORDING,
     REJECTED,
-    TRAJECTORY,
     Diffused,
 )
 from .noise_tree import begin_interval, end_time, halve, halved, length_here, pass_on
@@ -67,12 +66,6 @@ _LEAP = 0.25  # of a multiplier within one step: a root farther away is another 
 def call_outputs(typingctx, address, t, x, mult, p, out):
     """outputs(t, x, mult, p, out): overwrites out."""
     return _caller((address, t, x, mult, p, out), types.void)
-
-
-@intrinsic
-def call_diffuse(typingctx, address, P, C, S, R, W, N):
-    """diffuse(P, C, S, R, W, N) -> int64."""
-    return _caller((address, P, C, S, R, W, N), types.int64)
 
 
 @kernel
@@ -343,49 +336,3 @@ def diffuse(P, C, S, R, W, N):
             if place[RECORDING] and not changed:
                 record_point(P, S, R)
     return DONE
-
-
-@unit(types.int64, types.int64, types.int64, types.int64, Problem, Control, State, Record, Work, Diffused)
-def diffuse_many(address, first, stop, P, C, S, R, W, N):
-    """Trajectories first..stop-1 of an ensemble; overwrites the rows of N.snapshots, N.ends and N.codes. Returns 0."""
-    n, interval = P.n, N.place[INTERVAL]
-    t0 = N.starts[0, n]
-    end = N.place[LAST]
-    base = N.place[TRAJECTORY]
-    for row in range(first, stop):
-        N.place[TRAJECTORY] = base + row
-        N.place[INTERVAL] = interval
-        own = row if N.starts.shape[0] > 1 else 0
-        for i in range(n):
-            S.x[i] = N.starts[own, i]
-        S.now[0] = t0
-        S.deflate[:] = 0
-        S.counts[:] = 0
-        W.code[:] = 0
-        for j in range(P.m):
-            S.last[j, 0] = t0
-            S.last[j, 1] = S.last[j, 2] = S.last[j, 3] = 0.0
-        code, taken = DONE, 0
-        while taken <= len(N.grid) and code == DONE:
-            N.place[LAST] = N.grid[taken] if taken < len(N.grid) else end
-            code = FULL
-            while code == FULL:
-                code = call_diffuse(address, P, C, S, R, W, N)
-                S.counts[C_POINTS] = S.counts[C_EVENTS] = S.counts[C_AMBIGUITIES] = 0
-            if taken < len(N.grid):
-                for i in range(n):
-                    N.snapshots[row, taken, i] = S.x[i] if code == DONE else math.nan
-            taken += 1
-        while taken < len(N.grid):
-            for i in range(n):
-                N.snapshots[row, taken, i] = math.nan
-            taken += 1
-        N.ends[row, 0] = S.now[0]
-        for i in range(n):
-            N.ends[row, 1 + i] = S.x[i]
-        N.codes[row, 0] = code
-        N.codes[row, 1] = S.counts[C_STEPS]
-    N.place[TRAJECTORY] = base
-    N.place[INTERVAL] = interval
-    N.place[LAST] = end
-    return 0

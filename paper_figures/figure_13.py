@@ -1,0 +1,75 @@
+"""Figure 13: the friction characteristics of figures 11 and 12."""
+
+import numpy as np
+
+from paper_figures import kicked
+from paper_figures import oscillator as osc
+from paper_figures.drawing import smoothed_status
+from pwsmooth.figures import Claim
+from pwsmooth.plotting import COLOUR, by_phase, new_figure
+
+NAME = "13"
+TITLE = "Friction characteristics under small and under large noise"
+CAPTION = """
+Friction coefficient mu against v of figure 11 (i, kappa = eps/5) and of figure 12 (ii, kappa = 5 eps): one period
+without noise (full: blue slip right, orange slip left, green |v| <= eps) and under uniform kicks (grey dots: the
+states just before each kick, over ten periods of one seed). v is on a scale that is linear for |v| <= 4 eps and
+logarithmic beyond. Dashed: the static peaks mu_s = 16/9. Everything is dimensionless (m = N = omega = 1).
+"""
+SMALL, LARGE = kicked.EPS / 5, 5 * kicked.EPS
+PERIODS = 10
+
+
+def characteristic(ax, orbit, kappa):
+    """mu against v with and without noise."""
+    times = np.linspace(0, osc.PERIOD, 100001)
+    v, mu = orbit(times, "v"), orbit(times, "mu")
+    asked = kicked.before_kicks(PERIODS)
+    run = kicked.kicked_orbit(orbit, kappa, "uniform", 1, PERIODS, t_eval=asked, rtol=1e-6)
+    ax.plot(run["v"] / kicked.EPS, run["mu"], ".", color=COLOUR["mark"], markersize=2.2, alpha=0.55, zorder=3,
+            label="before kicks")  # fmt: skip
+    by_phase(ax, smoothed_status(v, kicked.EPS), v / kicked.EPS, mu, linewidth=1.5)
+    for side in (1, -1):
+        ax.axhline(side * osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle="--")
+    ax.set_xscale("symlog", linthresh=4, linscale=1.5)
+    ax.set_xticks([-1000, -100, -10, -1, 0, 1, 10, 100, 1000],
+                  ["$-10^3$", "", "$-10$", "", "0", "", "$10$", "", "$10^3$"])  # fmt: skip
+    ax.set(xlabel=r"$v/\varepsilon$", xlim=(-2500, 2500), ylim=(-2.1, 2.1))
+    return ax
+
+
+def claims(small, large):
+    """What section 8 says of the figure."""
+    result = []
+    for name, found, exhibits in (("(i) small", small, True), ("(ii) large", large, False)):
+        text, ratios = kicked.summary(found, 2)
+        reach = {law: np.mean(found[law][:, 2] > 1.6) for law in kicked.LAWS}
+        shares = ", ".join(f"{100 * reach[law]:.0f} % ({law})" for law in kicked.LAWS)
+        good = min(reach.values()) > 0.9 if exhibits else max(reach.values()) < 0.1
+        result.append(
+            Claim(
+                f"{name} noise: the characteristic "
+                + ("exhibits the static friction peaks" if exhibits else "misses the static friction peaks"),
+                "peaks" if exhibits else "no peaks",
+                f"largest |mu| while stuck, a half period: {text}; above 1.6, nine tenths of mu_s, in {shares}",
+                bool(good),
+                "they are missed now and then" if exhibits else "now and then a stick still lasts up to a peak",
+            )
+        )
+    return result
+
+
+def draw(fast):
+    """The two characteristics."""
+    orbit = kicked.free_orbit()
+    figure = new_figure(8.0, 3.3)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, kappa, title in (
+        (left, SMALL, r"(i) $\kappa=\varepsilon/5$"),
+        (right, LARGE, r"(ii) $\kappa=5\varepsilon$"),
+    ):
+        characteristic(ax, orbit, kappa).set_title(title)
+    left.set_ylabel(r"$\mu$")
+    left.legend(loc="upper left", markerscale=3)
+    found = [kicked.statistics(kappa, *kicked.effort(fast)) for kappa in (SMALL, LARGE)]
+    return figure, claims(*found)

@@ -1,0 +1,159 @@
+"""The oscillator of figure 8 at eps = beta = 0.001 under kicks: what figures 11 to 13 share.
+
+After every 1/500 of a period y and v each get an independent displacement of size kappa: uniform on
+[-kappa, kappa], or normal with standard deviation kappa. Stuck is a state that has come back to |v| <= 2 eps just
+before the next kick (the layer's roots lie at |v| <= 0.9 eps); nonlinear sticking is that with |k y - q''| > N.
+"""
+
+import functools
+import math
+
+import numpy as np
+
+from paper_figures import oscillator as osc
+from paper_figures.drawing import period_axis
+from pwsmooth import Kicks, solve
+from pwsmooth.plotting import COLOUR, sticking_regions
+
+EPS = 1e-3
+KICKS = 500  # a period
+EVERY = osc.PERIOD / KICKS
+LAWS = ("uniform", "normal")
+ON = ("y", "v")
+LAW_COLOUR = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"]}
+
+
+@functools.cache
+def free_orbit(rho=3.0):
+    """One period of the noise-free orbit of the smoothed system, symmetric with two sticks for rho = 3."""
+    view = osc.oscillator(beta=EPS, rho=rho).smoothed(eps=EPS)
+    return osc.settled(view, {osc.y: 0.78, osc.v: -1.03, osc.z: 0}, periods=30)
+
+
+def kicked_orbit(orbit, kappa, law, seed, periods, **options):
+    """The run from the free orbit's start under kicks."""
+    start = dict(zip(orbit.states, orbit.x[:, 0]))
+    noise = Kicks(kappa, EVERY, on=ON, law=law, seed=seed)
+    return solve(orbit.system, (0, periods * osc.PERIOD), start, noise=noise, **options)
+
+
+def before_kicks(periods):
+    """Times just before every kick."""
+    return (np.arange(KICKS * periods) + 0.999) * EVERY
+
+
+def half_periods(orbit, kappa, law, seed, periods):
+    """(nonlinear stick time, longest unbroken one, largest |mu| while stuck) of every half period of one seed."""
+    times = before_kicks(periods)
+    # 1e-6 moves a stick's end by far less than a kick does, and halves the time of the run.
+    run = kicked_orbit(orbit, kappa, law, seed, periods, t_eval=times, rtol=1e-6)
+    if not run.success:
+        raise RuntimeError(f"The kicked run did not finish: {run.message}")
+    stuck = np.abs(run["v"]) <= 2 * EPS
+    held = stuck & (np.abs(osc_force(times, run["y"])) > 1)
+    rows = held.reshape(2 * periods, KICKS // 2)
+    mu = np.where(stuck, np.abs(run["mu"]), 0).reshape(rows.shape).max(axis=1)
+    return np.column_stack([rows.sum(axis=1) * EVERY, [longest(row) * EVERY for row in rows], mu])
+
+
+def osc_force(times, y):
+    """k y - q'' in units of N: what friction has to hold."""
+    return 3.1 * y + 2.4 * np.sin(times)
+
+
+def longest(row):
+    """Length of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(int), [0]])))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
+
+
+@functools.cache
+def statistics(kappa, seeds, periods):
+    """Law -> `half_periods` of all seeds, one under the other; and those of the free orbit under None."""
+    orbit = free_orbit()
+    found = {
+        law: np.concatenate([half_periods(orbit, kappa, law, seed, periods) for seed in range(seeds)])
+        for law in LAWS
+    }
+    return found | {None: half_periods(orbit, 0.0, "uniform", 0, 1)}
+
+
+def effort(fast):
+    """(seeds, periods a seed)."""
+    return (6, 5) if fast else (60, 20)
+
+
+def panels(figure, orbit, kappa, found, seed=1):
+    """Time series, the layer during one stick, and the nonlinear stick times of all seeds."""
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1), height_ratios=(1.15, 1))
+    series, layer = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
+    spread = figure.add_subplot(grid[:, 1])
+    noisy = kicked_orbit(orbit, kappa, "uniform", seed, 1)
+    _series(series, orbit, noisy)
+    _layer(layer, orbit, noisy)
+    _spread(spread, found)
+    return noisy
+
+
+def _series(ax, orbit, noisy):
+    times = np.linspace(0, osc.PERIOD, 4001)
+    sticking_regions(ax, times, *osc.sticking_bounds(times))
+    for name, colour in (("y", COLOUR["exact"]), ("v", COLOUR["velocity"])):
+        ax.plot(times, orbit(times, name), color=colour, linewidth=1.0, label=f"${name}$, no noise")
+        ax.plot(
+            noisy.t, noisy[name], color=colour, linestyle=(0, (1, 1.2)), linewidth=1.8, label=f"${name}$, noise"
+        )
+    period_axis(ax)
+    ax.set(ylim=(-2.1, 3.2), ylabel=r"$y,\ v$")
+    ax.legend(loc="upper center", ncols=3, handlelength=1.6, columnspacing=1.0, borderaxespad=0.1)
+    ax.set_title("displacement and velocity, one seed")
+
+
+def _layer(ax, orbit, noisy):
+    """v/eps during the stick of the free orbit that begins first, with half its length on either side."""
+    times = np.linspace(0, osc.PERIOD, 20001)
+    inside = np.flatnonzero(np.abs(orbit(times, "v")) <= 2 * EPS)
+    first = inside[0]
+    last = inside[np.append(np.diff(inside) > 1, True)][0]
+    a, b = times[first], times[last]
+    window = (a - 0.35 * (b - a), b + 0.6 * (b - a))
+    times = np.linspace(*window, 4001)
+    part = (noisy.t >= window[0]) & (noisy.t <= window[1])
+    ax.axhspan(-2, 2, color=COLOUR["stick"], alpha=0.15, linewidth=0)
+    ax.plot(noisy.t[part], noisy["v"][part] / EPS, color=COLOUR["smoothed"], linewidth=0.8, label="noise")
+    ax.plot(times, orbit(times, "v") / EPS, color=COLOUR["exact"], label="no noise")
+    ax.set_yscale("symlog", linthresh=2, linscale=1.2)
+    ax.set(xlim=window, xlabel=r"$t$  (in units of $1/\omega$)", ylabel=r"$v/\varepsilon$")
+    ax.set_yticks(
+        [-1000, -100, -10, 0, 10, 100, 1000], ["$-10^3$", "$-10^2$", "$-10$", "0", "10", "$10^2$", "$10^3$"]
+    )
+    ax.minorticks_off()
+    ax.legend(loc="upper left")
+    ax.set_title(r"the same, in the layer ($|v|\leq 2\varepsilon$ shaded)")
+
+
+def _spread(ax, found):
+    """Share of the half periods whose nonlinear stick is longer than t."""
+    free = found[None][:, 0].mean()
+    for law in LAWS:
+        times = np.sort(found[law][:, 0])
+        share = 1 - np.arange(len(times)) / len(times)
+        ax.step(times, share, where="post", color=LAW_COLOUR[law], label=f"{law} kicks")
+    ax.axvline(free, color=COLOUR["exact"], linewidth=1.0, linestyle="--", label="no noise")
+    ax.set(xlim=(0, 0.75), ylim=(0, 1.02), xlabel=r"time stuck with $|ky-\ddot q|>N$, a half period",
+           ylabel="share of half periods with a longer one")  # fmt: skip
+    place = "lower left" if found["normal"][:, 0].mean() > free / 2 else "upper right"
+    ax.legend(loc=place, frameon=True, facecolor="white", edgecolor="none", framealpha=1)
+    ax.set_title("nonlinear sticking, all seeds")
+
+
+def summary(found, column):
+    """(text, mean ratio to the free orbit by law) of one of the columns of `half_periods`."""
+    free = found[None][:, column].mean()
+    ratios, parts = {}, []
+    for law in LAWS:
+        values = found[law][:, column]
+        ratios[law] = values.mean() / free
+        error = values.std() / math.sqrt(len(values))
+        parts.append(f"{law} {values.mean():.4f} +- {error:.4f} ({100 * ratios[law]:.0f} %)")
+    return f"{'; '.join(parts)}; no noise {free:.4f}", ratios
