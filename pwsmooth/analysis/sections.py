@@ -61,9 +61,9 @@ class _Map:
     system: Any
     options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
 
-    def _solve(self, system: Any, span: tuple[float, float], x: np.ndarray, dense: bool) -> Solution:
+    def _solve(self, system: Any, span: tuple[float, float], x: Any, dense: bool, **more: Any) -> Solution:
         tight = {"rtol": 1e-10} if system.model.smoothing else {"rtol": 1e-12, "atol": 1e-14}
-        return solve(system, span, list(map(float, x)), dense_output=dense, **{**tight, **self.options})
+        return solve(system, span, list(map(float, x)), dense_output=dense, **{**tight, **self.options, **more})
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         """The same map of the system with other parameter values."""
@@ -179,6 +179,22 @@ class Stroboscopic(_Map):
     def duration(self) -> float:
         """Time that one application of the map takes."""
         return self.forcing_period * (0.5 if self.symmetry is not None else self.count)
+
+    def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
+        """Points P(x), P(P(x)), ..., shape (count, n), after the first `discard`; nan from a failure on."""
+        if self.symmetry is not None:
+            return super().iterate(x, count, discard)
+        # One run over all periods instead of one for each.
+        t0, n = self.start_time, len(self.system.model.states)
+        strobes = t0 + self.duration * np.arange(discard + 1, discard + count + 1)
+        at = self.system.initial_state(x)
+        run = self._solve(self.system, (t0, float(strobes[-1])), at, False, t_eval=strobes)
+        points = np.full((count, n), np.nan)
+        if run.success:
+            points[:] = run.x.T[:count]
+        else:
+            points[: run.x.shape[1] - 1] = run.x.T[:-1][:count]
+        return points
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         """Image of a point (n,), with derivatives if `parameters` is given (it may be empty)."""

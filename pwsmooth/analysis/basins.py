@@ -1,0 +1,260 @@
+"""Basins of attraction and orbit diagrams: where trajectories of a driven system end, over starts and parameters.
+
+Both are sweeps (sweep/) of the stroboscopic map; the attractors found are refined by Newton's method (orbits.py), so
+that a basin is the basin of a periodic orbit with known multipliers, and not of a cloud of points.
+Chain: sweep, orbits.py -> **basins**.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import checks
+from .orbits import PeriodicOrbit, refine
+from .sections import Stroboscopic
+
+__all__ = ["UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
+
+UNSETTLED, FAILED = -1, -2
+
+
+@dataclass(frozen=True)
+class Basins:
+    """Which attractor every start leads to.
+
+    Attributes
+    ----------
+    axes : dict
+        Name of a state -> its values.
+    labels : ndarray of int
+        Index into `attractors`, shape as the axes; -1 where the trajectory had not become periodic, -2 where it
+        failed.
+    attractors : list of PeriodicOrbit
+        In the order of the size of their basins.
+    """
+
+    axes: dict[str, np.ndarray]
+    labels: np.ndarray
+    attractors: list[PeriodicOrbit]
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Part of the starts that each attractor takes."""
+        return np.array([np.mean(self.labels == k) for k in range(len(self.attractors))])
+
+    def plot(self, ax: Any, colours: Sequence[str] | None = None) -> Any:
+        """The basins over the first two axes; returns the Axes."""
+        from matplotlib.colors import ListedColormap
+
+        from ..plotting import COLOUR
+
+        (x, values), (y, others) = list(self.axes.items())[:2]
+        shown = list(
+            colours or (COLOUR["right"], COLOUR["left"], COLOUR["stick"], COLOUR["fast"], COLOUR["smoothed"])
+        )
+        paint = ListedColormap(["white", "#BDBDBD", *shown])
+        ax.pcolormesh(
+            values, others, self.labels.T, cmap=paint, vmin=-2.5, vmax=len(shown) - 0.5, rasterized=True
+        )
+        ax.set(xlabel=x, ylabel=y)
+        return ax
+
+
+def basins(
+    system: Any,
+    axes: Mapping[Any, Sequence[float]],
+    period: Any,
+    *,
+    start: Mapping[Any, float] | None = None,
+    transient: int = 200,
+    longest: int = 8,
+    tol: float = 1e-5,
+    **options: Any,
+) -> Basins:
+    """Basins of attraction over a grid of starts.
+
+    Parameters
+    ----------
+    system : System
+        Driven with `period`.
+    axes : mapping of state to sequence of float
+    period : float or expression
+        Of the drive.
+    start : mapping, optional
+        Values of the states that are no axes.
+    transient : int
+        Periods before a trajectory is looked at.
+    longest : int
+        Longest orbit, in periods, that counts as periodic.
+    tol : float
+        How near to an orbit a trajectory has come after the transient, in states (relative to 1 + |x|).
+    **options
+        For `sweep`: executor, workers, store, rtol, ...
+
+    Returns
+    -------
+    Basins
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, as `sweep` says it.
+    """
+    from ..sweep import Period, Points, sweep
+
+    longest = checks.whole(longest, "`longest`", 1)
+    names = [s.name for s in system.model.states]
+    found = sweep(
+        system, axes, start=start, period=period, transient=transient, periods=2 * longest,
+        measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options},
+    )  # fmt: skip
+    kept = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
+    shape = tuple(len(values) for values in kept.values())
+    points = np.stack([found[f"{name}_points"].values for name in names], axis=-1).reshape(
+        -1, longest, len(names)
+    )
+    cycle = found["period"].values.reshape(-1)
+    labels = np.where(found["outcome"].values.reshape(-1) >= 0, UNSETTLED, FAILED)
+    # The same section as the sweep's strobes: whole periods after its start time.
+    base = Stroboscopic(system, period)
+    attractors: list[PeriodicOrbit] = []
+    tried: list[tuple[int, np.ndarray]] = []
+    for i in np.flatnonzero((cycle > 0) & (labels == UNSETTLED)):
+        count, at = int(cycle[i]), points[i, -1]
+        known = [k for k, orbit in enumerate(attractors) if _on(orbit, count, at, tol)]
+        if not known:
+            if any(n == count and _near(at, x, tol) for n, x in tried):
+                continue
+            orbit = refine(replace(base, count=count), at)
+            if not (orbit.success and orbit.stable and _near(orbit.x, at, 100 * tol)):
+                tried.append((count, at))
+                continue
+            attractors.append(orbit)
+            known = [len(attractors) - 1]
+        labels[i] = known[0]
+    order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
+    place = np.empty(len(order), int)
+    place[order] = np.arange(len(order))
+    settled = labels >= 0
+    labels[settled] = place[labels[settled]]
+    return Basins(kept, labels.reshape(shape), [attractors[k] for k in order])
+
+
+def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
+    return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
+
+
+def _on(orbit: PeriodicOrbit, count: int, at: np.ndarray, tol: float) -> bool:
+    """Whether a point lies at one of the strobes of an orbit."""
+    if getattr(orbit.map, "count", 1) != count:
+        return False
+    single = replace(orbit.map, count=1)
+    x = orbit.x
+    for _ in range(count):
+        if _near(at, x, 10 * tol):
+            return True
+        x = single.image(x).x
+    return False
+
+
+@dataclass(frozen=True)
+class OrbitDiagram:
+    """Points of the stroboscopic map over a parameter.
+
+    `points` has the shape (values, kept points, states); nan where a run failed.
+    """
+
+    parameter: str
+    values: np.ndarray
+    states: tuple[str, ...]
+    points: np.ndarray
+
+    def __getitem__(self, name: Any) -> np.ndarray:
+        """Points of one state, shape (values, kept points)."""
+        return self.points[:, :, self.states.index(str(name))]
+
+    def plot(self, ax: Any, name: Any, **marks: Any) -> Any:
+        """The diagram of one state; returns the Axes."""
+        from ..plotting import COLOUR
+
+        at = np.repeat(self.values, self.points.shape[1])
+        style = {
+            "color": COLOUR["exact"],
+            "marker": ".",
+            "markersize": 1.2,
+            "linestyle": "none",
+            "rasterized": True,
+        }
+        ax.plot(at, self[name].ravel(), **{**style, **marks})
+        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a period")
+        return ax
+
+
+def orbit_diagram(
+    system: Any,
+    parameter: Any,
+    values: Sequence[float],
+    start: Mapping[Any, float],
+    period: Any,
+    *,
+    transient: int = 200,
+    keep: int = 40,
+    carry: bool = False,
+    **options: Any,
+) -> OrbitDiagram:
+    """Where the stroboscopic map settles, over a parameter.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str or Symbol
+    values : sequence of float
+    start : mapping
+        Of every run or, with `carry`, of the first one.
+    period : float or expression
+    transient, keep : int
+        Periods unseen, and then shown.
+    carry : bool
+        Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
+        back. Without it all runs are independent and use all cores.
+    **options
+        For `sweep`, or for `solve` with `carry`.
+
+    Returns
+    -------
+    OrbitDiagram
+
+    Examples
+    --------
+    >>> from pwsmooth import Event, System
+    >>> x, t, c = sp.symbols("x t c", real=True)
+    >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
+    >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)
+    >>> [len(set(row.round(6))) for row in shown["x"]]
+    [1, 2]
+    """
+    name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
+    at_values = np.asarray(values, float)
+    states = tuple(s.name for s in system.model.states)
+    if not carry:
+        from ..sweep import Points, sweep
+
+        found = sweep(
+            system, {name: at_values.tolist()}, start=start, period=period, transient=transient, periods=keep,
+            measures=[Points(*states, last=keep)], **{"progress": False, **options},
+        )  # fmt: skip
+        points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
+        return OrbitDiagram(name, at_values, states, points)
+    at = np.array(system.initial_state(start), float)
+    points = np.full((len(at_values), keep, len(states)), np.nan)
+    for k, value in enumerate(at_values):
+        step = Stroboscopic(system.with_parameters({name: value}), sp.sympify(period), options=options)
+        points[k] = step.iterate(at, keep, transient)
+        if np.isfinite(points[k, -1]).all():
+            at = points[k, -1]
+    return OrbitDiagram(name, at_values, states, points)

@@ -1,0 +1,77 @@
+"""Basins of attraction and orbit diagrams."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from friction_oscillator import hidden, z
+
+from pwsmooth import Event, System
+from pwsmooth.analysis.basins import UNSETTLED, basins, orbit_diagram
+
+t, x = sp.symbols("t x", real=True)
+c = sp.Symbol("c", real=True)
+
+
+def jumping(update, **parameters):
+    values = {c: parameters["c"]} if parameters else {}
+    return System({x: 0 * x}, time=t, parameters=values, events=[Event(every=1, update={x: update})])
+
+
+def test_the_basins_of_a_cubic_map_have_the_known_boundary():
+    # x -> x + (x - x^3)/2: fixed at -1, 0, 1; 0 repels and separates, and the starts lie within |x| < 1.5.
+    starts = np.linspace(-1.45, 1.45, 30)
+    found = basins(jumping(x + (x - x**3) / 2), {"x": starts}, 1, transient=60)
+    assert len(found.attractors) == 2
+    ends = np.array([found.attractors[k].x[0] for k in found.labels])
+    assert ends == pytest.approx(np.sign(starts), abs=1e-11)
+    assert found.shares.sum() == 1
+
+
+def test_a_two_cycle_is_one_attractor_whichever_of_its_points_a_start_ends_on():
+    found = basins(jumping(c * x * (1 - x), c=3.2), {"x": np.linspace(0.1, 0.9, 17)}, 1, transient=200)
+    (cycle,) = found.attractors
+    assert cycle.map.count == 2
+    assert np.all(found.labels == 0)
+
+
+def test_starts_that_do_not_become_periodic_are_left_without_a_label():
+    found = basins(jumping(c * x * (1 - x), c=3.9), {"x": [0.3, 0.4]}, 1, transient=100)
+    assert found.labels.tolist() == [UNSETTLED, UNSETTLED] and not found.attractors
+
+
+def test_the_relaxing_oscillator_has_its_three_attractors():
+    # The asymmetric pair and the slip-only orbit of rho = 0, which takes a few of a hundred starts
+    # (spec/solid_friction.md section 4: 3-8 % of random starts).
+    grid = {"y": np.linspace(-2, 2, 12), "v": np.linspace(-3, 3, 12)}
+    found = basins(hidden(), grid, 2 * sp.pi, start={z: 0}, transient=150)
+    assert len(found.attractors) == 3
+    kinds = [{kind for _, kind, _ in orbit.word} for orbit in found.attractors]
+    assert kinds.count({"crossing"}) == 1
+    assert 0 < found.shares[kinds.index({"crossing"})] < 0.2
+    pair = [orbit for orbit, kind in zip(found.attractors, kinds) if "stick" in kind]
+    # Mirror images: (y, v, t) -> (-y, -v, t + pi)
+    half = pair[0].solution(rtol=1e-12)(math.pi)
+    assert -half[:2] == pytest.approx(pair[1].x[:2], abs=1e-9)
+
+
+def test_an_orbit_diagram_and_its_hysteresis():
+    # x -> x + (c + x - x^3)/2 has two fixed points, one after the other lost at a fold |c| = 2/(3 sqrt 3).
+    system = jumping(x + (c + x - x**3) / 2, c=0.0)
+    there = np.linspace(-0.6, 0.6, 25)
+    up = orbit_diagram(system, c, there, {x: -1}, 1, carry=True, keep=2)
+    down = orbit_diagram(system, c, there[::-1], {x: 1}, 1, carry=True, keep=2)
+    fold = 2 / (3 * math.sqrt(3))
+    assert np.array_equal(up["x"][:, -1] > 0, there > fold)
+    assert np.array_equal(down["x"][:, -1] < 0, there[::-1] < -fold)
+
+
+def test_independent_runs_of_an_orbit_diagram_agree_with_carried_ones():
+    system = jumping(c * x * (1 - x), c=3.0)
+    values = [2.5, 3.2, 3.5]
+    apart = orbit_diagram(system, "c", values, {x: 0.3}, 1, transient=400, keep=8)
+    carried = orbit_diagram(system, "c", values, {x: 0.3}, 1, transient=400, keep=8, carry=True)
+    for one, other in zip(apart["x"], carried["x"]):
+        assert np.sort(one) == pytest.approx(np.sort(other), abs=1e-9)
+    assert [len(set(row.round(6))) for row in apart["x"]] == [1, 2, 4]
