@@ -89,6 +89,33 @@ def verify(
         raise typer.Exit(1)
 
 
+@app.command()
+def sweep(
+    study: Annotated[Path, typer.Argument(help="TOML file: system, axes, measures, tolerances.")],
+    out: Annotated[Path, typer.Option(help="Directory for the store, <STUDY>.zarr.")] = Path("."),
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Threads; one a core without.")] = None,
+) -> None:
+    """Run a parameter study into a Zarr store that survives any kill.
+
+    The format of the file is described in pwsmooth/sweep/study.py.
+    """
+    from pwsmooth.sweep.study import run_study
+
+    try:
+        data, store = run_study(study, out, resume, workers, None)
+    except (ValueError, TypeError, ImportError, RuntimeError) as error:
+        typer.echo(f"pwsmooth sweep: {error}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo("pwsmooth sweep: interrupted; finished chunks are kept, --resume goes on.", err=True)
+        raise typer.Exit(130) from None
+    names = dict(zip(data.outcome.attrs["flag_values"], data.outcome.attrs["flag_meanings"].split()))
+    codes = data.outcome.values.ravel().tolist()
+    told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
+    typer.echo(f"{data.outcome.size} points: {told}; {store}")
+
+
 def main() -> None:
     """Entry point of the console script."""
     app()

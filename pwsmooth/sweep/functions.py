@@ -22,7 +22,7 @@ class Function(Measure):
         function(solution) or function(solution, window) -> float, or a mapping with a float for each of `names`.
         To run in other processes it must be importable there. What it raises is recorded as the point's outcome.
     names : str or sequence of str, optional
-        Of the variables; the function's own name by default.
+        Of the variables; the function's own name by default, "value" if it has none.
     dense : bool
         Whether it needs values between steps.
     units : mapping, optional
@@ -37,7 +37,8 @@ class Function(Measure):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise TypeError(f"Function needs a callable, not {self.function!r}.")
-        names = self.names or getattr(self.function, "__name__", "value")
+        own = getattr(self.function, "__name__", "<lambda>")
+        names = self.names or ("value" if own == "<lambda>" else own)
         names = (names,) if isinstance(names, str) else tuple(names)
         object.__setattr__(self, "names", tuple(re.sub(r"\W", "_", name) for name in names))
         object.__setattr__(self, "units", tuple(sorted(dict(self.units or {}).items())))

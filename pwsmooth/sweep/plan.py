@@ -24,6 +24,7 @@ from .measures import Function, Period, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
 REFUSED, FUNCTION_FAILED, NOT_RUN = -101, -102, -128
+_RTOL, _ATOL = 1e-9, 1e-12  # solve's own
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,13 @@ class Plan:
     def variables(self) -> dict[str, Variable]:
         """Of the Dataset, by name; `outcome` comes last: it marks a point as done."""
         named: dict[str, Variable] = {}
+        owner: dict[str, Measure] = {}
         for measure in self.measures:
             for name, variable in measure.variables(self.setting).items():
-                if name in named and named[name] != variable:
-                    raise ValueError(
-                        f"two measures give {name!r}; leave one out, or name the function's numbers."
-                    )
+                known = owner.setdefault(name, measure)
+                # extremes(y) and extremes(y, v) say the same of y; two functions do not.
+                if known is not measure and (type(known) is not type(measure) or not measure.compiled):
+                    raise ValueError(f"two measures give {name!r}; leave one out, or give a Function `names`.")
                 named[name] = variable
         about = {"long_name": "where the run ended", **_units(self.setting.time_unit)}
         named["t_reached"] = Variable((), (), np.float64, np.nan, about)
@@ -142,6 +144,8 @@ def _described(measure: Measure) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
+    # lambdify prints 15 digits of a Float: as a fraction it keeps its bits.
+    expression = expression.xreplace({f: sp.Rational(f) for f in expression.atoms(sp.Float)})
     return sp.lambdify(symbols, expression, modules="numpy")
 
 
@@ -172,6 +176,8 @@ def make_plan(
         scene, system = system, system.system
         start = {**scene.start, **{str(k): v for k, v in (start or {}).items()}}
         units = {**getattr(scene, "units", {}), **(units or {})}
+        if getattr(scene, "atol", None) and "atol" not in options:
+            options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
         if period is None and t_span is None:
             period, t_span = scene.period, None if scene.period else scene.t_span
     if not hasattr(system, "model"):
@@ -310,9 +316,9 @@ def _options(system, options):
     model = system.model
     smoothed = bool(model.smoothing) and not model.multipliers
     checked = dict(options)
-    rtol = checks.relative_tolerance(checked.get("rtol", 1e-9))
+    rtol = checks.relative_tolerance(checked.get("rtol", _RTOL))
     checked["rtol"] = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
-    atol = checked.get("atol", 1e-12)
+    atol = checked.get("atol", _ATOL)
     checked["atol"] = tuple(checks.absolute_tolerance(atol, model.states).tolist())
     checked["max_step"] = checks.longest_step(checked.get("max_step", math.inf))
     checked["max_steps"] = checks.whole(checked.get("max_steps", 10_000_000), "`max_steps`", 1)

@@ -133,7 +133,7 @@ class Store:
 
 
 def _stored(dtype: Any) -> Any:
-    return str if dtype.kind in "OT" else dtype
+    return str if np.dtype(dtype).kind in "OT" else dtype
 
 
 def _plain(attrs: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,315 @@
+"""A sweep in a TOML file: `pwsmooth sweep STUDY.toml`.
+
+    title = "Stick time against stiffness and drive"
+    measures = ["sticks", "itinerary", "amplitude(y)"]
+    period = "2*pi/omega"            # or t_span = [0, 50]
+    transient = 100
+    periods = 20
+    rtol = 1e-9
+
+    [system]
+    object = "models.py:oscillator"  # a System, a scene, or a function that returns one; beside the study
+    parameters = { rho = 0 }         # or: scene = "block_on_belt", law = "LuGre", arguments = { pull = 0.1 }
+    layered = { z = inf }            # a view; or smoothed = { eps = 1e-3 }
+
+    [axes]
+    sigma = { from = 0.6, to = 3, count = 25 }   # spacing = "log"
+    k = [2, 3.1, 4]
+
+    [start]
+    y = 0.5
+    v = 0.3
+
+    [units]
+    k = "N/m"
+
+A measure may be a function beside the study: "models.py:peak_force".
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+
+
+class StudyError(ValueError):
+    """A study file that cannot be run; the text names the file, the key and the remedy."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=False)
+
+
+class Spaced(_Table):
+    """Equally spaced values, or equally spaced logarithms."""
+
+    from_: float = Field(alias="from")
+    to: float
+    count: Annotated[int, Field(ge=1)]
+    spacing: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _has_logarithms(self) -> Spaced:
+        if self.spacing == "log" and not (self.from_ > 0 and self.to > 0):
+            raise ValueError("spacing = 'log' needs `from` and `to` > 0")
+        return self
+
+    def values(self) -> np.ndarray:
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return space(self.from_, self.to, self.count)
+
+
+# One of the two is tried, so that a mistake is told once.
+Values = Annotated[
+    Annotated[Spaced, Tag("<spaced>")] | Annotated[list[float], Tag("<list>")],
+    Discriminator(lambda values: "<spaced>" if isinstance(values, (dict, Spaced)) else "<list>"),
+]
+
+
+class SystemTable(_Table):
+    """What is swept: an object of a Python file, or a scene with a law."""
+
+    object: str | None = None
+    scene: str | None = None
+    law: str | None = None
+    law_parameters: dict[str, float] = {}
+    arguments: dict[str, Any] = {}
+    parameters: dict[str, float] = {}
+    layered: dict[str, float] | None = None
+    smoothed: dict[str, Any] | None = None
+
+    @model_validator(mode="after")
+    def _names_one(self) -> SystemTable:
+        if (self.object is None) == (self.scene is None):
+            raise ValueError("give `object` or `scene`, one of them")
+        return self
+
+
+class Study(_Table):
+    """The whole file."""
+
+    title: str = ""
+    system: SystemTable
+    axes: dict[str, Values] = {}
+    points: dict[str, Values] = {}
+    start: dict[str, float] = {}
+    measures: list[str] = ["sticks", "itinerary", "period"]
+    period: float | str | None = None
+    transient: int = 100
+    periods: int = 20
+    t_span: tuple[float, float] | None = None
+    measure_from: float | None = None
+    units: dict[str, str] = {}
+    kicks: dict[str, Any] | None = None
+    rtol: float | None = None
+    atol: float | list[float] | None = None
+    method: str | None = None
+    max_steps: int | None = None
+
+
+def read_study(path: Any) -> Study:
+    """The checked study of a TOML file.
+
+    Raises
+    ------
+    StudyError
+        No such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with its key
+        and line.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror or error}") from None
+    try:
+        return Study.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path}: no TOML: {error}") from None
+    except ValidationError as error:
+        lines = []
+        for item in error.errors():
+            # Beside the keys pydantic names the member of a union that it tried.
+            keys = [str(k) for k in item["loc"] if k not in ("<spaced>", "<list>", "float", "str")]
+            known = ""
+            if item["type"] == "extra_forbidden":
+                table = SystemTable if keys[0] == "system" else Spaced if len(keys) > 1 else Study
+                fields = (f.alias or n for n, f in table.model_fields.items())
+                known = f"; keys there are {', '.join(fields)}"
+            value = "" if item["type"] in ("missing", "extra_forbidden") else f" (here: {item['input']!r})"
+            what = item["msg"].removeprefix("Value error, ")
+            lines.append(f"{path}{_line(text, keys)}: {'.'.join(keys) or 'study'}: {what}{value}{known}")
+        raise StudyError("\n".join(dict.fromkeys(lines))) from None
+
+
+def _line(text: str, keys: list[str]) -> str:
+    """ ", line 3", where the innermost of the keys that stands in the file is set."""
+    table = ""
+    best, depth = 0, -1
+    for number, line in enumerate(text.splitlines(), 1):
+        stripped = line.strip()
+        if stripped.startswith("["):
+            table = stripped.strip("[] ").split("]")[0]
+            here = [table]
+        else:
+            here = [k for k in (table, stripped.partition("=")[0].strip().strip('"')) if k]
+        shared = [k for k in keys if k in here]
+        if shared == keys[: len(shared)] and here == keys[: len(here)] and len(shared) > depth and shared:
+            best, depth = number, len(shared)
+    return f", line {best}" if best else ""
+
+
+def arguments_of(study: Study, folder: Any) -> tuple[Any, dict[str, Any]]:
+    """System (or scene) and keyword arguments of sweep(); names of files are relative to `folder`.
+
+    Raises
+    ------
+    StudyError
+        An object, scene, law or function that does not exist or is of no use.
+    """
+    folder = Path(folder)
+    system = _system(study.system, folder)
+    measures = [_load(m, folder, "measures") if ":" in m else m for m in study.measures]
+    arguments: dict[str, Any] = dict(
+        axes={name: _values(v) for name, v in study.axes.items()},
+        points={name: _values(v) for name, v in study.points.items()},
+        start=study.start, measures=measures, period=study.period, transient=study.transient, periods=study.periods,
+        t_span=study.t_span, measure_from=study.measure_from, units=study.units,
+    )  # fmt: skip
+    options = {name: getattr(study, name) for name in ("rtol", "atol", "method", "max_steps")}
+    arguments |= {name: value for name, value in options.items() if value is not None}
+    if study.kicks is not None:
+        from ..noise import Kicks
+
+        try:
+            arguments["noise"] = Kicks(**study.kicks)
+        except (TypeError, ValueError) as error:
+            raise StudyError(f"kicks: {error}") from None
+    return system, arguments
+
+
+def _values(values: Any) -> Any:
+    return values.values() if isinstance(values, Spaced) else values
+
+
+def _system(table: SystemTable, folder: Path) -> Any:
+    if table.object is not None:
+        system = _load(table.object, folder, "system.object")
+        if callable(system) and not hasattr(system, "model"):
+            system = _call(system, table.arguments, "system.arguments")
+    else:
+        scenes = importlib.import_module("pwsmooth.scenes")
+        builder = getattr(scenes, table.scene or "", None)
+        if not inspect.isfunction(builder) or table.scene == "assemble":
+            known = [n for n in scenes.__all__ if inspect.isfunction(getattr(scenes, n)) and n != "assemble"]
+            raise StudyError(f"system.scene is {table.scene!r}; scenes are {', '.join(known)}.")
+        arguments = dict(table.arguments)
+        if table.law is not None:
+            arguments["law"] = _call(_law(table.law), table.law_parameters, "system.law_parameters")
+        system = _call(builder, arguments, "system.arguments")
+    return _viewed(system, table)
+
+
+def _viewed(system: Any, table: SystemTable) -> Any:
+    """The system, or the scene with its system replaced, in the view and at the parameters of the study."""
+    from dataclasses import replace
+
+    bare = system.system if hasattr(system, "system") and hasattr(system, "start") else system
+    if not hasattr(bare, "model"):
+        raise StudyError(f"system.object is {bare!r}; give a System, a scene, or a function that returns one.")
+    for key, settings in (
+        ("parameters", table.parameters),
+        ("layered", table.layered),
+        ("smoothed", table.smoothed),
+    ):
+        if not settings:
+            continue
+        try:
+            if key == "parameters":
+                bare = bare.with_parameters(settings)
+            elif key == "layered":
+                bare = bare.layered({z: _oo(r) for z, r in settings.items()})
+            else:
+                bare = bare.smoothed(**settings)
+        except (TypeError, ValueError) as error:
+            raise StudyError(f"system.{key}: {error}") from None
+    return replace(system, system=bare) if bare is not system and hasattr(system, "start") else bare
+
+
+def _oo(ratio: float) -> Any:
+    import sympy as sp
+
+    return sp.oo if ratio == float("inf") else ratio
+
+
+def _law(name: str) -> Any:
+    known = []
+    for family in ("friction", "contact"):
+        try:
+            module = importlib.import_module(f"pwsmooth.laws.{family}")
+        except ModuleNotFoundError:
+            continue
+        known += module.__all__
+        if name in module.__all__:
+            return getattr(module, name)
+    raise StudyError(f"system.law is {name!r}; laws are {', '.join(known)}.")
+
+
+def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
+    try:
+        return function(**arguments)
+    except (TypeError, ValueError) as error:
+        raise StudyError(f"{key}: {error}") from None
+
+
+def _load(reference: str, folder: Path, key: str) -> Any:
+    """The object of "file.py:name" or "package.module:name"."""
+    where, _, name = reference.partition(":")
+    if not name:
+        raise StudyError(f"{key} is {reference!r}; write 'file.py:name' or 'package.module:name'.")
+    try:
+        if where.endswith(".py"):
+            path = (folder / where).resolve()
+            if not path.is_file():
+                raise StudyError(f"{key}: there is no file {str(path)!r}.")
+            # Under its own name, so that workers in other processes can be told what to import.
+            spec = importlib.util.spec_from_file_location(path.stem, path)
+            assert spec is not None and spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            spec.loader.exec_module(module)
+        else:
+            module = importlib.import_module(where)
+    except ImportError as error:
+        raise StudyError(f"{key}: {error}.") from None
+    if not hasattr(module, name):
+        raise StudyError(f"{key}: {where} has no {name!r}.")
+    return getattr(module, name)
+
+
+def run_study(
+    path: Any, out: Any, resume: bool, workers: int | None, progress: bool | None
+) -> tuple[Any, Path]:
+    """Run a study into the store OUT/<name of the file>.zarr; returns its Dataset and the store's path.
+
+    Raises
+    ------
+    StudyError
+        As `read_study`; or the store exists and `resume` was not asked for.
+    ValueError, TypeError
+        What sweep() refuses.
+    """
+    from . import sweep
+
+    path = Path(path)
+    study = read_study(path)
+    store = Path(out) / f"{path.stem}.zarr"
+    if store.exists() and not resume:
+        raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
+    system, arguments = arguments_of(study, path.parent)
+    return sweep(system, store=store, workers=workers, progress=progress, **arguments), store

@@ -1,0 +1,139 @@
+"""`pwsmooth sweep STUDY.toml`: what a study says is what sweep() gets, and its errors name key and line."""
+
+import textwrap
+
+import numpy as np
+import pytest
+import xarray
+from friction_oscillator import coulomb, omega
+from typer.testing import CliRunner
+
+from pwsmooth import sweep
+from pwsmooth.cli import app
+from pwsmooth.sweep.study import StudyError, arguments_of, read_study
+
+MODEL = """
+import sympy as sp
+from pwsmooth import Switch, System
+
+t, y, v = sp.symbols("t y v", real=True)
+k, c, N, sigma, omega = sp.symbols("k c N sigma omega", nonnegative=True)
+oscillator = System(
+    {y: v, v: -sigma * sp.sin(omega * t) - k * y - c * v - N * Switch("lam", v)},
+    time=t, parameters={k: 3.1, c: 0.1, N: 1, sigma: 2.4, omega: 1},
+)
+
+def last(solution):
+    return solution["y"][-1]
+"""
+STUDY = """
+title = "two sticks or none"
+measures = ["sticks", "itinerary", "model.py:last"]
+period = "2*pi/omega"
+transient = 3
+periods = 2
+
+[system]
+object = "model.py:oscillator"
+parameters = { c = 0.1 }
+
+[axes]
+sigma = { from = 1.2, to = 2.4, count = 2 }
+k = [2, 3.1]
+
+[start]
+y = 0.5
+v = 0.3
+
+[units]
+k = "N/m"
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "model.py").write_text(textwrap.dedent(MODEL))
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def command(*arguments):
+    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+
+
+def test_a_study_gives_what_sweep_gives_and_resumes_only_when_asked(study, tmp_path):
+    done = command(study, "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    assert "4 points: 4 finished" in done.output
+    with xarray.open_zarr(tmp_path / "study.zarr", consolidated=False) as opened:
+        stored = opened.load()
+    expected = sweep(
+        coulomb(), {"sigma": [1.2, 2.4], "k": [2, 3.1]}, start={"y": 0.5, "v": 0.3}, period=2 * np.pi / omega,
+        transient=3, periods=2, measures=["sticks", "itinerary", lambda s: s["y"][-1]],
+    )  # fmt: skip
+    assert stored.itinerary.values.tolist() == expected.itinerary.values.tolist()
+    assert np.array_equal(stored.stick_time, expected.stick_time)
+    assert np.array_equal(stored["last"], expected["value"])
+    assert stored.k.attrs["units"] == "N/m"
+    refused = command(study, "--out", tmp_path)
+    assert refused.exit_code == 2 and "--resume" in refused.output
+    assert command(study, "--out", tmp_path, "--resume").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ("count = 2", "count = 0", ["line 13", "axes.sigma.count", "greater than or equal to 1", "0"]),
+        ("from = 1.2", "from = -1, spacing = 'log'", ["line 13", "axes.sigma", "> 0"]),
+        ("transient = 3", "transient = 'few'", ["line 5", "transient", "integer", "few"]),
+        ("periods = 2", "period_count = 2", ["line 6", "period_count", "keys there are", "periods"]),
+        ("k = [2, 3.1]", "k = ['stiff']", ["line 14", "axes.k", "number", "stiff"]),
+        ('object = "model.py:oscillator"', "", ["line 8", "system", "`object` or `scene`"]),
+        ("[axes]", "[axes", ["no TOML", "line 12"]),
+        ("model.py:oscillator", "nothing.py:oscillator", ["system.object", "no file"]),
+        ("model.py:oscillator", "model.py:oscilator", ["system.object", "oscilator"]),
+        ("model.py:oscillator", "model.py:k", ["system.object", "give a System"]),
+        ('object = "model.py:oscillator"', 'scene = "swing"', ["system.scene", "swing", "block_on_belt"]),
+        ("parameters = { c = 0.1 }", "parameters = { b = 0.1 }", ["system.parameters", "'b'"]),
+        ('"sticks", ', '"stick", ', ["'stick'", "sticks"]),
+        ("sigma = {", "sigmoid = {", ["sigmoid", "no parameter"]),
+    ],
+)
+def test_errors_name_the_file_the_key_and_the_line(study, old, new, words):
+    study.write_text(STUDY.replace(old, new, 1))
+    done = command(study, "--out", study.parent)
+    assert done.exit_code == 2
+    for word in words:
+        assert word in done.output, done.output
+    assert not (study.parent / "study.zarr").exists()
+
+
+def test_all_mistakes_are_named_at_once(study):
+    study.write_text(STUDY.replace("count = 2", "count = 0").replace("y = 0.5", "y = 'up'"))
+    with pytest.raises(StudyError) as caught:
+        read_study(study)
+    assert "axes.sigma.count" in str(caught.value) and "start.y" in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    done = command(tmp_path / "none.toml")
+    assert done.exit_code == 2 and "none.toml" in done.output
+
+
+def test_a_scene_brings_its_start_period_and_units(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        'measures = ["sticks"]\n[system]\nscene = "block_on_belt"\nlaw = "Coulomb"\n[axes]\nspring = [1.0, 2.0]\n'
+    )
+    scene, arguments = arguments_of(read_study(path), tmp_path)
+    found = sweep(scene, t_span=(0, 5), **{k: v for k, v in arguments.items() if k != "t_span"})
+    assert (found.outcome >= 0).all() and found.sizes == {"spring": 2}
+
+
+def test_views_are_named_in_the_study(study):
+    hidden = MODEL.replace('Switch("lam", v)', "sp.sign(v)")
+    (study.parent / "model.py").write_text(hidden)
+    study.write_text(STUDY.replace("parameters = { c = 0.1 }", "smoothed = { eps = 0.01, sigmoid = 'tanh' }"))
+    system, _ = arguments_of(read_study(study), study.parent)
+    assert system.model.smoothing and system.model.sigmoid == "tanh"
