@@ -11,8 +11,8 @@ import sympy as sp
 
 
 def clip(x, limit):
-    """x cut off at -limit and limit"""
-    return sp.Max(-limit, sp.Min(limit, x))
+    """x cut off at -limit and limit, with the two surfaces x - limit and x + limit, neither inside the other"""
+    return sp.Piecewise((limit, x > limit), (-limit, x < -limit), (x, True))
 
 
 def sat_of_sgn(x, limit, sigma):
