@@ -8,7 +8,7 @@ from numba.extending import intrinsic
 from .compiling import unit
 from .noise_state import INTERVAL, LAST, TRAJECTORY, Diffused
 from .pointers import _caller
-from .state import C_AMBIGUITIES, C_EVENTS, C_POINTS, DONE, FULL, Control, Problem, Record, State, Work
+from .state import C_AMBIGUITIES, C_EVENTS, C_POINTS, C_STEPS, DONE, FULL, Control, Problem, Record, State, Work
 
 
 @intrinsic
