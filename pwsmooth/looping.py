@@ -193,8 +193,8 @@ def _template(plain, one):
     for s in list(places):
         if isinstance(s, Memory):
             places[lifting.plain(s)] = places.pop(s)
-    if field.contacts or field.algebraic:
-        raise NotLooped("contacts, algebraic unknowns")
+    if field.contacts:
+        raise NotLooped("contacts")
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
 
     def family(*expressions):
@@ -226,10 +226,13 @@ def _template(plain, one):
         ):
             raise NotLooped("an event of elements at given times, or between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
+    for a, _ in field.algebraic:
+        if a in one.places:
+            places[a] = one.places[a]
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NotLooped("members outside of their rates")
-    multipliers, more = _multipliers(field, sums)
+    multipliers, more = _multipliers(field, sums, places)
     model = lower(replace(field, switches=(), algebraic=()))
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
@@ -248,7 +251,26 @@ def _template(plain, one):
     )
 
 
-def _multipliers(field, sums):
+def _check_couplings(multipliers, sums, places):
+    """The residual of an element must not depend on the multipliers of others: they would all couple."""
+    solved = {m.symbol for m in multipliers if m.kind == "algebraic" or m.regularity == "sliding"}
+    own = solved & places.keys()
+    for m in multipliers:
+        if m.symbol not in own:
+            continue
+        free = m.residual.free_symbols
+        if any(places[s].base in solved and places[s].base != s for s in free & places.keys()):
+            raise NotLooped("elements that act on their neighbours' multipliers")
+        waiting, inside = list(free & sums.keys()), set()
+        while waiting:
+            symbols = sums[waiting.pop()].free_symbols
+            inside |= symbols
+            waiting += symbols & sums.keys()
+        if inside & own:
+            raise NotLooped("elements that act on each other's multipliers")
+
+
+def _multipliers(field, sums, places):
     """Switches and algebraic unknowns of the template, and the sums' derivatives that their residuals need."""
     inner = {s: e for s, _, e in sums}
     family = {s: f for s, f, _ in sums}
@@ -289,10 +311,9 @@ def _multipliers(field, sums):
     result = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
         regularity, hidden = classify(lone, index, sampled(residual))
-        if regularity == "sliding":
-            raise NotLooped("a surface that slides")
         if hidden and regularity == "sliding":
             raise NotLooped("a hidden term on a surface that slides")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
+    _check_couplings(result, {s: e for s, e in inner.items()} | {s: e for s, (_, e) in more.items()}, places)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items())

@@ -4,7 +4,7 @@ import contextlib
 
 import sympy as sp
 
-from pwsmooth import Event, Family, Switch, System, looping
+from pwsmooth import Algebraic, Event, Family, Switch, System, looping
 
 t, x, v, s = sp.symbols("t x v s", real=True)
 
@@ -135,3 +135,41 @@ def friction_chain(n):
         {y: [0.1 * ((3 * i) % 7) / 7 for i in range(n)], w: 0},
         (0, 10),
     )
+
+
+def implicit(n):
+    """Unknowns of the whole and of elements that act on each other, and a switch in every element that slides.
+
+    A + tanh(A)/2 + mean b = sin 3t,   b_i (1 + z_i^2/2) = z_i + 3 A/10 + lam_i/5,   w_i' = b_i - lam_i: A_i is 2 x 2, D couples all.
+    """
+    elements = Family(n)
+    z, w, b = elements.symbols("z w b")
+    A = sp.Symbol("A", real=True)
+    lam = Switch("lam", w)
+    rates = {v: A - v, z: -z + b * v, w: b - (1 + elements.index / 10) * lam - w}
+    algebraic = [
+        Algebraic(A, A + sp.tanh(A) / 2 + elements.sum(b) / n - sp.sin(3 * t)),
+        Algebraic(b, b * (1 + z**2 / 2) - z - sp.Rational(3, 10) * A + lam / 5),
+    ]
+    start = {v: 0.2, z: [0.6 * (-1) ** i for i in range(n)], w: [0.02 * i - 0.05 for i in range(n)]}
+    return {"rates": rates, "algebraic": algebraic}, start, (0, 3)
+
+
+def belt(n):
+    """A block that rubs on a belt, loaded by n sliders on the floor: its residual has the switches of all elements."""
+    elements = Family(n)
+    y, w = elements.symbols("y w")
+    (F,) = elements.symbols("F", positive=True)
+    lam, mu = Switch("lam", v - sp.Rational(1, 10)), Switch("mu", w)
+    rates = {
+        x: v,
+        v: -x - lam + elements.sum(F * mu + (w - v) / n),
+        y: w,
+        w: -(1 + elements.index / 5) * (y - sp.sin(2 * t)) - F * mu * (2 + sp.cos(x)),
+    }
+    start = {x: 0.1, v: 0.4, y: [0.1 * i / n for i in range(n)], w: 0.0}
+    return {"rates": rates, "parameters": {F: [0.3 / n + 0.01 * i for i in range(n)]}}, start, (0, 6)
+
+
+SLIDING = {"friction_chain": friction_chain, "implicit": implicit, "belt": belt}
+MODELS |= SLIDING

@@ -19,83 +19,33 @@ from .dag import Graph
 from .fields import Source, surfaces
 from .jets import FLAGS, SHORTEST_ROW
 from .layout import Count, Layout, neighbour, one, starts
+from .looped_code import LoopedDegrees, LoopedOrderK, LoopedOrderZero
 from .native import LANES
-from .recurrences import AFFINE, CONSTANT, Degrees, OrderK, OrderZero, label, plain, rewrite
+from .recurrences import AFFINE, CONSTANT, NoRecurrence, label, plain, rewrite
 from .scalar import Writer
-from .sections import Placed, Root, Sections
+from .sections import Root, Sections
 
 CONDITIONS = ("rel", "and", "or", "not", "true", "false", "inside")
 NAMES = re.compile(r"\b(?:[vrslkzw]\d+|on\d+|c[123][xw]\d+|o\d+(?:[pm]\d+)?)\b")
 ASSIGNED = re.compile(r"^( *)([a-z]\w*) = ")
 
 
-class LoopedOrderZero(Placed, OrderZero):
-    """Values at the start of the step, of the whole or of one element."""
-
-    def __init__(self, graph, writer, degrees, solved, reciprocals, layout):
-        super().__init__(graph, writer, degrees, solved, reciprocals)
-        self.layout = layout
-
-    def _ensure(self, node: int, needed: set[int]) -> None:
-        op, _, data = self.graph.nodes[node]
-        if op == "var" and data[0] == "x" and self.degrees.of(node) == AFFINE and not self.available(node):
-            self.emit([self.degrees.rates[data[1]]])  # its slope
-        super()._ensure(node, needed)
-
-
-class LoopedOrderK(Placed, OrderK):
-    """Coefficients of order k, of the whole or of one element."""
-
-    def __init__(self, graph, writer, degrees, solved, layout):
-        super().__init__(graph, writer, degrees, solved)
-        self.layout = layout
-
-    def known_from(self, other: LoopedOrderK) -> None:
-        """Take over what a first writing of the orders has found to be needed."""
-        for name in ("rows", "products", "reciprocals", "carried", "transient"):
-            setattr(self, name, getattr(other, name))
-
-    def available(self, node: int) -> bool:
-        op, _, data = self.graph.nodes[node]
-        if op == "var" and data[0] == "x" and self.graph.level[node] is not None:
-            return True  # loaded
-        return super().available(node)
-
-    def row(self, node: int) -> str:
-        op, _, data = self.graph.nodes[plain(node)]
-        if op == "var" and len(data) == 3:
-            base = self.graph.var(*data[:2])
-            at = super().row(base if node >= 0 else ~base)
-            return f"{at}{neighbour(0, data[2])[2:]}"
-        return super().row(node)
-
-    def family(self, operand: int) -> int | None:
-        return self.graph.level[plain(operand)]
-
-    def product_family(self, pair) -> int | None:
-        levels = {self.family(u) for u in pair} - {None}
-        return levels.pop() if levels else None
-
-    def of_family(self, family: int | None) -> list[tuple[int, int]]:
-        return [pair for pair in self.products if self.product_family(pair) == family]
-
-    def scratch(self, a: int, b: int) -> str:
-        self.products.setdefault((a, b), len(self.products))
-        family = self.product_family((a, b))
-        block = self.of_family(family).index((a, b))
-        return f"{'scratch' if family is None else f'w{family}'} + {4 * block}"
-
-
 class LoopedJet:
-    """Writes `jet_slip` of one template; its text ends with the layout, NROWS and SURFACE_ROWS, as counts."""
+    """Writes `jet_slip` of one template; constants of its text say where the rows are.
 
+    `_solve`, `_frozen` and the like are for the general program (looped_sliding.py).
+    """
+
+    name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows"
     def __init__(self, model: Model):
         self.graph = graph = Graph(model)
         self.model, self.layout = graph.model, Layout(graph.template)
         self.states = [graph.var("x", i) for i in range(len(self.model.states))]
         rates = [graph.expression(e) for e in self.model.rhs]
-        nodes = rewrite(graph, rates + surfaces(graph))
-        self.rates, self.h = nodes[: len(rates)], nodes[len(rates) :]
+        h = surfaces(graph)
+        nodes = rewrite(graph, rates + h + self._residuals())
+        self.rates, self.h = nodes[: len(rates)], nodes[len(rates) : len(rates) + len(h)]
+        self.residuals = nodes[len(rates) + len(h) :]
         holders = (*self.model.multipliers, *self.model.events)
         self.has_surface = [s.surface is not None for s in holders]
         # A neighbour's slope would be a slope of the neighbour's rate: its series is general.
@@ -104,10 +54,41 @@ class LoopedJet:
             for a in graph.reach(nodes, through=True)
             if graph.nodes[a].op == "var" and len(graph.nodes[a].data) == 3
         )
-        self.degrees = Degrees(graph, self.rates, False, seen)
+        self.degrees = LoopedDegrees(graph, self.rates, self._solved(), seen)
         self.source = Source()
         self.slots: dict[tuple[int, str], int] = {}
         self.closed: set[int] = set()
+
+    # ---- what the general program does otherwise
+
+    def _residuals(self) -> list[int]:
+        return []
+
+    def _solved(self) -> list[int]:
+        """Multipliers that may be solved for."""
+        return []
+
+    def _multiplier_rows(self) -> list[int]:
+        return []
+
+    def _open_general(self, start: Writer) -> None:
+        self._check_selections(start)
+
+    def _factors(self) -> list[Root]:
+        return []
+
+    def _factorise(self, start: Writer) -> None:
+        pass
+
+    def _solve(self, code: LoopedOrderK, loop: Writer, final: bool) -> None:
+        pass
+
+    def _frozen(self, i: int, rate: str) -> str:
+        return rate
+
+    def _more_scratch(self, f: int | None) -> tuple[str, int]:
+        """Name and length of further scratch numbers, of the whole or of every element."""
+        return f"A{f}", 0
 
     # ---- memory of elements
 
@@ -158,7 +139,8 @@ class LoopedJet:
         """Text of what a name of an element stands for; None for locals of the whole function."""
         graph, code = self.graph, self.code
         if name.startswith("on"):
-            return None
+            family = self.layout.multipliers[int(name[2:])]
+            return None if family is None else f"{self.layout.place('mask', int(name[2:]), family)} != 0"
         if name[0] == "w":
             family = int(name[1:])
             return f"W{family} + {4 * len(code.of_family(family))} * i{family}"
@@ -185,6 +167,8 @@ class LoopedJet:
             return (
                 f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
             )
+        if name[0] == "k" and op == "var" and data[0] == "mult":
+            return f"rows[{code.row(node)} + k]"
         if name[0] == "k" and op == "var":
             index = neighbour(family, data[2]) if len(data) == 3 else ""
             return f"{self.slot(family, self.old(f'd{data[1]}'), index)} * inv"
@@ -197,7 +181,7 @@ class LoopedJet:
 
     def write(self) -> str:
         graph, lay = self.graph, self.layout
-        self.zero_code = LoopedOrderZero(graph, Writer(1), self.degrees, None, set(), lay)
+        self.zero_code = LoopedOrderZero(graph, Writer(1), self.degrees, set(), lay)
         first = self._orders(Writer(2), None)
         families = [self.code.family(u) for u in first.rows]
         self.row_families, self.row_starts = families, starts(families)
@@ -220,7 +204,7 @@ class LoopedJet:
         body.lines += sums.lines + loop.lines
         body.line("return 0")
         self.source.helpers |= self.zero_code.helpers | order_k.helpers
-        self.source.function("jet_slip", "t, x, mult, p, K, stride, rows", body, returns="I")
+        self.source.function(self.name, self.arguments, body, returns="I")
         self.source.constants = {
             "SIZES": len(lay.periodic),
             "ROW_FAMILIES": tuple(families),
@@ -240,13 +224,21 @@ class LoopedJet:
                 text = self.row_starts[row].text()
                 body.line(f"o{row} = ({text}) * stride")
         body.line(f"scratch = ({self.row_starts[-1].text()}) * stride")
+        name, length = self._more_scratch(None)
         at = Count(4 * len(order_k.of_family(None)))
+        if length:
+            body.line(f"{name} = scratch + {at.text()}")
+            at += Count(length)
         for f in range(len(self.layout.periodic)):
             products, slots = 4 * len(order_k.of_family(f)), len([key for key in self.slots if key[0] == f])
             body.line(f"W{f} = scratch + {at.text()}")
             at += one(f).times(products)
             body.line(f"E{f} = scratch + {at.text()}")
             at += one(f).times(slots)
+            name, length = self._more_scratch(f)
+            if length:
+                body.line(f"{name} = scratch + {at.text()}")
+                at += one(f).times(length)
         self.scratch = at
 
     def _declared(self, *parts) -> list[str]:
@@ -268,10 +260,10 @@ class LoopedJet:
 
     def _orders(self, loop: Writer, known: LoopedOrderK | None) -> LoopedOrderK:
         """Write a block of four orders; without `known` to see what they need."""
-        code = self.code = LoopedOrderK(self.graph, loop, self.degrees, None, self.layout)
+        code = self.code = LoopedOrderK(self.graph, loop, self.degrees, self.layout)
         if known is not None:
             code.known_from(known)
-        for node in self.states:
+        for node in (*self.states, *self._multiplier_rows()):
             code.row(node)
         self.surface_rows = []
         for node, has in zip(self.h, self.has_surface, strict=True):
@@ -297,6 +289,7 @@ class LoopedJet:
                 else:
                     loop.line(f"k{node} = d{i} * inv")
                     code.scopes[0].add(node)
+        self._solve(code, loop, final)
         roots = []
         for i, family in enumerate(lay.states):
             if family is not None:
@@ -306,6 +299,8 @@ class LoopedJet:
         for node, has in zip(self.h, self.has_surface, strict=True):
             if has:
                 roots.append(Root(node, self.graph.level[node], list))
+        # What stands in residuals alone keeps its rows too, now with the multipliers.
+        roots += [Root(node, self.graph.level[node], list) for node in self.residuals]
         self.closed = set()
         preamble = (lambda lines, f: self._preamble(lines, f, False)) if final else None
         Sections(code, preamble, self._close if final else None).write(roots)
@@ -324,7 +319,8 @@ class LoopedJet:
         family = self.layout.states[i]
         if family is None or not self._moves(i):
             return []
-        return [f"{self.slot(family, self.new(f'd{i}'))} = {self.code.coefficient(self.rates[i]) or '0.0'}"]
+        rate = self._frozen(i, self.code.coefficient(self.rates[i]) or "0.0")
+        return [f"{self.slot(family, self.new(f'd{i}'))} = {rate}"]
 
     def covered(self, nodes) -> set[int]:
         """Everything below the nodes, branches and companions included."""
@@ -362,7 +358,7 @@ class LoopedJet:
                 loop.line(f"l{node} = {code.coefficient(node) or '0.0'}")
         for i, family in enumerate(self.layout.states):
             if family is None and self._moves(i):
-                loop.line(f"d{i} = {code.coefficient(self.rates[i]) or '0.0'}")
+                loop.line(f"d{i} = {self._frozen(i, code.coefficient(self.rates[i]) or '0.0')}")
         if code.order < LANES - 1:
             for operand in sorted({u for pair in code.products for u in pair if code.family(u) is None}):
                 loop.line(f"c{code.order + 1}{label(operand)} = {code.last_value(operand)}")
@@ -374,10 +370,11 @@ class LoopedJet:
     def _block_sums(self, sums: Writer, code: LoopedOrderK) -> None:
         """The parts of all products that are known at the start of a block of orders."""
         for f in (None, *range(len(self.layout.periodic))):
-            calls = [
-                f"presum(rows, {code.row(a)}, {code.row(b)}, q, {code.scratch(a, b)})"
-                for a, b in code.of_family(f)
-            ]
+            calls = []
+            for a, b in code.of_family(f):
+                call = f"presum(rows, {code.row(a)}, {code.row(b)}, q, {code.scratch(a, b)})"
+                guard = code.guard(a, b)
+                calls += [f"if {guard}:", f"    {call}"] if guard else [call]
             if f is None:
                 for call in calls:
                     sums.line(call)
@@ -394,10 +391,11 @@ class LoopedJet:
         """Values at the start of the step, into rows and slots."""
         graph, lay = self.graph, self.layout
         start = Writer(1)
-        code = self.zero_code = LoopedOrderZero(graph, start, self.degrees, None, order_k.reciprocals, lay)
+        code = self.zero_code = LoopedOrderZero(graph, start, self.degrees, order_k.reciprocals, lay)
         true = [*self.rates, *(h for h, has in zip(self.h, self.has_surface, strict=True) if has)]
+        true += [*self.residuals, *self._multiplier_rows()]
         everything = self.covered([*self.states, *true])
-        self._check_selections(start, graph.reach(true, through=True))
+        self._open_general(start)
         outside = set()
         for node in graph.reach([*self.states, *true], through=True):
             if graph.nodes[node].op == "total":
@@ -409,6 +407,8 @@ class LoopedJet:
             Root(r, f, lambda i=i: self._first_rate(i)) for i, (r, f) in enumerate(zip(self.rates, lay.states))
         ]
         roots += [Root(h, graph.level[h], list) for h, has in zip(self.h, self.has_surface, strict=True) if has]
+        roots += [Root(r, graph.level[r], list) for r in (*self.residuals, *self._multiplier_rows())]
+        roots += self._factors()
         kept = {plain(u) for u in order_k.rows} | {
             int(re.sub(r"\D", "", name)) for _, name in self.slots if name[0] in "vrsl"
         }
@@ -416,6 +416,7 @@ class LoopedJet:
         roots += [Root(a, graph.level[a], list) for a in sorted(kept) if a in outside or a not in everything]
         self.closed = set()
         Sections(code, lambda lines, f: self._preamble(lines, f, True), self._open).write(roots)
+        self._factorise(start)
         for operand, row in order_k.rows.items():
             if order_k.family(operand) is None:
                 start.line(f"rows[o{row}] = {'0.0' if operand < 0 else order_k.value(operand)}")
@@ -430,14 +431,14 @@ class LoopedJet:
                 start.line(f"l{node} = {order_k.value(node)}")
         for i, family in enumerate(lay.states):
             if family is None and self._moves(i):
-                start.line(f"d{i} = {order_k.value(self.rates[i])}")
+                start.line(f"d{i} = {self._frozen(i, order_k.value(self.rates[i]))}")
         return start
 
     def _first_rate(self, i: int) -> list[str]:
         family = self.layout.states[i]
         if family is None or not self._moves(i):
             return []
-        return [f"{self.slot(family, f'd{i}a')} = {self.code.value(self.rates[i])}"]
+        return [f"{self.slot(family, f'd{i}a')} = {self._frozen(i, self.code.value(self.rates[i]))}"]
 
     def _open(self, family: int, wanted) -> list[str]:
         """Lines that keep an element's numbers of order 0."""
@@ -462,9 +463,10 @@ class LoopedJet:
         self.closed |= fresh
         return lines
 
-    def _check_selections(self, start: Writer, nodes) -> None:
+    def _check_selections(self, start: Writer) -> None:
         """Without solved multipliers a selection has a side."""
         graph, lay = self.graph, self.layout
+        nodes = graph.reach([*self.rates, *self.h], through=True)
         for j in sorted({graph.nodes[a].data for a in nodes if graph.nodes[a].op == "sel"}):
             family = lay.multipliers[j]
             mult = lay.place("mult", j, family)
@@ -494,9 +496,11 @@ def numeric_rows(constants, surfaces, sizes):
 
 def write_looped_jets(model: Model) -> dict[str, str]:
     """Sources as of jets.write_jets."""
-    from .recurrences import NoRecurrence
+    from .looped_sliding import LoopedGeneral
 
     try:
-        return {"slip": LoopedJet(model).write()}
+        sources = {"slip": LoopedJet(model).write()}
+        general = LoopedGeneral(model)
+        return sources | ({"general": general.write()} if general.residuals else {})
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}

@@ -21,11 +21,19 @@ NEIGHBOUR = re.compile(r"\bj(\d+)([pm])(\d+)\b")
 
 
 class Root(NamedTuple):
-    """A node to be computed, the family in whose loop it is wanted, and the lines that then follow."""
+    """A node to be computed, the family in whose loop it is wanted, and the lines that then follow.
+
+    The lines may read the nodes `also`, which are made in the same loop.
+    """
 
     node: int
     family: int | None
     lines: Callable[[], list[str]]
+    also: tuple[int, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        return (self.node, *self.also)
 
 
 class Placed:
@@ -114,7 +122,7 @@ class Sections:
         for node in self.totals(nodes):
             groups.setdefault((self.stage(node), graph.nodes[node].data), []).append(node)
         for (stage, family), totals in sorted(groups.items()):
-            ready = [r for r in waiting if r.family == family and self.stage(r.node) < stage]
+            ready = [r for r in waiting if r.family == family and max(map(self.stage, r.nodes)) < stage]
             waiting = [r for r in waiting if r not in ready]
             for node in totals:
                 self.writer.line(f"{self.code.total(node)} = 0.0")
@@ -124,9 +132,10 @@ class Sections:
 
     def write(self, roots: list[Root]) -> None:
         """Write all roots and their lines."""
-        waiting = self.sums([r.node for r in roots], [r for r in roots if r.family is not None])
+        nodes = [a for r in roots for a in r.nodes]
+        waiting = self.sums(nodes, [r for r in roots if r.family is not None])
         shared = [r for r in roots if r.family is None]
-        self.code.emit([r.node for r in shared])
+        self.code.emit([a for r in shared for a in r.nodes])
         for family in sorted({r.family for r in waiting}):
             self._loop(family, [], [r for r in waiting if r.family == family], [])
         for root in shared:
@@ -135,7 +144,7 @@ class Sections:
 
     def _loop(self, family: int, nodes, roots: list[Root], totals) -> None:
         writer, code = self.writer, self.code
-        wanted = [*nodes, *(r.node for r in roots)]
+        wanted = [*nodes, *(a for r in roots for a in r.nodes)]
         code.emit(self._shared(wanted))
         writer.line(f"for i{family} in range(m{family}):")
         writer.indent += 1
