@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 
 import sympy as sp
 
-from . import checks, definition, lifting
+from . import checks, definition, lifting, lowering
 from .definition import Definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
-from .lowering import lower
 from .model import Model, Multiplier
 from .primitives import Memory
-from .regularity import classify, total_derivative
+from .regularity import total_derivative
 from .template import MARK, Loops, Place, Template, named, with_loops
 
 LOOPED_FROM = 8
@@ -233,7 +232,7 @@ def _template(plain, one):
         if family(rate) not in (None, family(x)):
             raise NotLooped("members outside of their rates")
     multipliers, more = _multipliers(field, sums, places)
-    model = lower(replace(field, switches=(), algebraic=()))
+    model = lowering.lower(replace(field, switches=(), algebraic=()))
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
         model,
@@ -310,7 +309,7 @@ def _multipliers(field, sums, places):
     )
     result = []
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
-        regularity, hidden = classify(lone, index, sampled(residual))
+        regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
             raise NotLooped("a hidden term on a surface that slides")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))

@@ -37,6 +37,7 @@ class LoopedJet:
     """
 
     name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows"
+
     def __init__(self, model: Model):
         self.graph = graph = Graph(model)
         self.model, self.layout = graph.model, Layout(graph.template)

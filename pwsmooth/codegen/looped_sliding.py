@@ -26,6 +26,7 @@ class LoopedGeneral(LoopedJet):
     """Writes `jet_general` of one template."""
 
     name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows"
+
     def _solved(self) -> list[int]:
         return [j for j, m in enumerate(self.model.multipliers) if solvable(m)]
 
@@ -35,9 +36,7 @@ class LoopedGeneral(LoopedJet):
         lay = self.layout
         solved = self._solved()
         self.whole = [j for j in solved if lay.multipliers[j] is None]
-        self.own = {
-            f: [j for j in solved if lay.multipliers[j] == f] for f in range(len(lay.periodic))
-        }
+        self.own = {f: [j for j in solved if lay.multipliers[j] == f] for f in range(len(lay.periodic))}
         self.own = {f: js for f, js in self.own.items() if js}
         return [graph.expression(self.model.multipliers[j].residual) for j in solved]
 
@@ -84,7 +83,9 @@ class LoopedGeneral(LoopedJet):
         """Slopes of the residuals, and A_i with Y_i as soon as they are there."""
         graph, roots = self.graph, []
         for f, own in self.own.items():
-            names = [(i, j) for i in own for j in (*own, *self.whole)] + [(i, j) for i in self.whole for j in own]
+            names = [(i, j) for i in own for j in (*own, *self.whole)] + [
+                (i, j) for i in self.whole for j in own
+            ]
             nodes = [self.slope(i, j) for i, j in names]
             roots.append(Root(nodes[0], f, lambda f=f: self._factor_lines(f), tuple(nodes[1:])))
         for i in self.whole:
@@ -116,9 +117,13 @@ class LoopedGeneral(LoopedJet):
             self.source.helpers |= {"lu_factor", "lu_solve"}
         for h in self.whole:
             for i in own:
-                column = "0.0" if self.slope(i, h) == zero else f"choose(on{i} and on{h}, {self._value(i, h)}, 0.0)"
+                column = (
+                    "0.0" if self.slope(i, h) == zero else f"choose(on{i} and on{h}, {self._value(i, h)}, 0.0)"
+                )
                 lines.append(f"y{i} = {column}")
-                row = "0.0" if self.slope(h, i) == zero else f"choose(on{i} and on{h}, {self._value(h, i)}, 0.0)"
+                row = (
+                    "0.0" if self.slope(h, i) == zero else f"choose(on{i} and on{h}, {self._value(h, i)}, 0.0)"
+                )
                 lines.append(f"{self.slot(f, f'B{h}x{i}')} = {row}")
             lines += self._apply(f, "y")
             lines += [f"{self.slot(f, f'Y{i}x{h}')} = y{i}" for i in own]
@@ -185,7 +190,9 @@ class LoopedGeneral(LoopedJet):
         lines = [f"y{j} = choose(on{j}, {self.code.coefficient(self.residual(j)) or '0.0'}, 0.0)" for j in own]
         lines += self._apply(f, "y")
         if not self.whole:
-            return lines + [f"rows[{self.code.row(self.unknowns[j])} + k] = choose(on{j}, -y{j}, 0.0)" for j in own]
+            return lines + [
+                f"rows[{self.code.row(self.unknowns[j])} + k] = choose(on{j}, -y{j}, 0.0)" for j in own
+            ]
         for j in own:
             lines.append(f"{self.slot(f, f'u{j}')} = y{j}")
             lines += [f"R{h} += {self.slot(f, f'B{h}x{j}')} * y{j}" for h in self.whole]
@@ -206,7 +213,9 @@ class LoopedGeneral(LoopedJet):
         for f, own in self.own.items():
             loop.line(f"for i{f} in range(m{f}):")
             for j in own:
-                back = " - ".join([f"-{self.slot(f, f'u{j}')}", *(f"{self.slot(f, f'Y{j}x{h}')} * q{h}" for h in self.whole)])
+                back = " - ".join(
+                    [f"-{self.slot(f, f'u{j}')}", *(f"{self.slot(f, f'Y{j}x{h}')} * q{h}" for h in self.whole)]
+                )
                 row = self.code.rows[self.unknowns[j]]
                 place = self.row_place(row, f) if final else "0"
                 mask = self.layout.place("mask", j, f)
