@@ -140,7 +140,8 @@ def friction_chain(n):
 def implicit(n):
     """Unknowns of the whole and of elements that act on each other, and a switch in every element that slides.
 
-    A + tanh(A)/2 + mean b = sin 3t,   b_i (1 + z_i^2/2) = z_i + 3 A/10 + lam_i/5,   w_i' = b_i - lam_i: A_i is 2 x 2, D couples all.
+    A + tanh(A)/2 + mean b = sin 3t,   b_i (1 + z_i^2/2) = z_i + 3 A/10 + lam_i/5,
+    w_i' = b_i - (1 + i/10) lam_i - w_i: two multipliers an element, and A couples all.
     """
     elements = Family(n)
     z, w, b = elements.symbols("z w b")

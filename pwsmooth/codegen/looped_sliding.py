@@ -81,7 +81,7 @@ class LoopedGeneral(LoopedJet):
 
     def _factors(self) -> list[Root]:
         """Slopes of the residuals, and A_i with Y_i as soon as they are there."""
-        graph, roots = self.graph, []
+        roots = []
         for f, own in self.own.items():
             names = [(i, j) for i in own for j in (*own, *self.whole)] + [
                 (i, j) for i in self.whole for j in own
