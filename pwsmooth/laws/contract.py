@@ -129,8 +129,9 @@ class Joint:
 
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None):
         self.name = name
+        inputs: list[Any] = [None if e is None else sp.sympify(e) for e in (v, x, a, t)]
+        self.v, self.x, self.a, self.t = inputs
         self.beyond = beyond or (lambda level: self.x - level)
-        self.v, self.x, self.a, self.t = (None if e is None else sp.sympify(e) for e in (v, x, a, t))
         self.load = sp.S.One if load is None else sp.sympify(load)
         self.starts: dict[Any, Any] = {}
         self.scales: dict[Any, float] = {}
