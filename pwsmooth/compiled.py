@@ -14,7 +14,7 @@ from .codegen import compile_model
 from .codegen.units import UNITS, unit_address
 from .folds import fold_model
 from .kernels import state
-from .kernels.tables import bernstein_tables
+from .kernels.tables import bernstein_tables, halving_tables
 from .model import Model, Multiplier
 
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
@@ -134,16 +134,21 @@ class CompiledProblem:
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
         hubs = len(self.fixed["hub"])
         group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
+        left_half, right_half = halving_tables(order, width)
         return state.Work(
             order=order,
-            counting=np.arange(1.0, width + 1),
-            root_power=np.zeros(8),
+            per_order=1.0 / order,
+            per_order_before=1.0 / (order - 1),
+            counting=np.arange(float(width)),
+            pairing=np.arange(float(width)) * np.arange(-1.0, width - 1),
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),
             rk_k=np.zeros((16, n)),
-            bernstein=np.zeros(48 * (width + 8)),
-            bernstein_table=bernstein_tables(order, width + 8),
+            bernstein=np.zeros(48 * width),
+            bernstein_table=bernstein_tables(order, width),
+            left_half=left_half,
+            right_half=right_half,
             layer_k=np.zeros((7, m + nz)),
             matrix=np.zeros((group, group + 1 + hubs)),
             schur=np.zeros((hubs, hubs + 1)),
@@ -151,7 +156,7 @@ class CompiledProblem:
             place=np.zeros(m),
             code=np.zeros(12),
             answer=np.zeros(8),
-            **{name: np.zeros(width) for name in ("power", "poly", "first", "second", "fold_slope")},
+            **{name: np.zeros(width) for name in ("power", "poly", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit")},
             **{name: np.zeros(ne) for name in ("pending",)},

@@ -150,8 +150,8 @@ def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a
     # The step size rule stands in another file than the loop; its size and its time are kept.
     steps = tmp_path / "pwsmooth" / "kernels" / "steps.py"
     stamp, text = steps.stat(), steps.read_text()
-    assert "return 0.9 * min(" in text
-    steps.write_text(text.replace("return 0.9 * min(", "return 0.2 * min("))
+    assert "return 0.94 * min(" in text
+    steps.write_text(text.replace("return 0.94 * min(", "return 0.20 * min("))
     os.utime(steps, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
     third = run(tmp_path, SOLVES)
     assert third["core"] == first["core"] and third["steps"][0] > 2 * first["steps"][0]

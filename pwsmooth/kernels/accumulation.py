@@ -23,9 +23,11 @@ from .state import (
     SOLVED,
 )
 
+WITHIN_ROUNDING = 1e-11  # an accumulation point this close (relative to the time) is passed
+
 
 @kernel
-def _time_left(S, j):
+def time_left(S, j):
     """Time to the accumulation point if the intervals of surface j shrink geometrically, else inf."""
     q = S.last[j, 2]
     if not (q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
@@ -40,10 +42,10 @@ def pass_accumulation(P, C, S, R, W):
     leader, left = -1, math.inf
     for j in range(P.m):
         if W.hit[j] and S.status[j] != SOLVED:
-            estimate = _time_left(S, j)
+            estimate = time_left(S, j)
             if estimate < left:
                 leader, left = j, estimate
-    if leader < 0 or left > 1e-11 * (1.0 + abs(t)):
+    if leader < 0 or left > WITHIN_ROUNDING * (1.0 + abs(t)):
         return -1
     S.now[0] = t + left
     interval = S.last[leader, 1]

@@ -7,41 +7,28 @@ field has jumped is settled again.
 
 from numba import types
 
-from .accumulation import pass_accumulation
+from .accumulation import WITHIN_ROUNDING, pass_accumulation, time_left
 from .compiling import kernel, unit
+from .firing import MOST_AT_ONCE, events, impacts, sides_after_jump, step_inside
 from .layer import LEAVE_FOLD, SETTLED
-from .pointers import call_act, call_fields, call_layer_unit
+from .plain import cross_stick_or_leave, only_one
+from .pointers import call_layer_unit
 from .records import record_ambiguity, record_event, record_point
-from .settling import (
-    approach_speed,
-    close_contact,
-    evaluate_surfaces,
-    layer_code,
-    leading_order,
-    note_interval,
-    resettle,
-    settle_arrivals,
-    settle_at_rest,
-)
-from .sliding import keep_on_surface, surface_rounding
+from .settling import layer_code, leading_order, note_interval, resettle, settle_arrivals, settle_at_rest
+from .sliding import keep_on_surface
 from .sparse import couples
 from .state import (
     AMB_CORNER,
     C_AMBIGUITIES,
-    C_CLOCK,
     C_EVENTS,
     C_LAYERS,
     C_STALLED,
     CHATTERING,
     CONTACT,
     DONE,
-    EV_CLOSED,
     EV_CROSSING,
-    EV_EVENT,
     EV_FOLD,
     EV_FOLD_TO_SLIDING,
-    EV_IMPACT,
-    EV_OPENING,
     EV_RESET,
     EV_STICK,
     EV_TANGENCY,
@@ -58,166 +45,6 @@ from .state import (
 )
 
 _AT_ONCE = 1e-13  # instants closer than this (relative) are one instant
-_MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
-
-
-@kernel
-def _meet_event(P, S, W, i):
-    """Event surface i has been met: flips its side and marks the event as pending if the direction fits."""
-    S.side[i] = -S.side[i]
-    if P.direction[i] == 0 or P.direction[i] == S.side[i]:
-        W.pending[i] = 1
-
-
-@kernel
-def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5].
-
-    Keeps in W.tau the event surfaces before each update.
-    """
-    m, n, ne = P.m, P.n, P.ne
-    code = DONE
-    fired = 0
-    while fired <= ne + _MOST_AT_ONCE - 1:
-        newly = False
-        for k in range(n):
-            W.before[k] = S.x[k]
-            W.after[k] = S.x[k]
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
-        for i in range(m, m + ne):
-            W.tau[i] = W.h[i]
-        for i in range(ne):
-            if W.pending[i] == 1 and call_act(P.act, i, S.now[0], W.before, S.mult, P.p, W.after) != 0:
-                W.pending[i] = 2
-                newly = True
-                fired += 1
-                record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
-                if P.terminal[i]:
-                    code = TERMINAL
-        if not newly:
-            return code
-        for k in range(n):
-            if W.after[k] != S.x[k]:
-                W.code[5] = 1
-                S.x[k] = W.after[k]
-        evaluate_surfaces(P, S, W)
-        for i in range(ne):
-            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
-                continue
-            rounding = 0.0
-            for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
-                k = P.dh_col[e]
-                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.before[k]) + abs(S.x[k]))
-            if abs(W.h[m + i]) <= rounding:
-                continue
-            S.deflate[m + i] = 0
-            if W.hit[m + i] and abs(W.tau[m + i]) <= rounding:
-                # Put back from the surface that it had just reached: it will be met again from there.
-                S.side[i] = -S.side[i]
-            else:
-                # An event surface that the update has jumped through is met as well.
-                W.hit[m + i] = True
-                _meet_event(P, S, W, i)
-    return CHATTERING
-
-
-@kernel
-def _events(P, C, S, R, W):
-    """The events of this instant, from their surfaces and from the clock; returns as _fire_events."""
-    some = False
-    for i in range(P.ne):
-        W.pending[i] = 0
-        if W.hit[P.m + i]:
-            S.deflate[P.m + i] = 1
-            _meet_event(P, S, W, i)
-            some = some or W.pending[i] == 1
-    if W.code[4]:
-        while S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= S.now[0]:
-            W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
-            S.counts[C_CLOCK] += 1
-            some = True
-    return _fire_events(P, C, S, R, W) if some else DONE
-
-
-@kernel
-def _contacts(P, S, R, W):
-    """Newton impacts and openings. True when it converged; x changed in W.code[5]."""
-    for sweep in range(_MOST_AT_ONCE):
-        newly = False
-        for j in range(P.m):
-            if P.kind[j] != CONTACT:
-                continue
-            if S.status[j] == SOLVED:
-                if W.hit[j] and sweep == 0 and S.mult[j] <= 1e-12:
-                    S.status[j] = 1
-                    S.mult[j] = 0.0
-                    S.deflate[j] = 3
-                    W.hit[j] = False
-                    record_event(S, R, j, EV_OPENING, 0, 1)
-                continue
-            evaluate_surfaces(P, S, W)
-            if not (W.hit[j] or W.h[j] <= -surface_rounding(P, S, j, W)):
-                continue
-            speed = approach_speed(P, S, j, W)
-            if speed < -W.answer[3]:
-                for i in range(P.n):
-                    W.after[i] = S.x[i]
-                call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
-                for i in range(P.n):
-                    S.x[i] = W.after[i]
-                keep_on_surface(P, S, j, W)
-                W.code[5] = 1
-                newly = True
-                S.deflate[j] = 1
-                W.hit[j] = True
-                if sweep == 0:
-                    note_interval(S, j)
-                record_event(S, R, j, EV_IMPACT, 1, 1)
-                speed = approach_speed(P, S, j, W)
-            if abs(speed) <= W.answer[3] and W.hit[j] and close_contact(P, S, j, W):
-                record_event(S, R, j, EV_CLOSED, 1, 0)
-        if not newly:
-            return True
-    return False
-
-
-@kernel
-def _sides_after_jump(P, S, R, W):
-    """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
-    evaluate_surfaces(P, S, W)
-    for j in range(P.m):
-        if P.kind[j] >= CONTACT or S.status[j] == HELD:
-            continue
-        if abs(W.h[j]) <= surface_rounding(P, S, j, W):
-            W.hit[j] = True  # still, or now, on its surface
-            continue
-        W.hit[j] = False
-        side = 1 if W.h[j] > 0.0 else -1
-        if S.status[j] != side:
-            record_event(S, R, j, EV_RESET, S.status[j], side)
-            S.status[j] = side
-            S.mult[j] = float(side)
-            S.deflate[j] = 0
-
-
-@kernel
-def _step_inside(P, S, j, W):
-    """Moves S.x by roundings onto the side S.status[j] of h_j: a power may have its branch point on h_j = 0.
-
-    A located zero of a curved surface is one to rounding, of either sign, and delta^1.5 does not exist on the other.
-    """
-    if P.surface_state[j] >= 0:
-        return
-    evaluate_surfaces(P, S, W)
-    best, most, total = -1, 0.0, 0.0
-    for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        part = abs(W.dh[e] * S.x[P.dh_col[e]])
-        total += part
-        if part > most:
-            best, most = e, part
-    side = float(S.status[j])
-    if best >= 0 and side * W.h[j] < 4e-16 * total:
-        S.x[P.dh_col[best]] += (side * 8e-16 * total - W.h[j]) / W.dh[best]
 
 
 @kernel
@@ -302,42 +129,16 @@ def _try_other_ratio(P, S, R, W, size):
         record_ambiguity(S, R, first, AMB_CORNER, 0)
 
 
-@unit(types.int64, Problem, Control, State, Record, Work)
-def at_instant(P, C, S, R, W):
-    """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
-
-    In W.answer: where in the step the first surface was met, the step, the time since the last instant; in W.code:
-    1 the switch at its fold or -1, 2 its direction, 4 whether a time event is due. 5 and 6 are set here.
-    """
-    m, ne, t, mult, status = P.m, P.ne, S.now[0], S.mult, S.status
-    best, h, elapsed = W.answer[0], W.answer[1], W.answer[2]
-    fold, fold_way = W.code[1], W.code[2]
-    W.code[5] = 0  # x has jumped
-    W.code[6] = 0  # several coupled switches arrive at once
-    for i in range(m + ne):
-        W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= _AT_ONCE * max(abs(t), h)
-        if not W.hit[i] and elapsed > 1e-12 * (1.0 + abs(t)):
-            S.deflate[i] = 0
-    if fold >= 0:
-        W.hit[fold] = False
-    for j in range(m):
-        W.came[j] = status[j]
-        if W.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
-            S.x[P.surface_state[j]] = 0.0
-        elif W.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
-            _step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
-    record_point(P, S, R)
-    S.counts[C_STALLED] = S.counts[C_STALLED] + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
-    if S.counts[C_STALLED] > _MOST_AT_ONCE:
-        return CHATTERING
-    events_before = S.counts[C_EVENTS]
-
-    stop = _events(P, C, S, R, W) if ne > 0 else DONE
-    if stop == CHATTERING or not _contacts(P, S, R, W):
-        return CHATTERING
+@kernel
+def _everything(P, C, S, R, W, fold, fold_way):
+    """All that happens at this instant, in the order of the contract; a code, and whether a switch has changed."""
+    m, ne, mult, status = P.m, P.ne, S.mult, S.status
+    stop = events(P, C, S, R, W) if ne > 0 else DONE
+    if stop == CHATTERING or not impacts(P, S, R, W):
+        return CHATTERING, True
     jumped = W.code[5] != 0
     if jumped:
-        _sides_after_jump(P, S, R, W)
+        sides_after_jump(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):
@@ -356,7 +157,7 @@ def at_instant(P, C, S, R, W):
             went = -status[j]
             if jumped:
                 if P.rk_unit != 0:
-                    _step_inside(P, S, j, W)
+                    step_inside(P, S, j, W)
                 went = 1 if leading_order(P, C, S, W, j) > 0 else -1
             if went != status[j]:
                 record_event(S, R, j, EV_CROSSING, status[j], went)
@@ -366,21 +167,67 @@ def at_instant(P, C, S, R, W):
             switched = True
             note_interval(S, j)
             if P.rk_unit != 0:
-                _step_inside(P, S, j, W)
+                step_inside(P, S, j, W)
     if fold >= 0:
         S.counts[C_LAYERS] += 1
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
         code = layer_code(P, S, R, fold, outcome)
         if code != DONE:
-            return code
+            return code, True
         S.deflate[fold] = 1
         record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
         switched = True
     if size > 0:
         code = _arrivals(P, C, S, R, W, size, jumped)
         if code != DONE:
-            return code
+            return code, True
         switched = True
+    return stop, switched
+
+
+@unit(types.int64, Problem, Control, State, Record, Work)
+def at_instant(P, C, S, R, W):
+    """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
+
+    In W.answer: where in the step the first surface was met, the step, the time since the last instant; in W.code:
+    1 the switch at its fold or -1, 2 its direction, 4 whether a time event is due. 5, 6 and 11 (the solved multipliers
+    are those of the state left behind) are set here.
+    """
+    m, ne, t, status = P.m, P.ne, S.now[0], S.status
+    best, h, elapsed = W.answer[0], W.answer[1], W.answer[2]
+    fold, fold_way = W.code[1], W.code[2]
+    W.code[5] = 0  # x has jumped
+    W.code[6] = 0  # several coupled switches arrive at once
+    for i in range(m + ne):
+        W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= _AT_ONCE * max(abs(t), h)
+        if not W.hit[i] and elapsed > 1e-12 * (1.0 + abs(t)):
+            S.deflate[i] = 0
+    if fold >= 0:
+        W.hit[fold] = False
+    for j in range(m):
+        W.came[j] = status[j]
+        if W.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
+            S.x[P.surface_state[j]] = 0.0
+        elif W.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+            step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
+    record_point(P, S, R)
+    S.counts[C_STALLED] = S.counts[C_STALLED] + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
+    if S.counts[C_STALLED] > MOST_AT_ONCE:
+        return CHATTERING
+    events_before = S.counts[C_EVENTS]
+    only = only_one(P, S, W) if fold < 0 and W.code[4] == 0 else -1
+    if only >= 0:
+        code = cross_stick_or_leave(P, S, R, W, only)
+        if code != -1 and (code != DONE or time_left(S, only) > WITHIN_ROUNDING * (1.0 + abs(t))):
+            record_point(P, S, R)
+            return code
+        only = code
+        W.code[11] = 0
+    stop, switched = DONE, True
+    if only < 0:
+        stop, switched = _everything(P, C, S, R, W, fold, fold_way)
+        if stop != DONE and stop != TERMINAL:
+            return stop
     code = pass_accumulation(P, C, S, R, W)
     if code > DONE:
         return code

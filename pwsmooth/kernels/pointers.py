@@ -9,6 +9,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from .lanes import LanesType
+
 _DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
 
 
@@ -143,6 +145,57 @@ def put(typingctx, a, k, value):
         return context.get_dummy_value()
 
     return types.void(a, types.intp, types.float64), codegen
+
+
+def _blend(builder, a, b, pattern):
+    """Lanes of a where the pattern has 0, of b where it has 1."""
+    mask = [k + 8 * from_b for k, from_b in enumerate(pattern)]
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), 8), mask))
+
+
+@intrinsic
+def powers8(typingctx, h):
+    """The vector 1, h, ..., h^7. In registers: a load of eight numbers just stored waits for all the stores."""
+
+    def codegen(context, builder, sig, args):
+        vector = ir.VectorType(_DOUBLE, 8)
+        ones = ir.Constant(vector, [1.0] * 8)
+        factor, result = args[0], None
+        for bit in (1, 2, 4):
+            splat = builder.shuffle_vector(
+                builder.insert_element(
+                    ir.Constant(vector, ir.Undefined), factor, ir.Constant(ir.IntType(32), 0)
+                ),
+                ir.Constant(vector, ir.Undefined),
+                ir.Constant(ir.VectorType(ir.IntType(32), 8), [0] * 8),
+            )
+            part = _blend(builder, ones, splat, [k & bit != 0 for k in range(8)])
+            result = part if result is None else builder.fmul(result, part)
+            factor = builder.fmul(factor, factor)
+        return result
+
+    return LanesType(8)(types.float64), codegen
+
+
+@intrinsic
+def below_zero8(typingctx, v):
+    """Bit k tells whether lane k is negative."""
+
+    def codegen(context, builder, sig, args):
+        lanes = builder.fcmp_ordered("<", args[0], ir.Constant(args[0].type, [0.0] * 8))
+        return builder.zext(builder.bitcast(lanes, ir.IntType(8)), _INT64)
+
+    return types.int64(v), codegen
+
+
+@intrinsic
+def count_bits(typingctx, bits):
+    """Number of ones among the bits."""
+
+    def codegen(context, builder, sig, args):
+        return builder.ctpop(args[0])
+
+    return types.int64(types.int64), codegen
 
 
 def _halves(builder, vector, operation):

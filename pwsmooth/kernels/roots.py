@@ -10,10 +10,9 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
-from .lanes import load8, store8
-from .pointers import abs8, at, call_root, sum8
+from .lanes import fused, load8, store8
+from .pointers import abs8, at, below_zero8, call_root, count_bits, powers8, sum8
 from .state import Work
-from .steps import first_powers
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -45,22 +44,24 @@ def remainder(a, degree):
     return abs(at(a, _LOW + 1)) + (sum8(total) if degree >= 8 else 0.0)
 
 
-@kernel
+@fused
 def _to_bernstein(W, degree, b):
-    """Overwrites b with the Bernstein coefficients of W.poly on [0, 1], by columns: no chain from one to the next."""
-    a, table = W.poly, W.bernstein_table[W.order - degree]
+    """Overwrites b with the Bernstein coefficients of W.poly on [0, 1]; returns which are negative, as bits."""
+    a, table, negative, width = W.poly, W.bernstein_table, 0, len(W.poly)
+    columns = (W.order - degree) * width * width
     for start in range(0, degree + 1, 8):
-        block = load8(table[0], start) * at(a, 0)
-        for k in range(1, min(start + 8, degree + 1)):
-            block = block + load8(table[k], start) * at(a, k)
+        # By columns, in two sums: a sum of one chain would wait for each addition. Columns beyond the degree are zero.
+        column = columns + start
+        even = load8(table, column) * at(a, 0)
+        odd = load8(table, column + width) * at(a, 1)
+        for k in range(2, min(start + 8, degree + 1), 2):
+            column += 2 * width
+            even = even + load8(table, column) * at(a, k)
+            odd = odd + load8(table, column + width) * at(a, k + 1)
+        block = even + odd
         store8(b, start, block)
-
-
-@inlined_kernel
-def _derive(W, a, d, degree):
-    """Overwrites d with the derivative of a; both are zero from their degree on, up to a multiple of 8."""
-    for k in range(0, degree + 1, 8):
-        store8(d, k, load8(W.counting, k) * load8(a, k + 1))
+        negative |= below_zero8(block) << start
+    return negative
 
 
 @kernel
@@ -71,21 +72,25 @@ def _note_grazing(W, s, crosses):
     W.answer[6] = s
 
 
-@kernel
+@fused
 def _refine(W, degree, lo, hi, s):
     """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
-    a, first, second, power = W.poly, W.first, W.second, W.root_power
-    before, d, c = 1.0, 0.0, 0.0
+    a = W.poly
+    before, d, c = 0.0, 0.0, 0.0
     for _ in range(60):
-        # Value and two derivatives at once, eight terms a block.
-        s8 = first_powers(power, s)
-        block = load8(power, 0)
-        value, slope, bend = load8(a, 0) * block, load8(first, 0) * block, load8(second, 0) * block
+        # p, s p' and s^2 p'' at once, eight terms a block: sums of a_k s^k times 1, k and k (k - 1).
+        s2 = s * s
+        s4 = s2 * s2
+        s8 = s4 * s4
+        block = powers8(s)
+        term = load8(a, 0) * block
+        value, slope, bend = term, term * load8(W.counting, 0), term * load8(W.pairing, 0)
         for k in range(8, degree + 1, 8):
             block = block * s8
-            value = value + load8(a, k) * block
-            slope = slope + load8(first, k) * block
-            bend = bend + load8(second, k) * block
+            term = load8(a, k) * block
+            value = value + term
+            slope = slope + term * load8(W.counting, k)
+            bend = bend + term * load8(W.pairing, k)
         f, d, c = sum8(value), sum8(slope), sum8(bend)
         if f == 0.0:
             break
@@ -94,14 +99,14 @@ def _refine(W, degree, lo, hi, s):
         else:
             hi = s
         bottom = d * d - 0.5 * f * c
-        new = s - f * d / bottom if bottom != 0.0 else lo - 1.0
+        new = s - s * f * d / bottom if bottom != 0.0 else lo - 1.0
         step = abs(new - s)
         if step <= 2e-16 * max(s, 1e-3) or hi - lo <= 1e-16:
             break
         if lo < new < hi:
             s = new
-            # Cubic convergence: after a step of 1e-7 that was 1000 times shorter than the one before, s is at rounding.
-            if step < 1e-7 * s and step < 1e-3 * before:
+            # Cubic convergence: step = C before^3, so the next one would be step (step/before)^3.
+            if step * step * step * step < 1e-17 * s * (before * before * before):
                 break
             before = step
         else:
@@ -112,99 +117,122 @@ def _refine(W, degree, lo, hi, s):
     return s
 
 
-@unit(types.float64, Work, types.int64)
-def isolate(W, degree):
-    """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
+@fused
+def _guess(degree, b):
+    """Where a polynomial with one root in [0, 1] and Bernstein coefficients b crosses zero, roughly."""
+    first, last = b[0], b[degree]
+    drop = last - first
+    r = first / -drop
+    slope0, slope1 = degree * (b[1] - first), degree * (last - b[degree - 1])
+    if slope0 < 0.0 and slope1 < 0.0:
+        # The cubic s(p) with the same ends and slopes there.
+        s = r * r * (3.0 - 2.0 * r) + r * (1.0 - r) * (drop / slope0 * (1.0 - r) - drop / slope1 * r)
+        if 0.0 < s < 1.0:
+            return s
+    # The parabola with the same ends and the same slope at 0.
+    disc = slope0 * slope0 - 4.0 * first * (drop - slope0)
+    s = 2.0 * first / (math.sqrt(max(disc, 0.0)) - slope0)
+    return s if 0.0 < s < 1.0 else r
+
+
+@inlined_kernel
+def _sign_changes(negative, degree):
+    """Sign changes among coefficients 0..degree, given which of them are negative."""
+    return count_bits((negative ^ negative >> 1) & ((1 << degree) - 1))
+
+
+@fused
+def _split(W, degree, stride, slot):
+    """The halves of the polynomial in slot `slot` of W.bernstein: left in the next slot, right in place.
+
+    Returns which coefficients of the left half are negative. Columns of de Casteljau's weights at 1/2.
+    """
+    work, negative, width = W.bernstein, 0, len(W.poly)
+    left, right = W.left_half, W.right_half
+    here, there = slot * stride, (slot + 1) * stride
+    for start in range(0, degree + 1, 8):
+        block = load8(left, start) * at(work, here)
+        for k in range(1, min(start + 8, degree + 1)):
+            block = block + load8(left, k * width + start) * at(work, here + k)
+        store8(work, there + start, block)
+        negative |= below_zero8(block) << start
+    columns = (W.order - degree) * width * width
+    for start in range(0, degree + 1, 8):
+        # From coefficient `start` on, so that those written are not read again.
+        block = load8(right, columns + start * width + start) * at(work, here + start)
+        for k in range(start + 1, degree + 1):
+            block = block + load8(right, columns + k * width + start) * at(work, here + k)
+        store8(work, here + start, block)
+    return negative
+
+
+@kernel
+def _subdivide(W, degree, stride, negative):
+    """First root where more than one is possible: halves, left first. W.bernstein holds [0, 1] in its first slot."""
     a, work = W.poly, W.bernstein
-    _derive(W, a, W.first, degree)
-    _derive(W, W.first, W.second, degree)
-    if low_bounds(W.first)[1] + remainder(W.first, degree) < 0.0:
-        # Falls all the way: one root if it ends below zero, none else. The usual case of a surface that is met.
-        end = 0.0
-        for k in range(degree + 1):
-            end += at(a, k)
-        if end > 0.0:
-            return NO_ROOT
-        # From the parabola with the same value and slope at 0 and the same end.
-        slope = at(a, 1)
-        disc = slope * slope - 4.0 * at(a, 0) * (end - at(a, 0) - slope)
-        return _refine(W, degree, 0.0, 1.0, 2.0 * at(a, 0) / (math.sqrt(max(disc, 0.0)) - slope))
-    width = degree + 1
-    b = work[: width + 8]
-    _to_bernstein(W, degree, b)
     top = 0.0
-    for k in range(width):
-        top = max(top, abs(b[k]))
+    for k in range(degree + 1):
+        top = max(top, abs(work[k]))
     noise = 4e-16 * top
-    depth = 0
-    # Depth-first over dyadic intervals; slot d of `work` keeps the right half that waits at depth d.
-    left, size = 0.0, 1.0
-    pending = 0  # bit d: a right half waits at depth d
+    depth, left, size = 0, 0.0, 1.0
+    pending = 0  # bit d: the right half of an interval of depth d waits in slot d
     while True:
-        base = depth * width
-        c = work[base : base + width]
-        changes = 0
-        previous = 1.0 if c[0] > 0.0 else -1.0
-        zero_at = -1
-        for k in range(1, width):
-            if c[k] != 0.0:
-                sign = 1.0 if c[k] > 0.0 else -1.0
-                if sign != previous:
-                    changes += 1
-                    if zero_at < 0:
-                        zero_at = k
-                    previous = sign
+        c = work[depth * stride : (depth + 1) * stride]
+        changes = _sign_changes(negative, degree)
         if c[0] <= 0.0:
             return left
-        if changes == 1 or (changes > 1 and depth >= _DEEPEST and c[width - 1] < -noise):
-            # Where the control polygon crosses zero.
-            s = (zero_at - 1 + c[zero_at - 1] / (c[zero_at - 1] - c[zero_at])) / degree
-            return _refine(W, degree, left, left + size, left + s * size)
-        if changes == 0 and c[width - 1] == 0.0:
-            return left + size
-        if changes == 0 and depth > 0:
-            last = degree if left + size >= 1.0 else degree + 1  # the step's end is the next step's business
-            for k in range(1, last):
-                if c[k] < GRAZING * a[0]:
-                    _note_grazing(W, left + size * k / degree, 0)
-        if changes > 1 and depth < _DEEPEST:
+        if changes == 1 or (changes > 1 and depth >= _DEEPEST and c[degree] < -noise):
+            return _refine(W, degree, left, left + size, left + size * _guess(degree, c))
+        if changes == 0:
+            if c[degree] == 0.0:
+                return left + size
+            if depth > 0:
+                last = (
+                    degree if left + size >= 1.0 else degree + 1
+                )  # the step's end is the next step's business
+                for k in range(1, last):
+                    if c[k] < GRAZING * a[0]:
+                        _note_grazing(W, left + size * k / degree, 0)
+        elif depth < _DEEPEST:
             lowest = c[0]
-            for k in range(width):
+            for k in range(degree + 1):
                 lowest = min(lowest, c[k])
-            if lowest > -noise and c[width - 1] > 0.0:
-                changes = 0  # touches within rounding: grazing, no crossing, but not decided by the numbers
-                _note_grazing(W, left + 0.5 * size, 0)
-        if changes > 1 and depth < _DEEPEST:
-            # de Casteljau at 1/2: left half in place one level deeper, right half stays at this level.
-            d = work[base + width : base + 2 * width]
-            for i in range(width):
-                d[i] = c[0]
-                for k in range(width - 1 - i):
-                    c[k] = 0.5 * (c[k] + c[k + 1])
-            pending |= 1 << depth
-            size *= 0.5
-            depth += 1
-            continue
-        # No root here: go to the next waiting right half.
-        while depth > 0:
+            if lowest > -noise and c[degree] > 0.0:
+                _note_grazing(W, left + 0.5 * size, 0)  # touches within rounding: not decided by the numbers
+            else:
+                negative = _split(W, degree, stride, depth)
+                pending |= 1 << depth
+                size *= 0.5
+                depth += 1
+                continue
+        # No root here: go to the next waiting right half, one slot up, so that its own left half has room.
+        while True:
+            if pending == 0:
+                return NO_ROOT
             depth -= 1
             size *= 2.0
             if pending >> depth & 1:
-                pending ^= 1 << depth
-                left_parent = math.floor(left / size) * size
-                left = left_parent + 0.5 * size
-                size *= 0.5
-                # The right half is processed as if it were one level deeper, in its own slot.
-                src = work[depth * width : (depth + 1) * width]
-                dst = work[(depth + 1) * width : (depth + 2) * width]
-                for k in range(width):
-                    dst[k] = src[k]
-                depth += 1
                 break
-        else:
-            return NO_ROOT
-        if depth == 0:
-            return NO_ROOT
+        pending ^= 1 << depth
+        size *= 0.5
+        left = math.floor(left / (2.0 * size)) * 2.0 * size + size
+        negative = 0
+        for k in range(degree + 1):
+            work[(depth + 1) * stride + k] = work[depth * stride + k]
+            if work[depth * stride + k] < 0.0:
+                negative |= 1 << k
+        depth += 1
+
+
+@unit(types.float64, Work, types.int64)
+def isolate(W, degree):
+    """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
+    negative = _to_bernstein(W, degree, W.bernstein)
+    if negative == 0:
+        return 1.0 if W.bernstein[degree] == 0.0 else NO_ROOT
+    if _sign_changes(negative, degree) == 1:
+        return _refine(W, degree, 0.0, 1.0, _guess(degree, W.bernstein))
+    return _subdivide(W, degree, len(W.poly), negative)
 
 
 @inlined_kernel

@@ -164,6 +164,8 @@ class Work(Bundle):
     """Scratch arrays, overwritten by everybody."""
 
     order: "int"  # of the polynomials
+    per_order: "float"  # 1/order and 1/(order - 1)
+    per_order_before: "float"
     dx: "f8[1]"
     h: "f8[1]"
     g: "f8[1]"
@@ -175,12 +177,12 @@ class Work(Bundle):
     rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
     power: "f8[1]"  # (order + PAD,) powers of the step
     poly: "f8[1]"  # (order + PAD,) one scaled polynomial
-    first: "f8[1]"  # (order + PAD,) its derivatives
-    second: "f8[1]"
-    counting: "f8[1]"  # 1, 2, 3, ...
-    root_power: "f8[1]"  # (8,)
+    counting: "f8[1]"  # (order + PAD,) k
+    pairing: "f8[1]"  # (order + PAD,) k (k - 1)
     bernstein: "f8[1]"
-    bernstein_table: "f8[3]"  # see tables.bernstein_tables
+    bernstein_table: "f8[1]"  # see tables.py
+    left_half: "f8[1]"
+    right_half: "f8[1]"
     z: "f8[1]"  # (nz,)
     q: "f8[1]"  # (nz,)
     fold_x: "f8[1]"  # states of the fold program

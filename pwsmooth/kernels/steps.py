@@ -11,13 +11,14 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .lanes import load8, store8
 from .pointers import (
+    at,
     bits_float,
     call_fields,
     call_jet_general,
     call_jet_slip,
     call_linear,
     float_bits,
-    put,
+    powers8,
     sum8,
 )
 from .sliding import mask_solved
@@ -35,26 +36,13 @@ def dot(row, power, count):
 
 
 @inlined_kernel
-def first_powers(power, h):
-    """Overwrites power[0..7] with 1, h, ..., h^7; returns h^8."""
-    h2 = h * h
-    h4 = h2 * h2
-    put(power, 0, 1.0)
-    put(power, 1, h)
-    put(power, 2, h2)
-    put(power, 3, h2 * h)
-    put(power, 4, h4)
-    put(power, 5, h4 * h)
-    put(power, 6, h4 * h2)
-    put(power, 7, h4 * (h2 * h))
-    return h4 * h4
-
-
-@inlined_kernel
 def powers(power, h):
     """Overwrites all of power with 1, h, h^2, ...: blocks of eight, each h^8 times the one before."""
-    h8 = first_powers(power, h)
-    block = load8(power, 0)
+    h2 = h * h
+    h4 = h2 * h2
+    h8 = h4 * h4
+    block = powers8(h)
+    store8(power, 0, block)
     for k in range(8, len(power), 8):
         block = block * h8
         store8(power, k, block)
@@ -71,40 +59,49 @@ _ONE_BIT, _BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from 
 
 
 @inlined_kernel
-def step_within(e0, e1, order, longest):
+def step_within(e0, e1, C, W, longest):
     """Step at which both of the last two terms, in units of the tolerance, are below 1; nan if they are not finite.
 
-    min(e0^(-1/(order-1)), e1^(-1/order)) to a few per cent: exponent bits with the mantissa as a linear fraction,
-    there and back.
+    min(e0^(-1/(order-1)), e1^(-1/order)) by exponent bits with the mantissa as a linear fraction, there and back,
+    which is up to 6 % too large. What is neglected is then below the tolerance wherever two terms shrink by a half.
     """
     if not e0 + e1 < math.inf:
         return math.nan
-    log0 = (float_bits(max(e0, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * (1.0 / (order - 1))
-    log1 = (float_bits(max(e1, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * (1.0 / order)
-    return 0.9 * min(longest, bits_float(int((_BIAS - max(log0, log1)) * _ONE_BIT)))
+    log0 = (float_bits(max(e0, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.per_order_before
+    log1 = (float_bits(max(e1, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.per_order
+    return 0.94 * min(longest, bits_float(int((_BIAS - max(log0, log1)) * _ONE_BIT)))
 
 
 @inlined_kernel
-def taylor_step_size(P, C, S, rows, x, atol, mult_row, any_solved):
+def taylor_step_size(P, C, S, rows, mult_row, any_solved, W):
     """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
 
-    Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time.
+    Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time. A state's tolerance
+    is relative to its size within the step, not at its start: after every event some velocity starts from 0.
     """
-    K, rtol = C.order, C.rtol
-    e0, e1, finite = 0.0, 0.0, 0.0
-    for i in range(P.n):
-        weight = 1.0 / (atol[i] + rtol * abs(x[i]))
-        e0 = max(e0, abs(rows[i, K - 1]) * weight)
-        e1 = max(e1, abs(rows[i, K]) * weight)
-        finite += rows[i, K] * 0.0  # a nan is lost in max()
-    if any_solved:
-        for j in range(P.m):
-            if S.status[j] == SOLVED:
-                weight = 100.0 / (rtol * (1.0 + abs(S.mult[j])))
-                e0 = max(e0, abs(rows[mult_row + j, K - 1]) * weight)
-                e1 = max(e1, abs(rows[mult_row + j, K]) * weight)
-                finite += rows[mult_row + j, K] * 0.0
-    return step_within(e0 + finite, e1, K, C.max_step)
+    K, rtol, atol, x, count = C.order, C.rtol, C.atol, S.x, P.n
+    reach = S.now[1]
+    while True:
+        half, quarter = 0.5 * reach, 0.5 * reach * reach
+        e0, e1, finite = 0.0, 0.0, 0.0
+        for i in range(count):
+            size = max(abs(x[i]), max(half * abs(at(rows[i], 1)), quarter * abs(at(rows[i], 2))))
+            weight = 1.0 / (atol[i] + rtol * size)
+            e0 = max(e0, abs(at(rows[i], K - 1)) * weight)
+            e1 = max(e1, abs(at(rows[i], K)) * weight)
+            finite += at(rows[i], K) * 0.0  # a nan is lost in max()
+        if any_solved:
+            for j in range(P.m):
+                if S.status[j] == SOLVED:
+                    row = rows[mult_row + j]
+                    weight = 100.0 / (rtol * (1.0 + abs(S.mult[j])))
+                    e0 = max(e0, abs(at(row, K - 1)) * weight)
+                    e1 = max(e1, abs(at(row, K)) * weight)
+                    finite += at(row, K) * 0.0
+        h = step_within(e0 + finite, e1, C, W, C.max_step)
+        if not h < 0.5 * reach:
+            return h
+        reach = h  # the size was taken over far more than the step
 
 
 @inlined_kernel
@@ -177,7 +174,7 @@ def fold_jet(P, C, S, W, j, toward):
 
 
 @kernel
-def fold_step_size(P, C, S, rows):
+def fold_step_size(P, C, S, rows, W):
     """Step along the arc, by the same rule; the multipliers are states of this program."""
     K, n, m = C.order, P.n, P.m
     e0, e1, finite = 0.0, 0.0, 0.0
@@ -191,4 +188,4 @@ def fold_step_size(P, C, S, rows):
         e0 = max(e0, abs(rows[i, K - 1]) * weight)
         e1 = max(e1, abs(rows[i, K]) * weight)
         finite += rows[i, K] * 0.0
-    return step_within(e0 + finite, e1, K, 0.5)  # at most a quarter of the multiplier's whole range
+    return step_within(e0 + finite, e1, C, W, 0.5)  # at most a quarter of the multiplier's whole range

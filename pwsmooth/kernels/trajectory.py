@@ -235,8 +235,9 @@ def run(P, C, S, R, W):
                 any_solved = True
         if any_solved:
             mask_solved(P, S, W)
-            if not follow(P, S, W):
+            if W.code[11] == 0 and not follow(P, S, W):
                 return NEWTON_FAILED
+            W.code[11] = 0
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
         by_pair = P.pair != 0
@@ -246,7 +247,7 @@ def run(P, C, S, R, W):
             if mult_row < 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
-            h = taylor_step_size(P, C, S, rows, x, C.atol, mult_row, any_solved)
+            h = taylor_step_size(P, C, S, rows, mult_row, any_solved, W)
         if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
@@ -269,7 +270,7 @@ def run(P, C, S, R, W):
                 time_row = n
                 mult_row = n + 1
                 surface_rows = P.rows_fold
-                h = fold_step_size(P, C, S, rows)
+                h = fold_step_size(P, C, S, rows, W)
                 if math.isnan(h):
                     return NOT_FINITE
             else:

@@ -1,0 +1,186 @@
+"""Events, impacts and openings of one instant, and the sides of the switches after what jumped.
+
+All events whose `when` holds fire from the values before, repeated until none newly fires; then the contacts that are
+met rebound, close or open.
+"""
+
+from .compiling import kernel
+from .pointers import call_act, call_fields
+from .records import record_event
+from .settling import approach_speed, close_contact, evaluate_surfaces, note_interval
+from .sliding import keep_on_surface, surface_rounding
+from .state import (
+    C_CLOCK,
+    CHATTERING,
+    CONTACT,
+    DONE,
+    EV_CLOSED,
+    EV_EVENT,
+    EV_IMPACT,
+    EV_OPENING,
+    EV_RESET,
+    HELD,
+    SOLVED,
+    TERMINAL,
+)
+
+MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
+
+
+@kernel
+def _meet_event(P, S, W, i):
+    """Event surface i has been met: flips its side and marks the event as pending if the direction fits."""
+    S.side[i] = -S.side[i]
+    if P.direction[i] == 0 or P.direction[i] == S.side[i]:
+        W.pending[i] = 1
+
+
+@kernel
+def _fire_events(P, C, S, R, W):
+    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5].
+
+    Keeps in W.tau the event surfaces before each update.
+    """
+    m, n, ne = P.m, P.n, P.ne
+    code = DONE
+    fired = 0
+    while fired <= ne + MOST_AT_ONCE - 1:
+        newly = False
+        for k in range(n):
+            W.before[k] = S.x[k]
+            W.after[k] = S.x[k]
+        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(m, m + ne):
+            W.tau[i] = W.h[i]
+        for i in range(ne):
+            if W.pending[i] == 1 and call_act(P.act, i, S.now[0], W.before, S.mult, P.p, W.after) != 0:
+                W.pending[i] = 2
+                newly = True
+                fired += 1
+                record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
+                if P.terminal[i]:
+                    code = TERMINAL
+        if not newly:
+            return code
+        for k in range(n):
+            if W.after[k] != S.x[k]:
+                W.code[5] = 1
+                S.x[k] = W.after[k]
+        evaluate_surfaces(P, S, W)
+        for i in range(ne):
+            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
+                continue
+            rounding = 0.0
+            for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
+                k = P.dh_col[e]
+                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.before[k]) + abs(S.x[k]))
+            if abs(W.h[m + i]) <= rounding:
+                continue
+            S.deflate[m + i] = 0
+            if W.hit[m + i] and abs(W.tau[m + i]) <= rounding:
+                # Put back from the surface that it had just reached: it will be met again from there.
+                S.side[i] = -S.side[i]
+            else:
+                # An event surface that the update has jumped through is met as well.
+                W.hit[m + i] = True
+                _meet_event(P, S, W, i)
+    return CHATTERING
+
+
+@kernel
+def events(P, C, S, R, W):
+    """The events of this instant, from their surfaces and from the clock; returns as _fire_events."""
+    some = False
+    for i in range(P.ne):
+        W.pending[i] = 0
+        if W.hit[P.m + i]:
+            S.deflate[P.m + i] = 1
+            _meet_event(P, S, W, i)
+            some = some or W.pending[i] == 1
+    if W.code[4]:
+        while S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= S.now[0]:
+            W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
+            S.counts[C_CLOCK] += 1
+            some = True
+    return _fire_events(P, C, S, R, W) if some else DONE
+
+
+@kernel
+def impacts(P, S, R, W):
+    """Newton impacts and openings. True when it converged; x changed in W.code[5]."""
+    for sweep in range(MOST_AT_ONCE):
+        newly = False
+        for j in range(P.m):
+            if P.kind[j] != CONTACT:
+                continue
+            if S.status[j] == SOLVED:
+                if W.hit[j] and sweep == 0 and S.mult[j] <= 1e-12:
+                    S.status[j] = 1
+                    S.mult[j] = 0.0
+                    S.deflate[j] = 3
+                    W.hit[j] = False
+                    record_event(S, R, j, EV_OPENING, 0, 1)
+                continue
+            evaluate_surfaces(P, S, W)
+            if not (W.hit[j] or W.h[j] <= -surface_rounding(P, S, j, W)):
+                continue
+            speed = approach_speed(P, S, j, W)
+            if speed < -W.answer[3]:
+                for i in range(P.n):
+                    W.after[i] = S.x[i]
+                call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
+                for i in range(P.n):
+                    S.x[i] = W.after[i]
+                keep_on_surface(P, S, j, W)
+                W.code[5] = 1
+                newly = True
+                S.deflate[j] = 1
+                W.hit[j] = True
+                if sweep == 0:
+                    note_interval(S, j)
+                record_event(S, R, j, EV_IMPACT, 1, 1)
+                speed = approach_speed(P, S, j, W)
+            if abs(speed) <= W.answer[3] and W.hit[j] and close_contact(P, S, j, W):
+                record_event(S, R, j, EV_CLOSED, 1, 0)
+        if not newly:
+            return True
+    return False
+
+
+@kernel
+def sides_after_jump(P, S, R, W):
+    """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
+    evaluate_surfaces(P, S, W)
+    for j in range(P.m):
+        if P.kind[j] >= CONTACT or S.status[j] == HELD:
+            continue
+        if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+            W.hit[j] = True  # still, or now, on its surface
+            continue
+        W.hit[j] = False
+        side = 1 if W.h[j] > 0.0 else -1
+        if S.status[j] != side:
+            record_event(S, R, j, EV_RESET, S.status[j], side)
+            S.status[j] = side
+            S.mult[j] = float(side)
+            S.deflate[j] = 0
+
+
+@kernel
+def step_inside(P, S, j, W):
+    """Moves S.x by roundings onto the side S.status[j] of h_j: a power may have its branch point on h_j = 0.
+
+    A located zero of a curved surface is one to rounding, of either sign, and delta^1.5 does not exist on the other.
+    """
+    if P.surface_state[j] >= 0:
+        return
+    evaluate_surfaces(P, S, W)
+    best, most, total = -1, 0.0, 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        part = abs(W.dh[e] * S.x[P.dh_col[e]])
+        total += part
+        if part > most:
+            best, most = e, part
+    side = float(S.status[j])
+    if best >= 0 and side * W.h[j] < 4e-16 * total:
+        S.x[P.dh_col[best]] += (side * 8e-16 * total - W.h[j]) / W.dh[best]
