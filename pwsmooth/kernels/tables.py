@@ -10,7 +10,7 @@ TABLES = 5  # known zeros at a step's start: up to three, one more at rounding l
 
 @functools.cache
 def bernstein_tables(order, width):
-    """Flat tables[d][k, i] = binom(i, k) / binom(D, k), D = order - d: Bernstein coefficients are sum_k a[k] tables[d][k].
+    """Flat tables[d][k, i] = binom(i, k)/binom(D, k), D = order - d; Bernstein coefficients: sum_k a[k] tables[d][k].
 
     One for each degree that known zeros at the step's start can leave.
     """
@@ -25,7 +25,7 @@ def bernstein_tables(order, width):
 
 @functools.cache
 def halving_tables(order, width):
-    """(left, right), flat: de Casteljau at 1/2 as columns, left coefficients sum_k b[k] left[k], right ones right[d][k].
+    """(left, right), flat: de Casteljau at 1/2 by columns, left coefficients sum_k b[k] left[k], right by right[d][k].
 
     left[k, i] = binom(i, k)/2^i for every degree; right[d][k, i] = binom(D - i, k - i)/2^(D - i), D = order - d.
     """
