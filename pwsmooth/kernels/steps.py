@@ -73,11 +73,12 @@ def step_within(e0, e1, C, W, longest):
 
 
 @inlined_kernel
-def taylor_step_size(P, C, S, rows, mult_row, any_solved, W):
+def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
     """Step at which the last two orders fall below the tolerance; lambda counts 100 times stronger.
 
-    Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time. A state's tolerance
-    is relative to its size within the step, not at its start: after every event some velocity starts from 0.
+    Exits from sliding are often nearly tangent: an error tol there would become sqrt(tol) in time. A tolerance is
+    relative to the size within the step, not at its start: after every event some velocity starts from 0. A surface
+    that is no state has a series of its own (an exponential that the branch in force does not contain, say).
     """
     K, rtol, atol, x, count = C.order, C.rtol, C.atol, S.x, P.n
     reach = S.now[1]
@@ -98,6 +99,15 @@ def taylor_step_size(P, C, S, rows, mult_row, any_solved, W):
                     e0 = max(e0, abs(at(row, K - 1)) * weight)
                     e1 = max(e1, abs(at(row, K)) * weight)
                     finite += at(row, K) * 0.0
+        for i in range(len(surface_rows)):
+            # Beyond the states' rows; a multiplier's surface only while it is not kept on it.
+            if surface_rows[i] >= count and (i >= P.m or abs(S.status[i]) == 1):
+                row = rows[surface_rows[i]]
+                size = max(abs(at(row, 0)), max(half * abs(at(row, 1)), quarter * abs(at(row, 2))))
+                weight = 1.0 / (rtol * size + 1e-290)
+                e0 = max(e0, abs(at(row, K - 1)) * weight)
+                e1 = max(e1, abs(at(row, K)) * weight)
+                finite += at(row, K) * 0.0
         h = step_within(e0 + finite, e1, C, W, C.max_step)
         if not h < 0.5 * reach:
             return h

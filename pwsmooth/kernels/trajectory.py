@@ -247,7 +247,7 @@ def run(P, C, S, R, W):
             if mult_row < 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
-            h = taylor_step_size(P, C, S, rows, mult_row, any_solved, W)
+            h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W)
         if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
