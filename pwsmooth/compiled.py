@@ -17,6 +17,7 @@ from .kernels import state
 from .kernels.tables import bernstein_tables, halving_tables
 from .model import Model, Multiplier
 
+_FLAT = (sp.exp, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
 
 
@@ -58,6 +59,8 @@ class CompiledProblem:
         expressions = (*text.rhs, *(mu.residual for mu in text.multipliers))
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
+        surfaces = (part.surface for part in (*model.multipliers, *model.events) if part.surface is not None)
+        flat = any(e.has(*_FLAT) for e in (*expressions, *surfaces))
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
@@ -66,6 +69,7 @@ class CompiledProblem:
         fold_row, fold_col = fold.pattern("G") if fold else (empty, empty)
         self.fixed = dict(
             rk_unit=0,
+            flat=int(flat),
             pair=0,
             **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
             fields=code.fields,

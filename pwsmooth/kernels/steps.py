@@ -114,6 +114,38 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
         reach = h  # the size was taken over far more than the step
 
 
+@kernel
+def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
+    """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.power is of s.
+
+    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell of what they do there: only a look at
+    the end of the step does. 100: K terms of the tolerance's size in a derivative, and what a stiff field makes of it.
+    """
+    n, m, K, x, mult, power = P.n, P.m, C.order, W.before, W.keep_mult, W.power
+    for i in range(n):
+        x[i] = dot(rows[i], power, K + 1)
+    for j in range(m):
+        mult[j] = dot(rows[mult_row + j], power, K + 1) if S.status[j] == SOLVED else S.mult[j]
+    call_fields(P.fields, t + s, x, mult, P.p, W.dx, W.h, W.g)
+    for j in range(m):
+        if S.status[j] == SOLVED and P.surface_state[j] >= 0:
+            W.dx[P.surface_state[j]] = 0.0  # exactly, by construction
+    for i in range(n):
+        rise = load8(rows[i], 0) * load8(power, 0) * load8(W.counting, 0)
+        for k in range(8, K + 1, 8):
+            rise = rise + load8(rows[i], k) * load8(power, k) * load8(W.counting, k)
+        size = max(max(abs(at(rows[i], 0)), abs(x[i])), s * abs(at(rows[i], 1)))
+        if abs(s * W.dx[i] - sum8(rise)) > 100.0 * (C.atol[i] + C.rtol * size):
+            return False
+    for i in range(m + P.ne):
+        if surface_rows[i] >= n and (i >= m or abs(S.status[i]) == 1):
+            row = rows[surface_rows[i]]
+            size = max(abs(at(row, 0)), max(s * abs(at(row, 1)), s * s * abs(at(row, 2))))
+            if abs(W.h[i] - dot(row, power, K + 1)) > 100.0 * C.rtol * size:
+                return False
+    return True
+
+
 @inlined_kernel
 def take_jet(P, C, S, any_solved, work):
     """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""

@@ -43,8 +43,10 @@ from .state import (
     State,
     Work,
 )
-from .steps import dot, fold_step_size, near_fold, powers, scaled, take_jet, taylor_step_size
+from .steps import dot, fits, fold_step_size, near_fold, powers, scaled, take_jet, taylor_step_size
 from .twofolds import two_fold
+
+_MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
 
 
 @inlined_kernel
@@ -285,6 +287,18 @@ def run(P, C, S, R, W):
             return UNDERFLOW
         powers(power, h)
         best = find_first(P, C, S, rows, power, surface_rows, mult_row, W)
+        if P.flat and time_row < 0 and not by_pair:
+            powers(power, min(best, 1.0) * h)
+            for _ in range(_MOST_HALVINGS):
+                if fits(P, C, S, rows, surface_rows, mult_row, t0, min(best, 1.0) * h, W):
+                    break
+                h *= 0.5 * min(best, 1.0)
+                capped = False
+                powers(power, h)
+                W.code[8] = 0
+                best = find_first(P, C, S, rows, power, surface_rows, mult_row, W)
+                powers(power, min(best, 1.0) * h)
+            powers(power, h)
         fraction, folded = 1.0, False
         if time_row >= 0:
             # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
