@@ -118,7 +118,7 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
 def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
     """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.power is of s.
 
-    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell of what they do there: only a look at
+    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there: only a look at
     the end of the step does. 100: K terms of the tolerance's size in a derivative, and what a stiff field makes of it.
     """
     n, m, K, x, mult, power = P.n, P.m, C.order, W.before, W.keep_mult, W.power
