@@ -94,10 +94,9 @@ def solve_smoothed(
 
 def _own(model, t_span, start, p, options, max_steps):
     from . import stiff
-    from .codegen.cache import load_kernels
+    from .kernels import stiff_state as S
 
     run = stiff.integrate(model, t_span, start, p, max_steps=max_steps, **options)
-    S = load_kernels("stiff_state")
     outcome = {
         S.DONE: Outcome.FINISHED,
         S.TERMINAL: Outcome.TERMINATED,

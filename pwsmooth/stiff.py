@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pwsmooth.kernels import stiff_state as S
 from pwsmooth.model import Model
 
 METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
@@ -19,6 +20,8 @@ SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
 # Looser tolerances were seen to step over layers in spite of the gate.
 LOOSEST_RTOL = 1e-3
 _CHUNK = 4096  # steps between two looks at the keyboard
+# Of the span, in stiff_loop.STALL attempts: at a slower pace the end is 10^10 attempts away.
+_LEAST_ADVANCE = 1e-6
 
 
 @dataclass
@@ -52,16 +55,16 @@ class StiffResult:
     events: list = field(default_factory=list)
 
 
-def internal_tolerances(rtol: float, method: str, inside: bool) -> tuple[int, int, float, float]:
+def internal_tolerances(rtol: float, method: str, exact: bool) -> tuple[int, int, float, float]:
     """(order index, Taylor order, rtol of Radau, rtol of Taylor) that serve the user's rtol without waste.
 
     The embedded error of Radau IIA has order s, the step order 2s - 1: at an internal 1e-6 the true error is
     about 1e-9, so the tolerance is raised to a power that still leaves a margin on the problems measured. Not
-    so when states `inside` the steps are wanted: the collocation polynomial has the order of the embedded
-    error.
+    so when the estimate is `exact`: where states inside the steps are wanted, since the collocation polynomial has
+    the order of the embedded error, and across kinks, where every order is low.
     """
     index = {"radau5": 0, "radau9": 1, "radau13": 2}.get(method, 1 if rtol >= 3e-5 else 2)
-    power = 1.0 if inside or index == 0 else 0.8
+    power = 1.0 if exact or index == 0 else 0.8
     return index, 12 if rtol >= 1e-9 else 16, min(LOOSEST_RTOL, rtol**power), 0.3 * rtol
 
 
@@ -116,11 +119,11 @@ def integrate(
     True
     """
     from pwsmooth.codegen import stiff as codegen
-    from pwsmooth.codegen.cache import load_kernels
+    from pwsmooth.codegen.units import stiff_loop
 
     if method not in METHODS:
         raise ValueError(f"`method` is {method!r}; the smoothed path knows {', '.join(METHODS)}.")
-    S, loop = load_kernels("stiff_state"), load_kernels("stiff_loop")
+    chunk, units = stiff_loop()
     compiled = codegen.compile_stiff(model)
     has_taylor = compiled.address[codegen.NAMES.index("taylor")] != 0
     if method == "taylor" and not has_taylor:
@@ -128,16 +131,17 @@ def integrate(
     t0, t1 = map(float, t_span)
     rtol = min(float(rtol), LOOSEST_RTOL)
     inside = dense or t_eval is not None or any(e.surface is not None for e in model.events)
-    order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside)
+    order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside or not compiled.smooth)
 
-    num = np.zeros(S.REACH + 1)
+    num = np.zeros(S.LEAST_ADVANCE + 1)
     num[S.T], num[S.T_END] = t0, t1
     num[S.H] = first_step or 0.0
     num[S.RTOL], num[S.RTOL_TAYLOR] = rtol_radau, rtol_taylor
     # A tenth of the span: a seat belt, not what protects the layers.
     num[S.H_MAX] = min(max_step, 0.1 * (t1 - t0))
+    num[S.MARK], num[S.LEAST_ADVANCE] = t0, _LEAST_ADVANCE * (t1 - t0)
     num[S.KAPPA] = min(0.03, 10.0 * np.sqrt(rtol_radau))
-    cnt = np.zeros(S.HAPPENED + 1, dtype=np.int64)
+    cnt = np.zeros(S.SINCE_MARK + 1, dtype=np.int64)
     cnt[S.ORDER], cnt[S.K] = order, K
     cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
     cnt[S.MAY_RADAU] = method != "taylor"
@@ -149,14 +153,14 @@ def integrate(
     if kicks is not None:
         address, p = kicks.smooth(address, codegen.NAMES.index("act"), p)
     atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
-    units = np.array([u.address for u in loop.UNITS], dtype=np.int64)
-    addresses = np.concatenate([address, units])
-    run = _run(S, compiled, addresses, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
+    addresses = np.array([*address, *units], dtype=np.int64)
+    if method != "taylor":
+        addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
+    run = _run(compiled, addresses, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
     places = np.array(
         [a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64
     )
-    chunk = loop.integrate.ctypes
-    first = ctypes.cast(places.ctypes.data, ctypes.POINTER(ctypes.c_int64))
+    first = places.ctypes.data
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
         before = float(num[S.T])
@@ -189,7 +193,7 @@ def integrate(
     return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
 
 
-def _run(S, compiled, addresses, p, atol, num, cnt, x0, instants, dense, t_eval):
+def _run(compiled, addresses, p, atol, num, cnt, x0, instants, dense, t_eval):
     """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is
     reached."""
     n, q, e, model = compiled.n, compiled.n_surfaces, compiled.n_events, compiled.model
@@ -212,7 +216,7 @@ def _run(S, compiled, addresses, p, atol, num, cnt, x0, instants, dense, t_eval)
         Z=np.zeros((n, 8)), W=np.zeros((n, 8)), X=np.zeros((n, 8)), F=np.zeros((n, 8)), R=np.zeros((n, 8)),
         hoisted=np.zeros((compiled.n_hoisted, 8)), values=np.zeros((max(q, e), 8)), weight=np.zeros(n),
         newton_weight=np.zeros(n), err=np.zeros(n), scratch=np.zeros(n + 8), scratch2=np.zeros(n + 8),
-        t8=np.zeros(8), mu=np.zeros(8), coefficients=np.zeros((_CHUNK if dense else 1, n, 17)),
+        out=np.zeros(8), t8=np.zeros(8), mu=np.zeros(8), coefficients=np.zeros((_CHUNK if dense else 1, n, 17)),
         side=np.zeros(e), found=np.zeros(e), passed_side=np.zeros(e), before=np.zeros(n), after=np.zeros(n),
         t=np.zeros(_CHUNK), states=np.zeros((_CHUNK, n)), length=np.zeros(_CHUNK), t_eval=wanted,
         x_eval=np.full((len(wanted), n), np.nan), event_t=np.zeros(room), event_x=np.zeros((room, 2, n)),

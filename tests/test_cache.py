@@ -109,24 +109,27 @@ def test_one_core_serves_three_models_hits_in_a_second_process_and_is_never_stal
     assert third["core"] == [0, 1] and third["kernels"] != first["kernels"]
 
 
-# Three systems through solve(): a forced oscillator with dry friction, a relay, a hidden term.
+# Systems through solve(): a forced oscillator with dry friction, a relay, a hidden term; the first smoothed, too.
 SOLVES = """
 import json
 import sys
 import sympy as sp
 from pwsmooth import Switch, System, solve
-from pwsmooth.codegen import native, units
+from pwsmooth.codegen import native, stiff_native, units
 
 built, compiled = [], []
 load = units.load_kernels
 units.load_kernels = lambda name: compiled.append(name) or load(name)
-build = native.build
+build, build_stiff = native.build, stiff_native.build
 native.build = lambda text: built.append(text) or build(text)
+stiff_native.build = lambda text: built.append(text) or build_stiff(text)
 t, x, y = sp.symbols("t x y", real=True)
 v = Switch("v", y)
 w = Switch("w", x)
+rubbing = System({x: y, y: sp.sin(t) - x - v / 2}, time=t)
 solutions = [
-    solve(System({x: y, y: sp.sin(t) - x - v / 2}, time=t), (0, 20), {x: 1.0, y: 0.5}),
+    solve(rubbing, (0, 20), {x: 1.0, y: 0.5}),
+    solve(rubbing.smoothed(eps=1e-3), (0, 20), {x: 1.0, y: 0.5}),
     solve(System({x: sp.cos(t) - w * 2}, time=t), (0, 5), {x: 1.0}),
     solve(System({x: -w, y: 2 * w**2 - 1}, time=t), (0, 3), {x: 1.0, y: 0.0})]
 print(json.dumps({
@@ -140,7 +143,7 @@ def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a
     first = run(tmp_path, SOLVES)
     assert (
         len(set(first["core"])) == len(first["core"]) > 0
-        and "trajectory" in first["core"]
+        and {"trajectory", "stiff_loop"} <= set(first["core"])
         and first["models"] > 0
     )
     second = run(tmp_path, SOLVES)

@@ -375,8 +375,13 @@ def _machine() -> llvm.TargetMachine:
 
 def build(text: str) -> bytes:
     """Object code of a generated text for this machine."""
+    return emit(Module(text).module)
+
+
+def emit(translated: ir.Module) -> bytes:
+    """Object code of an LLVM module for this machine."""
     machine = _machine()
-    module = llvm.parse_assembly(str(Module(text).module))
+    module = llvm.parse_assembly(str(translated))
     module.data_layout = str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     passes = llvm.create_pass_builder(machine, options)
@@ -420,10 +425,11 @@ _loaded: dict[tuple[Path, tuple[int, ...]], Code] = {}
 _lock = threading.Lock()
 
 
-def load(path: Path, sizes: tuple[int, ...] = ()) -> Code:
+def load(path: Path, sizes: tuple[int, ...] = (), translate=None) -> Code:
     """Machine code of a generated source, from the object file beside it where this machine made one.
 
     `sizes` are the numbers of elements of its families: the loops' bounds, in memory of this copy of the code.
+    `translate(text)` -> object code; by default `build`.
     """
     with _lock:
         if (path, sizes) not in _loaded:
@@ -431,7 +437,7 @@ def load(path: Path, sizes: tuple[int, ...] = ()) -> Code:
             try:
                 image = stored.read_bytes()
             except OSError:
-                image = build(text)
+                image = (translate or build)(text)
                 write_atomically(stored, image)
             _loaded[path, sizes] = Code(text, image, sizes)
         return _loaded[path, sizes]

@@ -9,10 +9,10 @@
     surfaces8(t8, x, p, s)   h at 8 points
     taylor(t, x, p, K, stride, rows)  Taylor coefficients of the states and of the surfaces that are no states
     watch8(t8, x, p, e)      surfaces of the events at 8 points
-    newton8(m, t8, c, x, p, mu, lu, Z, W, F, R, weight)   a whole Newton iteration, where n is small
     act(i, t, x, p, xnew)    event i: 0 if its `when` fails, else writes its updates into xnew
+    radau(...)               a whole attempt at a Radau step of one order, where n is small (stiff_attempt.py)
 
-Chain: Model (with `smoothing`, without multipliers) -> text -> cached cfuncs -> addresses.
+Chain: Model (with `smoothing`, without multipliers) -> text -> stiff_native.py -> addresses.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth.codegen import cache
-from pwsmooth.codegen.stiff_dag import Graph
+from pwsmooth.codegen.stiff_attempt import Attempt, possible
+from pwsmooth.codegen.stiff_dag import Graph, operands
 from pwsmooth.codegen.stiff_linear import Elimination, factor_lines, solve_lines
-from pwsmooth.codegen.stiff_newton import write_newton
 from pwsmooth.codegen.stiff_taylor import MOST_PRODUCTS, Series
-from pwsmooth.codegen.stiff_text import PREAMBLE, Writer
+from pwsmooth.codegen.stiff_text import Writer
 from pwsmooth.model import Model
 
 NAMES = (
     "rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor",
-    "watch8", "act", "newton8",
+    "watch8", "act", "radau",
 )  # fmt: skip
 
 
@@ -41,7 +41,7 @@ class CompiledStiff:
     """Addresses of the generated functions (0 where absent) and the sizes that the kernels need."""
 
     model: Model
-    address: np.ndarray  # int64, in the order of NAMES
+    address: np.ndarray  # int64, in the order of NAMES; that of `radau` is 0, see `radau`
     n: int
     n_surfaces: int
     n_events: int
@@ -49,7 +49,19 @@ class CompiledStiff:
     n_slots: int
     surface_state: np.ndarray  # state index of each surface that is one, else -1
     surface_row: np.ndarray  # its row in `taylor`
-    module: object = field(repr=False)
+    written_out: bool  # whether attempts are written out
+    smooth: bool  # whether the right-hand side has no kinks and jumps
+    codes: dict = field(repr=False, default_factory=dict)  # machine code; it must outlive the addresses
+
+    def radau(self, order: int) -> int:
+        """Address of the attempt at a step of order 5, 9 or 13 (`order` 0, 1, 2), compiled when first asked for."""
+        if not self.written_out:
+            return 0
+        if order not in self.codes:
+            key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
+            paths = cache.cached_modules(key, lambda: {"radau": attempt_text(self.model, order)})
+            self.codes[order] = _machine_code(paths["radau"])
+        return self.codes[order].address("radau")
 
 
 _compiled: dict[Model, CompiledStiff] = {}
@@ -81,75 +93,99 @@ def compile_stiff(model: Model) -> CompiledStiff:
                 "Contacts and algebraic unknowns run on the event-driven path."
             )
         paths = cache.cached_modules(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
-        found = _compiled[model] = _load(model, cache.load_module(paths["stiff"]))
+        found = _compiled[model] = _load(model, _machine_code(paths["stiff"]))
     return found
 
 
-def _load(model: Model, module) -> CompiledStiff:
-    addresses = [getattr(module, name).address if hasattr(module, name) else 0 for name in NAMES]
+def _machine_code(path):
+    from pwsmooth.codegen import stiff_native
+
+    return stiff_native.load(path)
+
+
+def _load(model: Model, code) -> CompiledStiff:
+    sizes = code.constants
     return CompiledStiff(
-        model, np.array(addresses, dtype=np.int64), len(model.states), len(model.smoothing), len(model.events),
-        module.N_HOISTED, module.N_SLOTS, np.array(module.SURFACE_STATE, dtype=np.int64),
-        np.array(module.SURFACE_ROW, dtype=np.int64), module,
+        model, np.array([code.address(name) for name in NAMES], dtype=np.int64), len(model.states),
+        len(model.smoothing), len(model.events), sizes["N_HOISTED"], sizes["N_SLOTS"],
+        np.array(sizes["SURFACE_STATE"], dtype=np.int64), np.array(sizes["SURFACE_ROW"], dtype=np.int64),
+        bool(sizes["WRITTEN_OUT"]), bool(sizes["SMOOTH"]), {"functions": code},
     )  # fmt: skip
 
 
-def stiff_text(model: Model) -> str:
-    """Source text of every generated function of the stiff path."""
-    n, states = len(model.states), list(model.states)
-    graph = Graph(model.time, states, model.parameters)
-    rates = graph.add_expressions(model.rhs)
-    surfaces = [h for h, _ in model.smoothing]
-    surface_state = [states.index(h) if h in states else -1 for h in surfaces]
-    # A gradient is wanted of the tidied expressions: the ones that are evaluated.
-    derivative = [[sp.diff(f, s) for s in states] for f in model.rhs]
-    pattern = {(i, j) for i in range(n) for j in range(n) if derivative[i][j] != 0}
-    entries = sorted(pattern)
-    jacobian = graph.add_expressions([derivative[i][j] for i, j in entries])
-    h = graph.add_expressions(surfaces)
-    writer = Writer(graph)
+class _Parts:
+    """The graph of a model, and what every text of it begins with."""
 
-    writer.function("rates1", "t, x, p, f", "_f, _d, _d, _d")
+    def __init__(self, model: Model):
+        n, states = len(model.states), list(model.states)
+        graph = Graph(model.time, states, model.parameters)
+        self.rates = graph.add_expressions(model.rhs)
+        surfaces = [h for h, _ in model.smoothing]
+        self.surface_state = [states.index(h) if h in states else -1 for h in surfaces]
+        # A gradient is wanted of the tidied expressions: the ones that are evaluated.
+        derivative = [[sp.diff(f, s) for s in states] for f in model.rhs]
+        self.pattern = {(i, j) for i in range(n) for j in range(n) if derivative[i][j] != 0}
+        self.jacobian = graph.add_expressions([derivative[i][j] for i, j in sorted(self.pattern)])
+        self.surfaces = graph.add_expressions(surfaces)
+        self.elimination = Elimination(n, self.pattern)
+        self.graph, self.writer = graph, Writer(graph)
+        self.written_out = possible(self.writer, self.rates, self.surfaces, self.elimination, n)
+
+
+def attempt_text(model: Model, order: int) -> str:
+    """Source text of the attempt at a Radau step."""
+    parts = _Parts(model)
+    Attempt(
+        parts.writer, order, parts.rates, parts.jacobian, parts.pattern, parts.surfaces, parts.surface_state,
+        parts.elimination, len(model.states),
+    ).write()  # fmt: skip
+    return "\n".join(parts.writer.lines) + "\n"
+
+
+def stiff_text(model: Model) -> str:
+    """Source text of every other generated function of the stiff path."""
+    n, parts = len(model.states), _Parts(model)
+    graph, writer, rates, elimination = parts.graph, parts.writer, parts.rates, parts.elimination
+
+    writer.function("rates1", "t: D, x: P, p: P, f: P")
     writer.point(rates, [f"f[{i}]" for i in range(n)])
 
     hoisted = _hoist(writer, graph, rates)
-    writer.function("rates8", "t, c, x, p, f", "_d, _d, _d, _d, _d")
+    writer.function("rates8", "t: P, c: P, x: P, p: P, f: P")
     writer.lanes(rates, range(n), "f", hoisted=hoisted)
 
-    writer.function("jacobian", "t, x, p, J", "_f, _d, _d, _d")
-    writer.point(jacobian, [f"J[{i * n + j}]" for i, j in entries])
+    writer.function("jacobian", "t: D, x: P, p: P, J: P")
+    writer.point(parts.jacobian, [f"J[{i * n + j}]" for i, j in sorted(parts.pattern)])
 
-    elimination = Elimination(n, pattern)
     if elimination.worthwhile:
-        writer.function("factor", "J, m, lu", "_d, _d, _d")
-        writer.lines += factor_lines(n, pattern, elimination)
-        writer.function("solve", "lu, r", "_d, _d")
+        writer.function("factor", "J: P, m: P, lu: P")
+        writer.lines += factor_lines(n, parts.pattern, elimination)
+        writer.function("solve", "lu: P, r: P")
         writer.lines += solve_lines(n, elimination)
-    write_newton(writer, rates, hoisted, elimination, n)
 
-    surface_row = _surfaces(writer, graph, model, h, surface_state)
-    _taylor(writer, graph, rates, h, surface_row, n)
+    surface_row = _surfaces(writer, graph, model, parts.surfaces, parts.surface_state)
+    _taylor(writer, graph, rates, parts.surfaces, surface_row, n)
     _events(writer, graph, model)
     constants = [
         f"N_HOISTED = {len(hoisted)}",
         f"N_SLOTS = {len(elimination.slots) if elimination.worthwhile else 0}",
-        f"SURFACE_STATE = {surface_state!r}",
+        f"SURFACE_STATE = {parts.surface_state!r}",
         f"SURFACE_ROW = {surface_row!r}",
+        f"WRITTEN_OUT = {int(parts.written_out)}",
+        f"SMOOTH = {int(graph.smooth(rates))}",
     ]
-    return PREAMBLE + "\n".join(constants + writer.lines) + "\n"
+    return "\n".join(constants + writer.lines) + "\n"
 
 
 def _hoist(writer: Writer, graph: Graph, rates) -> dict[int, int]:
     """Write `hoist`; returns the row of every node of time alone that a node of the states uses."""
-    from pwsmooth.codegen.stiff_dag import operands
-
     wanted = {a for a in rates if graph.level[a] == 1}
     for a in graph.reachable(rates):
         if graph.level[a] == 2:
             wanted |= {b for b in operands(graph.ops[a]) if graph.level[b] == 1}
     hoisted = {a: row for row, a in enumerate(sorted(wanted))}
     if hoisted:
-        writer.function("hoist", "t, p, c", "_d, _d, _d")
+        writer.function("hoist", "t: P, p: P, c: P")
         writer.lanes(list(hoisted), hoisted.values(), "c")
     return hoisted
 
@@ -167,9 +203,9 @@ def _surfaces(writer: Writer, graph: Graph, model: Model, h, surface_state) -> l
         surface_row.append(state if state >= 0 else row)
         row += state < 0
     if roots:
-        writer.function("surfaces", "t, x, p, s", "_f, _d, _d, _d")
+        writer.function("surfaces", "t: D, x: P, p: P, s: P")
         writer.point(roots, targets)
-        writer.function("surfaces8", "t, x, p, s", "_d, _d, _d, _d")
+        writer.function("surfaces8", "t: P, x: P, p: P, s: P")
         writer.lanes(h, range(len(h)), "s")
     return surface_row
 
@@ -189,7 +225,7 @@ def _taylor(writer: Writer, graph: Graph, rates, h, surface_row, n) -> None:
 
     body = series.write(constant)
     if series.products <= MOST_PRODUCTS:
-        writer.function("taylor", "t, x, p, K, stride, rows", "_f, _d, _d, _i, _i, _d")
+        writer.function("taylor", "t: D, x: P, p: P, K: I, stride: I, rows: P")
         writer.lines += body
 
 
@@ -197,17 +233,10 @@ def _events(writer: Writer, graph: Graph, model: Model) -> None:
     """Write `watch8` (surfaces of the events; time events have none and stay 1) and `act`."""
     if not model.events:
         return
-    n = len(model.states)
     watch = graph.add_expressions([1 if e.surface is None else e.surface for e in model.events])
-    writer.function("watch8", "t, x, p, e", "_d, _d, _d, _d")
+    writer.function("watch8", "t: P, x: P, p: P, e: P")
     writer.lanes(watch, range(len(watch)), "e")
-    flags = 'error_model="numpy", fastmath={"contract", "nsz"}'
-    writer.lines += [
-        "",
-        "",
-        f"@cfunc(_i(_i, _f, _d, _d, _d), cache=True, {flags})",
-        "def act(i, t, x, p, xnew):",
-    ]
+    writer.function("act", "i: I, t: D, x: P, p: P, xnew: P", "I")
     for i, event in enumerate(model.events):
         condition = [graph.condition(event.when)]
         values = graph.add_expressions([e for _, e in event.update])
@@ -219,4 +248,3 @@ def _events(writer: Writer, graph: Graph, model: Model) -> None:
         writer.lines += [f"        xnew[{j}] = _v{j}" for j, _ in event.update]
         writer.lines.append("        return 1")
     writer.lines.append("    return 0")
-    assert n  # a model without states has no event to act on

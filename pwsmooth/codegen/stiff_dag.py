@@ -229,6 +229,14 @@ class Graph:
             return self.node("cmp", _RELATION[c.func], self._visit(c.lhs), self._visit(c.rhs))
         raise UnsupportedExpression(f"The condition `{c}` has no compiled form.")
 
+    def smooth(self, roots) -> bool:
+        """Whether no branch, modulus or floor of a state or of time stands in the roots."""
+        for a in self.reachable(roots):
+            op = self.ops[a]
+            if self.level[a] > 0 and (op[0] == "ite" or (op[0] == "fun" and op[1] in ("abs", "floor", "ceil"))):
+                return False
+        return True
+
     # -- what a text needs -----------------------------------------------------------------------
 
     def reachable(self, roots) -> list[int]:

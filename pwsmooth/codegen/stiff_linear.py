@@ -58,11 +58,10 @@ def _product(a: _Complex, b: _Complex) -> tuple[str, str | None]:
     return re, None
 
 
-def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
-    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten (pivots
+def elimination_lines(n: int, pattern: set, elimination: Elimination) -> tuple[list[str], dict]:
+    """Lines that eliminate from the entries j<i>_<j> of J and mr + i mi, and the names of what they leave (pivots
     inverted)."""
-    lines = [f"    j{i}_{j} = J[{i * n + j}]" for i, j in sorted(pattern)]
-    lines += ["    mr, mi = load4(m, 0), load4(m, 4)"]
+    lines: list[str] = []
     entry: dict[tuple[int, int], _Complex] = {}
     for i in range(n):
         lines.append(f"    a{i}_{i}r = mr - j{i}_{i}" if (i, i) in pattern else f"    a{i}_{i}r = mr")
@@ -89,6 +88,15 @@ def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
                 entry[i, j] = _Complex(f"{name}r", f"{name}i")
             entry[i, k] = multiplier
         entry[k, k] = inverse
+    return lines, entry
+
+
+def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
+    """Body of factor(J, m, lu): J is n*n row-major, m the eigenvalues over h, lu is overwritten."""
+    lines = [f"    j{i}_{j} = J[{i * n + j}]" for i, j in sorted(pattern)]
+    lines += ["    mr = load4(m, 0)", "    mi = load4(m, 4)"]
+    body, entry = elimination_lines(n, pattern, elimination)
+    lines += body
     for key, slot in elimination.slots.items():
         part = entry[key]
         lines.append(f"    store4(lu, {8 * slot}, {part.re})")
@@ -96,24 +104,47 @@ def factor_lines(n: int, pattern: set, elimination: Elimination) -> list[str]:
     return lines
 
 
-def solve_lines(n: int, elimination: Elimination) -> list[str]:
-    """Body of solve(lu, r): r[8 i + e] and r[8 i + 4 + e] hold the two parts and are overwritten."""
-    lines = [f"    r{i}, q{i} = load4(r, {8 * i}), load4(r, {8 * i + 4})" for i in range(n)]
-    load = "    ar, ai = load4(lu, {0}), load4(lu, {1})"
+def substitution_lines(elimination: Elimination, entry: dict, indent: str) -> list[str]:
+    """Overwrites r<i> + i q<i> with the solution, in the names that `elimination_lines` left."""
+    lines = []
 
-    def subtract(i, k, slot):
-        return [load.format(8 * slot, 8 * slot + 4), f"    r{i} = r{i} - (ar * r{k} - ai * q{k})",
-                f"    q{i} = q{i} - (ar * q{k} + ai * r{k})"]  # fmt: skip
+    def subtract(i, k):
+        re, im = _product(entry[i, k], _Complex(f"r{k}", f"q{k}"))
+        lines.extend([f"{indent}r{i} = r{i} - {re}", f"{indent}q{i} = q{i} - {im}"])
 
     for k in elimination.order:
         for i in [i for i, q in elimination.lower if q == k]:
-            lines += subtract(i, k, elimination.slots[i, k])
+            subtract(i, k)
     for k in reversed(elimination.order):
         for j in elimination.upper[k]:
-            lines += subtract(k, j, elimination.slots[k, j])
-        slot = elimination.slots[k, k]
-        lines += [load.format(8 * slot, 8 * slot + 4),
-                  f"    r{k}, q{k} = ar * r{k} - ai * q{k}, ar * q{k} + ai * r{k}"]  # fmt: skip
+            subtract(k, j)
+        re, im = _product(entry[k, k], _Complex(f"r{k}", f"q{k}"))
+        lines += [f"{indent}a{k} = {re}", f"{indent}q{k} = {im}", f"{indent}r{k} = a{k}"]
+    return lines
+
+
+def real_substitution_lines(elimination: Elimination, entry: dict, indent: str) -> list[str]:
+    """Overwrites the numbers g<i> with the solution for the real eigenvalue, the first of the lanes."""
+    lines = []
+    for k in elimination.order:
+        for i in [i for i, q in elimination.lower if q == k]:
+            lines.append(f"{indent}g{i} = g{i} - lane({entry[i, k].re}, 0) * g{k}")
+    for k in reversed(elimination.order):
+        for j in elimination.upper[k]:
+            lines.append(f"{indent}g{k} = g{k} - lane({entry[k, j].re}, 0) * g{j}")
+        lines.append(f"{indent}g{k} = lane({entry[k, k].re}, 0) * g{k}")
+    return lines
+
+
+def solve_lines(n: int, elimination: Elimination) -> list[str]:
+    """Body of solve(lu, r): r[8 i + e] and r[8 i + 4 + e] hold the two parts and are overwritten."""
+    lines, entry = [], {}
+    for i in range(n):
+        lines += [f"    r{i} = load4(r, {8 * i})", f"    q{i} = load4(r, {8 * i + 4})"]
+    for (i, j), slot in elimination.slots.items():
+        entry[i, j] = _Complex(f"u{i}_{j}r", f"u{i}_{j}i")
+        lines += [f"    u{i}_{j}r = load4(lu, {8 * slot})", f"    u{i}_{j}i = load4(lu, {8 * slot + 4})"]
+    lines += substitution_lines(elimination, entry, "    ")
     for i in range(n):
         lines += [f"    store4(r, {8 * i}, r{i})", f"    store4(r, {8 * i + 4}, q{i})"]
     return lines

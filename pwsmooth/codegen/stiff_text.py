@@ -5,25 +5,8 @@ from __future__ import annotations
 from pwsmooth.codegen.stiff_dag import Graph, operands
 
 _VECTOR = {"time", "state", "add", "mul", "div", "sqrt", "rsqrt", "pow"}
-# Those of kernels.lanes, which is not imported here: symbolic work needs no compiler.
+# Those that stiff_native.py knows lane by lane.
 FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())
-
-PREAMBLE = """\
-from math import (acos, acosh, asin, asinh, atan, atan2, atanh, ceil, cos, cosh, erf, erfc, exp, floor, log,
-                  sin, sinh, sqrt, tan, tanh)
-
-from numba import cfunc, types
-
-from pwsmooth.kernels.lanes import (high4, join8, largest8, load4, load8, low4, splat4, splat8, store4,
-                                          store8, vabs, vacos, vasin, vatan, vcos, vcosh, verf, verfc, vexp,
-                                          vlog, vmax, vpow, vsin, vsinh, vsqrt, vtan, vtanh)
-from pwsmooth.kernels.stiff_tables import TO_W, TO_Z, WLANE
-
-_d = types.CPointer(types.double)
-_f, _i = types.double, types.int64
-_void = types.void
-"""
-
 
 def expression(op, name, v="") -> str:
     """Right-hand side of one operation; `name` gives the text of an operand, v="v" calls the functions of
@@ -69,40 +52,44 @@ class Writer:
     def __init__(self, graph: Graph):
         self.graph = graph
         self.lines: list[str] = []
+        self.prefix = "n"  # of the nodes that change: one function may look at several points
 
     def name(self, a: int) -> str:
         op = self.graph.ops[a]
-        return expression(op, self.name) if op[0] == "num" and op[1] >= 0 else f"n{a}"
+        if op[0] == "num" and op[1] >= 0:
+            return expression(op, self.name)
+        return f"{'n' if self.graph.level[a] == 0 else self.prefix}{a}"
 
-    def function(self, name: str, arguments: str, types: str, result: str = "_void") -> None:
-        flags = 'error_model="numpy", fastmath={"contract", "nsz"}'
-        self.lines += ["", "", f"@cfunc({result}({types}), cache=True, {flags})", f"def {name}({arguments}):"]
+    def function(self, name: str, arguments: str, result: str = "") -> None:
+        """Head of a function of the typed subset that stiff_native.py translates."""
+        self.lines += ["", "", f"def {name}({arguments}){' -> ' + result if result else ''}:"]
 
-    def point(self, roots, targets, *, time="t", states="x", parameters="p") -> None:
-        """Straight-line code at one point; `targets` are the places of the roots."""
+    def point(self, roots, targets, *, time="t", states="x[%d]", indent="    ", known=()) -> None:
+        """Straight-line code at one point; `targets` are the places of the roots, `known` nodes stand already."""
         for a in self.graph.reachable(roots):
-            self.assign(a, "    ", {"time": time, "state": f"{states}[%d]", "par": f"{parameters}[%d]"})
-        self.lines += [f"    {place} = {self.name(a)}" for place, a in zip(targets, roots, strict=True)]
+            if a not in known:
+                self.assign(a, indent, {"time": time, "state": states, "par": "p[%d]"})
+        self.lines += [f"{indent}{place} = {self.name(a)}" for place, a in zip(targets, roots, strict=True)]
         if not roots:
-            self.lines.append("    pass")
+            self.lines.append(f"{indent}pass")
 
     def vectors(self, roots, hoisted) -> bool:
         """Whether all of it can be computed on vectors: no branches, which differ from lane to lane."""
         ops = (self.graph.ops[a] for a in self._reachable_without(roots, hoisted) if self.graph.level[a] > 0)
         return all(op[0] in _VECTOR or (op[0] == "fun" and op[1] in FUNCTIONS) for op in ops)
 
-    def vector_operations(self, roots, hoisted, states) -> None:
-        """Operations on 8 points at once: parameters as floats, `hoisted` nodes from rows of c, all else as
-        vectors."""
-        needed, level = self._reachable_without(roots, hoisted), self.graph.level
-        for a in needed:
-            if level[a] == 0:
+    def parameter_operations(self, roots) -> None:
+        """Everything of the parameters alone."""
+        for a in self.graph.reachable(roots):
+            if self.graph.level[a] == 0:
                 self.assign(a, "    ", {"par": "p[%d]"})
-        self.lines += [f"    n{a} = load8(c, {8 * row})" for a, row in hoisted.items()]
-        places = {"time": "load8(t, 0)", "state": states}
-        for a in needed:
-            if level[a] > 0:
-                self.assign(a, "    ", places, stride=8 if "(" in states else 1, v="v")
+
+    def vector_operations(self, roots, known, time, states, indent="    ") -> None:
+        """Operations on 8 points at once, without what depends on parameters alone and what is `known`."""
+        for a in self._reachable_without(roots, known):
+            if self.graph.level[a] > 0:
+                places = {"time": time, "state": states}
+                self.assign(a, indent, places, stride=8 if "(" in states else 1, v="v")
 
     def vector(self, a: int) -> str:
         """Text of a result as a vector."""
@@ -112,7 +99,9 @@ class Writer:
         """The same at 8 points at once: t[k], x[8 i + k] and `hoisted` nodes from rows of c; out[8 row + k]."""
         hoisted = hoisted or {}
         if self.vectors(roots, hoisted):
-            self.vector_operations(roots, hoisted, "load8(x, %d)")
+            self.parameter_operations(roots)
+            self.lines += [f"    n{a} = load8(c, {8 * row})" for a, row in hoisted.items()]
+            self.vector_operations(roots, hoisted, "load8(t, 0)", "load8(x, %d)")
             for row, a in zip(rows, roots, strict=True):
                 self.lines.append(f"    store8({out}, {8 * row}, {self.vector(a)})")
             return
@@ -148,4 +137,4 @@ class Writer:
                 text = text % (op[1] * (stride if op[0] == "state" else 1))
         else:
             text = expression(op, self.name, v)
-        self.lines.append(f"{indent}n{a} = {text}")
+        self.lines.append(f"{indent}{self.name(a)} = {text}")

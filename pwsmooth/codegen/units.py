@@ -34,6 +34,15 @@ MORE_UNITS = {
     "diffuse": ("noise_path", "diffuse"),
     "diffuse_many": ("noise_many", "diffuse_many"),
 }
+# Those of the smoothed path; all but the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
+STIFF_UNITS = {
+    "attempt_unit": ("stiff_radau", "attempt_unit"),
+    "taylor_unit": ("stiff_step", "taylor_unit"),
+    "events_unit": ("stiff_events", "events_unit"),
+    "dense_factor": ("stiff_dense", "dense_factor"),
+    "dense_solve": ("stiff_dense", "dense_solve"),
+    "stiff_run": ("stiff_loop", "integrate"),
+}
 # What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
 _NEVER_CALLED = (
     "numba_do_raise",
@@ -88,7 +97,7 @@ def _resolve_symbols() -> None:
 @cache
 def unit_address(name: str) -> int:
     """Address of a unit: from its object file, or compiled by numba now."""
-    module, function = UNITS[name] if name in UNITS else MORE_UNITS[name]
+    module, function = (UNITS | MORE_UNITS | STIFF_UNITS)[name]
     path = kernels_dir() / f"{module}.{function}.{machine_mark()}.o"
     try:
         symbol, _, image = path.read_bytes().partition(b"\0")
@@ -112,3 +121,11 @@ def trajectory_loop():
     prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
     run = prototype(unit_address("run"))
     return lambda *bundles: run(*(bundle.address for bundle in bundles))
+
+
+@cache
+def stiff_loop():
+    """kernels.stiff_loop.integrate as a Python function of the address of a Core's words and a number of steps, and
+    the addresses of the units that it calls."""
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stiff_run"))
+    return run, [unit_address(name) for name in STIFF_UNITS if name != "stiff_run"]

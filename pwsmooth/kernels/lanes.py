@@ -9,7 +9,7 @@ import math
 import operator
 
 from llvmlite import ir
-from numba import cfunc, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_jitable, register_model
@@ -18,11 +18,6 @@ _DOUBLE = ir.DoubleType()
 
 # A kernel function whose products and sums may fuse.
 fused = register_jitable(error_model="numpy", fastmath={"contract", "nsz"})
-
-
-def unit(signature):
-    """Decorator: a function compiled and cached by itself and reached by its `.address` (see compiling.py)."""
-    return cfunc(signature, cache=True, error_model="numpy")
 
 
 class LanesType(types.Type):

@@ -6,9 +6,9 @@ from numba.extending import intrinsic
 from pwsmooth.kernels.pointers import _caller
 
 # Positions in the array of addresses, in the order of codegen.stiff.NAMES.
-RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT, NEWTON8 = range(12)
+RATES1, HOIST, RATES8, JACOBIAN, FACTOR, SOLVE, SURFACES, SURFACES8, TAYLOR, WATCH8, ACT, RADAU = range(12)
 # Behind them the units of the loop, in the order of stiff_loop.UNITS.
-RADAU_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(12, 17)
+ATTEMPT_UNIT, TAYLOR_UNIT, EVENTS_UNIT, DENSE_FACTOR, DENSE_SOLVE = range(12, 17)
 
 
 @intrinsic
@@ -42,9 +42,12 @@ def call_solve(typingctx, address, lu, r):
 
 
 @intrinsic
-def call_newton8(typingctx, address, m, t8, c, x, p, mu, lu, Z, W, F, R, weight):
-    """newton8(...): one Newton iteration; overwrites Z, W, F and R, returns the norm of the increment."""
-    return _caller((address, m, t8, c, x, p, mu, lu, Z, W, F, R, weight), types.float64)
+def call_radau(
+    typingctx, address, t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, out
+):
+    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J, out."""
+    arguments = (address, t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, out)
+    return _caller(arguments, types.int64)
 
 
 @intrinsic
@@ -66,9 +69,9 @@ def call_event(typingctx, address, i, t, x, p, xnew):
 
 
 @intrinsic
-def call_radau_unit(typingctx, address, places):
-    """radau_unit(places) -> int64: one attempt, 1 if accepted."""
-    return _caller((address, places), types.int64)
+def call_attempt_unit(typingctx, address, places, t, h, ratio, eta):
+    """attempt_unit(places, t, h, ratio, eta) -> int64: the same for any model."""
+    return _caller((address, places, t, h, ratio, eta), types.int64)
 
 
 @intrinsic

@@ -2,7 +2,7 @@
 
 from numba import types
 
-from pwsmooth.kernels.lanes import unit
+from pwsmooth.kernels.compiling import unit
 
 doubles = types.CPointer(types.float64)
 
@@ -10,7 +10,7 @@ doubles = types.CPointer(types.float64)
 # row).
 
 
-@unit(types.void(types.int64, doubles, doubles, doubles))
+@unit(types.void, types.int64, doubles, doubles, doubles)
 def dense_factor(n, J, mu, lu):
     """Overwrites lu with the eliminations of mu I - J in four lanes, each with its own pivots."""
     for e in range(4):
@@ -52,7 +52,7 @@ def dense_factor(n, J, mu, lu):
                     lu[8 * c + 4 + e] -= lr * ui + li * ur
 
 
-@unit(types.void(types.int64, doubles, doubles))
+@unit(types.void, types.int64, doubles, doubles)
 def dense_solve(n, lu, R):
     """Overwrites R[i] (8 lanes) with the solutions."""
     for e in range(4):

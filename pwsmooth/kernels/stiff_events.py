@@ -10,8 +10,10 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.lanes import at, fused, load8, splat8, store8, unit
+from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.lanes import at, fused, load8, splat8, store8
 from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
+from pwsmooth.kernels.stiff_core import core
 
 NONE = 2.0  # no zero: beyond the step
 EIGHTHS = np.arange(1, 9) / 8.0
@@ -220,7 +222,7 @@ def fire(s, t, x):
     return S.NO_END
 
 
-@unit(types.int64(types.CPointer(types.int64), types.float64, types.int64, types.int64))
+@unit(types.int64, types.CPointer(types.int64), types.float64, types.int64, types.int64)
 def events_unit(places, t, degree, offset):
     """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
     coefficients.
@@ -228,7 +230,7 @@ def events_unit(places, t, degree, offset):
     Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T
     become those just before it and scratch2 the state after.
     """
-    s = S.core(places)
+    s = core(places)
     num, cnt, n = s.num, s.cnt, s.n
     h, theta, coefficients = num[S.TAKEN], 0.0, at(s.coefficients, offset)
     instant = cnt[S.N_INSTANT] < s.instants and num[S.T] >= s.instant_t[cnt[S.N_INSTANT]]

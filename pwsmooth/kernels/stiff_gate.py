@@ -12,9 +12,18 @@ within about C eps. The constants may vary widely (theta 0.5..0.97, C 0.5..50) w
 import numpy as np
 
 from pwsmooth.kernels.lanes import fused
+from pwsmooth.kernels.pointers import bits_float, float_bits
 from pwsmooth.kernels.stiff_call import SURFACES, SURFACES8, call_lanes, call_point
+from pwsmooth.kernels.stiff_rules import REACH, THETA
 
-THETA, REACH = 0.9, 2.0
+ONE_BIT, BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from -1023 in units of 2^52
+
+
+@fused
+def root(size, order):
+    """size^(-1/order) to a few per cent: exponent bits with the mantissa as a linear fraction, there and back."""
+    exponent = (float_bits(size) * (1.0 / ONE_BIT) - BIAS) * (1.0 / order)
+    return bits_float(int((BIAS - exponent) * ONE_BIT))
 
 
 @fused

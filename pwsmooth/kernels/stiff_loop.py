@@ -10,28 +10,28 @@ import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
-from pwsmooth.kernels.lanes import at, fused, unit
+from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.lanes import at, fused
 from pwsmooth.kernels.stiff_call import (
     EVENTS_UNIT,
     JACOBIAN,
-    RADAU_UNIT,
     RATES1,
     SURFACES,
     TAYLOR_UNIT,
     call_events_unit,
     call_point,
-    call_radau_unit,
     call_taylor_unit,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_dense import dense_factor, dense_solve
-from pwsmooth.kernels.stiff_events import ROUNDS, events_unit, set_sides, value
+from pwsmooth.kernels.stiff_core import core
+from pwsmooth.kernels.stiff_events import ROUNDS, set_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
 from pwsmooth.kernels.stiff_radau import step_polynomial
-from pwsmooth.kernels.stiff_step import radau_unit, taylor_unit
+from pwsmooth.kernels.stiff_step import radau_step
 
 TO_TAYLOR, TO_RADAU = 10.0, 3.0
 BARGAIN = 1.5  # time of a Radau step over time of a Taylor step
 PATIENCE = 4  # Radau steps before Taylor is asked again
+STALL = 8192  # attempts within which the time must advance by LEAST_ADVANCE
 
 
 @fused
@@ -203,10 +203,23 @@ def _after_step(s, places, t, mode):
     return S.FULL
 
 
-@unit(types.int64(types.CPointer(types.int64), types.int64))
+@fused
+def _stalled(s):
+    """Whether the last STALL attempts led nowhere: at the end of existence steps may stay at the size of the tolerance
+    for ever, each a little wrong, without any of them being too short."""
+    num, cnt = s.num, s.cnt
+    cnt[S.SINCE_MARK] += 1
+    if cnt[S.SINCE_MARK] < STALL:
+        return False
+    stalled = num[S.T] - num[S.MARK] < num[S.LEAST_ADVANCE]
+    cnt[S.SINCE_MARK], num[S.MARK] = 0, num[S.T]
+    return stalled
+
+
+@unit(types.int64, types.CPointer(types.int64), types.int64)
 def integrate(places, steps):
     """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
-    s = S.core(places)
+    s = core(places)
     num, cnt = s.num, s.cnt
     cnt[S.N_POINTS] = cnt[S.N_RECORDS] = 0
     if cnt[S.FIRST] == 2:
@@ -220,6 +233,8 @@ def integrate(places, steps):
             return S.TOO_MANY
         if cnt[S.N_POINTS] + 2 > s.capacity or cnt[S.N_RECORDS] + ROUNDS * s.e >= s.room:
             break
+        if _stalled(s):
+            return S.UNDERFLOW
         cnt[S.STEPS_LEFT] -= 1
         t, mode, stop = num[S.T], cnt[S.MODE], num[S.T_END]
         if cnt[S.N_INSTANT] < s.instants:
@@ -232,10 +247,10 @@ def integrate(places, steps):
         rtol = num[S.RTOL] if mode == S.RADAU else num[S.RTOL_TAYLOR]
         set_weights(s.n, s.q, s.x, rtol, s.atol, s.surf, s.weight, s.newton_weight)
         if mode == S.RADAU:
-            accepted = call_radau_unit(s.adr[RADAU_UNIT], places)
+            accepted = radau_step(s, places)
         else:
-            accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.STEP)
-        if accepted == 0:
+            accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.STEP) == 1
+        if not accepted:
             if num[S.TAKEN] != num[S.TAKEN]:
                 return S.NOT_FINITE
             if num[S.TAKEN] == S.TOO_SHORT:
@@ -252,7 +267,3 @@ def integrate(places, steps):
         if status != S.FULL:
             return status
     return S.FULL
-
-
-# In the order of stiff_call.RADAU_UNIT and its successors.
-UNITS = (radau_unit, taylor_unit, events_unit, dense_factor, dense_solve)

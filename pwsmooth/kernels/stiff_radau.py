@@ -1,15 +1,21 @@
-"""One step of Radau IIA (orders 5, 9, 13): simplified Newton iteration in the eigenbasis, embedded error.
+"""One attempt at a step of Radau IIA (orders 5, 9, 13), for every model: Newton iteration in the eigenbasis, embedded
+error, gate. Small models have it written out (codegen/stiff_attempt.py).
 
     (mu_e/h I - J) dW_e = (V^-1 F)_e - mu_e/h W_e,    Z += V dW
     err = (mu_0/h I - J)^-1 ( f(t, x) + sum_k ERROR_k Z_k / h )         order s
 
 Hairer and Wanner, Solving ODEs II, IV.8. J is taken at the predicted middle stage, anew in every step.
+f(t, x) is the slope of the last collocation polynomial at its end: it costs nothing, and in a stiff direction it is
+nearer to the motion than f at a point that is off by the Newton tolerance.
 Every array of stages or eigenvalues has 8 lanes and moves as one vector; the order is a run-time index m (s =
 3 + 2m).
 """
 
 import numpy as np
+from numba import types
 
+from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.lanes import (
     fused,
     high4,
@@ -29,7 +35,6 @@ from pwsmooth.kernels.stiff_call import (
     FACTOR,
     HOIST,
     JACOBIAN,
-    NEWTON8,
     RATES1,
     RATES8,
     SOLVE,
@@ -37,14 +42,14 @@ from pwsmooth.kernels.stiff_call import (
     call_dense_solve,
     call_factor,
     call_hoist,
-    call_newton8,
     call_point,
     call_rates8,
     call_solve,
 )  # fmt: skip
+from pwsmooth.kernels.stiff_core import core
+from pwsmooth.kernels.stiff_gate import error_norm, passed
+from pwsmooth.kernels.stiff_rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON
 from pwsmooth.kernels.stiff_tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
-
-MAX_NEWTON = 15
 
 
 @fused
@@ -142,7 +147,7 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
 
 
 @fused
-def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta, scratch):
+def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
     Converged when the estimated rest eta * |last increment| is below kappa, in units of the tolerance. `eta`
@@ -160,10 +165,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
             store8(Z, 8 * i, splat8(0.0))
     before, theta = 0.0, 0.0
     for it in range(MAX_NEWTON):
-        if adr[NEWTON8] != 0:
-            norm = call_newton8(adr[NEWTON8], m, t8, c8, x, p, mu, lu, Z, W, F, R, weight)
-        else:
-            norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight)
+        norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight)
         if not np.isfinite(norm):
             return False, it + 1, eta, 2.0
         if it > 0:
@@ -172,10 +174,12 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
                 # Increments at rounding level no longer shrink: that is as converged as it gets.
                 return norm < 0.1 * kappa, it + 1, eta, theta
             eta = theta / (1.0 - theta)
-            left = MAX_NEWTON - 1 - it
-            if theta**left * eta * norm > kappa:
+            rest = theta
+            for _ in range(DOUBLINGS):
+                rest *= rest
+            if rest * eta * norm > kappa:
                 return False, it + 1, eta, theta
-        if eta * norm <= kappa or norm == 0.0:
+        if eta * norm <= kappa:
             return True, it + 1, eta, theta
         before = norm
     return False, MAX_NEWTON, eta, theta
@@ -185,22 +189,60 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
 def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, again):
     """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff
     parts."""
+    if again:
+        for i in range(n):
+            scratch[i] = x[i] + err[i]
+        call_point(adr[RATES1], t, scratch, p, scratch2)
     for i in range(n):
         v = 0.0
         for k in range(3 + 2 * m):
             v += ERROR[m, k] * Z[8 * i + k]
-        err[i] = v / h
         store8(R, 8 * i, splat8(0.0))
-        R[8 * i] = f0[i] + err[i]
+        R[8 * i] = (scratch2[i] if again else f0[i]) + v / h
     _solve(adr, n, lu, R)
-    if again:
-        for i in range(n):
-            scratch[i] = x[i] + R[8 * i]
-        call_point(adr[RATES1], t, scratch, p, scratch2)
-        for i in range(n):
-            r = scratch2[i] + err[i]
-            store8(R, 8 * i, splat8(0.0))
-            R[8 * i] = r
-        _solve(adr, n, lu, R)
     for i in range(n):
         err[i] = R[8 * i]
+
+
+@unit(types.int64, types.CPointer(types.int64), types.float64, types.float64, types.float64, types.float64)
+def attempt_unit(places, t, h, ratio, eta):
+    """An attempt at the step h from t: ACCEPTED, NOT_CONVERGED, INACCURATE or GATED; overwrites out.
+
+    `ratio`: h over the length of the last step, whose polynomial predicts the stages; `eta`: the estimated rest of
+    the first increment. When accepted, x, f, poly and Z are those of the step.
+    """
+    s = core(places)
+    adr, num, n, x, out = s.adr, s.num, s.n, s.x, s.out
+    m = s.cnt[S.ORDER]
+    stages = 3 + 2 * m
+    set_stages(adr, m, t, h, s.p, s.t8, s.hoisted)
+    predicted = ratio < LONGEST_PREDICTION[m]
+    if predicted:
+        extrapolate(m, n, ratio, s.poly, s.Z)
+    factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
+    converged, iterations, eta, theta = newton(
+        adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
+        num[S.KAPPA], eta,
+    )  # fmt: skip
+    out[S.O_ITERATIONS], out[S.O_ETA], out[S.O_THETA], out[S.O_AGAIN] = iterations, eta, theta, 0.0
+    if not converged:
+        return S.NOT_CONVERGED
+    embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, False)
+    size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
+    if not size < 1.0 and (s.cnt[S.FIRST] == 1 or s.cnt[S.REJECTED] == 1):
+        embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, True)
+        size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
+        out[S.O_AGAIN] = 1.0
+    out[S.O_SIZE] = size
+    if not size < 1.0:
+        return S.INACCURATE
+    for i in range(n):
+        store8(s.X, 8 * i, load8(s.Z, 8 * i) + x[i])
+    out[S.O_GATE] = passed(adr, n, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
+    if out[S.O_GATE] > 0.0:
+        return S.GATED
+    end_polynomial(m, n, s.Z, s.poly)
+    for i in range(n):
+        x[i] = s.X[8 * i + stages - 1]
+        s.f[i] = s.poly[8 * i] / h
+    return S.ACCEPTED

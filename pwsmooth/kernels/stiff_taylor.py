@@ -11,7 +11,8 @@ nothing.
 import numpy as np
 
 from pwsmooth.kernels.lanes import fused, load8, splat8, store8
-from pwsmooth.kernels.stiff_gate import REACH, THETA
+from pwsmooth.kernels.stiff_gate import root
+from pwsmooth.kernels.stiff_rules import REACH, THETA
 
 SAMPLES = np.arange(1, 9) / 8.0
 RIM = 6.0  # in eps: where every sigmoid is at its limit to rounding, or warns early by its tail
@@ -37,15 +38,9 @@ def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
     last = _order_size(n, q, K, stride, rows, surface_row, surf, weight, rtol)
     size = _order_size(n, q, K - 1, stride, rows, surface_row, surf, weight, rtol)
-    if last != last or size != size:
+    if not last + size < np.inf:
         return np.nan
-    length = last ** (-1.0 / K) if last > 0.0 else np.inf
-    power = size
-    for _ in range(K - 1):
-        power *= length
-    if power > 1.0:
-        length = size ** (-1.0 / (K - 1))
-    return 0.9 * length
+    return 0.9 * min(root(max(last, 1e-290), K), root(max(size, 1e-290), K - 1))
 
 
 @fused
