@@ -209,9 +209,7 @@ class Function(native.Function):
         v, width = self.expression(value), 8
         while width > 1:
             width //= 2
-            v = operation(
-                self.shuffle(v, list(range(width))), self.shuffle(v, list(range(width, 2 * width)))
-            )
+            v = operation(self.shuffle(v, list(range(width))), self.shuffle(v, list(range(width, 2 * width))))
         return self.builder.extract_element(v, LANE(0))
 
     def call_largest8(self, value):
@@ -266,5 +264,3 @@ def build(text: str) -> bytes:
 def load(path: Path) -> native.Code:
     """Machine code of a generated source, from the object file beside it where this machine made one."""
     return native.load(path, translate=build)
-
-

@@ -8,6 +8,7 @@ _VECTOR = {"time", "state", "add", "mul", "div", "sqrt", "rsqrt", "pow"}
 # Those that stiff_native.py knows lane by lane.
 FUNCTIONS = frozenset("exp log sin cos tan sinh cosh tanh atan asin acos erf erfc abs".split())
 
+
 def expression(op, name, v="") -> str:
     """Right-hand side of one operation; `name` gives the text of an operand, v="v" calls the functions of
     lanes."""

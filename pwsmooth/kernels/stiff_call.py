@@ -43,10 +43,47 @@ def call_solve(typingctx, address, lu, r):
 
 @intrinsic
 def call_radau(
-    typingctx, address, t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, out
+    typingctx,
+    address,
+    t,
+    h,
+    ratio,
+    eta,
+    kappa,
+    rtol,
+    again,
+    p,
+    x,
+    f,
+    weight,
+    newton_weight,
+    surf,
+    poly,
+    Z,
+    J,
+    out,
 ):
     """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J, out."""
-    arguments = (address, t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, out)
+    arguments = (
+        address,
+        t,
+        h,
+        ratio,
+        eta,
+        kappa,
+        rtol,
+        again,
+        p,
+        x,
+        f,
+        weight,
+        newton_weight,
+        surf,
+        poly,
+        Z,
+        J,
+        out,
+    )
     return _caller(arguments, types.int64)
 
 
