@@ -13,6 +13,7 @@ import sympy as sp
 from ..laws import Law
 from .drive import check_continuous, expression, t, value_at
 from .scene import Scene, assemble
+from .table import Table, within
 
 x, v, done = sp.symbols("x v work", real=True)
 
@@ -23,7 +24,7 @@ def prescribed_motion(
     position: Any = None,
     velocity: Any = None,
     normal: Any = None,
-    t_span: tuple[float, float] = (0.0, 1.0),
+    t_span: tuple[float, float] | None = None,
     period: float | None = None,
     parameters: Mapping[Any, float] | None = None,
     work: bool = False,
@@ -33,11 +34,12 @@ def prescribed_motion(
     Parameters
     ----------
     law : Law
-    position, velocity : expression of t
+    position, velocity : expression of t or Table
         One of them; a position must not jump. Symbols other than t are parameters of the drive.
-    normal : expression of t, optional
+    normal : expression of t or Table, optional
         Normal load.
-    t_span : (float, float)
+    t_span : (float, float), optional
+        (0, 1), or the span of the table.
     period : float, optional
         Period of the motion.
     parameters : mapping of Symbol or str to float, optional
@@ -66,28 +68,33 @@ def prescribed_motion(
     0.995055
     """
     if (position is None) == (velocity is None):
-        raise ValueError("give either `position` or `velocity` to prescribed_motion, an expression of t.")
+        raise ValueError(
+            "give either `position` or `velocity` to prescribed_motion, an expression of t or a Table."
+        )
     values = dict(parameters or {})
-    if position is not None:
-        place = expression(position, "position")
-        check_continuous(place, "position", t_span, values)
-        speed, begin = place.diff(t), value_at(place, t_span[0], values)
-    else:
-        place, speed, begin = x, expression(velocity, "velocity"), 0.0
-    own, begins = {}, {}
-    if t not in speed.free_symbols:
-        # What never changes can be no surface: the constant becomes a state that keeps its value.
+    tables = {"p": position, "w": velocity, "load": normal}
+    tables = {name: drive for name, drive in tables.items() if isinstance(drive, Table)}
+    t_span = within(t_span, tables.values())
+    extra = [table.pieces(name) for name, table in tables.items()]
+    # The constant becomes a state that keeps its value: what never changes can be no surface.
+    own: dict[Any, Any] = {}
+    begins: dict[Any, float] = {}
+    place, speed, acceleration = _motion(position, velocity, t_span, values)
+    if t not in speed.free_symbols and not tables.keys() & {"p", "w"}:
         begins[v], own[v] = value_at(speed, t_span[0], values), sp.S.Zero
-        speed = v
+        speed, acceleration = v, sp.S.Zero
         values = {key: value for key, value in values.items() if str(key) in map(str, place.free_symbols)}
-    own[x], begins[x] = speed, begin
-    load = None if normal is None else expression(normal, "normal")
-    pieces = law.attach(position=place, velocity=speed, acceleration=speed.diff(t), normal=load, time=t)
+    own[x] = speed
+    begins[x] = 0.0 if position is None else _first(position, place, t_span, values)
+    load = None if normal is None else sp.Symbol("load", real=True)
+    if normal is not None and "load" not in tables:
+        load = expression(normal, "normal")
+    pieces = law.attach(position=place, velocity=speed, acceleration=acceleration, normal=load, time=t)
     if work:
         own[done], begins[done] = pieces.force * speed, 0.0
     system, start, atol = assemble(
         own,
-        pieces,
+        [pieces, *extra],
         time=t,
         start=begins,
         parameters=values,
@@ -106,3 +113,22 @@ def prescribed_motion(
         law.source,
         atol,
     )
+
+
+def _motion(position, velocity, t_span, values):
+    """(position, velocity, acceleration) as expressions."""
+    if isinstance(position, Table):
+        return (sp.Symbol("p", real=True), *position.derivatives("p"))
+    if isinstance(velocity, Table):
+        return x, sp.Symbol("w", real=True), velocity.derivatives("w")[0]
+    if position is not None:
+        place = expression(position, "position")
+        check_continuous(place, "position", t_span, values)
+        return place, place.diff(t), place.diff(t, 2)
+    speed = expression(velocity, "velocity")
+    return x, speed, speed.diff(t)
+
+
+def _first(position, place, t_span, values):
+    """The position at the start."""
+    return float(position.values[0]) if isinstance(position, Table) else value_at(place, t_span[0], values)

@@ -17,13 +17,14 @@ from ..laws import Law
 from ..primitives import Algebraic
 from .drive import expression, t
 from .scene import Scene, assemble
+from .table import Table, within
 
 x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=True)
 mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 
 
 def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, normal=None, parameters,
-           period=None, outputs=None, pull=1):  # fmt: skip
+           period=None, outputs=None, pull=1, extra=()):  # fmt: skip
     """The scene of one body: `drive` is the force on it without friction, `pull` the sign of v in dv/dt."""
     m = parameters.get(mass, parameters.get("mass"))
     if m is not None and not m > 0:
@@ -37,7 +38,7 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, no
     unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     system, begin, atol = assemble(
-        rates, pieces, time=t, start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
+        rates, [pieces, *extra], time=t, start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
         begin=t_span[0],
     )  # fmt: skip
     seen = {n: n for n in (*map(str, rates), *shown, *pieces.outputs)}
@@ -46,7 +47,7 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, no
 
 
 def force_driven(
-    law: Law, force: Any, *, m: float = 1.0, normal: Any = None, t_span: tuple[float, float] = (0.0, 1.0),
+    law: Law, force: Any, *, m: float = 1.0, normal: Any = None, t_span: tuple[float, float] | None = None,
     period: float | None = None, parameters: Mapping[Any, float] | None = None,
 ) -> Scene:  # fmt: skip
     """A mass under a force u(t): presliding, break-away, drift.
@@ -54,7 +55,7 @@ def force_driven(
     Parameters
     ----------
     law : Law
-    force : expression of t
+    force : expression of t or Table
     m : float
         Mass.
     normal : expression of t, optional
@@ -64,9 +65,11 @@ def force_driven(
         Values of the drive's symbols.
     """
     values = {mass: m, **(parameters or {})}
-    u = expression(force, "force")
+    tables = [force] if isinstance(force, Table) else []
+    t_span = within(t_span, tables)
+    u = sp.Symbol("u", real=True) if tables else expression(force, "force")
     return _scene("force-driven mass", law, u, {x: v}, {x: 0.0, v: 0.0}, t_span, normal=normal, period=period,
-                  parameters=values)  # fmt: skip
+                  parameters=values, extra=[table.pieces("u") for table in tables])  # fmt: skip
 
 
 def block_on_belt(

@@ -1,0 +1,284 @@
+"""fit(): the parameters of a friction law from a measured motion and force, and laws side by side on one data set.
+
+    min over p of  sum_k (f_law(t_k; p) - f_k)^2
+
+Positive parameters are fitted by their logarithm: they stay positive, and steps are relative. Each forward run is the
+event-driven solution along the spline of the measured motion, compiled once; values are exchanged without compiling.
+Chain: laws, scenes -> **fit**.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time as clock
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .laws import Law
+from .scenes import Table, prescribed_motion
+
+__all__ = ["Fit", "compare", "fit"]
+
+_FAILED = 1e3  # residual of a run that fails, in units of the data's size: the optimizer turns back
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted law.
+
+    Attributes
+    ----------
+    law : Law
+        With the fitted parameters.
+    values, errors : dict of str to float
+        Fitted parameters and their standard errors (from the residual and its slope).
+    covariance : ndarray
+        Of the fitted parameters, in the order of `values`.
+    residual : float
+        Root mean square of force minus data, in the data's unit.
+    force : ndarray
+        Of the fitted law, at the data's times.
+    cost : float
+        Processor time of one run, s per s of motion.
+    runs, failures : int
+        Forward runs of the optimizer, and those that did not finish.
+    success : bool
+    message : str
+    """
+
+    law: Law
+    values: dict[str, float]
+    errors: dict[str, float]
+    covariance: np.ndarray
+    residual: float
+    force: np.ndarray
+    cost: float
+    runs: int
+    failures: int
+    success: bool
+    message: str
+
+    @property
+    def parameters(self) -> int:
+        """Number of fitted parameters."""
+        return len(self.values)
+
+    def __str__(self) -> str:
+        rows = [f"{name} = {value:.6g} +- {self.errors[name]:.2g}" for name, value in self.values.items()]
+        return f"{type(self.law).__name__}: rms {self.residual:.4g}; " + ", ".join(rows)
+
+
+def fit(
+    law: Law,
+    t: Any,
+    motion: Any,
+    force: Any,
+    *,
+    kind: str = "position",
+    free: Sequence[str] | None = None,
+    settle: float = 0.0,
+    rtol: float = 1e-8,
+    max_runs: int = 200,
+) -> Fit:
+    """Fit a law to measured motion and force.
+
+    Parameters
+    ----------
+    law : Law
+        Its parameters are the first guess; they should have the right size.
+    t, motion, force : array_like, shape (n,)
+        Times, position or velocity, and friction force in consistent units.
+    kind : {"position", "velocity"}
+        What `motion` is.
+    free : sequence of str, optional
+        Parameters to fit; all that are not structural and not 0 without. One with a value for each element counts as
+        many.
+    settle : float
+        Time at the start that is left out of the comparison: the law starts relaxed, the experiment may not have.
+    rtol : float
+        Of the forward runs.
+    max_runs : int
+        Bound on the optimizer's evaluations (without those of its slopes).
+
+    Raises
+    ------
+    ValueError
+        Arrays of different lengths, an unknown name in `free`, fewer data than parameters.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.laws.friction import Dahl
+    >>> from pwsmooth.scenes import Table, prescribed_motion
+    >>> times = np.linspace(0, 3, 61)
+    >>> x = 3e-5 * np.sin(4 * times)
+    >>> data = prescribed_motion(Dahl(F_c=1.2, sigma0=8e4), position=Table(times, x)).solve(t_eval=times)["force"]
+    >>> found = fit(Dahl(), times, x, data)
+    >>> round(found.values["F_c"], 6), round(found.values["sigma0"], 2)
+    (1.2, 80000.0)
+    """
+    from scipy.optimize import least_squares
+
+    t, motion, force = (np.asarray(a, float) for a in (t, motion, force))
+    if not t.shape == motion.shape == force.shape or t.ndim != 1:
+        raise ValueError(
+            f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one."
+        )
+    if not np.isfinite(force).all():
+        raise ValueError("`force` contains nan or infinity; drop or mend these samples.")
+    if kind not in ("position", "velocity"):
+        raise ValueError(f"`kind` is {kind!r}; `motion` is a 'position' or a 'velocity'.")
+    drive = Table(t, motion)
+    scene = (
+        prescribed_motion(law, position=drive) if kind == "position" else prescribed_motion(law, velocity=drive)
+    )
+    forward = _Forward(law, scene, _free(law, free), t, settle, rtol)
+    data = force[forward.used]
+    if len(data) <= len(forward.names):
+        raise ValueError(
+            f"{len(data)} samples after `settle` cannot determine {len(forward.names)} parameters."
+        )
+    size = float(np.abs(data).max()) or 1.0
+
+    def residuals(coordinates):
+        model = forward(coordinates)
+        return np.full(data.shape, _FAILED) if model is None else (model - data) / size
+
+    first = forward.coordinates()
+    # The runs' own error, some rtol, must not show in the slopes.
+    found = least_squares(residuals, first, x_scale="jac", diff_step=max(1e-6, rtol**0.5), max_nfev=max_runs)
+    begun = clock.process_time()
+    model = forward(found.x)
+    cost = (clock.process_time() - begun) / (t[-1] - t[0])
+    if model is None:
+        model = np.full(data.shape, np.nan)
+    rms = float(np.sqrt(np.mean((model - data) ** 2)))
+    spread = np.sum(((model - data) / size) ** 2) / (len(data) - len(first))
+    # A direction that the data does not see has an infinite error: the pseudo-inverse would call it exact.
+    _, singular, directions = np.linalg.svd(found.jac, full_matrices=False)
+    blind = singular <= 1e-9 * singular.max()
+    weights = np.where(blind, np.inf, 1 / np.where(blind, 1.0, singular) ** 2)
+    with np.errstate(invalid="ignore"):
+        covariance = spread * np.where(
+            np.abs(directions[:, :, None] * directions[:, None, :]) > 1e-12,
+            weights[:, None, None] * directions[:, :, None] * directions[:, None, :],
+            0.0,
+        ).sum(axis=0)
+    slope = forward.slopes(found.x)
+    covariance = covariance * np.outer(slope, slope)
+    values = forward.values(found.x)
+    errors = dict(zip(values, np.sqrt(np.abs(np.diag(covariance))).tolist()))
+    best, message = _with(law, values, found.message)
+    return Fit(
+        best,
+        values,
+        errors,
+        covariance,
+        rms,
+        model,
+        cost,
+        forward.runs,
+        forward.failures,
+        bool(found.success),
+        message,
+    )
+
+
+def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any) -> list[Fit]:
+    """Fit several laws to one data set.
+
+    Parameters
+    ----------
+    laws : iterable of Law
+    t, motion, force : array_like
+        As of `fit`, whose options follow; `free` is left to each law.
+
+    Returns
+    -------
+    list of Fit
+        The smallest residual first.
+    """
+    if "free" in options:
+        raise ValueError("`free` belongs to one law; call `fit` for each.")
+    return sorted((fit(law, t, motion, force, **options) for law in laws), key=lambda found: found.residual)
+
+
+def _free(law: Law, names: Sequence[str] | None) -> list[str]:
+    fields = {f.name: f for f in dataclasses.fields(law)}  # type: ignore[arg-type]
+    known = [name for name, f in fields.items() if not f.metadata["structural"]]
+    if names is None:
+        return [name for name in known if getattr(law, name) != 0]
+    for name in names:
+        if name not in known:
+            raise ValueError(
+                f"`free` names {name!r}; parameters of {type(law).__name__} are {', '.join(known)}."
+            )
+    return list(names)
+
+
+class _Forward:
+    """The force of a law at the data's times as a function of the fitted coordinates."""
+
+    def __init__(self, law, scene, free, t, settle, rtol):
+        self.law, self.scene, self.t, self.rtol = law, scene, t, rtol
+        self.used = t >= t[0] + settle
+        self.runs = self.failures = 0
+        self.names, self.first, logarithmic = [], [], []
+        self.owner = []
+        for field in dataclasses.fields(law):
+            if field.name not in free:
+                continue
+            value = getattr(law, field.name)
+            for i, v in enumerate(value if isinstance(value, tuple) else (value,)):
+                self.names.append(f"{field.name}_{i + 1}" if isinstance(value, tuple) else field.name)
+                self.first.append(v)
+                self.owner.append(field.name)
+                # What may be 0 or negative is fitted as it is, unless the first guess says that it is not.
+                logarithmic.append(field.metadata["sign"] != "real" and v > 0)
+        self.logarithmic = np.array(logarithmic)
+        self.unit = np.where(self.logarithmic, 1.0, np.abs(self.first) + (np.array(self.first) == 0))
+
+    def coordinates(self):
+        first = np.array(self.first)
+        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, first, 1.0)), first / self.unit)
+
+    def _plain(self, coordinates):
+        bounded = np.clip(coordinates, -200, 200)
+        return np.where(self.logarithmic, np.exp(bounded), coordinates * self.unit)
+
+    def values(self, coordinates):
+        return dict(zip(self.names, self._plain(coordinates).tolist()))
+
+    def slopes(self, coordinates):
+        """d value/d coordinate"""
+        return np.where(self.logarithmic, self._plain(coordinates), self.unit)
+
+    def __call__(self, coordinates):
+        self.runs += 1
+        given: dict[str, Any] = {}
+        for owner, value in zip(self.owner, self._plain(coordinates).tolist()):
+            given.setdefault(owner, []).append(value)
+        given = {name: value if len(value) > 1 else value[0] for name, value in given.items()}
+        run = self.scene.solve(parameters=given, t_eval=self.t, rtol=self.rtol, max_steps=200_000)
+        if not run.success or len(run.t) != len(self.t):
+            self.failures += 1
+            return None
+        force = run["force"][self.used]
+        return force if np.isfinite(force).all() else None
+
+
+def _with(law, values, message):
+    """The law with fitted values, or as it was, with the reason in the message."""
+    changed: dict[str, Any] = {}
+    for name, old in law.values.items():
+        if isinstance(old, tuple):
+            changed[name] = tuple(values.get(f"{name}_{i + 1}", v) for i, v in enumerate(old))
+        elif name in values:
+            changed[name] = values[name]
+    try:
+        return dataclasses.replace(law, **changed), message
+    except ValueError as error:
+        return law, f"{message} The fitted values are none of this law: {error}"
