@@ -83,7 +83,7 @@ class Diffusion:
     convention: str = "ito"
     resolution: float = 0.1
     level: int = 0
-    finest: int = 8
+    finest: int = 6
 
     def __post_init__(self) -> None:
         set_to = functools.partial(object.__setattr__, self)

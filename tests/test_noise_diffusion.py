@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import quad
 
-from pwsmooth import Diffusion, Event, Memory, Outcome, Switch, System, Unilateral, ensemble, solve
+from pwsmooth import Algebraic, Diffusion, Event, Memory, Outcome, Switch, System, Unilateral, ensemble, solve
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 lam = Switch("lam", v)
@@ -270,6 +270,26 @@ def test_a_crossing_is_located_on_the_path():
     run = solve(system, (0, 20), {x: 1, v: 0, w: 0}, noise=Diffusion({w: 0.2}, 1 / 16, seed=14))
     crossings = np.flatnonzero(np.diff(run.status[0]))
     assert len(crossings) > 3 and np.abs(run["x"][crossings]).max() == 0
+
+
+def test_a_switch_in_the_amplitude_of_a_smoothed_view_is_its_sigmoid():
+    noise = dict(step=1 / 16, seed=16)
+    smooth = System({v: -lam}).smoothed(eps=0.5, sigmoid="tanh")
+    by_name = solve(smooth, (0, 4), {v: 1}, noise=Diffusion({v: sp.sqrt(1 - lam**2) / 2}, **noise))
+    own = System({v: -sp.tanh(2 * v)})
+    by_hand = solve(own, (0, 4), {v: 1}, noise=Diffusion({v: sp.sqrt(1 - sp.tanh(2 * v) ** 2) / 2}, **noise))
+    # Same path; steps may differ where the smoothed one keeps to its layer: order 1 in 1/16, as a bound.
+    assert np.abs(by_name["v"] - by_hand["v"]).max() < 1 / 16
+
+
+def test_an_algebraic_unknown_is_solved_along_the_path():
+    a = sp.Symbol("a", real=True)
+    implicit = System({x: a}, algebraic=[Algebraic(a, a + x + sp.tanh(a) / 2)])
+    explicit = System({x: -sp.Rational(2, 3) * x})
+    noise = Diffusion({x: 1e-3}, 1 / 16, seed=17)
+    # Near 0, where tanh a = a up to a^3/3 = 1e-8.
+    one, two = (solve(s, (0, 2), {x: 2e-3}, noise=noise)["x"] for s in (implicit, explicit))
+    assert np.abs(one - two).max() < 1e-8
 
 
 # ---- the door
