@@ -105,6 +105,14 @@ def test_the_slip_only_orbit_attracts_in_the_relaxing_regime_too():
     assert abs(force) == pytest.approx(1.04008, abs=0.5e-5)
 
 
+def test_a_start_in_a_stick_is_left_once():
+    # y = -1 rests until -sigma sin t - k y = N: sin t = (3.1 - 1)/2.4 on the falling side
+    solution = solve(coulomb(), (1.9, 3.6), {y: -1.0, v: 0}, **TIGHT)
+    assert solution.success
+    assert [e.kind for e in solution.events] == ["slip by tangency"]
+    assert solution.events[0].time == pytest.approx(math.pi - math.asin(2.1 / 2.4), abs=1e-12)
+
+
 # ---- random orbits
 
 

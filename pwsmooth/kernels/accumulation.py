@@ -30,7 +30,8 @@ WITHIN_ROUNDING = 1e-11  # an accumulation point this close (relative to the tim
 def time_left(S, j):
     """Time to the accumulation point if the intervals of surface j shrink geometrically, else inf."""
     q = S.last[j, 2]
-    if not (q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
+    # A ratio of 0 is none: so it stands where the surface has not been met before, as after a start in a stick.
+    if not (0.0 < q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
         return math.inf
     return S.last[j, 1] * q / (1.0 - q)
 
