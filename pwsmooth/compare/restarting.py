@@ -13,8 +13,7 @@ import numpy as np
 
 from .plain import Plain
 
-CROSSING, STICK, SLIP, IMPACT = "crossing", "stick", "slip by tangency", "impact"
-OFF = 1e-3  # a surface just left is looked for again once this share of a step's drive is behind
+CROSSING, STICK, SLIP, IMPACT = "crossing", "stick", "slip", "impact"
 
 
 class Mode:
