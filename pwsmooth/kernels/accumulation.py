@@ -42,7 +42,7 @@ def pass_accumulation(P, C, S, R, W):
     t = S.now[0]
     leader, left = -1, math.inf
     for j in range(P.m):
-        if W.hit[j] and S.status[j] != SOLVED:
+        if W.hit[j] and S.status[j] != SOLVED and W.came[j] != SOLVED:
             estimate = time_left(S, j)
             if estimate < left:
                 leader, left = j, estimate

@@ -49,6 +49,10 @@ from .twofolds import two_fold
 _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
 
 
+# A multiplier at its bound that moves by less than this in a step rests there: what moves it is the rounding of its
+# series, 1e-16 times the growth of the right-hand side's own terms over the step.
+_REST = 1e-11
+
 @inlined_kernel
 def _meet(P, row, power, degree, drop, sign, W, poly):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
@@ -82,7 +86,7 @@ def _meet_bounds(P, S, row, power, degree, j, W, poly):
             size = 0.0
             for k in range(degree):
                 size += abs(poly[k])
-            if size <= 1e-14:
+            if size <= _REST:
                 continue
         s = first_root(P, W, poly, degree - drop)
         if s < best:
