@@ -50,6 +50,8 @@ class CompiledProblem:
         block_row, block_member = _groups(g_row, g_col, hub)
         fixed = set(text.parameters) | (loops.template.constants if loops else set())
         slope_moves = numbers("multipliers", [_slope_moves(mu, fixed) for mu in text.multipliers])
+        lams = {mu.symbol for mu in text.multipliers}
+        nested = numbers("multipliers", [_nested(mu, lams) for mu in text.multipliers])
         surface_state = numbers("multipliers", [_surface_state(text, mu) for mu in text.multipliers])
         if loops:
             surface_state = loops.numbered("multipliers", "states", surface_state)
@@ -98,6 +100,7 @@ class CompiledProblem:
             dh_row=dh_row,
             dh_col=dh_col,
             slope_moves=slope_moves,
+            nested=nested,
             surface_state=surface_state,
             direction=numbers("events", [e.direction for e in text.events]),
             terminal=numbers("events", [int(e.terminal) for e in text.events]),
@@ -235,6 +238,11 @@ def _kind(mu: Multiplier) -> int:
     if mu.kind == "switch":
         return {"kink": state.KINK, "sliding": state.SLIDING, "crossing": state.CROSSING}[mu.regularity]
     return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
+
+
+def _nested(mu: Multiplier, lams: set[sp.Symbol]) -> int:
+    """Whether another multiplier stands in the surface, which jumps when that one switches."""
+    return int(mu.surface is not None and bool(mu.surface.free_symbols & lams))
 
 
 def _surface_state(model: Model, mu: Multiplier) -> int:

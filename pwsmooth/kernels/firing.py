@@ -148,6 +148,26 @@ def impacts(P, S, R, W):
 
 
 @kernel
+def sides_after_crossing(P, S, R, W):
+    """A surface in which another multiplier stands has jumped with it: its switch takes the side it finds itself on."""
+    for _ in range(P.m):
+        evaluate_surfaces(P, S, W)
+        changed = False
+        for j in range(P.m):
+            if P.nested[j] == 0 or W.hit[j] or S.status[j] == HELD:
+                continue
+            side = 1 if W.h[j] > 0.0 else -1
+            if S.status[j] != side and abs(W.h[j]) > surface_rounding(P, S, j, W):
+                record_event(S, R, j, EV_RESET, S.status[j], side)
+                S.status[j] = side
+                S.mult[j] = float(side)
+                S.deflate[j] = 0
+                changed = True
+        if not changed:
+            return
+
+
+@kernel
 def sides_after_jump(P, S, R, W):
     """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
     evaluate_surfaces(P, S, W)

@@ -9,7 +9,7 @@ from numba import types
 
 from .accumulation import WITHIN_ROUNDING, pass_accumulation, time_left
 from .compiling import kernel, unit
-from .firing import MOST_AT_ONCE, events, impacts, sides_after_jump, step_inside
+from .firing import MOST_AT_ONCE, events, impacts, sides_after_crossing, sides_after_jump, step_inside
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
@@ -232,6 +232,7 @@ def at_instant(P, C, S, R, W):
     if code > DONE:
         return code
     if switched or code == DONE:
+        sides_after_crossing(P, S, R, W)
         for j in range(m):
             W.keep_status[j] = status[j]
         code = resettle(P, S, R, W)

@@ -32,7 +32,7 @@ def only_one(P, S, W):
     """
     only = -1
     for j in range(P.m):
-        if P.kind[j] == CONTACT or (S.status[j] == SOLVED and not W.hit[j]):
+        if P.kind[j] == CONTACT or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.hit[j]):
             return -1
         if W.hit[j]:
             if only >= 0 or P.kind[j] != SLIDING or S.status[j] == HELD:

@@ -82,6 +82,7 @@ class Problem(Bundle):
     hub: "i8[1]"  # multipliers that couple many groups
     dh_row: "i8[1]"  # (m + ne + 1,) rows of the sparse gradients of the surfaces
     dh_col: "i8[1]"
+    nested: "i8[1]"  # (m,) another multiplier stands in the surface, which jumps when that one switches
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)
     terminal: "i8[1]"  # (ne,)

@@ -55,6 +55,7 @@ def scaled(row, power, poly, degree, drop, sign):
         store8(poly, k, load8(row, k + drop) * load8(power, k) * sign)
 
 
+SURFACE_ROUNDING = 1e-15  # below which a surface's series is noise, as of one that rests at 0
 _ONE_BIT, _BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from -1023 in units of 2^52
 
 
@@ -104,7 +105,7 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
             if surface_rows[i] >= count and (i >= P.m or abs(S.status[i]) == 1):
                 row = rows[surface_rows[i]]
                 size = max(abs(at(row, 0)), max(half * abs(at(row, 1)), quarter * abs(at(row, 2))))
-                weight = 1.0 / (rtol * size + 1e-290)
+                weight = 1.0 / (rtol * size + SURFACE_ROUNDING)
                 e0 = max(e0, abs(at(row, K - 1)) * weight)
                 e1 = max(e1, abs(at(row, K)) * weight)
                 finite += at(row, K) * 0.0
