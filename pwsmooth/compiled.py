@@ -17,7 +17,7 @@ from .kernels import state
 from .kernels.tables import bernstein_tables, halving_tables
 from .model import Model, Multiplier
 
-_FLAT = (sp.exp, sp.erf, sp.erfc)  # see kernels.steps.fits
+_FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
 
 

@@ -43,15 +43,21 @@ from .state import (
     State,
     Work,
 )
-from .steps import dot, fits, fold_step_size, near_fold, powers, scaled, take_jet, taylor_step_size
+from .steps import (
+    SURFACE_ROUNDING,
+    dot,
+    fits,
+    fold_step_size,
+    near_fold,
+    powers,
+    scaled,
+    take_jet,
+    taylor_step_size,
+)
 from .twofolds import two_fold
 
 _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
 
-
-# A multiplier at its bound that moves by less than this in a step rests there: what moves it is the rounding of its
-# series, 1e-16 times the growth of the right-hand side's own terms over the step.
-_REST = 1e-11
 
 @inlined_kernel
 def _meet(P, row, power, degree, drop, sign, W, poly):
@@ -61,6 +67,8 @@ def _meet(P, row, power, degree, drop, sign, W, poly):
         size = 0.0
         for k in range(degree - drop + 1):
             size += abs(poly[k])
+        if size <= SURFACE_ROUNDING:
+            return NO_ROOT  # it rests where it is
         if abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             drop += 1
             scaled(row, power, poly, degree, drop, sign)
@@ -68,7 +76,7 @@ def _meet(P, row, power, degree, drop, sign, W, poly):
 
 
 @inlined_kernel
-def _meet_bounds(P, S, row, power, degree, j, W, poly):
+def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
     """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.exit_side."""
     scaled(row, power, poly, degree, 0, 1.0)
     lo, hi = low_bounds(poly)
@@ -82,11 +90,12 @@ def _meet_bounds(P, S, row, power, degree, j, W, poly):
         if drop == 0:
             poly[0] += 1.0
         else:
-            # At its bound and staying there, as at rest under exactly the largest friction: no exit.
+            # At its bound and staying there, as at rest under exactly the largest friction: no exit. What moves it
+            # by less than the tolerance may be the rounding of its series, which the step lets grow to rtol/100.
             size = 0.0
             for k in range(degree):
                 size += abs(poly[k])
-            if size <= _REST:
+            if size <= C.rtol:
                 continue
         s = first_root(P, W, poly, degree - drop)
         if s < best:
@@ -107,7 +116,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
                 met = _meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
                 W.exit_side[j] = 1
             elif kind[j] != ALGEBRAIC:
-                met = _meet_bounds(P, S, rows[mult_row + j], power, K, j, W, poly)
+                met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W, poly)
         elif surface_rows[j] >= 0 and status[j] != HELD:
             met = _meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
         tau[j] = met
