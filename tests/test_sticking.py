@@ -183,3 +183,11 @@ def test_an_unknown_sigmoid_is_refused_with_the_known_ones():
 def test_the_examples_of_the_docstrings_run(module):
     result = doctest.testmod(importlib.import_module(f"pwsmooth.analysis.{module}"))
     assert result.attempted and not result.failed
+
+
+@pytest.mark.parametrize("sigmoid", ["algebraic", "tanh", "erf"])
+def test_the_threshold_grows_with_the_ratio_from_the_smallest_on(sigmoid):
+    # erf comes within rounding of 1 so early that a coarse search of the saddle once jumped over it
+    found = [capture_threshold(3, ratio, sigmoid=sigmoid) for ratio in 10.0 ** np.arange(-7, 0, 0.5)]
+    assert found[0] > 1
+    assert np.all(np.diff(found) > 0)
