@@ -1,13 +1,14 @@
 """sweep(): the same numbers as single solves and closed forms, whatever the chunks and the threads."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, omega, z
 
-from pwsmooth import Event, Outcome, Switch, System, Unilateral, solve, sweep
+from pwsmooth import Event, Kicks, Outcome, Switch, System, Unilateral, solve, sweep
 from pwsmooth.sweep import Function, Period, Points
 from pwsmooth.sweep.chunk import run_chunk, solve_point
 from pwsmooth.sweep.plan import make_plan
@@ -291,3 +292,34 @@ def test_refused_combinations_are_recorded():
     pole = System({x: -x / (a - c)}, parameters={a: 1, c: 0.5})
     found = sweep(pole, {"a": [1, 2], "c": [0.5, 1]}, start={"x": 1}, t_span=(0, 1), measures="points(x)")
     assert (found.outcome.values < 0).tolist() == [[False, True], [False, False]]
+
+
+def test_noise_is_swept_by_trajectory_whatever_the_chunks():
+    """Kicks of y and v at regular times: every trajectory has the bits of its own solve."""
+    kicks = Kicks(1e-3, every=0.7, on=("y", "v"), seed=5)
+    arguments = dict(
+        start=MOVING, period=DRIVE, transient=1, periods=2, measures=["points(y)", "sticks", "counts"]
+    )
+    found = sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=1, **arguments)
+    assert found.identical(
+        sweep(coulomb(), {"trajectory": range(4)}, noise=kicks, chunk=4, workers=1, **arguments)
+    )
+    assert len(set(found.y_points.values[:, -1].tolist())) == 4
+    for i in (0, 3):
+        single = solve(coulomb(), (0, 6 * math.pi), MOVING, noise=replace(kicks, trajectory=i))
+        assert float(found.y_points.sel(trajectory=i)[-1]) == single["y"][-1]
+    still = sweep(coulomb(), {"seed": [1, 2]}, noise=replace(kicks, size=0.0), **arguments)
+    plain = sweep(coulomb(), {"sigma": [2.4]}, **arguments)
+    # Kicks of size 0 are the deterministic path.
+    assert still.y_points.values[0].tolist() == plain.y_points.values[0].tolist()
+
+
+def test_the_largest_exponent_of_a_linear_system_is_its_real_part():
+    u = sp.Symbol("u", real=True)
+    spring = System({x: u, u: -4 * x - 2 * a * u + sp.sin(t)}, time=t, parameters={a: 0.1})
+    found = sweep(
+        spring, {"a": [0.1, 0.3]}, start={"x": 1, "u": 0}, period=2 * sp.pi, transient=3, periods=40,
+        measures=["lyapunov"],
+    )  # fmt: skip
+    # Both multipliers have modulus e^(-a T); the tangent vector turns, which the average feels as 1/T.
+    np.testing.assert_allclose(found.lyapunov, [-0.1, -0.3], atol=math.log(4) / (80 * math.pi))

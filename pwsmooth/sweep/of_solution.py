@@ -20,20 +20,21 @@ def segments_in(solution: Solution, *columns: int) -> list[tuple]:
 
 
 def strobes(solution: Solution, window) -> np.ndarray:
-    """States at the window's start and after every period, shape (periods + 1, n); nan where the run had ended."""
+    """States at the window's start and after every period, shape (periods + 1, n); nan where the run had ended.
+
+    At an event the state before it, as `solve(t_eval=)` and the ensemble have it.
+    """
     times = window.start + window.period * np.arange(window.periods + 1)
     times[-1] = window.end
     reached = times <= solution.t[-1]
     x = np.full((len(times), len(solution.states)), np.nan)
-    if solution.dense is not None:
-        if reached.any():
-            x[reached] = solution(times[reached]).T
-    else:
-        # Without dense output the columns themselves must hold the strobes.
-        for k in np.flatnonzero(reached):
-            column = np.searchsorted(solution.t, times[k], side="right") - 1
-            if abs(solution.t[column] - times[k]) <= 1e-12 * (1 + abs(times[k])):
-                x[k] = solution.x[:, column]
+    if solution.dense is not None and reached.any():
+        x[reached] = solution(times[reached]).T
+    for k in np.flatnonzero(reached):
+        # A column at the very time is better than its polynomial by a rounding, and all there is without one.
+        column = np.searchsorted(solution.t, times[k])
+        if solution.t[column] == times[k]:
+            x[k] = solution.x[:, column]
     return x
 
 

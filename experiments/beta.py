@@ -1,0 +1,219 @@
+"""E2: how does the orbit change with beta, the time that z takes, from the relaxing limit to none?
+
+    y' = v,   v' = -2.4 sin t - 3.1 y - 0.1 v - lam (1 + 3 z),   beta z' = 1 - lam^2 - z
+
+Part 1, eps = 0, event-driven: beta from 1e-4 to 10. Part 2: which limit one gets depends on r = eps/beta. The limit
+eps, beta -> 0 at fixed r (event-driven, layer resolved) and the smoothed oscillator at two eps, each from a start
+near the two-stick orbit and one near the one-stick orbit.
+
+Expected: at eps = 0 one stick a period for small beta, whose length tends to that of the two-stage limit,
+0.778356050 (specification, section 4), by a power of beta: during capture z has to grow from nearly 0 under a force
+nearly N, as at the passage of a fold, which suggests beta^(2/3). For beta of the drive's order z is too slow to grow
+within a stick and the sticks vanish. Part 2: two sticks for r above some threshold, one below, and both between;
+the smoothed curves follow the limit as eps falls.
+
+Usage: python experiments/beta.py [--fast] [--out DIR] [--draw FILE.json]
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+from studytools import Claim, Study, claim, command
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from friction_oscillator import hidden, omega, z
+
+from pwsmooth import sweep
+from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.sweep import Function
+
+DRIVE = 2 * sp.pi / omega
+LIMIT = 0.778356050  # the two-stage limit's stick, specification, section 4
+# (y, v) at t = 0: near the symmetric two-stick orbit, and near one of the one-stick pair.
+STARTS = {"y": (0.9087, 0.5664), "v": (-0.9735, -1.2524)}
+# A stay in |v| <= 5 eps is a stick when it is longer than this and z, which vanishes in slip, grows beyond that: where
+# |F| is near N a crossing is slow too.
+LEAST, GROWN = 0.2, 0.5
+
+
+@dataclass(frozen=True)
+class Config:
+    """Grids of beta (eps = 0) and of r = eps/beta (log10), widths eps, and transients in periods."""
+
+    log_beta: tuple[float, float, int] = (-4.0, 1.0, 101)
+    log_r: tuple[float, float, int] = (-2.5, 0.25, 23)
+    log_r_smooth: tuple[float, float, int] = (-2.5, 0.25, 23)
+    eps: tuple[float, ...] = (1e-2, 1e-3)
+    transient: int = 200
+    layer_transient: int = 50
+    smooth_transient: int = 80
+    periods: int = 8
+
+
+def powers(axis):
+    return 10 ** np.linspace(*axis)
+
+
+def sticks_of_smooth(solution, window):
+    """(number, whole time) per period of the stays in the layer that are sticks."""
+    eps = solution.parameters["eps"]
+    t = np.linspace(window.start, window.end, 400 * window.periods + 1)
+    inside = np.concatenate([[0], np.abs(solution(t, "v")) <= 5 * eps, [0]]).astype(int)
+    begin, end = np.flatnonzero(np.diff(inside) == 1), np.flatnonzero(np.diff(inside) == -1)
+    lengths = (end - begin) * (t[1] - t[0])
+    z_at = solution(t, "z")
+    grown = np.array([z_at[a:b].max() > GROWN for a, b in zip(begin, end)], bool)
+    stays = (lengths > LEAST) & grown
+    # A stay that the window's start cuts in two is counted once, with the other half at its end.
+    return stays.sum() / window.periods, lengths[stays].sum() / window.periods
+
+
+def run(config: Config) -> dict:
+    betas, ratios, smooth_ratios = (powers(a) for a in (config.log_beta, config.log_r, config.log_r_smooth))
+    common = dict(points=STARTS, period=DRIVE, periods=config.periods)
+    slow = sweep(
+        hidden(), {"beta": betas}, start={"z": 0.0}, transient=config.transient, **common,
+        measures=["sticks", "itinerary", "period"],
+    )  # fmt: skip
+    layer = hidden().layered({z: 0.1})
+    limit = sweep(
+        layer, {"ratio_z": ratios}, transient=config.layer_transient, measures=["sticks", "itinerary"], **common
+    )
+    data = {
+        "beta": betas,
+        "eps = 0": {
+            "sticks": slow.sticks.values, "stick time": slow.stick_time.values,
+            "itinerary": slow.itinerary.values.tolist(), "period": slow.period.values,
+        },
+        "r": ratios,
+        "limit": {
+            "sticks": limit.sticks.values, "stick time": limit.stick_time.values,
+            "itinerary": limit.itinerary.values.tolist(), "outcome": limit.outcome.values,
+        },
+        "r smooth": smooth_ratios,
+        "smoothed": {},
+    }  # fmt: skip
+    measure = Function(sticks_of_smooth, names=("sticks", "stick_time"), dense=True)
+    for eps in config.eps:
+        smooth = sweep(
+            hidden().smoothed(eps=eps), {"beta": np.sort(eps / smooth_ratios)}, start={"z": 0.0}, measures=measure,
+            transient=config.smooth_transient, rtol=1e-7, atol=1e-10, **common,
+        )  # fmt: skip
+        # The axis runs over beta: turned round, it runs over r.
+        data["smoothed"][f"{eps:g}"] = {
+            "sticks": smooth.sticks.values[:, ::-1],
+            "stick time": smooth.stick_time.values[:, ::-1],
+            "outcome": smooth.outcome.values[:, ::-1],
+        }
+    return data
+
+
+def approach(data: dict) -> tuple[np.ndarray, np.ndarray]:
+    """beta and the distance of the stick from its limit, where there is one stick a period."""
+    sticks, time = np.array(data["eps = 0"]["sticks"], float), np.array(data["eps = 0"]["stick time"], float)
+    one = sticks[1] == 1
+    return np.array(data["beta"])[one], time[1][one] - LIMIT
+
+
+def order(data: dict, low: float, high: float) -> float:
+    beta, distance = approach(data)
+    inside = (beta >= low) & (beta <= high)
+    return float(np.polyfit(np.log(beta[inside]), np.log(distance[inside]), 1)[0])
+
+
+def last_with(sticks, ratios, number):
+    """Range of r over which a start leads to that many sticks a period."""
+    there = np.array(ratios)[np.round(np.array(sticks, float)) == number]
+    return (float(there.min()), float(there.max())) if there.size else (float("nan"),) * 2
+
+
+def claims(data: dict) -> list[Claim]:
+    measured, coarser = order(data, 1e-4, 4e-4), order(data, 1e-3, 4e-3)
+    words = {w for row in data["eps = 0"]["itinerary"] for w in row}
+    small = np.array(data["beta"]) <= 0.2
+    few = {w for row in data["eps = 0"]["itinerary"] for w, s in zip(row, small) if s}
+    limit_two = last_with(data["limit"]["sticks"][0], data["r"], 2)
+    limit_one = last_with(data["limit"]["sticks"][1], data["r"], 1)
+    eps = min(data["smoothed"], key=float)
+    finest = data["smoothed"][eps]
+    smooth_two = last_with(finest["sticks"][0], data["r smooth"], 2)
+    step = data["r"][1] / data["r"][0]
+    return [
+        claim("eps = 0, small beta: one stick a period from both starts", "S R L or S L R up to beta = 0.2",
+              ", ".join(sorted(few)), few <= {"S R L", "S L R"}, "other orbits"),
+        claim("eps = 0: the stick tends to the two-stage limit by a power of beta", "2/3",
+              f"{coarser:.3f} near beta = 2e-3, {measured:.3f} near 2e-4", abs(measured - 2 / 3) < 0.02
+              and abs(measured - 2 / 3) < abs(coarser - 2 / 3), "another power"),
+        claim("eps = 0, beta of the drive's order: no stick is left", "R L at beta = 10",
+              ", ".join(sorted({row[-1] for row in data["eps = 0"]["itinerary"]})),
+              {row[-1] for row in data["eps = 0"]["itinerary"]} == {"R L"}, "sticks are left"),
+        claim("eps/beta fixed: two sticks for large r, one for small, both between", "an overlap",
+              f"two for r in [{limit_two[0]:.3g}, {limit_two[1]:.3g}], one in [{limit_one[0]:.3g}, {limit_one[1]:.3g}]",
+              limit_two[0] <= limit_one[1], "no overlap on this grid"),
+        claim(f"The smoothed oscillator at eps = {eps} changes where the limit does",
+              f"two sticks from r = {limit_two[0]:.3g}", f"from r = {smooth_two[0]:.3g}",
+              1 / step <= smooth_two[0] / limit_two[0] <= step, "elsewhere"),
+        claim("All orbits of eps = 0 have names", "words of S, R and L", ", ".join(sorted(words)),
+              words <= {"R L", "S R L", "S L R", "S R S L"}, "some do not repeat within 8 drive periods"),
+    ]  # fmt: skip
+
+
+def draw(data: dict):
+    fig = new_figure(7.4, 3.3)
+    left, middle, right = fig.subplots(1, 3, width_ratios=(1, 1, 1.2))
+    beta = np.array(data["beta"])
+    for row in data["eps = 0"]["stick time"]:
+        left.plot(beta, np.array(row, float), ".", color=COLOUR["exact"], markersize=3)
+    left.axhline(LIMIT, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
+    left.annotate("two-stage limit", (1e-4, LIMIT), xytext=(2, -10), textcoords="offset points", fontsize=8,
+                  color=COLOUR["mark"])  # fmt: skip
+    left.set(xscale="log", xlabel="β", title="stick time a period, ε = 0", ylim=(-0.05, 1.45))
+    b, distance = approach(data)
+    middle.loglog(b, distance, ".", color=COLOUR["exact"], markersize=3)
+    near = b[b < 0.03]
+    middle.loglog(
+        near,
+        distance[0] * (near / b[0]) ** (2 / 3),
+        color=COLOUR["approximation"],
+        linewidth=1,
+        label="β^(2/3)",
+    )
+    middle.set(xlabel="β", title="its distance from the limit")
+    middle.legend(loc="lower right")
+    shown = [("ε, β → 0", data["r"], data["limit"], COLOUR["exact"], "o", 5)]
+    for (eps, one), colour, marker in zip(data["smoothed"].items(), (COLOUR["smoothed"], COLOUR["left"]), "sv"):
+        shown.append((f"ε = {eps}", data["r smooth"], one, colour, marker, 3.5))
+    for k, (name, ratios, one, colour, marker, size) in enumerate(shown):
+        for i, row in enumerate(one["sticks"]):
+            height = np.array(row, float) + 0.09 * (1 - k)
+            right.plot(ratios, height, marker, color=colour, markersize=size, fillstyle="full" if i else "none",
+                       markeredgewidth=0.8, linestyle="none", label=name if i else None)  # fmt: skip
+    right.set(xscale="log", xlabel="r = ε/β", title="sticks a period", yticks=[0, 1, 2], ylim=(-0.3, 2.9))
+    right.legend(loc="upper left", ncols=3, columnspacing=0.6, handletextpad=0.1, title="open: from near two sticks, "
+                 "full: from near one", title_fontsize=7)  # fmt: skip
+    return fig
+
+
+STUDY = Study(
+    name="beta",
+    question="How does the orbit change with beta, the time that z takes, from the relaxing limit to none?",
+    expected="one stick a period that tends to 0.778356 by beta^(2/3), none at beta of order 1; two at r = eps/beta "
+    "above a threshold, with an overlap",
+    full=Config(),
+    fast=Config(
+        log_beta=(-4.0, 1.0, 21), log_r=(-2.0, 0.25, 7), log_r_smooth=(-2.0, 0.25, 7), eps=(1e-2,), transient=100,
+        layer_transient=10, smooth_transient=40,
+    ),
+    run=run,
+    claims=claims,
+    draw=draw,
+)  # fmt: skip
+
+if __name__ == "__main__":
+    command(STUDY)
