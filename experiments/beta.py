@@ -2,15 +2,16 @@
 
     y' = v,   v' = -2.4 sin t - 3.1 y - 0.1 v - lam (1 + 3 z),   beta z' = 1 - lam^2 - z
 
-Part 1, eps = 0, event-driven: beta from 1e-4 to 10. Part 2: which limit one gets depends on r = eps/beta. The limit
+Part 1, eps = 0, event-driven: beta from 1e-5 to 10. Part 2: which limit one gets depends on r = eps/beta. The limit
 eps, beta -> 0 at fixed r (event-driven, layer resolved) and the smoothed oscillator at two eps, each from a start
-near the two-stick orbit and one near the one-stick orbit.
+on the two-stick orbit (that of r = oo) and one on the one-stick orbit (that of r = 0.003).
 
 Expected: at eps = 0 one stick a period for small beta, whose length tends to that of the two-stage limit,
 0.778356050 (specification, section 4), by a power of beta: during capture z has to grow from nearly 0 under a force
 nearly N, as at the passage of a fold, which suggests beta^(2/3). For beta of the drive's order z is too slow to grow
-within a stick and the sticks vanish. Part 2: two sticks for r above some threshold, one below, and both between;
-the smoothed curves follow the limit as eps falls.
+within a stick and the sticks vanish. Part 2: in the limit both orbits do not depend on r, but exist only while the
+layer decides as they need: two sticks while the force on arrival is below the capture threshold F_c(r), one stick
+while the force at its crossing is above it. Two thresholds follow from F_c; the smoothed curves tend to them.
 
 Usage: python experiments/beta.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -29,14 +30,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from friction_oscillator import hidden, omega, z
 
-from pwsmooth import sweep
+from pwsmooth import solve, sweep
+from pwsmooth.analysis.capture import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.sweep import Function
+from pwsmooth.sweep import Function, Points
 
 DRIVE = 2 * sp.pi / omega
 LIMIT = 0.778356050  # the two-stage limit's stick, specification, section 4
-# (y, v) at t = 0: near the symmetric two-stick orbit, and near one of the one-stick pair.
-STARTS = {"y": (0.9087, 0.5664), "v": (-0.9735, -1.2524)}
 # A stay in |v| <= 5 eps is a stick when it is longer than this and z, which vanishes in slip, grows beyond that: where
 # |F| is near N a crossing is slow too.
 LEAST, GROWN = 0.2, 0.5
@@ -46,11 +46,11 @@ LEAST, GROWN = 0.2, 0.5
 class Config:
     """Grids of beta (eps = 0) and of r = eps/beta (log10), widths eps, and transients in periods."""
 
-    log_beta: tuple[float, float, int] = (-4.0, 1.0, 101)
+    log_beta: tuple[float, float, int] = (-5.0, 1.0, 61)
     log_r: tuple[float, float, int] = (-2.5, 0.25, 23)
     log_r_smooth: tuple[float, float, int] = (-2.5, 0.25, 23)
     eps: tuple[float, ...] = (1e-2, 1e-3)
-    transient: int = 200
+    transient: int = 60
     layer_transient: int = 50
     smooth_transient: int = 80
     periods: int = 8
@@ -74,9 +74,39 @@ def sticks_of_smooth(solution, window):
     return stays.sum() / window.periods, lengths[stays].sum() / window.periods
 
 
+def on_orbit(system, transient):
+    """A point of the orbit that a start of the specification leads to, and |F| where v reaches zero on it."""
+    found = sweep(
+        system, {"rho": [3.0]}, start={"y": 0.6, "v": -1.07}, period=DRIVE, transient=transient, periods=1,
+        measures=Points("y", "v", last=1),
+    )  # fmt: skip
+    return {name: float(found[f"{name}_points"].item()) for name in "yv"}
+
+
+def forces(system, start):
+    """|F| at the events where v reaches zero, over one period: kind -> largest."""
+    orbit = solve(system, (0, 2 * np.pi), start, dense_output=True)
+    result: dict[str, float] = {}
+    for event in orbit.events:
+        if event.kind in ("stick", "crossing"):
+            force = abs(-2.4 * np.sin(event.time) - 3.1 * float(orbit(event.time, "y")))
+            result[event.kind] = max(result.get(event.kind, 0.0), force)
+    return result
+
+
+def threshold(force):
+    """r at which the layer just captures under this force."""
+    from scipy.optimize import brentq
+
+    log_r = brentq(lambda x: capture_threshold(3.0, 10**x) - force, -4, -0.2, xtol=1e-6)
+    return float(10**log_r)
+
+
 def run(config: Config) -> dict:
     betas, ratios, smooth_ratios = (powers(a) for a in (config.log_beta, config.log_r, config.log_r_smooth))
-    common = dict(points=STARTS, period=DRIVE, periods=config.periods)
+    two, one = on_orbit(hidden().layered({z: sp.oo}), 60), on_orbit(hidden().layered({z: 0.003}), 40)
+    starts = {name: (two[name], one[name]) for name in "yv"}
+    common = dict(points=starts, period=DRIVE, periods=config.periods)
     slow = sweep(
         hidden(), {"beta": betas}, start={"z": 0.0}, transient=config.transient, **common,
         measures=["sticks", "itinerary", "period"],
@@ -85,7 +115,11 @@ def run(config: Config) -> dict:
     limit = sweep(
         layer, {"ratio_z": ratios}, transient=config.layer_transient, measures=["sticks", "itinerary"], **common
     )
+    arrival = forces(hidden().layered({z: sp.oo}), two)["stick"]
+    crossing = forces(hidden().layered({z: 0.003}), one)["crossing"]
     data = {
+        "forces": {"arrival of two sticks": arrival, "crossing of one stick": crossing},
+        "predicted": {"two sticks from r": threshold(arrival), "one stick up to r": threshold(crossing)},
         "beta": betas,
         "eps = 0": {
             "sticks": slow.sticks.values, "stick time": slow.stick_time.values,
@@ -134,32 +168,36 @@ def last_with(sticks, ratios, number):
 
 
 def claims(data: dict) -> list[Claim]:
-    measured, coarser = order(data, 1e-4, 4e-4), order(data, 1e-3, 4e-3)
+    measured, coarser = order(data, 1e-5, 5e-5), order(data, 1e-3, 5e-3)
     words = {w for row in data["eps = 0"]["itinerary"] for w in row}
     small = np.array(data["beta"]) <= 0.2
     few = {w for row in data["eps = 0"]["itinerary"] for w, s in zip(row, small) if s}
     limit_two = last_with(data["limit"]["sticks"][0], data["r"], 2)
     limit_one = last_with(data["limit"]["sticks"][1], data["r"], 1)
-    eps = min(data["smoothed"], key=float)
-    finest = data["smoothed"][eps]
-    smooth_two = last_with(finest["sticks"][0], data["r smooth"], 2)
+    by_eps = sorted(data["smoothed"], key=float, reverse=True)
+    smooth_two = {eps: last_with(data["smoothed"][eps]["sticks"][0], data["r smooth"], 2)[0] for eps in by_eps}
+    predicted = data["predicted"]["two sticks from r"], data["predicted"]["one stick up to r"]
     step = data["r"][1] / data["r"][0]
     return [
         claim("eps = 0, small beta: one stick a period from both starts", "S R L or S L R up to beta = 0.2",
               ", ".join(sorted(few)), few <= {"S R L", "S L R"}, "other orbits"),
         claim("eps = 0: the stick tends to the two-stage limit by a power of beta", "2/3",
-              f"{coarser:.3f} near beta = 2e-3, {measured:.3f} near 2e-4", abs(measured - 2 / 3) < 0.02
+              f"{coarser:.3f} near beta = 2e-3, {measured:.3f} near 2e-5", abs(measured - 2 / 3) < 0.02
               and abs(measured - 2 / 3) < abs(coarser - 2 / 3), "another power"),
         claim("eps = 0, beta of the drive's order: no stick is left", "R L at beta = 10",
               ", ".join(sorted({row[-1] for row in data["eps = 0"]["itinerary"]})),
               {row[-1] for row in data["eps = 0"]["itinerary"]} == {"R L"}, "sticks are left"),
-        claim("eps/beta fixed: two sticks for large r, one for small, both between", "an overlap",
-              f"two for r in [{limit_two[0]:.3g}, {limit_two[1]:.3g}], one in [{limit_one[0]:.3g}, {limit_one[1]:.3g}]",
-              limit_two[0] <= limit_one[1], "no overlap on this grid"),
-        claim(f"The smoothed oscillator at eps = {eps} changes where the limit does",
-              f"two sticks from r = {limit_two[0]:.3g}", f"from r = {smooth_two[0]:.3g}",
-              1 / step <= smooth_two[0] / limit_two[0] <= step, "elsewhere"),
-        claim("All orbits of eps = 0 have names", "words of S, R and L", ", ".join(sorted(words)),
+        claim("eps, beta -> 0: two sticks from the r where F_c reaches the force on arrival",
+              f"{predicted[0]:.4f}", f"from r = {limit_two[0]:.4f} of the grid on",
+              1 <= limit_two[0] / predicted[0] <= step, "from another r on"),
+        claim("eps, beta -> 0: one stick up to the r where F_c reaches the force at its crossing",
+              f"{predicted[1]:.4f}", f"up to r = {limit_one[1]:.4f} of the grid",
+              1 / step <= limit_one[1] / predicted[1] <= 1, "up to another r"),
+        claim("The smoothed oscillator tends to that as eps falls", f"two sticks from r = {limit_two[0]:.3f}",
+              ", ".join(f"from {from_r:.3f} at eps = {eps}" for eps, from_r in smooth_two.items()),
+              list(smooth_two.values()) == sorted(smooth_two.values(), reverse=True)
+              and min(smooth_two.values()) >= limit_two[0], "not monotone"),
+        claim("eps = 0: every orbit repeats within 8 drive periods", "words of S, R and L", ", ".join(sorted(words)),
               words <= {"R L", "S R L", "S L R", "S R S L"}, "some do not repeat within 8 drive periods"),
     ]  # fmt: skip
 
@@ -194,9 +232,11 @@ def draw(data: dict):
             height = np.array(row, float) + 0.09 * (1 - k)
             right.plot(ratios, height, marker, color=colour, markersize=size, fillstyle="full" if i else "none",
                        markeredgewidth=0.8, linestyle="none", label=name if i else None)  # fmt: skip
+    for r in data["predicted"].values():
+        right.axvline(r, ymax=0.76, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
     right.set(xscale="log", xlabel="r = ε/β", title="sticks a period", yticks=[0, 1, 2], ylim=(-0.3, 2.9))
-    right.legend(loc="upper left", ncols=3, columnspacing=0.6, handletextpad=0.1, title="open: from near two sticks, "
-                 "full: from near one", title_fontsize=7)  # fmt: skip
+    right.legend(loc="upper left", ncols=3, columnspacing=0.6, handletextpad=0.1, title="open: from two sticks, "
+                 "full: from one", title_fontsize=7)  # fmt: skip
     return fig
 
 
