@@ -157,6 +157,7 @@ class CompiledProblem:
             left_half=left_half,
             right_half=right_half,
             layer_k=np.zeros((7, m + nz)),
+            fired=np.zeros((ne, 4)),
             matrix=np.zeros((group, group + 1 + hubs)),
             schur=np.zeros((hubs, hubs + 1)),
             border=np.zeros((m, hubs)),

@@ -251,6 +251,7 @@ def _outcomes(names) -> dict[int, Outcome]:
         names.STRICT: Outcome.AMBIGUITY,
         names.NEWTON_FAILED: Outcome.SINGULAR,
         names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
+        names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
     }
 
 
@@ -273,6 +274,8 @@ def _events_in_words(names, model: Model, times, codes) -> EventLog:
     def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
         if index >= len(switches):
             event = model.events[index - len(switches)]
+            if kind == names.EV_ACCUMULATION:
+                return EventRecord(t, event.name, kinds[kind])
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
         contact = model.multipliers[index].kind == "contact"
         return EventRecord(t, switches[index], kinds[kind], "" if contact else f"{came:+d} to {went:+d}")

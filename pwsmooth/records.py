@@ -27,12 +27,11 @@ class Outcome(IntEnum):
     NOT_FINITE = -2
     STEP_UNDERFLOW = -3
     TOO_MANY_STEPS = -4
-    TOO_MANY_EVENTS = -5
+    EVENTS_ACCUMULATE = -5
     CHATTERING = -6
     EVENT_LOOP = -7
     NO_ROOT = -8
     SINGULAR = -9
-    NO_CONVERGENCE = -10
     LAYER_UNSETTLED = -11
     DETERMINACY_LOST = -12
 
@@ -60,8 +59,8 @@ _TEXTS = {
     Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, "
     "or the tolerance cannot be met; try a looser `rtol`, or another `method`.",
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
-    Outcome.TOO_MANY_EVENTS: "The bound on events was reached: either switchings accumulate without a limit "
-    "that could be estimated, or the bound is too small for this run.",
+    Outcome.EVENTS_ACCUMULATE: "An event resets the state so that it fires again ever sooner, and no event says what "
+    "holds from the limit time on: write a contact as `Unilateral`, or let a terminal event stop the run.",
     Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge: check the restitution "
     "and the surfaces that switch, or add an event that ends the chattering.",
     Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude "
@@ -70,7 +69,6 @@ _TEXTS = {
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion.",
-    Outcome.NO_CONVERGENCE: "Newton's iteration of the implicit step did not converge: try a tighter `rtol`.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
     "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
     Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none "

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Outcome, Switch, System, solve
+from pwsmooth import Event, Memory, Outcome, Switch, System, Unilateral, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
+l1, l2 = Switch("l1", x), Switch("l2", y)
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
 
 
@@ -145,6 +146,26 @@ def test_resets_at_shrinking_intervals_never_hang():
     assert solution.event_times()[-1] == pytest.approx(1 + 999e-6, abs=1e-9)
 
 
+@pytest.mark.parametrize("e", [0.5, 0.9, 0.98])
+def test_a_ball_that_an_event_bounces_stops_at_the_limit_of_its_bounces(e):
+    ball = System({x: v, v: -9.81}, events=[Event(x, direction=-1, update={v: -e * v}, name="bounce")])
+    solution = stopped(solve(ball, (0, 100), {x: 1, v: 0}), Outcome.EVENTS_ACCUMULATE)
+    assert solution.t[-1] == pytest.approx(math.sqrt(2 / 9.81) * (1 + 2 * e / (1 - e)), rel=1e-9)
+    assert solution.events[-1].kind == "accumulation" and solution.events[-1].switch == "bounce"
+    assert np.min(solution.x[0]) > -1e-12
+
+
+def test_events_that_accumulate_with_a_contact_are_passed_with_it():
+    apexes = Memory("apexes", 0)
+    ball = System(
+        {x: v, v: -9.81 + Unilateral(x, restitution=0.5).reaction},
+        events=[Event(v, direction=-1, update={apexes: apexes + 1})],
+    )
+    solution = solve(ball, (0, 5), {x: 1, v: 0})
+    assert solution.outcome is Outcome.FINISHED and solution["apexes"][-1] > 20
+    assert solution.x[:2, -1] == pytest.approx([0, 0], abs=1e-9)
+
+
 def test_switchings_that_spiral_into_a_corner_accumulate_and_rest_there():
     # |x| + |y| shrinks by 3 at every crossing; the corner is reached at t = 1/6 + 1/3
     l1, l2 = Switch("l1", x), Switch("l2", y)
@@ -196,6 +217,22 @@ def test_repelling_sliding_names_what_was_taken_among_what_was_possible(method):
     assert {"leave to +1": 1.0, "leave to -1": -1.0, "stay on the surface": 0.0}[record.taken] == pytest.approx(
         solution.x[0, -1], abs=1e-12
     )
+
+
+@pytest.mark.parametrize(
+    ("rates", "repels"),
+    [
+        ((l1 + l2 / 2, l2 + l1 / 2), True),  # a node: both eigenvalues of dg/dlam positive
+        ((l1 + l2 / 10, l1 / 10 - l2), True),  # a saddle
+        ((l1 - 2 * l2, 2 * l1 + l2), True),  # a focus
+        ((-l1 + l2 / 2, l1 / 2 - l2), False),
+        ((-l1 + 2 * l2, -2 * l1 - l2), False),
+    ],
+)
+def test_a_start_on_a_joint_rest_state_of_two_layers_that_repels_is_recorded(rates, repels):
+    solution = solve(System(dict(zip((x, y), rates, strict=True))), (0, 1), {x: 0, y: 0})
+    assert [a.kind for a in solution.ambiguities] == ["repelling sliding"] * repels
+    assert solution.success and np.all(solution.x == 0)
 
 
 @METHODS

@@ -24,6 +24,7 @@ from .state import (
 )
 
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close (relative to the time) is passed
+_LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
 
 
 @kernel
@@ -34,6 +35,37 @@ def time_left(S, j):
     if not (0.0 < q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
         return math.inf
     return S.last[j, 1] * q / (1.0 - q)
+
+
+@kernel
+def events_accumulate(P, S, R, W):
+    """Whether the events that fired at this instant (W.pending = 2) come in intervals that shrink to nothing.
+
+    What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
+    switch or a contact that accumulates with them is passed, and they with it.
+    """
+    t = S.now[0]
+    for i in range(P.ne):
+        if W.pending[i] != 2 or not W.hit[P.m + i] or t <= W.fired[i, 0]:
+            continue
+        interval = t - W.fired[i, 0]
+        W.fired[i, 3] = W.fired[i, 2]
+        W.fired[i, 2] = interval / W.fired[i, 1] if W.fired[i, 1] > 0.0 else math.inf
+        W.fired[i, 1] = interval
+        W.fired[i, 0] = t
+        q = W.fired[i, 2]
+        if not (q < 0.9999999 and abs(q - W.fired[i, 3]) <= 0.02 * q):
+            continue
+        left = interval * q / (1.0 - q)
+        if left > _LAST_EVENTS * (1.0 + abs(t)):
+            continue
+        for j in range(P.m):
+            if time_left(S, j) < math.inf:
+                return False
+        S.now[0] = t + left
+        record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)
+        return True
+    return False
 
 
 @kernel

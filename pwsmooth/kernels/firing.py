@@ -4,12 +4,14 @@ All events whose `when` holds fire from the values before, repeated until none n
 met rebound, close or open.
 """
 
+from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
 from .records import record_event
 from .settling import approach_speed, close_contact, evaluate_surfaces, note_interval
 from .sliding import keep_on_surface, surface_rounding
 from .state import (
+    ACCUMULATED,
     C_CLOCK,
     CHATTERING,
     CONTACT,
@@ -89,7 +91,7 @@ def _fire_events(P, C, S, R, W):
 
 @kernel
 def events(P, C, S, R, W):
-    """The events of this instant, from their surfaces and from the clock; returns as _fire_events."""
+    """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
     some = False
     for i in range(P.ne):
         W.pending[i] = 0
@@ -102,7 +104,10 @@ def events(P, C, S, R, W):
             W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
             S.counts[C_CLOCK] += 1
             some = True
-    return _fire_events(P, C, S, R, W) if some else DONE
+    code = _fire_events(P, C, S, R, W) if some else DONE
+    if code == DONE and some and events_accumulate(P, S, R, W):
+        return ACCUMULATED
+    return code
 
 
 @kernel

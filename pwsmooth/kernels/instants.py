@@ -18,6 +18,7 @@ from .settling import layer_code, leading_order, note_interval, resettle, settle
 from .sliding import keep_on_surface
 from .sparse import couples
 from .state import (
+    ACCUMULATED,
     AMB_CORNER,
     C_AMBIGUITIES,
     C_EVENTS,
@@ -134,6 +135,9 @@ def _everything(P, C, S, R, W, fold, fold_way):
     """All that happens at this instant, in the order of the contract; a code, and whether a switch has changed."""
     m, ne, mult, status = P.m, P.ne, S.mult, S.status
     stop = events(P, C, S, R, W) if ne > 0 else DONE
+    if stop == ACCUMULATED:
+        record_point(P, S, R)
+        return stop, True
     if stop == CHATTERING or not impacts(P, S, R, W):
         return CHATTERING, True
     jumped = W.code[5] != 0

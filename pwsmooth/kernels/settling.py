@@ -3,7 +3,7 @@
 import math
 
 from .compiling import kernel
-from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES
+from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
@@ -94,6 +94,36 @@ def _one_at_rest(P, S, R, W, j):
 
 
 @kernel
+def _rest_repels(P, S, W, size):
+    """Whether the joint rest state that the switches W.active[:size] stand on exactly is left when lambda is moved a bit.
+
+    The layer is run from beside it, along two directions that no stable manifold contains for long. S is kept.
+    """
+    for j in range(P.m):
+        W.keep_status[j] = S.status[j]
+        W.keep_mult[j] = S.mult[j]
+    repels = False
+    for sign in range(-1, 2, 2):
+        for j in range(P.m):
+            S.status[j] = W.keep_status[j]
+            S.mult[j] = W.keep_mult[j]
+        shift = 1e-3
+        for a in range(size):
+            W.group[a] = W.active[a]
+            W.arrival[a] = 0
+            S.mult[W.active[a]] += shift
+            shift *= 0.7 * sign
+        settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0) == SETTLED
+        for j in range(P.m):
+            same = S.status[j] == W.keep_status[j] and abs(S.mult[j] - W.keep_mult[j]) < 1e-6
+            repels = repels or not (settled and same)
+    for j in range(P.m):
+        S.status[j] = W.keep_status[j]
+        S.mult[j] = W.keep_mult[j]
+    return repels
+
+
+@kernel
 def settle_at_rest(P, C, S, R, W, size):
     """Settles the switches W.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
     together = False
@@ -108,6 +138,12 @@ def settle_at_rest(P, C, S, R, W, size):
             W.group[a] = W.active[a]
             W.arrival[a] = 0
         code = settle_arrivals(P, S, R, W, size)
+        still = code == DONE
+        for a in range(size):
+            # A layer run that never moved: at rest, but nothing says that it stays so.
+            still = still and S.status[W.active[a]] == SOLVED and abs(S.mult[W.active[a]]) < 1e-9
+        if still and _rest_repels(P, S, W, size):
+            record_ambiguity(S, R, W.active[0], AMB_REPELLING, 0)
     else:
         for a in range(size):
             code = max(code, _one_at_rest(P, S, R, W, W.active[a]))

@@ -33,6 +33,9 @@ from .state import (
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
     m, status, mult = P.m, S.status, S.mult
+    for i in range(P.ne):
+        W.fired[i, 0] = S.now[0]
+        W.fired[i, 1] = W.fired[i, 2] = W.fired[i, 3] = 0.0
     for j in range(m):
         status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
         mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0

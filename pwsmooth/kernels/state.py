@@ -40,7 +40,8 @@ SOLVED, HELD = 0, 2
     STRICT,
     NEWTON_FAILED,
     DETERMINACY_LOST,
-) = range(12)
+    ACCUMULATED,
+) = range(13)
 
 
 class Problem(Bundle):
@@ -222,4 +223,5 @@ class Work(Bundle):
     layer_new: "f8[1]"
     layer_k: "f8[2]"  # (7, m + nz)
     gradient: "f8[1]"  # (n,)
+    fired: "f8[2]"  # (ne, 4) as State.last, for the firings of the events
     pending: "i8[1]"  # (ne,) events of this instant: 1 pending, 2 fired

@@ -1,0 +1,35 @@
+"""Steps see what their events depend on: surfaces with a series of their own, and functions flat where a step begins."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import quad
+
+from pwsmooth import Event, System, solve
+
+v, x = sp.symbols("v x", real=True)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_a_surface_that_varies_where_the_state_is_a_straight_line_is_met_at_every_zero(rtol):
+    # v = t: the state alone would allow one step. sin(20 t) = 1/2 at (pi/6 + 2 k pi)/20 and (5 pi/6 + 2 k pi)/20.
+    system = System({v: 1}, events=[Event(sp.sin(20 * v) - sp.Rational(1, 2))])
+    solution = solve(system, (0, 3), {v: 0}, rtol=rtol)
+    turns = 2 * math.pi * np.arange(10)
+    expected = np.sort(np.concatenate([math.pi / 6 + turns, 5 * math.pi / 6 + turns])) / 20
+    # The surface's slope there is 20 cos(pi/6) = 17; its error is rtol of its size within a step, at most some 20.
+    assert solution.event_times() == pytest.approx(expected[expected < 3], abs=max(2 * rtol, 1e-12))
+
+
+@pytest.mark.parametrize("order", [12, 20, 28])
+@pytest.mark.parametrize("peak", [sp.exp(-((10 * v) ** 2)), 1 - sp.erf(10 * v)])
+def test_a_peak_near_standstill_is_not_stepped_over_from_afar(order, peak):
+    # At v = 10 = 100 v_s the peak and all its derivatives are 0 to rounding: no coefficient tells of it.
+    rate = 1 + 9 * peak
+    solution = solve(System({v: -rate}, events=[Event(v, terminal=True)]), (0, 20), {v: 10}, order=order)
+    inverse = sp.lambdify(v, 1 / rate, "math")
+    time = sum(quad(inverse, a, b, epsabs=1e-13, epsrel=1e-13)[0] for a, b in ((0, 0.1), (0.1, 0.5), (0.5, 10)))
+    # rtol * v = 1e-8 in v at the speed 1 before the peak
+    assert solution.event_times() == pytest.approx([time], abs=1e-8)
