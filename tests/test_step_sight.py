@@ -1,4 +1,4 @@
-"""Steps see what their events depend on: surfaces with a series of their own, and functions flat where a step begins."""
+"""Steps see what their events depend on: surfaces with their own series, functions flat where a step begins."""
 
 import math
 
