@@ -95,7 +95,7 @@ def _one_at_rest(P, S, R, W, j):
 
 @kernel
 def _rest_repels(P, S, W, size):
-    """Whether the joint rest state that the switches W.active[:size] stand on exactly is left when lambda is moved a bit.
+    """Whether the joint rest state on which the switches W.active[:size] stand is left when lambda is moved a bit.
 
     The layer is run from beside it, along two directions that no stable manifold contains for long. S is kept.
     """
