@@ -8,12 +8,14 @@ solvers on the same generated functions: the independent cross-check.
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pwsmooth.kernels import stiff_state as S
 from pwsmooth.model import Model
+from pwsmooth.stiff_run import core
 
 METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
@@ -133,33 +135,40 @@ def integrate(
     inside = dense or t_eval is not None or any(e.surface is not None for e in model.events)
     order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside or not compiled.smooth)
 
-    num = np.zeros(S.LEAST_ADVANCE + 1)
+    p = np.ascontiguousarray(p, float)
+    address = compiled.address
+    if kicks is not None:
+        address, p = kicks.smooth(address, codegen.NAMES.index("act"), p)
+    addresses = np.array([*address, *units], dtype=np.int64)
+    if method != "taylor":
+        addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
+    instants = _instants(model, p, t0, t1)
+    wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
+    given = dict(
+        adr=addresses, surface_state=compiled.surface_state, surface_row=compiled.surface_row, p=p,
+        atol=np.full(compiled.n, atol) * (rtol_radau / rtol), t_eval=wanted,
+        x_eval=np.full((len(wanted), compiled.n), np.nan), instant_t=instants[0], instant_event=instants[1],
+    )  # fmt: skip
+    run, places = core(compiled, given, 64 + 64 * compiled.n_events, _CHUNK, dense)
+    run.x[:] = x0
+    run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
+    run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
+    run.stops[:] = [event.terminal for event in model.events]
+
+    num, cnt = run.num, run.cnt
     num[S.T], num[S.T_END] = t0, t1
     num[S.H] = first_step or 0.0
     num[S.RTOL], num[S.RTOL_TAYLOR] = rtol_radau, rtol_taylor
     # A tenth of the span: a seat belt, not what protects the layers.
     num[S.H_MAX] = min(max_step, 0.1 * (t1 - t0))
     num[S.MARK], num[S.LEAST_ADVANCE] = t0, _LEAST_ADVANCE * (t1 - t0)
-    num[S.KAPPA] = min(0.03, 10.0 * np.sqrt(rtol_radau))
-    cnt = np.zeros(S.SINCE_MARK + 1, dtype=np.int64)
+    num[S.KAPPA] = min(0.03, 10.0 * math.sqrt(rtol_radau))
     cnt[S.ORDER], cnt[S.K] = order, K
     cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
     cnt[S.MAY_RADAU] = method != "taylor"
     cnt[S.MODE] = S.TAYLOR if cnt[S.MAY_TAYLOR] else S.RADAU
     cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, max_steps
 
-    p = np.ascontiguousarray(p, float)
-    address = compiled.address
-    if kicks is not None:
-        address, p = kicks.smooth(address, codegen.NAMES.index("act"), p)
-    atol = np.broadcast_to(np.asarray(atol, float), (compiled.n,)) * (rtol_radau / rtol)
-    addresses = np.array([*address, *units], dtype=np.int64)
-    if method != "taylor":
-        addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
-    run = _run(compiled, addresses, p, atol, num, cnt, x0, _instants(model, p, t0, t1), dense, t_eval)
-    places = np.array(
-        [a.__array_interface__["data"][0] if isinstance(a, np.ndarray) else a for a in run], dtype=np.int64
-    )
     first = places.ctypes.data
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
@@ -193,41 +202,10 @@ def integrate(
     return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
 
 
-def _run(compiled, addresses, p, atol, num, cnt, x0, instants, dense, t_eval):
-    """Sizes and arrays of one run, in the form of kernels.stiff_state.Core; x_eval is nan until it is
-    reached."""
-    n, q, e, model = compiled.n, compiled.n_surfaces, compiled.n_events, compiled.model
-    room = 64 + 64 * e
-    wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
-    kind = [S.TIMED if event.surface is None else event.direction for event in model.events]
-
-    def integers(values):
-        return np.array(values, dtype=np.int64)
-
-    return S.Core(
-        n=n, q=q, e=e, capacity=_CHUNK, room=room, evals=len(wanted), instants=len(instants[0]),
-        adr=addresses, surface_state=compiled.surface_state,
-        surface_row=compiled.surface_row, cnt=cnt, kind=integers(kind),
-        stops=integers([event.terminal for event in model.events]), due=np.zeros(e, np.int64),
-        degree=np.zeros(_CHUNK, np.int64), event_index=np.zeros(room, np.int64), instant_event=instants[1],
-        p=p, atol=np.array(atol), num=num, x=np.array(x0, float), f=np.zeros(n), start=np.zeros(n),
-        poly=np.zeros((n, 8)), rows=np.zeros((2, n + q, S.STRIDE)), power=1.0 / (1.0 + np.arange(n)),
-        surf=np.zeros((q, n + 3)), J=np.zeros((n, n)), lu=np.zeros((compiled.n_slots or n * n + n, 8)),
-        Z=np.zeros((n, 8)), W=np.zeros((n, 8)), X=np.zeros((n, 8)), F=np.zeros((n, 8)), R=np.zeros((n, 8)),
-        hoisted=np.zeros((compiled.n_hoisted, 8)), values=np.zeros((max(q, e), 8)), weight=np.zeros(n),
-        newton_weight=np.zeros(n), err=np.zeros(n), scratch=np.zeros(n + 8), scratch2=np.zeros(n + 8),
-        out=np.zeros(8), t8=np.zeros(8), mu=np.zeros(8), coefficients=np.zeros((_CHUNK if dense else 1, n, 17)),
-        side=np.zeros(e), found=np.zeros(e), passed_side=np.zeros(e), before=np.zeros(n), after=np.zeros(n),
-        t=np.zeros(_CHUNK), states=np.zeros((_CHUNK, n)), length=np.zeros(_CHUNK), t_eval=wanted,
-        x_eval=np.full((len(wanted), n), np.nan), event_t=np.zeros(room), event_x=np.zeros((room, 2, n)),
-        instant_t=instants[0],
-    )  # fmt: skip
-
-
 def _instants(model, p, t0, t1):
     """Times and indices of all events of time in (t0, t1], ascending."""
-    values = dict(zip(model.parameters, p, strict=True))
     found = []
+    values = dict(zip(model.parameters, p, strict=True)) if model.events else {}
     for j, event in enumerate(model.events):
         found += [(float(a.subs(values)), j) for a in event.at]
         if event.every is not None:

@@ -60,8 +60,9 @@ class CompiledStiff:
         if order not in self.codes:
             key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
             paths = cache.cached_modules(key, lambda: {"radau": attempt_text(self.model, order)})
-            self.codes[order] = _machine_code(paths["radau"])
-        return self.codes[order].address("radau")
+            code = _machine_code(paths["radau"])
+            self.codes[order] = code, code.address("radau")
+        return self.codes[order][1]
 
 
 _compiled: dict[Model, CompiledStiff] = {}

@@ -13,6 +13,10 @@ from pwsmooth.kernels.stiff_taylor import defect, evaluate, taylor_length, taylo
 
 GROWTH, SHRINK = 8.0, 0.2
 LEAST_RATE = 2e-3
+# Behind a layer the error constant falls from step to step; the controller may count on it up to this factor.
+BOLDNESS = 1.6
+# Rate of Newton's iteration beyond which a step is shortened: near a fold the next one would fail.
+SLOW = 0.1
 # An error that was very small by chance must not forbid the next step to keep its length.
 LONGEST_MEMORY = 2.5
 
@@ -70,8 +74,11 @@ def radau_step(s, places):
         return _reject(s, out[S.O_GATE] * h)
     if cnt[S.FIRST] == 0:
         predictive = safety * (h / num[S.H_OLD]) * growth * growth / num[S.GROWTH_OLD]
-        factor = max(SHRINK, min(factor, predictive))
+        factor = max(SHRINK, min(BOLDNESS * factor, predictive, GROWTH))
     num[S.GROWTH_OLD] = min(growth, LONGEST_MEMORY)
+    if out[S.O_THETA] > SLOW:
+        # J changes along the step: the rate of the iteration goes with the square of the step.
+        factor = min(factor, np.sqrt(SLOW / out[S.O_THETA]))
     if cnt[S.REJECTED]:
         factor = min(factor, 1.0)
     cnt[S.PREDICTED], cnt[S.FIRST], cnt[S.REJECTED], cnt[S.ROWS_VALID] = 1, 0, 0, 0
