@@ -99,6 +99,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
             note_interval(S, j)
+        if S.status[j] != SOLVED and P.rk_unit != 0:
+            _step_inside(P, S, j, W)
     return DONE
 
 
