@@ -63,11 +63,20 @@ class Surface:
         self.points: list[tuple[dict, dict]] = []
         for size in SIZES if self.coordinates else ():
             for k in range(4 * POINTS):
-                self.points += filter(None, [self._pair(k, size)])
+                pair = self._pair(k, size)
+                # Where nothing is defined nothing is told: a rod of length 0.3 has no angle at coordinates of size 1.
+                if pair and self._defined(expressions, pair[1]):
+                    self.points.append(pair)
                 if len(self.points) == POINTS:
                     return
                 if k >= TRIES and not self.points:
                     break
+
+    def _defined(self, expressions, point):
+        """Whether some expression with this multiplier has a value on one of its sides."""
+        among = [e for e in expressions if self.lam in e.free_symbols]
+        sides = [point | {self.lam: s} for s in (1.0, -1.0)]
+        return not among or any(not math.isnan(value(e, at)) for e in among for at in sides)
 
     def _pair(self, k, size):
         """A point beside the surface and one on it, which differ in one coordinate."""

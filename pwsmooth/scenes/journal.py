@@ -99,7 +99,7 @@ def clearance_joint(
         return (square - (c + level) ** 2) / (2 * c)
 
     # The normal e/|e| in contact and e/c in flight, where it is regular at the centre; equal at the wall.
-    inverse = sp.Piecewise((1 / length, sp.Eq(touching, 1)), (1 / c, True))
+    inverse = 1 / sp.sqrt(c**2 + touching * (square - c**2))
     nx, ny = ex * inverse, ey * inverse
     approach = rate[0] * nx + rate[1] * ny
     slip = rate[1] * nx - rate[0] * ny + spin_J * R_J - spin_B * R_B
