@@ -100,7 +100,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         if came != SOLVED:
             note_interval(S, j)
         if S.status[j] != SOLVED and P.rk_unit != 0:
-            _step_inside(P, S, j, W)
+            step_inside(P, S, j, W)
     return DONE
 
 
