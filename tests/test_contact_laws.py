@@ -145,7 +145,7 @@ def test_kelvin_voigt_released_at_zero_force_never_pulls_and_is_the_limit_of_the
     e = math.exp(-zeta / root * (math.pi - math.atan2(2 * zeta * root, 1 - 2 * zeta**2)))
     assert e == pytest.approx(0.434875, abs=5e-7)
     assert -solution["v"][-1] == pytest.approx(e, rel=1e-10)
-    assert solution["force"].min() >= 0
+    assert solution["force"].min() >= -4e-16 * 1000 * solution["p"].max()  # rounding of K (p + b v)
     scene = free_impact(LinearResidual(K=1000, beta=0.02))
     errors = [abs(-scene.solve(parameters={"gamma": gamma})["v"][-1] - e) for gamma in (1e4, 2e4, 4e4)]
     # first order in 1/gamma
