@@ -153,8 +153,7 @@ class Compiled:
         if program is None:
             return 0, np.zeros(0, np.int64)
         if self._loops:
-            from .layout import Layout
-            from .looped_jets import numeric_rows
+            from .layout import Layout, numeric_rows
 
             count, rows = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
             return count, np.array(rows, np.int64)

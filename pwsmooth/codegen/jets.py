@@ -20,6 +20,7 @@ from __future__ import annotations
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
+from .layout import SHORTEST_ROW
 from .native import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .scalar import HELPERS, Writer
@@ -72,8 +73,6 @@ def lu_solve(rows: P, a: I, n: I):
 }
 HELPERS |= SOLVERS
 
-# A row holds at least K + 4 >= 5 numbers.
-SHORTEST_ROW = 5
 FLAGS = ("contract", "nsz")
 
 

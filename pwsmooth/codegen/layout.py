@@ -13,6 +13,9 @@ import numpy as np
 
 from ..template import Template
 
+# A row of Taylor coefficients holds at least K + 4 >= 5 numbers.
+SHORTEST_ROW = 5
+
 
 @dataclass(frozen=True)
 class Count:
@@ -96,3 +99,19 @@ def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarr
         lengths.append([len(blocks)] * len(i))
     ends = np.cumsum([0, *(n for part in lengths for n in part)])
     return ends.astype(np.int64), np.concatenate([np.zeros(0, np.int64), *entries]).astype(np.int64)
+
+
+def numeric_rows(constants, surfaces, sizes):
+    """(number of rows, row of every surface) of a program for these numbers of elements.
+
+    `surfaces` holds the family of every surface block.
+    """
+    first = [c.at(sizes) for c in starts(constants["ROW_FAMILIES"])]
+    fixed, *each = constants["SCRATCH"]
+    scratch = fixed + sum(a * n for a, n in zip(each, sizes, strict=True))
+    rows: list[int] = []
+    for row, family in zip(constants["SURFACE_ROWS"], surfaces, strict=True):
+        count = 1 if family is None else sizes[family]
+        own = row >= 0 and constants["ROW_FAMILIES"][row] is not None
+        rows += [-1 if row < 0 else first[row] + (i if own else 0) for i in range(count)]
+    return first[-1] - (-scratch // SHORTEST_ROW), rows

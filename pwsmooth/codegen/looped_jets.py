@@ -4,7 +4,7 @@
 
 Sums of order k are there before anything of order k reads them, and order k + 1 of a state comes from order k of its
 rate. What an element keeps from order to order stands in memory: coefficients in its rows, other numbers in *slots*
-(n numbers each). A loop's body is written as if all of them were locals; `_preamble` then loads what it reads.
+(n numbers each). A loop's body is written as if all of them were locals (looped_memory.py loads what it reads).
 Last orders (l, d) have two slots in turn, so that a second loop of the same order still finds the old ones.
 
 Chain: Graph (dag.py) -> recurrences.py, sections.py -> text (this file) -> native.py.
@@ -17,20 +17,17 @@ import re
 from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
-from .jets import FLAGS, SHORTEST_ROW
-from .layout import Count, Layout, neighbour, one, starts
+from .jets import FLAGS
+from .layout import Count, Layout, one, starts
 from .looped_code import LoopedDegrees, LoopedOrderK, LoopedOrderZero
+from .looped_memory import CONDITIONS, ElementMemory
 from .native import LANES
 from .recurrences import AFFINE, CONSTANT, NoRecurrence, label, plain, rewrite
 from .scalar import Writer
 from .sections import Root, Sections
 
-CONDITIONS = ("rel", "and", "or", "not", "true", "false", "inside")
-NAMES = re.compile(r"\b(?:[vrslkzw]\d+|on\d+|c[123][xw]\d+|o\d+(?:[pm]\d+)?)\b")
-ASSIGNED = re.compile(r"^( *)([a-z]\w*) = ")
 
-
-class LoopedJet:
+class LoopedJet(ElementMemory):
     """Writes `jet_slip` of one template; constants of its text say where the rows are.
 
     `_solve`, `_frozen` and the like are for the general program (looped_sliding.py).
@@ -90,93 +87,6 @@ class LoopedJet:
     def _more_scratch(self, f: int | None) -> tuple[str, int]:
         """Name and length of further scratch numbers, of the whole or of every element."""
         return f"A{f}", 0
-
-    # ---- memory of elements
-
-    def slot(self, family: int, name: str, index: str = "") -> str:
-        """Text of a number that an element keeps."""
-        count = len([key for key in self.slots if key[0] == family])
-        number = self.slots.setdefault((family, name), count)
-        return f"rows[E{family} + {number} * m{family} + {index or f'i{family}'}]"
-
-    def old(self, name: str) -> str:
-        return f"{name}{'ab'[self.code.order % 2]}"
-
-    def new(self, name: str) -> str:
-        return f"{name}{'ba'[self.code.order % 2]}"
-
-    def row_place(self, row: int, family: int, index: str = "") -> str:
-        return f"({(self.row_starts[row] + Count()).text()} + {index or f'i{family}'}) * stride"
-
-    # ---- the top of a loop's body
-
-    def _preamble(self, lines, family: int, order_zero: bool) -> list[str]:
-        """Loads of what the body reads of its element and does not make; zeros for what only a branch makes."""
-        depth = min((len(line) - len(line.lstrip()) for line in lines), default=0)
-        made, deep = set(), {}
-        for line in lines:
-            found = ASSIGNED.match(line)
-            if found:
-                made.add(found[2])
-                deep[found[2]] = deep.get(found[2], True) and len(found[1]) > depth
-        loads: dict[str, str] = {}
-        waiting = sorted(set(NAMES.findall("\n".join(lines))) - made)
-        while waiting:
-            name = waiting.pop()
-            text = None if name in loads else self._load(name, order_zero)
-            if text is not None:
-                loads[name] = text
-                waiting += [n for n in NAMES.findall(text) if n not in loads]
-        # Places of rows first: other loads go through them.
-        order = sorted(loads, key=lambda n: (n[0] not in "ow" or n.startswith("on"), n))
-        zeros = [n for n, is_deep in deep.items() if is_deep and self._number(n)]
-        return [*(f"{n} = {loads[n]}" for n in order), *(f"{n} = 0.0" for n in zeros)]
-
-    def _number(self, name: str) -> bool:
-        found = re.fullmatch(r"[vrsk](\d+)", name)
-        return bool(found) and self.graph.nodes[int(found[1])].op not in CONDITIONS
-
-    def _load(self, name: str, order_zero: bool) -> str | None:
-        """Text of what a name of an element stands for; None for locals of the whole function."""
-        graph, code = self.graph, self.code
-        if name.startswith("on"):
-            family = self.layout.multipliers[int(name[2:])]
-            return None if family is None else f"{self.layout.place('mask', int(name[2:]), family)} != 0"
-        if name[0] == "w":
-            family = int(name[1:])
-            return f"W{family} + {4 * len(code.of_family(family))} * i{family}"
-        if name[0] == "o":
-            row, sign, offset = re.fullmatch(r"o(\d+)([pm]?)(\d*)", name).groups()
-            family = self.row_families[int(row)]
-            index = neighbour(family, int(sign.replace("p", "+").replace("m", "-") + offset)) if sign else ""
-            return None if family is None else self.row_place(int(row), family, index)
-        if name[0] == "c":
-            r, kind, node = re.fullmatch(r"c(\d)([xw])(\d+)", name).groups()
-            if graph.level[int(node)] is None:
-                return None
-            return f"rows[{code.row(int(node) if kind == 'x' else ~int(node))} + 4 * q + {r}]"
-        node = int(name[1:])
-        family = graph.level[node]
-        if family is None:
-            return None
-        op, _, data = graph.nodes[node]
-        if name[0] == "v":
-            if op in ("var", "inside"):
-                return self.zero_code.formula(node)
-            if op in CONDITIONS:
-                return f"{self.slot(family, name)} != 0.0"
-            return (
-                f"rows[{code.row(node)}]" if node in code.rows and not order_zero else self.slot(family, name)
-            )
-        if name[0] == "k" and op == "var" and data[0] == "mult":
-            return f"rows[{code.row(node)} + k]"
-        if name[0] == "k" and op == "var":
-            index = neighbour(family, data[2]) if len(data) == 3 else ""
-            return f"{self.slot(family, self.old(f'd{data[1]}'), index)} * inv"
-        if name[0] == "z":
-            # An affine node has no order above 1.
-            return f"choose(later > 0.0, 0.0, {self.slot(family, f's{node}')})" if code.order == 0 else "0.0"
-        return self.slot(family, self.old(name) if name[0] == "l" else name)
 
     # ---- the program
 
@@ -241,21 +151,6 @@ class LoopedJet:
                 body.line(f"{name} = scratch + {at.text()}")
                 at += one(f).times(length)
         self.scratch = at
-
-    def _declared(self, *parts) -> list[str]:
-        """First values of locals of the whole that only a branch sets."""
-        names = set()
-        for lines, depth in zip(parts, (4, 8), strict=True):
-            inside = None  # indentation of the loop over elements that a line stands in
-            for line in lines:
-                indent = len(line) - len(line.lstrip())
-                if inside is not None and indent > inside:
-                    continue
-                inside = indent if re.match(r" *for i\d", line) else None
-                found = ASSIGNED.match(line)
-                if found and indent > depth and self._number(found[2]):
-                    names.add(found[2])
-        return [f"    {name} = 0.0" for name in sorted(names)]
 
     # ---- orders
 
@@ -339,14 +234,11 @@ class LoopedJet:
         fresh = {a for a in self.covered(wanted) if self.graph.level[a] == family} - self.closed
         for operand, row in code.rows.items():
             node = plain(operand)
-            if node in fresh and node not in self.states and self.degrees.of(node) != CONSTANT:
+            kept = node in fresh and self.degrees.of(node) != CONSTANT
+            if kept and operand not in self.states:  # those are kept as roots
                 lines.append(f"rows[o{row} + k] = {code.last_value(operand)}")
         for node in sorted(code.carried & fresh):
             lines.append(f"{self.slot(family, self.new(f'l{node}'))} = {code.coefficient(node) or '0.0'}")
-        if any(operand < 0 and plain(operand) in self.states for operand in code.rows):
-            for operand, row in code.rows.items():
-                if operand < 0 and plain(operand) in self.states and plain(operand) in fresh:
-                    lines.append(f"rows[o{row} + k] = {code.last_value(operand)}")
         self.closed |= fresh
         return lines
 
@@ -477,22 +369,6 @@ class LoopedJet:
                 indent = "    "
             start.line(f"{indent}if {mult} != 1.0 and {mult} != -1.0:")
             start.line(f"{indent}    return 2")
-
-
-def numeric_rows(constants, surfaces, sizes):
-    """(number of rows, row of every surface) of a program for these numbers of elements.
-
-    `surfaces` holds the family of every surface block.
-    """
-    first = [c.at(sizes) for c in starts(constants["ROW_FAMILIES"])]
-    fixed, *each = constants["SCRATCH"]
-    scratch = fixed + sum(a * n for a, n in zip(each, sizes, strict=True))
-    rows: list[int] = []
-    for row, family in zip(constants["SURFACE_ROWS"], surfaces, strict=True):
-        count = 1 if family is None else sizes[family]
-        own = row >= 0 and constants["ROW_FAMILIES"][row] is not None
-        rows += [-1 if row < 0 else first[row] + (i if own else 0) for i in range(count)]
-    return first[-1] - (-scratch // SHORTEST_ROW), rows
 
 
 def write_looped_jets(model: Model) -> dict[str, str]:
