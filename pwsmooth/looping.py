@@ -159,7 +159,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, one)
         template = _template(plain, one)
         loops = Loops(template, tuple(f.n for f in one.families))
-        if min(loops.sizes) < LOOPED_FROM:
+        far = [abs(p.offset) >= loops.sizes[p.family] for p in one.places.values()]
+        if min(loops.sizes) < LOOPED_FROM or any(far):
             return None
         model = with_loops(loops)
         memories = [
@@ -206,9 +207,7 @@ def _template(plain, one):
     for lam, h in field.switches:
         if (number := family(h)) is not None:
             # Switches found in ordinary notation are named after their surface or their number.
-            renamed[lam] = (
-                lam if lam.name.endswith(MARK) else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
-            )
+            renamed[lam] = lam if MARK in lam.name else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
         if h.free_symbols & neighbours:
             raise NotLooped("a surface between neighbours")

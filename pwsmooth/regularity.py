@@ -97,6 +97,9 @@ class Surface:
             on[coordinate] = 0.0
         elif not self._solve(on, coordinate, size):
             return None
+        wrong = -1.0 if coordinate.is_nonnegative else 1.0 if coordinate.is_nonpositive else 0.0
+        if wrong * on[coordinate] > 0.0:
+            return None  # the surface is met, but where this coordinate never is
         return beside, self._with_signs(on)
 
     def _at(self, point, coordinate, c):

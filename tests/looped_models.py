@@ -89,7 +89,27 @@ def mean_field(n):
     return {"rates": rates, "parameters": {rate: [1 + i / n for i in range(n)]}}, start, (0, 1)
 
 
+def two_families(n):
+    """A mass on n dampers with reset counters and n + 4 springs of their own rates: sums over both in one rate."""
+    first, second = Family(n, name="first"), Family(n + 4, name="second")
+    z, count = first.symbols("z")[0], first.memory("count", 0)
+    (y,) = second.symbols("y")
+    c, k = first.symbols("c", positive=True)[0], second.symbols("k", positive=True)[0]
+    rates = {
+        x: v,
+        z: c * (v - z) + sp.sin((1 + c) * t) + t * z / 10,
+        v: -x - first.sum(c * z) - second.sum(k * sp.tanh(y)) / (n + 4),
+        y: k * v - y * (1 + sp.tanh(first.sum(z))) / n,
+    }
+    full = Event(z - sp.Rational(1, 2) / first.index, direction=1, update={count: count + 1, z: 0}, name="full")
+    values = {c: [0.1 + 0.02 * i for i in range(n)], k: [1 + 0.1 * i for i in range(n + 4)]}
+    start = {x: 1, z: 0, v: 0.3, y: [0.1 * i for i in range(n + 4)]}
+    outputs = {"counted": first.sum(count), "share": k * y / second.sum(k * y)}
+    return {"rates": rates, "parameters": values, "events": [full], "outputs": outputs}, start, (0, 3)
+
+
 MODELS = {
+    "two_families": two_families,
     "clipped": clipped,
     "bristles": bristles,
     "slip_stick": slip_stick,

@@ -175,7 +175,7 @@ def test_the_generated_text_does_not_know_how_many_elements_there_are(name):
             model = System(**({"time": t} | arguments)).model
         texts.append(LoopedFields(model).write() | write_looped_jets(model))
     # These write n itself into a mean, as a number.
-    if name in ("mean_field", "implicit", "belt"):
+    if name in ("mean_field", "implicit", "belt", "two_families"):
         assert [len(text.split("\n")) for text in texts[0].values()] == [
             len(text.split("\n")) for text in texts[1].values()
         ]

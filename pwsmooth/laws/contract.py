@@ -140,9 +140,13 @@ class Joint:
         """`name` with the joint's name behind it."""
         return f"{name}_{self.name}" if self.name else name
 
-    def state(self, name: str, start: Any = 0.0, scale: float = 1.0) -> sp.Symbol:
-        """An internal state; `start` may be an expression of the motion, `scale` is its usual size."""
-        return self._known(sp.Symbol(self.label(name), real=True), start, scale)
+    def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
+        """An internal state; `start` may be an expression of the motion, `scale` is its usual size.
+
+        What is known of it (`positive=True` of a strength) decides the class of switches in which it stands.
+        """
+        symbol = sp.Symbol(self.label(name), **({"real": True} | assumptions))
+        return self._known(symbol, start, scale)
 
     def _known(self, symbol, start, scale):
         self.starts[symbol], self.scales[symbol] = start, float(scale)

@@ -68,7 +68,8 @@ class MultistateXKY(Law):
 
     def pieces(self, at, p):
         elements, v = at.family(self.elements), at.v
-        s = at.state("s", stribeck(v, p), self.F_c)
+        # It stays between F_c and F_s; were it negative the clip would jump and its surfaces slide.
+        s = at.state("s", stribeck(v, p), self.F_c, positive=True)
         a = at.member(elements, "a", scale=self.F_c / max(k for k, _ in self.pairs()))
         limit = p.share * s
         trial = p.kappa * a + p.sigma * v
