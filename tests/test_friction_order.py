@@ -65,7 +65,7 @@ LAWS = {
 COUNTS = {
     "Dahl": np.array([16, 24, 32]),
     "LuGre": np.array([16, 24, 32]),
-    "elastoplastic": np.array([48, 64, 96]),
+    "elastoplastic": np.array([96, 128, 192]),
     "GMS": np.array([24, 32, 48]),
 }
 

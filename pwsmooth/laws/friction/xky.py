@@ -77,7 +77,9 @@ class MultistateXKY(Law):
         return Pieces(
             force=elements.sum(bristle) + p.sigma2 * v,
             rates={s: (stribeck(v, p) - s) / p.tau_d, a: (bristle - p.kappa * a) / p.sigma},
-            outputs={"presliding": elements.sum(sp.Heaviside(limit - sp.Abs(trial)))},
+            outputs={
+                "presliding": elements.sum(sp.Piecewise((0, trial > limit), (0, trial < -limit), (1, True)))
+            },
             surfaces=(trial - limit, trial + limit),
             fastest_rate=max(k / s for k, s in self.pairs()),
         )

@@ -1,0 +1,119 @@
+"""Every friction law on the same axes: its hysteresis loops, and its steady curve."""
+
+import numpy as np
+import sympy as sp
+
+from pwsmooth.figures import Claim
+from pwsmooth.laws import friction
+from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.scenes import prescribed_motion, t
+
+NAME = "laws"
+TITLE = "Friction laws side by side: loops and steady curves"
+CAPTION = """
+Each law of the package under the slow position A sin(2 pi t/10 s), A = 5, 15 and 40 um (blue, green, orange; the last
+period, force against position) and its steady force at constant velocity (black, inset, -5 to 5 mm/s; none where the
+force depends on the position). All are scaled to a Coulomb force of 1 N, a static friction of 1.5 N where there is one,
+and a stiffness of 1e5 N/m; the stick-slip elements of Maxwell-slip, GMS and the multistate law are the reference set's,
+scaled. Modified Dahl, Masing, the multistate law and the acceleration-dependent law are reconstructed, Bouc-Wen's
+parameters chosen.
+"""
+SIZES = ((5e-6, COLOUR["right"]), (1.5e-5, COLOUR["stick"]), (4e-5, COLOUR["approximation"]))
+A = sp.Symbol("size", positive=True)
+PERIOD = 10
+KAPPA = tuple(2.5e5 / i for i in range(1, 11))  # 0.08 um i becomes 0.6 um i at a share of 0.15 N
+SHARE = (0.1,) * 10
+LAWS = {
+    "Coulomb": friction.Coulomb(),
+    "static and kinetic": friction.StaticKinetic(),
+    "Stribeck": friction.StribeckFriction(),
+    "hidden static": friction.HiddenStatic(rho=2.31),
+    "modified Coulomb": friction.ModifiedCoulomb(v_0=1e-6, v_1=1e-5),
+    "Dahl": friction.Dahl(),
+    "modified Dahl": friction.ModifiedDahl(slope=5e3),
+    "Bouc-Wen": friction.BoucWen(),
+    "Bliman-Sorine": friction.BlimanSorine(f_1=3.0, f_2=2.0, epsilon=1.2e-5, eta=0.5),
+    "Maxwell-slip": friction.MaxwellSlip(kappa=tuple(k / 3 for k in KAPPA), strength=(0.1,) * 10),
+    "Masing": friction.Masing(k=5e3),
+    "LuGre": friction.LuGre(),
+    "elastoplastic": friction.Elastoplastic(),
+    "GMS": friction.GMS(F_s=1.5, v_s=1e-3, kappa=KAPPA, share=SHARE, sigma=0.0, C=50.0, sigma2=0.4),
+    "XKY": friction.XKY(),
+    "multistate XKY": friction.MultistateXKY(
+        F_s=1.5, v_s=1e-3, kappa=KAPPA, share=SHARE, sigma=300.0, sigma2=0.4
+    ),
+    "acceleration-dependent": friction.Wojewoda(a_1=4.0, a_2=1e-5),
+}
+REVERSIBLE = {"Coulomb", "static and kinetic", "Stribeck", "hidden static", "modified Coulomb"}
+
+
+def loops(law, fast):
+    """Size -> (position, force) over the last period."""
+    scene = prescribed_motion(
+        law, position=A * sp.sin(2 * sp.pi * t / PERIOD), t_span=(0, 2 * PERIOD), parameters={A: 1e-5}
+    )
+    found = {}
+    for size, _ in SIZES:
+        run = scene.solve(dense_output=True, parameters={A: size})
+        if not run.success:
+            raise RuntimeError(f"{type(law).__name__}: {run.message}")
+        # Both sides of every event, so that jumps are drawn upright.
+        edges = np.unique([e.time for e in run.events] or [0.0])
+        times = np.concatenate([np.linspace(PERIOD, 2 * PERIOD, 401 if fast else 2001), edges, edges - 1e-9])
+        times = np.unique(times[(times >= PERIOD) & (times <= 2 * PERIOD)])
+        found[size] = run(times, "position"), run(times, "force")
+    return found
+
+
+def claims(curves):
+    """What the page is meant to show."""
+    loss = {
+        name: {size: float(np.trapezoid(f, x)) for size, (x, f) in found.items()}
+        for name, found in curves.items()
+    }
+    dissipate = all(w > -1e-12 for each in loss.values() for w in each.values())
+    presliding = {name for name in curves if loss[name][5e-6] < 0.5 * loss["Coulomb"][5e-6]}
+    X = 4e-5
+    dahl = 4 * X - 4e-5 * np.tanh(4)
+    return [
+        Claim("no law gives energy in a slow cycle", "loss >= 0", "all losses >= 0", dissipate, "one gives energy"),
+        Claim("laws with a bristle or spring have a presliding regime: less than half of Coulomb's loss at 5 um",
+              ", ".join(sorted(set(LAWS) - REVERSIBLE - {"acceleration-dependent"})), ", ".join(sorted(presliding)),
+              presliding == set(LAWS) - REVERSIBLE - {"acceleration-dependent"} | {"modified Coulomb"} & presliding,
+              "another set"),
+        Claim.number("loss of Dahl's loop at 40 um (J, closed form)", dahl, loss["Dahl"][X], 1e-3 * dahl),
+        Claim.number("loss of Coulomb's loop at 40 um, 4 F_c A (J)", 4 * X, loss["Coulomb"][X], 1e-3 * X),
+    ]  # fmt: skip
+
+
+def draw(fast):
+    """One panel a law."""
+    curves = {name: loops(law, fast) for name, law in LAWS.items()}
+    figure = new_figure(11.0, 7.6)
+    panels = figure.subplots(3, 6, sharex=True, sharey=True)
+    speeds = np.linspace(-5e-3, 5e-3, 401)
+    for ax, (name, found) in zip(panels.flat, curves.items()):
+        for size, colour in SIZES:
+            x, force = found[size]
+            ax.plot(1e6 * x, force, color=colour, linewidth=1.1)
+        ax.set_title(name, fontsize=8.5)
+        ax.set(xlim=(-44, 44), ylim=(-3.6, 1.9))
+        try:
+            steady = LAWS[name].steady_force(speeds)
+        except NotImplementedError:
+            continue
+        small = ax.inset_axes([0.30, 0.05, 0.65, 0.24])
+        small.plot(1e3 * speeds, np.broadcast_to(steady, speeds.shape), color=COLOUR["exact"], linewidth=0.9)
+        small.set(ylim=(-1.8, 1.8), xlim=(-5, 5), xticks=[], yticks=[])
+        small.spines[["top", "right"]].set_visible(True)
+    for ax in panels[-1]:
+        ax.set_xlabel("position (µm)")
+    for ax in panels[:, 0]:
+        ax.set_ylabel("force (N)")
+    last = panels.flat[-1]
+    last.axis("off")
+    for size, colour in SIZES:
+        last.plot([], [], color=colour, label=f"A = {1e6 * size:.0f} µm")
+    last.plot([], [], color=COLOUR["exact"], label="inset: steady force,\n-5 to 5 mm/s")
+    last.legend(loc="center")
+    return figure, claims(curves)
