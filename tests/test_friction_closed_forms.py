@@ -180,6 +180,15 @@ def test_maxwell_slip_loses_what_its_closed_form_says():
     assert [round(law.loss(A), 4) for A in (0.25, 0.5, 0.75, 1.0)] == [0.2160, 1.0560, 2.5200, 4.4800]
 
 
+def test_an_amplitude_that_just_reaches_a_sliders_limit_is_no_trap():
+    # The element of 1.5 um gives way exactly where the motion turns, again and again.
+    for kappa in (1.0, 1 + 1e-15, 1 - 1e-15):
+        law = friction.MaxwellSlip(kappa=(1e4 * kappa, 2e4), strength=(0.15, 0.15))
+        height, loss = over_last_period(law, 1.5e-5, periods=8)
+        assert height == pytest.approx(0.3, rel=TIGHT)
+        assert loss == pytest.approx(4 * 0.15 * 0.75e-5, rel=TIGHT)
+
+
 def test_masings_rule_doubles_the_virgin_curve_and_inner_loops_return_to_their_point():
     law = friction.MaxwellSlip()
     # 0 -> 0.9 -> -0.3 -> 0.4 -> -0.3 -> -0.7: an inner loop between -0.3 and 0.4, then the outer branch again.

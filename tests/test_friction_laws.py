@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+import pathlib
 import random
+import re
 
 import numpy as np
 import pytest
@@ -150,6 +152,17 @@ def test_every_law_drives_every_kind_of_scene(kind):
         run = scene.solve()
         assert run.success, run.message
         assert np.isfinite(run["friction"]).all()
+
+
+def test_the_page_on_laws_runs():
+    page = (pathlib.Path(__file__).parent.parent / "docs" / "laws.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, flags=re.S)
+    assert len(blocks) == 2
+    for block in blocks:
+        names: dict = {}
+        exec(block, names)
+        runs = [value for value in names.values() if hasattr(value, "outcome")]
+        assert runs and all(run.success for run in runs)
 
 
 # ---- inclusions

@@ -19,8 +19,15 @@ def slider(z, limit, stuck, v, at):
     rate = sp.Piecewise((v, sp.Eq(stuck, 1)), (0, True))
     end = limit * sp.sign(z)
     return rate, (
-        # While it slips |z| stays at the limit: a surface that stayed there too would be met again and again.
-        Event(stuck * (z / limit) ** 2 - 1, direction=1, update={stuck: 0, z: end}, name=at.label("slip")),
+        # While it slips |z| stays at the limit: a surface that stayed there too would be met again and again. Outwards
+        # only: at an amplitude that just reaches the limit the velocity may turn a rounding before.
+        Event(
+            stuck * (z / limit) ** 2 - 1,
+            direction=1,
+            update={stuck: 0, z: end},
+            when=z * v > 0,
+            name=at.label("slip"),
+        ),
         # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
         Event(v, update={stuck: 1, z: end * (1 - 2.0**-48)}, when=sp.Eq(stuck, 0), name=at.label("stick")),
     )
