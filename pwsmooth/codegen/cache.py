@@ -111,8 +111,10 @@ def load_kernels(name: str) -> ModuleType:
     The first import decides, also for the kernels that it imports in turn: import kernels only through here.
     """
     full = f"pwsmooth.kernels.{name}"
-    if full in sys.modules:
-        return sys.modules[full]
+    module = sys.modules.get(full)
+    # A module that another thread is still importing stands in sys.modules too.
+    if module is not None and not getattr(module.__spec__, "_initializing", False):
+        return module
     with numba_cache():
         return importlib.import_module(full)
 

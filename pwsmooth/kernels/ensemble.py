@@ -25,6 +25,7 @@ from .ensemble_state import (
     Ensemble,
 )
 from .pointers import _caller, call_unit
+from .roots import low_bounds
 from .state import (
     C_AMBIGUITIES,
     C_DENSE,
@@ -181,11 +182,31 @@ def _monotone(row, K, h):
 
 
 @kernel
-def _measure_quantity(P, C, E, block, q, i, start, length):
-    """Extremes and integrals of one quantity on a step's polynomials from s = start to its end."""
+def _within(row, K, h, poly, low, high):
+    """Whether a polynomial stays between low and high on [0, h], by its Bernstein coefficients of degree 6."""
+    power, rest = 1.0, 0.0
+    for k in range(K + 1):
+        poly[k] = row[k] * power
+        power *= h
+        if k > 6:
+            rest += abs(poly[k])
+    below, above = low_bounds(poly)
+    return below - rest >= low and above + rest <= high
+
+
+@kernel
+def _measure_quantity(P, C, E, block, q, i, start, length, straight):
+    """Extremes and integrals of one quantity on a step's polynomials from s = start to its end.
+
+    `straight` says that time is t0 + s, as it is everywhere but beside a fold.
+    """
     K, time = C.order, block[P.n + P.m]
     which, wanted = E.quantity[q], E.wanted[q]
     nodes = len(E.node)
+    if which < P.n + P.m and wanted == EXTREMES:
+        # Most steps cannot hold an extreme of the whole window.
+        if _within(block[which], K, length, E.poly, E.low[i, q], E.high[i, q]):
+            return
     plain = which < P.n + P.m and wanted == EXTREMES and _monotone(block[which], K, length)
     best_low, best_high = 0, 0
     for k in range(nodes + 2):
@@ -199,9 +220,11 @@ def _measure_quantity(P, C, E, block, q, i, start, length):
         if value > E.value[best_high, q]:
             best_high = k
         if wanted & INTEGRALS and 0 < k <= nodes:
-            slope = 0.0
-            for r in range(K, 0, -1):
-                slope = slope * s + r * time[r]
+            slope = 1.0
+            if not straight:
+                slope = 0.0
+                for r in range(K, 0, -1):
+                    slope = slope * s + r * time[r]
             share = E.weight[k - 1] * (length - start) * slope
             E.first[i, q] += share * value
             E.second[i, q] += share * value * value
@@ -241,8 +264,12 @@ def _follow_steps(P, C, S, R, E, i):
                     low = start
                 else:
                     high = start
+        straight = True
+        for k in range(2, K + 1):
+            if time[k] != 0.0:
+                straight = False
         for q in range(len(E.quantity)):
-            _measure_quantity(P, C, E, block, q, i, start, length)
+            _measure_quantity(P, C, E, block, q, i, start, length, straight)
 
 
 @kernel
@@ -319,6 +346,10 @@ def ensemble(P, C, S, R, W, E, first, stop):
         for k in range(strobes):
             for r in range(P.n):
                 E.strobe[i, k, r] = R.x_eval[k, r]
+        if code == DONE and strobes > 0:
+            # The run's own last state: its polynomial is a rounding off, and off the surface of a stick.
+            for r in range(P.n):
+                E.strobe[i, strobes - 1, r] = S.x[r]
         E.found[i] = _find_period(P, E, i) if code == DONE else 0
         E.word_length[i] = 0
         if code == DONE or code == TERMINAL:

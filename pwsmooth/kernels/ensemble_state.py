@@ -47,6 +47,7 @@ class Ensemble(Bundle):
     segment: "i8[1]"  # (ring,) what they were
     value: "f8[2]"  # (nodes + 2, nq)
     at: "f8[1]"  # (nodes + 2,)
+    poly: "f8[1]"  # (at least order + 1,) one scaled polynomial
     x: "f8[1]"  # (n,)
     mult: "f8[1]"  # (m,)
     out: "f8[1]"  # (outputs,)

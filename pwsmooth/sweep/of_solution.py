@@ -22,7 +22,7 @@ def segments_in(solution: Solution, *columns: int) -> list[tuple]:
 def strobes(solution: Solution, window) -> np.ndarray:
     """States at the window's start and after every period, shape (periods + 1, n); nan where the run had ended.
 
-    At an event the state before it, as `solve(t_eval=)` and the ensemble have it.
+    At an event the state before it, and at the end the run's last one, as the ensemble has them.
     """
     times = window.start + window.period * np.arange(window.periods + 1)
     times[-1] = window.end
@@ -32,7 +32,8 @@ def strobes(solution: Solution, window) -> np.ndarray:
         x[reached] = solution(times[reached]).T
     for k in np.flatnonzero(reached):
         # A column at the very time is better than its polynomial by a rounding, and all there is without one.
-        column = np.searchsorted(solution.t, times[k])
+        column = np.searchsorted(solution.t, times[k], side="right" if k == window.periods else "left")
+        column -= k == window.periods
         if solution.t[column] == times[k]:
             x[k] = solution.x[:, column]
     return x

@@ -63,6 +63,9 @@ def run_chunks(
     own = executor is None
     workers = workers or (cores() if own else getattr(executor, "_max_workers", None) or 64)
     pool: Executor = ThreadPoolExecutor(workers) if executor is None else executor
+    if own and todo:
+        # Once, before the threads: else each would compile the model for itself.
+        run_chunk(plan, axes.columns(todo[0][0], todo[0][0] + 1))
     waiting = iter(todo)
     running: dict[Any, tuple[int, int]] = {}
     try:
