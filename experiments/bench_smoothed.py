@@ -9,6 +9,8 @@ Error: the largest of |dy|, |dv|, |dz| at five end times within ten periods, aga
 fast_math. For every entrant the fastest tolerance that meets the error; then interleaved rounds over PERIODS
 periods, medians of processor time (every entrant runs on one core, and other processes must not decide).
 Compilation and construction are not timed. CVODE pays for a call from C into Python at every evaluation.
+The peers come with `pip install -e '.[bench]'`; where numbalsoda has no wheel it builds from source, which takes a
+Fortran and a C++ compiler. A peer that is missing is named and left out.
 
 Run: python experiments/bench_smoothed.py [--out FILE] [--rounds N] [--eps EPS ...]
 """

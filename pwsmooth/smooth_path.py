@@ -77,7 +77,8 @@ def solve_smoothed(
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
     common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
     if method in stiff.SCIPY_METHODS:
-        pieces = _scipy(system.model, t_span, start, p, dict(common, method=method, dense=dense_output))
+        options = dict(common, method=method, dense=dense_output, max_steps=max_steps)
+        pieces = _scipy(system.model, t_span, start, p, options)
     else:
         pieces = _own(
             system.model,
@@ -136,13 +137,21 @@ def _scipy(model, t_span, start, p, options):
 
     run = stiff.integrate_scipy(model, t_span, start, p, **options)
     finite = bool(np.isfinite(run.y).all())
-    # SciPy tells one failure apart from success: its step became too small.
-    outcome = (
-        Outcome.FINISHED if run.success and finite else Outcome.STEP_UNDERFLOW if finite else Outcome.NOT_FINITE
-    )
+    if not finite:
+        outcome = Outcome.NOT_FINITE
+    elif run.exhausted:
+        outcome = Outcome.TOO_MANY_STEPS
+    else:
+        # SciPy tells one more failure apart from success: its step became too small.
+        outcome = Outcome.FINISHED if run.success else Outcome.STEP_UNDERFLOW
     kept = np.isfinite(run.y).all(axis=0)
-    kept[0] = True  # the start was checked
+    if options["t_eval"] is None:
+        kept[0] = True  # the start was checked
     t, y = run.t[kept], run.y[:, kept]
-    cost = {"steps": len(run.t) - 1, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
+    when, where = run.last
+    if outcome is not Outcome.FINISHED and np.isfinite(where).all() and (t.size == 0 or t[-1] < when):
+        # Where and in which state it stopped, as the event-driven path gives it.
+        t, y = np.append(t, when), np.column_stack([y, where])
+    cost = {"steps": run.steps, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
     dense = SciPyDense(run.sol) if options["dense"] else None
     return t, y, [], dense, outcome, cost

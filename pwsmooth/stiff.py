@@ -227,6 +227,7 @@ def integrate_scipy(
     rtol=1e-9,
     atol=1e-12,
     max_step=np.inf,
+    max_steps=10_000_000,
     t_eval=None,
     dense=False,
 ):
@@ -236,20 +237,22 @@ def integrate_scipy(
 
     Parameters
     ----------
-    model, t_span, x0, p, rtol, atol, max_step, t_eval, dense
-        As for `integrate`.
+    model, t_span, x0, p, rtol, atol, max_step, max_steps, t_eval, dense
+        As for `integrate`; `max_steps` bounds the accepted steps, the only ones that SciPy shows.
     method : {"Radau", "BDF", "LSODA", "DOP853"}
 
     Returns
     -------
     scipy.integrate._ivp.ivp.OdeResult
+        With three more entries: `steps`, `exhausted` (whether `max_steps` stopped it), and `last`, the time and the
+        state at which it ended.
 
     Raises
     ------
     ValueError
         Unknown method, or a model with events.
     """
-    from scipy.integrate import solve_ivp
+    import scipy.integrate
 
     from pwsmooth.codegen import stiff as codegen
 
@@ -273,8 +276,27 @@ def integrate_scipy(
         function(t, x.ctypes.data, p.ctypes.data, out.ctypes.data)
         return out.copy()
 
+    class Bounded(getattr(scipy.integrate, method)):
+        """SciPy's solver, which knows no bound on its steps, with one."""
+
+        steps, exhausted = 0, False
+
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            solvers.append(self)
+
+        def step(self):
+            if self.steps >= max_steps:
+                self.status, self.exhausted = "failed", True
+                return "The bound on steps was reached."
+            self.steps += 1
+            return super().step()
+
+    solvers: list = []
     implicit = {} if method == "DOP853" else {"jac": lambda t, y: call(jacobian, t, y, J)}
-    return solve_ivp(
-        lambda t, y: call(rates, t, y, f), t_span, x0, method=method, rtol=rtol, atol=atol, max_step=max_step,
+    run = scipy.integrate.solve_ivp(
+        lambda t, y: call(rates, t, y, f), t_span, x0, method=Bounded, rtol=rtol, atol=atol, max_step=max_step,
         t_eval=t_eval, dense_output=dense, **implicit,
     )  # fmt: skip
+    run.steps, run.exhausted, run.last = solvers[0].steps, solvers[0].exhausted, (solvers[0].t, solvers[0].y)
+    return run

@@ -49,9 +49,18 @@ def test_a_terminal_event_stops_the_run_and_the_times_beyond_it_are_left_out():
     assert sol.t[-1] <= event.time < sol.t[-1] + 0.1 and np.isfinite(sol.x).all()
 
 
-def test_a_bound_on_steps_is_an_outcome_with_what_was_reached():
-    sol = solve(block(), (0, 6), START, max_steps=5)
-    assert sol.outcome is Outcome.TOO_MANY_STEPS and 0 < sol.t[-1] < 6
+@pytest.mark.parametrize("method", ["auto", "radau9", "Radau", "BDF", "LSODA", "DOP853"])
+@pytest.mark.parametrize("times", [None, [0.0, 5.0, 6.0]])
+def test_a_bound_on_steps_is_an_outcome_with_what_was_reached(method, times):
+    sol = solve(block(), (0, 6), START, method=method, max_steps=5, t_eval=times)
+    assert sol.outcome is Outcome.TOO_MANY_STEPS and 0 < sol.t[-1] < 5 and np.isfinite(sol.x).all()
+    assert sol.cost["steps"] <= 5
+
+
+def test_steps_of_scipy_are_counted_and_not_the_times_asked_for():
+    whole = solve(block(), (0, 6), START, method="LSODA")
+    asked = solve(block(), (0, 6), START, method="LSODA", t_eval=[6.0])
+    assert asked.cost["steps"] == whole.cost["steps"] == len(whole.t) - 1 > 100
 
 
 def test_a_method_of_the_other_path_is_refused_with_the_known_ones():

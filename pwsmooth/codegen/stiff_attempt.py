@@ -129,29 +129,32 @@ class Attempt:
             norm = f"vmax({norm}, vabs(s{i}) * nweight[{i}])"
         self._add(f"norm = largest8({norm})", indent=2)
         self._add(
-            "if not finite(norm):",
+            "if not norm < 1e300:",
             "    theta = 2.0",
             "    break",
-            "if it > 0:",
-            "    theta = 0.0",
-            "    if before > 0.0:",
-            "        theta = norm / before",
-            "    if theta >= 0.99:",
+            "if it == 0:",
+            "    if eta * norm <= kappa:",
+            "        failed = 0",
+            "        break",
+            "else:",
+            "    theta = norm / before",
+            # theta/(1 - theta) norm <= kappa, without a division that the decision would wait for.
+            "    if norm * norm <= kappa * (before - norm):",
+            "        failed = 0",
+            "        break",
+            "    if not theta < 0.99:",
             # Increments at rounding level no longer shrink: that is as converged as it gets.
             "        if norm < 0.1 * kappa:",
             "            failed = 0",
             "        break",
-            "    eta = theta / (1.0 - theta)",
             "    left = theta",
             *["    left = left * left"] * DOUBLINGS,
-            "    if left * eta * norm > kappa:",
+            "    if left * norm * norm > kappa * (before - norm):",
             "        break",
-            "if eta * norm <= kappa:",
-            "    failed = 0",
-            "    break",
             "before = norm",
             indent=2,
         )
+        self._add("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
         self._add("out[0] = iterations", "out[1] = eta", "out[2] = theta", "out[5] = 0.0")
         self._add("if failed == 1:", "    return 1")
 

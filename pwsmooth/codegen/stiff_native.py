@@ -4,8 +4,9 @@
 
 All stages of a Radau step lie in one vector. + - * / and negation work lane by lane, also with a plain double;
 load8(a, i), store8(a, i, v), lane(v, k), spread(v, k) (lane k in every lane), low4, high4, join8 move lanes; V8(...)
-is a constant; total8 and largest8 (a nan wins) fold; vsqrt, vabs, vmax, vfma, vfloor, vrint are one instruction
-each; vexp and its like call the C library lane by lane, vsin and vcos are polynomials.
+is a constant; total8 and largest8 fold; vsqrt, vabs, vmax, vfma, vfloor, vrint are one instruction each; vexp and its
+like call the C library lane by lane, vsin and vcos are polynomials. vmax and largest8 are for lanes that are not
+negative, where a nan wins; of negative lanes only that they are less than the others is kept.
 
 Chain: codegen/stiff*.py -> text -> cache.write_module -> `load` (this file) -> addresses.
 """
@@ -197,9 +198,12 @@ class Function(native.Function):
         return self.lane_by_lane(power, self.expression(value), self.cast(self.expression(exponent), DOUBLE))
 
     def maximum(self, a, b) -> ir.Value:
-        larger = self.builder.fcmp_unordered(">", a, b)
-        nan = self.builder.fcmp_unordered("uno", b, b)
-        return self.builder.select(self.builder.or_(larger, nan), self.builder.select(nan, b, a), b)
+        """Of doubles that are not negative, as integers: a nan is larger than all, and one instruction serves where
+        comparisons that look for a nan are a chain of five."""
+        bits = ir.VectorType(ir.IntType(64), a.type.count)
+        x, y = self.builder.bitcast(a, bits), self.builder.bitcast(b, bits)
+        larger = self.builder.select(self.builder.icmp_signed(">", x, y), x, y)
+        return self.builder.bitcast(larger, a.type)
 
     def call_vmax(self, a, b):
         a = self.expression(a)
@@ -217,12 +221,6 @@ class Function(native.Function):
 
     def call_total8(self, value):
         return self.fold(value, lambda a, b: self.builder.fadd(a, b, flags=self.flags))
-
-    def call_finite(self, value):
-        # x - x is a nan for infinities and nans, which the flags leave alone.
-        x = self.expression(value)
-        difference = self.builder.fsub(x, x)
-        return self.builder.fcmp_ordered("==", difference, DOUBLE(0.0))
 
 
 class Module(native.Module):

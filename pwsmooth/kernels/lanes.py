@@ -2,10 +2,9 @@
 
 LLVM's own vectoriser gives up on these loops (short, many pointers that might overlap), so the vectors are
 explicit: `load8(a, i)` and `store8(a, i, v)` move 8 doubles from index i of an array or pointer, and + - * /
-and negation work lane by lane, also with a plain float. Functions of the C library are called lane by lane.
+and negation work lane by lane, also with a plain float.
 """
 
-import math
 import operator
 
 from llvmlite import ir
@@ -132,21 +131,6 @@ load4, store4, splat4 = _memory(4)
 load8, store8, splat8 = _memory(8)
 
 
-def _from_address(pointee):
-    @intrinsic
-    def convert(typingctx, address):
-        def codegen(context, builder, sig, args):
-            return builder.inttoptr(args[0], context.get_value_type(sig.return_type))
-
-        return types.CPointer(pointee)(types.int64), codegen
-
-    return convert
-
-
-# Arrays as bare pointers: an array's reference count is atomic and costs more than a whole stage.
-doubles, integers = _from_address(types.float64), _from_address(types.int64)
-
-
 @intrinsic
 def at(typingctx, p, i):
     """Pointer to the element i of what p points to."""
@@ -173,46 +157,17 @@ low4, high4 = _half(0), _half(4)
 
 
 @intrinsic
-def join8(typingctx, a, b):
-    """Two vectors of 4 as one of 8."""
-
-    def codegen(context, builder, sig, args):
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), 8), list(range(8)))
-        return builder.shuffle_vector(args[0], args[1], mask)
-
-    return lanes8(lanes4, lanes4), codegen
-
-
-def _instruction(name):
-    @intrinsic
-    def function(typingctx, v):
-        def codegen(context, builder, sig, args):
-            vector = args[0].type
-            declared = cgutils.get_or_insert_function(
-                builder.module, ir.FunctionType(vector, [vector]), f"llvm.{name}.v{vector.count}f64"
-            )
-            return builder.call(declared, args)
-
-        return v(v), codegen
-
-    return function
-
-
-vsqrt, vabs, vfloor, vrint = (_instruction(name) for name in ("sqrt", "fabs", "floor", "rint"))
-
-
-@intrinsic
-def vfma(typingctx, a, b, c):
-    """a * b + c with one rounding."""
+def vabs(typingctx, v):
+    """Lane by lane |v|."""
 
     def codegen(context, builder, sig, args):
         vector = args[0].type
         declared = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.v{vector.count}f64"
+            builder.module, ir.FunctionType(vector, [vector]), f"llvm.fabs.v{vector.count}f64"
         )
         return builder.call(declared, args)
 
-    return a(a, a, a), codegen
+    return v(v), codegen
 
 
 @intrinsic
@@ -247,101 +202,3 @@ def largest8(v):
         if not x <= top:
             top = x
     return top
-
-
-def _library(scalar):
-    @intrinsic
-    def function(typingctx, v):
-        def codegen(context, builder, sig, args):
-            result = args[0]
-            for k in range(sig.return_type.width):
-                index = ir.Constant(ir.IntType(32), k)
-                x = builder.extract_element(args[0], index)
-                y = context.compile_internal(builder, scalar, types.float64(types.float64), [x])
-                result = builder.insert_element(result, y, index)
-            return result
-
-        return v(v), codegen
-
-    return function
-
-
-def _power(x, r):
-    return x**r
-
-
-@intrinsic
-def vpow(typingctx, v, r):
-    """Lane by lane power with one real exponent."""
-
-    def codegen(context, builder, sig, args):
-        result = args[0]
-        for k in range(sig.return_type.width):
-            index = ir.Constant(ir.IntType(32), k)
-            x = builder.extract_element(args[0], index)
-            y = context.compile_internal(
-                builder, _power, types.float64(types.float64, types.float64), [x, args[1]]
-            )
-            result = builder.insert_element(result, y, index)
-        return result
-
-    return v(v, types.float64), codegen
-
-
-def _scalar(name):
-    """A function of its own per name: numba compiles it by the global it calls."""
-    scope = {"f": getattr(math, name)}
-    exec(f"def {name}(x):\n    return f(x)", scope)
-    return scope[name]
-
-
-vexp, vlog, _sin, _cos, vtan, vsinh, vcosh, vtanh, vatan, vasin, vacos, verf, verfc = (
-    _library(_scalar(name)) for name in "exp log sin cos tan sinh cosh tanh atan asin acos erf erfc".split()
-)
-
-# Beyond this many quarter turns the two-part pi/2 runs out of digits.
-_FAR = 1e6
-
-
-@fused
-def _quarters(x, k, k2):
-    """sin(x - k pi/2) turned by k2 quarter turns; polynomials of fdlibm (k_sin.c, k_cos.c)."""
-    r = vfma(k, splat8(-1.5707963267948966), x)
-    r = vfma(k, splat8(-6.123233995736766e-17), r)
-    z = r * r
-    s = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08
-    s = z * (
-        z * (z * (z * s + 2.75573137070700676789e-06) - 1.98412698298579493134e-04) + 8.33333333332248946124e-03
-    )
-    s = r + r * z * (s - 1.66666666666666324348e-01)
-    c = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09
-    c = z * (
-        z * (z * (z * c - 2.75573143513906633035e-07) + 2.48015872894767294178e-05) - 1.38888888888741095749e-03
-    )
-    c = 1.0 - 0.5 * z + z * z * (c + 4.16666666666666019037e-02)
-    half = vfloor(k2 * 0.5)
-    odd = k2 - 2.0 * half
-    turned = half - 2.0 * vfloor(half * 0.5)
-    return (s * (1.0 - odd) + c * odd) * (1.0 - 2.0 * turned)
-
-
-@fused
-def _all_near(k):
-    top = 0.0
-    for i in range(8):
-        top = max(top, abs(lane(k, i)))
-    return top < _FAR
-
-
-@fused
-def vsin(x):
-    """Sine of 8 lanes; one vector evaluation instead of 8 library calls."""
-    k = vrint(x * 0.6366197723675814)
-    return _quarters(x, k, k) if _all_near(k) else _sin(x)
-
-
-@fused
-def vcos(x):
-    """Cosine of 8 lanes."""
-    k = vrint(x * 0.6366197723675814)
-    return _quarters(x, k, k + 1.0) if _all_near(k) else _cos(x)

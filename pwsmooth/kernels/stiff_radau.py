@@ -11,7 +11,6 @@ Every array of stages or eigenvalues has 8 lanes and moves as one vector; the or
 3 + 2m).
 """
 
-import numpy as np
 from numba import types
 
 from pwsmooth.kernels import stiff_state as S
@@ -163,26 +162,29 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
         else:
             store8(W, 8 * i, splat8(0.0))
             store8(Z, 8 * i, splat8(0.0))
-    before, theta = 0.0, 0.0
+    before, theta, rest = 0.0, 0.0, eta
     for it in range(MAX_NEWTON):
         norm = _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight)
-        if not np.isfinite(norm):
-            return False, it + 1, eta, 2.0
-        if it > 0:
-            theta = norm / before if before > 0.0 else 0.0
-            if theta >= 0.99:
+        if not norm < 1e300:
+            return False, it + 1, rest, 2.0
+        if it == 0:
+            if eta * norm <= kappa:
+                return True, 1, eta, theta
+        else:
+            theta = norm / before
+            rest = theta / (1.0 - theta) if theta < 0.99 else eta
+            if norm * norm <= kappa * (before - norm):
+                return True, it + 1, rest, theta
+            if not theta < 0.99:
                 # Increments at rounding level no longer shrink: that is as converged as it gets.
-                return norm < 0.1 * kappa, it + 1, eta, theta
-            eta = theta / (1.0 - theta)
-            rest = theta
+                return norm < 0.1 * kappa, it + 1, rest, theta
+            left = theta
             for _ in range(DOUBLINGS):
-                rest *= rest
-            if rest * eta * norm > kappa:
-                return False, it + 1, eta, theta
-        if eta * norm <= kappa:
-            return True, it + 1, eta, theta
+                left *= left
+            if left * norm * norm > kappa * (before - norm):
+                return False, it + 1, rest, theta
         before = norm
-    return False, MAX_NEWTON, eta, theta
+    return False, MAX_NEWTON, rest, theta
 
 
 @fused
