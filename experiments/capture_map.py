@@ -37,8 +37,8 @@ from pwsmooth.analysis.sections import Stroboscopic
 from pwsmooth.plotting import COLOUR, new_figure
 
 SIGMOIDS = ("algebraic", "tanh", "erf")
-# Starts near the two-stick orbit, one of the mirror pair, and the slip-only orbit, at t = 0.
-STARTS = ((0.9087, -0.9735, 0.019), (0.5664, -1.2524, 0.0), (0.6858, -0.8658, 0.0))
+# Starts near the two-stick orbit (eps = beta = 0.1, and slaved), one of the mirror pair, and the slip-only orbit.
+STARTS = ((0.9087, -0.9735, 0.019), (0.7587, -1.0046, 0.0), (0.5664, -1.2524, 0.0), (0.6858, -0.8658, 0.0))
 KINDS = ("two equal sticks", "one long stick", "slip only")
 
 
@@ -288,7 +288,7 @@ STUDY = Study(
     expected="F_c rises from N as r^(2/3) (algebraic sigmoid) and reaches N mu_s at a finite r*; one long stick a "
     "period for eps << beta, two equal ones for eps of the order of beta, both in between.",
     full=Config(),
-    fast=Config(log_r=(-7.0, 0.5, 12), checked=(0.1,), log_eps=(-2.0, -1.0, 2), log_beta=(-2.0, 0.0, 3)),
+    fast=Config(log_r=(-7.0, 0.5, 12), checked=(0.1,), log_eps=(-3.0, -1.0, 2), log_beta=(-2.0, -1.0, 2)),
     run=run,
     claims=claims,
     draw=draw,
