@@ -42,6 +42,13 @@ class Family:
     >>> values = {kappa: [2.5/i for i in range(1, 11)], strength: 0.2}
 
     A chain of blocks: `chain.neighbour(y, 1)` is the element after, `chain.neighbour(y, -1)` the one before.
+
+    Notes
+    -----
+    From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
+    time to set up. Contacts, surfaces between neighbours, time events of elements, elements that act on each other's
+    multipliers and hidden terms on surfaces that slide have no looped form: their copies are written out, as are
+    those of smoothed and layered views.
     """
 
     n: int

@@ -62,11 +62,16 @@ class Template:
 
     def families(self, kind: str) -> tuple[int | None, ...]:
         """The family of every block of "states", "parameters", "multipliers", "events" or "outputs"."""
-        if kind in ("events", "outputs"):
-            return self.event_families if kind == "events" else self.output_families
-        blocks = getattr(self.model, kind)
-        symbols = [b.symbol for b in blocks] if kind == "multipliers" else blocks
-        return tuple(self.place[s].family if s in self.place else None for s in symbols)
+        return self._families[kind]
+
+    @cached_property
+    def _families(self) -> dict[str, tuple[int | None, ...]]:
+        families = {"events": self.event_families, "outputs": self.output_families}
+        for kind in ("states", "parameters", "multipliers"):
+            blocks = getattr(self.model, kind)
+            symbols = [b.symbol for b in blocks] if kind == "multipliers" else blocks
+            families[kind] = tuple(self.place[s].family if s in self.place else None for s in symbols)
+        return families
 
 
 def named(text: str, k: int | None) -> str:
@@ -83,8 +88,14 @@ class Loops:
 
     def starts(self, kind: str) -> list[int]:
         """First number of every block, and the count of all."""
-        lengths = (1 if f is None else self.sizes[f] for f in self.template.families(kind))
-        return list(accumulate(lengths, initial=0))
+        if kind not in self._starts:
+            lengths = (1 if f is None else self.sizes[f] for f in self.template.families(kind))
+            self._starts[kind] = list(accumulate(lengths, initial=0))
+        return self._starts[kind]
+
+    @cached_property
+    def _starts(self) -> dict[str, list[int]]:
+        return {}
 
     def spread(self, kind: str, values: Sequence[Any]) -> list[Any]:
         """One value a block -> one value a number."""
