@@ -66,6 +66,21 @@ def test_xky_tends_to_the_period_of_the_switching_block_with_its_stribeck_curve(
     assert np.diff(crossings(run, 0.05, (0, 35))) == pytest.approx([6.512] * 4, rel=1e-3)
 
 
+def test_the_switching_block_tends_to_two_levels_only_as_its_stribeck_velocity_vanishes():
+    def period(**values):
+        run = block_on_belt(friction.StribeckFriction(**values), t_span=(0, 30)).solve()
+        assert run.success
+        return float(np.diff(run.event_times("slip"))[-1])
+
+    # With LuGre's standard parameters (v_s = 1 mm/s, viscous 0.4 N s/m) the listed 6.512 s.
+    assert period() == pytest.approx(6.512, abs=5e-4)
+    two_levels = 2 * (math.pi - math.atan(0.25 * math.sqrt(2) / 0.1)) / math.sqrt(2) + 2 * 0.25 / 0.1
+    speeds = np.array([1e-3, 1e-4, 1e-5])
+    distance = np.array([period(v_s=v, sigma2=0.0) for v in speeds]) - two_levels
+    # While v < v_s the force still holds: the start is late by a time that falls with v_s.
+    assert np.all(np.diff(distance) < 0) and 0 < distance[-1] < 0.02 and distance[0] > 0.05
+
+
 # ---- drift under small cyclic forces
 
 
