@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import solve
+from pwsmooth import Outcome, solve
 from pwsmooth.laws import Law, Pieces, friction, law, parameter
 from pwsmooth.laws.inclusions import dio_defect, max_of_dio, sat_of_sgn, sgn_defect
 from pwsmooth.scenes import assemble, force_driven, friction_oscillator, prescribed_motion, t
@@ -140,8 +140,6 @@ def test_changing_a_parameter_of_a_law_compiles_nothing_and_acts():
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
 def test_every_law_drives_every_kind_of_scene(kind):
-    if kind is friction.Wojewoda:
-        pytest.skip("a body that starts from rest has two dependent multipliers; see the test of moving bodies")
     unit = 1e-6 if "um" not in str(kind.units()) else 1.0
     few = {name: value[:2] for name, value in kind().values.items() if isinstance(value, tuple)}
     law_ = kind(**few)
@@ -150,6 +148,10 @@ def test_every_law_drives_every_kind_of_scene(kind):
     pushed = force_driven(law_, 0.5 * sp.sin(t), t_span=(0, 0.5))
     for scene in (oscillator, pushed):
         run = scene.solve()
+        if kind is friction.Wojewoda:
+            # Known limit: at rest sgn v and sgn a are both unknown, and one equation is left for them.
+            assert run.outcome is Outcome.SINGULAR
+            continue
         assert run.success, run.message
         assert np.isfinite(run["friction"]).all()
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from pwsmooth.laws import friction
@@ -157,6 +158,35 @@ def test_a_pid_controller_hunts_with_the_listed_cycle():
     assert x[:30000].max() == pytest.approx(1.5005, rel=1e-3)
     assert (x[50000:].min(), x[50000:].max()) == pytest.approx((0.936, 1.065), rel=1e-2)
     assert crossings(run, 1e-3, (20, 100), points=200001) == pytest.approx([31.2, 55.6, 80.0], rel=1e-2)
+
+
+def test_acceleration_dependent_friction_keeps_the_speed_in_a_band_of_forces_and_not_outside():
+    law = friction.Wojewoda(f_c=1.0, f_s=1.5, a_1=1.0, a_2=0.5)
+    speed = 0.2
+    band = 0.5 * math.exp(-speed / 0.5)  # (f_s - f_c) exp(-a_1 v/a_2)
+
+    def run(size):
+        scene = force_driven(law, 1 + size * sp.sin(t), t_span=(0, 1.4))
+        return scene.solve(x0={**scene.start, "v": speed}, dense_output=True)
+
+    inside = run(0.99 * band)
+    assert inside.success and np.abs(inside["v"] - speed).max() < 1e-12
+
+    size = 3 * band
+    outside = run(size)
+    assert outside.success
+    start = math.asin(1 / 3)
+    assert float(outside(0.99 * start, "v")) == pytest.approx(speed, abs=1e-12)
+
+    def acceleration(time, v):
+        """The root of a + (f_s - f_c) exp(-a_1 v/(a + a_2)) = u - f_c: increasing in a >= 0."""
+        excess = size * math.sin(time)
+        rest = lambda a: a + 0.5 * math.exp(-v[0] / (a + 0.5)) - excess  # noqa: E731
+        return [brentq(rest, 0, excess, xtol=1e-14) if rest(0) < 0 else 0.0]
+
+    plain = solve_ivp(acceleration, (start, 1.4), [speed], "DOP853", rtol=1e-10, atol=1e-12)
+    assert plain.y[0, -1] > speed + 0.1
+    assert outside["v"][-1] == pytest.approx(plain.y[0, -1], rel=1e-7)
 
 
 # ---- passivity
