@@ -80,7 +80,7 @@ def draw(fast):
             ax.plot(np.degrees(phi), exact(phi), color="#777777", linestyle="--", linewidth=1.1)
             if limit:
                 ax.set_ylim(-limit, limit)
-                ax.text(0.99, 0.95, f"{values.min():.3g} to {values.max():.3g}", transform=ax.transAxes,
+                ax.text(0.99, 0.95, f"{values.min():.0f} to {values.max():.0f}", transform=ax.transAxes,
                         ha="right", va="top", fontsize=7)  # fmt: skip
             ax.set(xlim=(0, 360), xticks=(0, 90, 180, 270, 360))
             ax.set_ylabel(label)

@@ -114,7 +114,7 @@ def falling_ball(
         potential=-mass * gravity * p,
         outputs={"height": -p},
     )
-    scene.observables["apexes"] = apexes  # type: ignore[index]
+    scene.observables["apexes"] = apexes
     return scene
 
 
