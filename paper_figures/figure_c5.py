@@ -36,13 +36,15 @@ def claims(runs):
     ideal = IdealSliderCrank()
     result = []
     first = {0.5e-3: 6.25854533558e-3, 1e-3: 8.86094991305e-3}
-    peaks, gaps = [], []
+    peaks, gaps, firsts = [], [], []
     for clearance, (solution, times) in runs.items():
         on = solution.event_times("reset", "touch-down")
         result.append(
             Claim.number(f"c = {1e3 * clearance:g} mm: first impact (s), computed independently", first[clearance],
                          on[0], 1e-12, digits=12)
         )  # fmt: skip
+        inside = np.linspace(on[0], solution.event_times("reset", "lift-off")[0], 2001)[:-1]
+        firsts.append(np.abs(solution(inside, "acceleration")).max())
         gaps.append(np.abs(solution(times, "x") - ideal.position(ideal.omega * times)).max() / clearance)
         peaks.append(np.abs(solution(times, "acceleration")).max())
     largest = np.abs(ideal.acceleration(np.linspace(0, 2 * np.pi, 721))).max()
@@ -53,9 +55,10 @@ def claims(runs):
         Claim("slider acceleration has sharp peaks on the ideal curve", "peaks",
               f"{peaks[0]:.0f} and {peaks[1]:.0f} m/s^2 on an ideal {largest:.1f}", min(peaks) > 5 * largest,
               "there are none"),
+        # Of one revolution the largest impact is a matter of chance, the motion is chaotic: compare the first.
         Claim("the peaks grow with the clearance", "grow with c",
-              f"{peaks[0]:.0f} m/s^2 (0.5 mm), {peaks[1]:.0f} m/s^2 (1 mm) in this revolution", peaks[1] > peaks[0],
-              "the motion is chaotic, and one revolution's largest impact is a matter of chance"),
+              f"first impact: {firsts[0]:.0f} m/s^2 (0.5 mm), {firsts[1]:.0f} m/s^2 (1 mm)", firsts[1] > firsts[0],
+              "it does not"),
     ]  # fmt: skip
 
 

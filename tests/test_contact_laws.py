@@ -25,7 +25,15 @@ from pwsmooth.laws.contact import (
     journal_stiffness,
     maximal_indentation,
 )
-from pwsmooth.scenes import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block, t
+from pwsmooth.scenes import (
+    falling_ball,
+    free_impact,
+    grazing_amplitude,
+    impact_oscillator,
+    prescribed_motion,
+    pressed_block,
+    t,
+)
 
 TIGHT = dict(rtol=1e-12, atol=1e-16)
 
@@ -393,3 +401,18 @@ def test_every_name_of_the_table_makes_a_law():
     for name in ETA:
         law = HertzImpact(eta=name)
         assert law.attach(position=sp.Symbol("p"), velocity=sp.Symbol("v")).force.has(sp.Piecewise)
+
+
+def test_the_loading_curve_of_the_nonlinear_residual_law_has_its_exponent_early_and_less_in_between():
+    # Prescribed indentation at constant rate: F/(K p^n) and the log-log slope. Specification, half a unit of the last
+    # digit; the limit of early loading is (1 + beta gamma)^n = 36.483.
+    law = ResidualIndentation(K=1000, beta=0.02, gamma=500)
+    for rate, place, ratio, slope in ((1.0, 1e-6, 36.470, 1.49966), (1e-4, 5e-5, 1.0606, 1.4423)):
+        times = place / rate * np.array([1 - 1e-3, 1.0, 1 + 1e-3])
+        rig = prescribed_motion(law, position=rate * t, t_span=(0, 1.1 * times[-1]))
+        solution = rig.solve(t_eval=times, rtol=1e-12, atol=1e-18)
+        force = solution["force"]
+        assert force[1] / (1000 * place**1.5) == pytest.approx(ratio, abs=0.5 * 10 ** -(3 if ratio > 10 else 4))
+        got = np.log(force[2] / force[0]) / np.log(times[2] / times[0])
+        # The difference over 2e-3 of p errs by 1e-6/6 of the slope's own change, less than half a unit.
+        assert got == pytest.approx(slope, abs=5.5e-6 if ratio > 10 else 5.5e-5)

@@ -186,6 +186,7 @@ def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path
     differ = {name: sum(c["verdict"] == "differs" for c in entry["claims"]) for name, entry in entries.items()}
     known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1, "11": 0, "12": 2, "13": 0}
     known |= {"4.8": 1, "4.9": 0, "4.10": 0, "4.11": 0, "laws": 0, "lugre": 0}
+    known |= {"5.1": 0, "c1": 1, "c2": 0, "c3": 1, "c4": 0, "c5": 0}
     assert differ == known
     last = entries["6"]["claims"][-1]
     assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
