@@ -142,12 +142,14 @@ class CompiledProblem:
         hubs = len(self.fixed["hub"])
         group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
         left_half, right_half = halving_tables(order, width)
+        k = np.arange(float(width))
         return state.Work(
             order=order,
             per_order=1.0 / order,
             per_order_before=1.0 / (order - 1),
-            counting=np.arange(float(width)),
-            pairing=np.arange(float(width)) * np.arange(-1.0, width - 1),
+            counting=k,
+            pairing=k * (k - 1),
+            tripling=k * (k - 1) * (k - 2),
             rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),

@@ -169,8 +169,9 @@ class EventDriven:
         if outcome is Outcome.CHATTERING and len(last) == _LOOP:
             if np.all(last[:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
                 return Outcome.EVENT_LOOP
-        if outcome is Outcome.STEP_UNDERFLOW and not self._defined():
-            return Outcome.NOT_FINITE
+        if outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE):
+            # Near a pole the coefficients overflow before the step does: what tells is the right-hand side itself.
+            return Outcome.STEP_UNDERFLOW if self._defined() else Outcome.NOT_FINITE
         return outcome
 
     def _defined(self) -> bool:

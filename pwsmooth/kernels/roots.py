@@ -74,39 +74,41 @@ def _note_grazing(W, s, crosses):
 
 @fused
 def _refine(W, degree, lo, hi, s):
-    """The single root of W.poly in [lo, hi], positive at lo, by Halley steps from s inside the bracket."""
-    a = W.poly
+    """The single root of W.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket."""
+    a, n1, n2, n3 = W.poly, W.counting, W.pairing, W.tripling
     before, d, c = 0.0, 0.0, 0.0
     for _ in range(60):
-        # p, s p' and s^2 p'' at once, eight terms a block: sums of a_k s^k times 1, k and k (k - 1).
+        # p and s, s^2, s^3 times its derivatives at once, eight terms a block: a_k s^k times 1, k, k (k - 1), ...
         s2 = s * s
         s4 = s2 * s2
         s8 = s4 * s4
         block = powers8(s)
         term = load8(a, 0) * block
-        value, slope, bend = term, term * load8(W.counting, 0), term * load8(W.pairing, 0)
+        value, slope, bend, twist = term, term * load8(n1, 0), term * load8(n2, 0), term * load8(n3, 0)
         for k in range(8, degree + 1, 8):
             block = block * s8
             term = load8(a, k) * block
             value = value + term
-            slope = slope + term * load8(W.counting, k)
-            bend = bend + term * load8(W.pairing, k)
-        f, d, c = sum8(value), sum8(slope), sum8(bend)
+            slope = slope + term * load8(n1, k)
+            bend = bend + term * load8(n2, k)
+            twist = twist + term * load8(n3, k)
+        f, d, c, e = sum8(value), sum8(slope), sum8(bend), sum8(twist)
         if f == 0.0:
             break
         if f > 0.0:
             lo = s
         else:
             hi = s
-        bottom = d * d - 0.5 * f * c
-        new = s - s * f * d / bottom if bottom != 0.0 else lo - 1.0
+        bottom = d * (d * d - f * c) + f * f * e * (1.0 / 6.0)
+        new = s - s * f * (d * d - 0.5 * f * c) / bottom if bottom != 0.0 else lo - 1.0
         step = abs(new - s)
         if step <= 2e-16 * max(s, 1e-3) or hi - lo <= 1e-16:
             break
         if lo < new < hi:
             s = new
-            # Cubic convergence: step = C before^3, so the next one would be step (step/before)^3.
-            if step * step * step * step < 1e-17 * s * (before * before * before):
+            # Convergence of order 4, step = C before^4: the next step would be step (step/before)^4.
+            square, was = step * step, before * before
+            if square * square * step < 1e-17 * s * (was * was):
                 break
             before = step
         else:

@@ -182,6 +182,7 @@ class Work(Bundle):
     poly: "f8[1]"  # (order + PAD,) one scaled polynomial
     counting: "f8[1]"  # (order + PAD,) k
     pairing: "f8[1]"  # (order + PAD,) k (k - 1)
+    tripling: "f8[1]"  # (order + PAD,) k (k - 1) (k - 2)
     bernstein: "f8[1]"
     bernstein_table: "f8[1]"  # see tables.py
     left_half: "f8[1]"
