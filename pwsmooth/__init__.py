@@ -21,6 +21,11 @@ _HOME = {
     "ensemble": "noise_ensemble",
     "solve": "solve",
     "sweep": "sweep",
+    "find_orbit": "analysis.orbits",
+    "follow": "analysis.continuation",
+    "lyapunov_exponents": "analysis.lyapunov",
+    "basins": "analysis.basins",
+    "orbit_diagram": "analysis.basins",
     "Solution": "solution",
     "Outcome": "solution",
 }

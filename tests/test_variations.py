@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral, solve
 from pwsmooth.analysis.variations import variations
 
 T = 2 * math.pi
@@ -36,7 +36,7 @@ def differences(system, span, start, names, **options):
     start = np.array(start, float)
     by_state = [slope(end(start + STEP * e), end(start - STEP * e)) for e in np.eye(len(start))]
     by_parameter = [slope(end(start, {q: values[q] + STEP}), end(start, {q: values[q] - STEP})) for q in names]
-    return np.array(by_state).T, np.array(by_parameter).reshape(len(names), -1).T
+    return np.array(by_state).T, np.array(by_parameter).reshape(len(names), len(start)).T
 
 
 def agree(system, span, start, names=(), *, kinds=None, **options):
@@ -87,6 +87,34 @@ def test_impacts(restitution):
     wall = Unilateral(x + sp.Rational(3, 10) * a, restitution=restitution, name="R")
     system = System({x: u, u: -x - u / 10 + sp.cos(b * t) + wall.reaction}, time=t, parameters={a: 1.0, b: 1.3})
     agree(system, (0, 5), (0.1, -0.5), ("a", "b"))
+
+
+def test_chattering_to_rest_takes_both_directions_of_the_contact_away():
+    floor = Unilateral(x - a * sp.sin(t), restitution=sp.Rational(1, 2), name="R")
+    system = System({x: u, u: -5 + floor.reaction}, time=t, parameters={a: 1.5})
+    moved = agree(system, (0, 6), (0.6, 0.0), ("a",))
+    assert any("accumulation" in s.kinds for s in moved.saltations)
+    assert np.abs(moved.matrix).max() < 1e-10 and moved.degenerate == []
+
+
+def test_an_algebraic_unknown():
+    force = sp.Symbol("force", real=True)
+    law = Algebraic(force, force + a * sp.tanh(force) * sp.exp(-(u**2)) + x - sp.cos(t))
+    agree(System({x: u, u: force}, time=t, parameters={a: 0.3}, algebraic=[law]), (0, 5), (0.3, 0.2), ("a",))
+
+
+def test_a_looped_family():
+    elements = Family(9)
+    (f,) = elements.symbols("f")
+    stiffness, strength = elements.symbols("stiffness strength", positive=True)
+    relay = stiffness * u - sp.sign(f - strength) / 10
+    system = System(
+        {f: relay, x: u, u: sp.cos(2 * t) - x - elements.sum(f)},
+        time=t,
+        parameters={stiffness: [0.5 / i for i in range(1, 10)], strength: 0.05},
+    )
+    moved = agree(system, (0, 3), [0.02 * i for i in range(9)] + [0.3, 0.1])
+    assert any(kinds in (("crossing",), ("stick",)) for kinds in (s.kinds for s in moved.saltations))
 
 
 def test_resets_and_memories_carry_their_deviation():

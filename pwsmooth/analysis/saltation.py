@@ -16,7 +16,7 @@ Chain: linearised.py -> **saltation** -> variations.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import sympy as sp
@@ -28,6 +28,7 @@ __all__ = ["Saltation", "saltations", "tangent_projector"]
 
 # Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
 _TOUCHING = 1e-9
+_CHATTER = 1e-6  # before an accumulation, relative to the time
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,17 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     before = np.searchsorted(t, times, side="left")
     after = np.searchsorted(t, times, side="right") - 1
     fields = [line.blocks(t[c], solution.x[:, c], solution.mult[:, c], p) for c in (before, after)]
+    found = [
+        _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), events).saltation()
+        for k, events in enumerate(instants.values())
+    ]
+    # The last impacts before an accumulation are slow by nature; the projector there takes up what they leave.
+    ends = np.array([s.time for s in found if "accumulation" in s.kinds])
     return [
-        _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), found).saltation()
-        for k, found in enumerate(instants.values())
+        replace(s, degenerate="")
+        if np.any((ends >= s.time) & (ends - s.time < _CHATTER * (1 + abs(s.time))))
+        else s
+        for s in found
     ]
 
 

@@ -47,6 +47,8 @@ class Variations:
     saltations : list of Saltation
     first_rates, rates : ndarray, shape (n,)
         f at the start and at the end.
+    ambiguous : list of str
+        The solution's ambiguities, in words.
     """
 
     matrix: np.ndarray
@@ -56,11 +58,12 @@ class Variations:
     saltations: list[Saltation]
     first_rates: np.ndarray
     rates: np.ndarray
+    ambiguous: list[str]
 
     @property
     def degenerate(self) -> list[str]:
-        """Instants at which the solution has no derivative (simultaneous switchings, ...), in words."""
-        return [s.degenerate for s in self.saltations if s.degenerate]
+        """Instants at which the solution has no derivative (simultaneous switchings, ambiguities), in words."""
+        return [s.degenerate for s in self.saltations if s.degenerate] + self.ambiguous
 
 
 def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
@@ -129,7 +132,16 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
         total = factor @ total
     c = [int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1, -1]
     f = line.blocks(solution.t[c], solution.x[:, c], solution.mult[:, c], values).f
-    return Variations(total[:n, :n], total[:n, n:], factors, np.array(times), salts, f[0], f[1])
+    return Variations(
+        total[:n, :n],
+        total[:n, n:],
+        factors,
+        np.array(times),
+        salts,
+        f[0],
+        f[1],
+        [str(a) for a in solution.ambiguities],
+    )
 
 
 @dataclass(frozen=True)
