@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from noise_numbers import draws
 
-from pwsmooth import Event, Kicks, Memory, Outcome, Switch, System, ensemble, solve
+from pwsmooth import Event, Family, Kicks, Memory, Outcome, Switch, System, ensemble, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 lam = Switch("lam", v)
@@ -225,3 +225,15 @@ def test_an_ensemble_keeps_what_came_before_a_stop():
     assert np.array_equal(np.isnan(many["x"]), np.tile([0, 0, 1, 1], (3, 1)).astype(bool))
     # One is kicked across the surface of the event, which ends it as well.
     assert np.all((many.end >= 2) & (many.end < 2.5)) and np.all(many.end_time < 4)
+
+
+def test_the_copies_of_a_family_are_kicked_like_single_states():
+    blocks = Family(8)
+    (w,) = blocks.symbols("w")
+    run = solve(
+        System({w: -Switch("rub", w)}), (0, 1.05), {w: 0}, noise=Kicks(0.5, 1, on=("w_1", "w_8"), seed=2)
+    )
+    kicks = 0.5 * np.array(draws(2, 0, 1, 2, "uniform"))
+    after = kicks - np.sign(kicks) * (run.t[-1] - 1)
+    assert np.allclose(run.x[[0, 7], -1], np.where(np.abs(kicks) > 0.05, after, 0), rtol=0, atol=1e-12)
+    assert not run.x[1:7].any()
