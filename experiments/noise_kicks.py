@@ -235,8 +235,9 @@ def draw(data):
             left.plot(sizes, rate, mark, color=colour[law], markersize=4, markerfacecolor="none")
     left.axvline(data["way_out"], color=COLOUR["mark"], linewidth=0.7, linestyle="--")
     left.text(
-        data["way_out"] * 0.93, 0.35, "way to the manifold", rotation=90, ha="right", va="top", fontsize=7.5
-    )
+        data["way_out"] * 0.95, 1.3e-4, "way to the saddle's manifold", rotation=90, ha="right", va="bottom",
+        fontsize=7,
+    )  # fmt: skip
     left.set(xscale="log", yscale="log", ylim=(1e-4, 0.7), xlim=(0.18, 12), xlabel=r"$\kappa/\varepsilon$",
              ylabel="escapes a kick")  # fmt: skip
     left.set_title(f"stuck under F = {data['force']:g} N")
