@@ -80,7 +80,7 @@ def exit_times(force, s2, slaved, count):
     """(mean, standard error) of the layer time until u = FAR."""
     stuck, _ = layer.roots(force)
     start = [stuck] if slaved else [stuck, 1 / (1 + stuck**2)]
-    noise = Diffusion({"u": math.sqrt(s2)}, step=1.0, seed=21, finest=5)
+    noise = Diffusion({"u": math.sqrt(s2)}, step=1 / 8, seed=21 + round(1000 * s2), finest=3)
     many = ensemble(layer_system(force, slaved), (0, 1e7), start, noise, count)
     if {o.name for o in many.outcomes} != {"TERMINATED"}:
         raise RuntimeError(f"not every trajectory ended: {set(many.outcomes)}")
@@ -101,7 +101,7 @@ def smoothed_exit_times(force, s2, eps, count):
         events=[Event(v - far, terminal=True)],
     ).smoothed(eps=eps)
     stuck, _ = layer.roots(force)
-    noise = Diffusion({v: math.sqrt(s2 * eps)}, step=eps, seed=22, finest=5)
+    noise = Diffusion({v: math.sqrt(s2 * eps)}, step=eps / 8, seed=round(1e5 * eps), finest=3)
     many = ensemble(contact, (0, 1e7 * eps), {v: stuck * eps, z: 1 / (1 + stuck**2)}, noise, count)
     return mean_and_error(many.end_time / eps)
 
@@ -256,6 +256,8 @@ def draw(data):
         left.errorbar(data["checked"], mean, error, fmt=mark, color=COLOUR["left"], markersize=6, linewidth=0.9,
                       markerfacecolor="none", label=rf"smoothed, $\varepsilon=\beta={eps}$")  # fmt: skip
     left.set(xscale="log", yscale="log", xlabel=r"$D^2/\varepsilon$", ylabel=r"mean exit time / $\varepsilon$")
+    left.set_xticks([0.15, 0.3, 0.5, 1.0, 1.5], ["0.15", "0.3", "0.5", "1", "1.5"])
+    left.minorticks_off()
     left.set_title(f"stuck under F = {data['force']:g} N")
     left.legend(fontsize=7)
     s2 = np.array(data["orbit_s2"])
@@ -272,7 +274,7 @@ def draw(data):
                    markerfacecolor="none", label=r"$\varepsilon=\beta=0.001$")  # fmt: skip
     right.plot([], [], color=COLOUR["mark"], linewidth=1.1, label="the first exit ends it")
     right.axhline(1, color=COLOUR["mark"], linewidth=0.5)
-    right.set(xscale="log", ylim=(0, 1.3), xlabel=r"$D^2/\varepsilon$", ylabel="time stuck beyond N, relative")
+    right.set(xscale="log", ylim=(0, 1.1), xlabel=r"$D^2/\varepsilon$", ylabel="time stuck beyond N, relative")
     right.set_title("oscillator")
     right.legend(fontsize=7, loc="lower left")
     return figure

@@ -34,8 +34,9 @@ class Diffusion:
         may be shared. A Matrix has one row a state, one column a source. Expressions in states, time, parameters
         and, of a smoothed view, switches; unit: that of the state over the root of time.
     step : float
-        The interval of time, > 0, on whose multiples the path is given; solved in steps of this length or halves,
-        quarters, ... of it. The start, the end and `t_eval` are multiples of it.
+        The interval of time, > 0, on whose multiples the path is given, and the longest step: short against the times
+        over which the drift varies. Steps are halves, quarters, ... of it where the drift is faster, and beside
+        surfaces. The start, the end and `t_eval` are multiples of it.
     seed, trajectory : int
         The Brownian path is a function of (seed, trajectory, step), whatever steps are taken along it.
     parameters : mapping, optional
@@ -271,7 +272,7 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
     surfaces = [m.surface for m in model.multipliers] + [e.surface for e in model.events]
     spreads = [_spread(h, states, columns) for h in surfaces]
     _flat(model, states, columns, spreads)
-    outputs = [*G, *terms, _rate(rhs, states), *spreads]
+    outputs = [*G, *terms, _rate(rhs, states, columns, bool(model.smoothing)), *spreads]
     for m in model.multipliers:
         slope = m.residual.diff(m.symbol)
         outputs += [_spread(m.residual, states, columns), slope, slope.diff(m.symbol)]
@@ -314,13 +315,25 @@ def _flat(model, states, columns, spreads) -> None:
             )
 
 
-def _rate(rhs, states):
-    """How fast the drift varies: the largest |J_ii| plus the largest sqrt|J_ij J_ji|, free of the states' units."""
+def _rate(rhs, states, columns, layers):
+    """How fast the drift varies, free of the states' units: the largest |J_ii| plus the largest sqrt|J_ij J_ji|.
+
+    A derivative that vanishes at a point would allow any step there: so the growth of these along the drift and the
+    noise counts too, as the rates at which it reaches them. Within `layers` the kernel's gates see to that.
+    """
     own, pairs = [], []
     slopes = {(i, j): rhs[i].diff(states[j]) for i in range(len(states)) for j in range(len(states))}
     for (i, j), e in slopes.items():
         if i == j and e != 0:
-            own.append(sp.Abs(e))
+            own.append(e)
         elif i < j and e != 0 and slopes[j, i] != 0:
-            pairs.append(sp.sqrt(sp.Abs(e * slopes[j, i])))
-    return sum((sp.Max(*part) for part in (own, pairs) if part), sp.S.Zero)
+            pairs.append(e * slopes[j, i])
+    parts = [[sp.Abs(e) for e in own], [sp.sqrt(sp.Abs(e)) for e in pairs]]
+    if not layers:
+        for entries, power in ((own, 1), (pairs, 2)):
+            # |e| h^power grows by |e'.f| h^(1 + power) and |e'.g| h^(1/2 + power).
+            along = [sum(e.diff(x) * f for x, f in zip(states, rhs)) for e in entries]
+            parts.append([sp.Abs(e) ** sp.Rational(1, 1 + power) for e in along if e != 0])
+            spread = [_spread(e, states, columns) for e in entries]
+            parts.append([e ** sp.Rational(1, 1 + 2 * power) for e in spread if e != 0])
+    return sum((sp.Max(*part) for part in parts if part), sp.S.Zero)

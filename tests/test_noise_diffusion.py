@@ -65,7 +65,7 @@ def test_a_well_is_left_after_the_exact_mean_time():
     # (C. Gardiner, Handbook of Stochastic Methods, 5.2.7); b is beyond the saddle at 1.
     s, b = 0.45, 1.3
     system = System({x: -x + x**2}, events=[Event(x - b, terminal=True)])
-    many = ensemble(system, (0, 2000), {x: 0}, Diffusion({x: s}, 1 / 8, seed=4, finest=6), 1000)
+    many = ensemble(system, (0, 4000), {x: 0}, Diffusion({x: s}, 1, seed=4), 1500)  # U'' vanishes on the way
     assert set(many.outcomes) == {Outcome.TERMINATED}
 
     def weight(a, sign):
@@ -157,7 +157,7 @@ def weak_errors(system, start, amplitude, levels, of, count):
 
 
 def test_additive_noise_has_the_weak_order_two():
-    bias, error = weak_errors(System({x: x - x**3}), {x: 0.8}, {x: 0.5}, (0, 1, 2), np.square, 40_000)
+    bias, error = weak_errors(System({x: -2 * x}), {x: 0}, {x: 0.5}, (0, 1, 2), np.square, 20_000)
     assert np.all(np.abs(bias) > 4 * error)  # seen above its sampling error
     assert 1.6 < -slope(np.abs(bias), 2.0 ** np.arange(3)) < 2.6
 
