@@ -20,12 +20,13 @@ from pwsmooth import sweep
 from pwsmooth.sweep import Amplitude
 
 START = {"y": 0.5, "v": 0.3}
+LONG = 6000  # periods of a transient that makes a chunk take some 50 ms: time to be killed in
 AXES = {"k": np.linspace(1.5, 5, 12), "sigma": np.linspace(0.6, 3, 10)}
 
 
 def run(store=None, **changes):
     arguments = dict(
-        start=START, period=2 * sp.pi / omega, transient=2000, periods=8, chunk=3, workers=2, store=store,
+        start=START, period=2 * sp.pi / omega, transient=20, periods=8, chunk=3, workers=2, store=store,
         measures=["sticks", "itinerary", "period", "points(y)", Amplitude("y")],
     ) | changes  # fmt: skip
     return sweep(coulomb(), AXES, **arguments)
@@ -43,7 +44,7 @@ def test_killed_at_random_moments_it_resumes_with_the_same_bits(tmp_path):
     script = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_sweep_store as here; "
     )
-    command = [sys.executable, "-c", script + f"here.run({str(store)!r})"]
+    command = [sys.executable, "-c", script + f"here.run({str(store)!r}, transient={LONG})"]
     moments, kills, cut_off = random.Random(7), 0, 0
     for attempt in range(5):
         before = _chunks(store)
@@ -61,7 +62,7 @@ def test_killed_at_random_moments_it_resumes_with_the_same_bits(tmp_path):
         cut_off += 0 < _chunks(store) < 40
     assert kills >= 3 and cut_off >= 2, "the sweep was too short to be killed at work"
     assert child.returncode == 0
-    assert same_bits(run(store), run())
+    assert same_bits(run(store, transient=LONG), run(transient=LONG))
 
 
 def _chunks(store):
