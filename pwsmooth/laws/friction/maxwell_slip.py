@@ -12,25 +12,27 @@ import sympy as sp
 
 from ...primitives import Event
 from ..contract import Law, Pieces, law, parameter
+from ..inclusions import clip
 
 
-def slider(z, limit, stuck, v, at):
-    """(rate, events) of a spring of deflection z before a slider that gives way at |z| = limit."""
-    rate = sp.Piecewise((v, sp.Eq(stuck, 1)), (0, True))
-    end = limit * sp.sign(z)
+def slider(z, limit, slip, v, at):
+    """(rate, events) of a spring of deflection z before a slider that gives way at |z| = limit.
+
+    The Memory `slip` is 0 while it sticks, else the direction of slip, 1 or -1.
+    """
+    # In slip it yields outwards only: an amplitude that just reaches the limit may meet it a rounding after the
+    # velocity has turned, when no end of the slip is left to be seen.
+    rate = sp.Piecewise((v, sp.Eq(slip, 0)), (v * sp.Heaviside(-slip * v), True))
+    # (z/limit)^2 - 1 in sticking. In slip |z| stays at the limit, where a surface that stayed zero would be met again
+    # and again: there it is the other limit's.
+    surface = (1 - slip**2) * (z / limit) ** 2 - slip * z / limit - 1
+    # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
+    inside = limit * (1 - 2.0**-48)
     return rate, (
-        # While it slips |z| stays at the limit: a surface that stayed there too would be met again and again. Outwards
-        # only: at an amplitude that just reaches the limit the velocity may turn a rounding before.
-        Event(
-            stuck * (z / limit) ** 2 - 1,
-            direction=1,
-            update={stuck: 0, z: end},
-            when=z * v > 0,
-            name=at.label("slip"),
-        ),
-        # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
-        Event(v, update={stuck: 1, z: end * (1 - 2.0**-48)}, when=sp.Eq(stuck, 0), name=at.label("stick")),
-    )
+        Event(surface, direction=1, update={slip: sp.sign(z), z: limit * sp.sign(z)}, when=z * v > 0,
+              name=at.label("slip")),
+        Event(v, update={slip: 0, z: clip(z, inside)}, when=sp.Ne(slip, 0), name=at.label("stick")),
+    )  # fmt: skip
 
 
 @law
@@ -74,13 +76,13 @@ class MaxwellSlip(Law):
     def pieces(self, at, p):
         elements = at.family(self.elements)
         f = at.member(elements, "f", scale=max(self.strengths()))
-        stuck = elements.memory(at.label("stuck"), 1)
-        rate, events = slider(f, p.strength, stuck, p.kappa * at.v, at)
+        slip = elements.memory(at.label("slip"), 0)
+        rate, events = slider(f, p.strength, slip, p.kappa * at.v, at)
         return Pieces(
             force=elements.sum(f),
             rates={f: rate},
             events=events,
-            outputs={"presliding": elements.sum(stuck)},
+            outputs={"presliding": elements.sum(1 - slip**2)},
             surfaces=(at.v, sp.Abs(f) - p.strength),
         )
 
@@ -104,7 +106,7 @@ class Masing(Law):
     alpha: float = parameter(1.0, "N", "strength of the slider")
 
     def pieces(self, at, p):
-        w, stuck = at.state("w", scale=self.alpha / self.k_0), at.memory("stuck", 1)
-        rate, events = slider(w, p.alpha / p.k_0, stuck, at.v, at)
+        w, slip = at.state("w", scale=self.alpha / self.k_0), at.memory("slip", 0)
+        rate, events = slider(w, p.alpha / p.k_0, slip, at.v, at)
         force = p.k * at.x + p.k_0 * w
         return Pieces(force=force, rates={w: rate}, events=events, surfaces=(at.v, sp.Abs(w) - p.alpha / p.k_0))
