@@ -1,7 +1,10 @@
 """`pwsmooth sweep STUDY.toml`: what a study says is what sweep() gets, and its errors name key and line."""
 
+import re
 import textwrap
+from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 import xarray
@@ -137,3 +140,17 @@ def test_views_are_named_in_the_study(study):
     study.write_text(STUDY.replace("parameters = { c = 0.1 }", "smoothed = { eps = 0.01, sigmoid = 'tanh' }"))
     system, _ = arguments_of(read_study(study), study.parent)
     assert system.model.smoothing and system.model.sigmoid == "tanh"
+
+
+def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
+    page = (Path(__file__).resolve().parent.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    (text,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    matplotlib.use("Agg")
+    names = {}
+    # A tenth of the grid in each direction.
+    exec(compile(code.replace("50)", "5)").replace("40)", "4)"), "sweeps.md", "exec"), names)
+    assert names["found"].sizes == {"k": 5, "sigma": 4} and (names["found"].outcome == 0).all()
+    study = tmp_path / "study.toml"
+    study.write_text(text)
+    assert read_study(study).axes["sigma"].values().size == 25

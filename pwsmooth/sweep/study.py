@@ -143,7 +143,7 @@ def read_study(path: Any) -> Study:
                 fields = (f.alias or n for n, f in table.model_fields.items())
                 known = f"; keys there are {', '.join(fields)}"
             value = "" if item["type"] in ("missing", "extra_forbidden") else f" (here: {item['input']!r})"
-            what = item["msg"].removeprefix("Value error, ")
+            what = "no such key" if known else item["msg"].removeprefix("Value error, ")
             lines.append(f"{path}{_line(text, keys)}: {'.'.join(keys) or 'study'}: {what}{value}{known}")
         raise StudyError("\n".join(dict.fromkeys(lines))) from None
 
