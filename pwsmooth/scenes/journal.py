@@ -11,6 +11,7 @@ Chain: laws -> **journal** -> slider_crank.py.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -39,6 +40,7 @@ class ClearanceJoint(NamedTuple):
     pieces : list of Pieces
         Of the laws.
     events : tuple of Event
+        The joint's own, where the law has none on the wall.
     """
 
     force: tuple[Any, Any]
@@ -87,8 +89,8 @@ def clearance_joint(
     >>> from pwsmooth.laws.contact import Hertz
     >>> x, y, u, v = sp.symbols("x y u v", real=True)
     >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
-    >>> [event.name for event in joint.events]
-    ['wall reached', 'wall left']
+    >>> [event.name for event in joint.pieces[0].events]
+    ['touch-down', 'lift-off']
     """
     ex, ey = e
     square = ex**2 + ey**2
@@ -110,9 +112,20 @@ def clearance_joint(
     if tangential is not None:
         pieces.append(tangential.attach(velocity=slip, normal=push, name=name))
         friction = pieces[1].force
+    flags = {1: 1, -1: 0}
+    # The law's own events on the wall carry the flag along; one event an instant costs less than two.
+    merged = tuple(
+        Event(event.surface, direction=event.direction, update={**dict(event.update), touching: flags[event.direction]},
+              when=event.when, name=event.name)
+        if event.surface == beyond(0) else event
+        for event in pieces[0].events
+    )  # fmt: skip
+    carried = {event.direction for event in merged if event.surface == beyond(0)}
+    pieces[0] = replace(pieces[0], events=merged)
     events = tuple(
-        Event(beyond(0), direction=way, update={touching: flag}, name=f"wall {word}{name and ' ' + name}")
-        for way, flag, word in ((1, 1, "reached"), (-1, 0, "left"))
+        Event(beyond(0), direction=way, update={touching: flags[way]}, name=f"wall {word}{name and ' ' + name}")
+        for way, word in ((1, "reached"), (-1, "left"))
+        if way not in carried
     )
     force = (-push * nx + friction * ny, -push * ny - friction * nx)
     return ClearanceJoint(
