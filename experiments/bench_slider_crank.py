@@ -173,7 +173,8 @@ def main():
     times, steps = run()
     bound = error(times, reference)
     print(
-        f"{len(reference)} impacts a revolution; ours at rtol 1e-8, order {order}: {steps} steps, impact times within {bound:.1e} s"
+        f"{len(reference)} impacts a revolution; ours at rtol 1e-8, order {order}: {steps} steps, "
+        f"impact times within {bound:.1e} s"
     )
     _, setting, off = choose(bound, reference)
     if setting is None:
