@@ -15,8 +15,10 @@ c = sp.Symbol("c", real=True)
 
 
 def jumping(update, **parameters):
+    """x jumps once a unit of time, at phase 1/(2 pi), well away from the strobes."""
     values = {c: parameters["c"]} if parameters else {}
-    return System({x: 0 * x}, time=t, parameters=values, events=[Event(every=1, update={x: update})])
+    clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: update})
+    return System({x: 0 * x}, time=t, parameters=values, events=[clock])
 
 
 def test_the_basins_of_a_cubic_map_have_the_known_boundary():
