@@ -5,10 +5,10 @@ the old machine code. Here the directory carries the hash of every source that c
 
     <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels
     <root>/models-<hash of kernels/ and codegen/>  generated sources m<hash of text>.py, their machine code
-                                                   (*.o by native.py; numba's for the stiff path), and
+                                                   (*.o by native.py, stiff_native.py), and
                                                    f<hash of model>.txt: which sources belong to a model
 
-Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> native.load, load_module.
+Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> native.load.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import contextlib
 import dataclasses
 import hashlib
 import importlib
-import importlib.util
 import os
 import platform
 import sys
@@ -141,25 +140,6 @@ def write_module(text: str) -> Path:
     if not path.exists():
         write_atomically(path, text)
     return path
-
-
-def load_module(path: Path) -> ModuleType:
-    """Import a generated source once; its `@cfunc(cache=True)` functions keep their code beside it."""
-    name = f"pwsmooth_generated_{path.stem}"
-    with _lock:
-        if name in sys.modules:
-            return sys.modules[name]
-        spec = importlib.util.spec_from_file_location(name, path)
-        module = importlib.util.module_from_spec(spec)
-        # numba looks the module up by name when it rebuilds cached code.
-        sys.modules[name] = module
-        try:
-            with numba_cache(models_dir()):
-                spec.loader.exec_module(module)
-        except BaseException:
-            del sys.modules[name]
-            raise
-        return module
 
 
 def fingerprint(model) -> str:

@@ -8,7 +8,7 @@ Every one is a C function of pointers to doubles, reached by address:
 `linear` fills the entries of two sparse matrices by rows: G = dg/dmult (its diagonal always among them) and
 dh = dh/dx, behind which stand the derivatives dh/dt. Their rows and columns are constants of its module.
 
-Chain: Model -> Graph (dag.py) -> text (this file) -> write_module/load_module (cache.py) -> addresses.
+Chain: Model -> Graph (dag.py) -> text (this file) -> write_module (cache.py), native.load -> addresses.
 """
 
 from __future__ import annotations
