@@ -1,0 +1,72 @@
+"""Symmetries (x, t) -> (G x, t + T/2) of a driven system, given in words and checked against its field.
+
+Chain: linearised.py -> **symmetry** -> sections.py (the half-period map).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from .. import checks
+from ..pointwise import value
+from .linearised import linearise
+
+__all__ = ["symmetry_matrix"]
+
+
+def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
+    """G of x -> G x from a mapping of states to linear expressions; states that are not named stay.
+
+    Raises
+    ------
+    ValueError
+        Not linear, not invertible, or (x, t) -> (G x, t + T/2) does not map the system to itself.
+    """
+    states = system.model.states
+    images = {x: x for x in states}
+    for key, image in symmetry.items():
+        x = checks.lookup(key, states, "`symmetry`", "state")
+        images[x] = sp.sympify(image)
+    rows = [[sp.expand(images[x]).diff(y) for y in states] for x in states]
+    if any(not e.is_number for row in rows for e in row) or any(
+        images[x].subs(dict.fromkeys(states, 0)) != 0 for x in states
+    ):
+        raise ValueError(f"`symmetry` is {dict(symmetry)}; give linear expressions of states, as {{y: -y}}.")
+    G = np.array(rows, float)
+    if abs(np.linalg.det(G)) < 1e-12:
+        raise ValueError(f"`symmetry` is {dict(symmetry)}, which is not invertible.")
+    worst = _asymmetry(system, G, period)
+    if not worst < 1e-9:
+        raise ValueError(
+            f"`symmetry` is {dict(symmetry)}, but the system does not have it together with a shift of time by half "
+            f"the period {period:g}: the fields differ by {worst:.2g}. Leave it out, or give another one."
+        )
+    return G
+
+
+def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
+    """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces."""
+    model = system.model
+    line = linearise(model)
+    p = np.array(system.parameter_values, float)
+    rng = np.random.default_rng(0)
+    worst = 0.0
+    for _ in range(8):
+        t, x = rng.uniform(0, period), rng.normal(size=len(model.states))
+        fields = []
+        for time, at in ((t, x), (t + period / 2, G @ x)):
+            point = {model.time: time, **dict(zip(model.states, at)), **dict(zip(model.parameters, p))}
+            for mu in model.multipliers:
+                # A closed contact or an algebraic unknown has no side: at 0 they take no part in the check.
+                point[mu.symbol] = 0.0
+                if mu.kind == "switch":
+                    point[mu.symbol] = 1.0 if value(mu.surface, point) > 0 else -1.0
+            mult = np.array([[point[mu.symbol]] for mu in model.multipliers]).reshape(-1, 1)
+            fields.append(line.blocks(np.array([time]), at[:, None], mult, p).f[0])
+        difference = np.abs(G @ fields[0] - fields[1]).max(initial=0.0)
+        worst = max(worst, difference / (1e-300 + np.abs(fields[1]).max(initial=0.0) + 1e-12))
+    return float(worst)
