@@ -60,11 +60,13 @@ class Diffusion:
     Between switches: strong order 1.5 and weak order 2 in the step where the amplitude is constant (Roessler's
     SRA1), strong and weak order 1 where it depends on the state (Milstein). Across a switch on whose surface the
     noise acts, the drift is discontinuous and the order falls: about 3/4 strong with equal steps; with one level
-    of `finest` more for each level, so that the steps beside the surface shrink as the square, about 1.
+    of `finest` more for each level, so that the steps beside the surface shrink as the square, about 1 in the mean
+    number of steps.
 
     Noise that acts on a switch's surface leaves no sticking at eps = 0: the path meets the surface in a set of
     times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
-    sticking as it is, and makes its end a first passage of the multiplier.
+    sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
+    such an end are seen depends on `step` and `finest`.
 
     Examples
     --------
