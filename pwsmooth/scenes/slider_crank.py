@@ -102,7 +102,7 @@ def slider_crank(
     --------
     >>> scene = slider_crank(clearance=1e-3)
     >>> first = scene.solve((0, 0.01)).event_times("reset", "touch-down")[0]
-    >>> round(first*1e3, 8)
+    >>> round(float(first)*1e3, 8)
     8.86094991
     """
     sizes = dict(clearance=clearance, rpm=rpm, bearing=bearing, crank=crank, rod=rod, rod_mass=rod_mass,
