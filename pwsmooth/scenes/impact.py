@@ -59,7 +59,7 @@ def free_impact(
     >>> from pwsmooth.laws.contact import HertzImpact, effective_restitution
     >>> scene = free_impact(HertzImpact(c_r=0.5), speed=2.0)
     >>> e = -scene.solve()["v"][-1]/2.0
-    >>> bool(abs(e - effective_restitution("lankarani-nikravesh", 0.5)) < 1e-9)
+    >>> bool(abs(e - effective_restitution("lankarani-nikravesh", 0.5)) < 1e-8)  # ten times rtol
     True
     """
     _check_mass(m)
