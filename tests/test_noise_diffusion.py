@@ -194,11 +194,11 @@ def test_the_path_is_brownian():
 
 
 def test_the_inside_of_an_interval_is_brownian_too():
-    # int_0^1 W^2 dt has the mean 1/2 and the variance 1/3; one interval, halved five times. The scheme's own error at
-    # 1/32 is of weak order 2: 1e-3, a quarter of the standard error.
-    system = System({x: w**2, w: 0 * w})
-    many = ensemble(system, (0, 1), {x: 0, w: 0}, Diffusion({w: 1}, 1, seed=18, level=5), 20_000)
-    assert near(many.end[:, 0], 1 / 2) and near((many.end[:, 0] - 1 / 2) ** 2, 1 / 3)
+    # int_0^1 W cos(2 pi t) dt = -int sin(2 pi t) dW / (2 pi) has the variance 1/(8 pi^2), most of it from inside the
+    # interval; halved six times, the quadrature is good to (2 pi/64)^2/10 = 0.1 %, the standard error is 1 %.
+    system = System({x: w * sp.cos(2 * sp.pi * t), w: 0 * w}, time=t)
+    many = ensemble(system, (0, 1), {x: 0, w: 0}, Diffusion({w: 1}, 1, seed=18, level=6), 20_000)
+    assert near(many.end[:, 0] ** 2, 1 / (8 * math.pi**2))
 
 
 @pytest.mark.parametrize("convention", ["ito", "stratonovich"])
