@@ -76,13 +76,14 @@ def restarted(
     max_step: float = np.inf,
     restitution: float = 0.0,
     most: int = 100_000,
+    most_evaluations: int = 10_000_000,
 ) -> tuple[np.ndarray, list[tuple[float, str]], int]:
     """(state at the end, events as (time, kind), evaluations of the right-hand side).
 
     Raises
     ------
     RuntimeError
-        The integrator fails, or there are more than `most` events.
+        The integrator fails, or there are more than `most` events or `most_evaluations`.
     """
     from scipy.integrate import solve_ivp
 
@@ -97,8 +98,8 @@ def restarted(
         )
         evaluations += run.nfev
         t, x = float(run.t[-1]), run.y[:, -1].copy()
-        if run.status < 0:
-            raise RuntimeError(run.message)
+        if run.status < 0 or evaluations > most_evaluations:
+            raise RuntimeError(run.message if run.status < 0 else f"more than {most_evaluations} evaluations")
         if run.status == 0:
             return x, log, evaluations
         j = next(j for j, times in enumerate(run.t_events) if times.size)

@@ -11,6 +11,7 @@ V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008)
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -21,6 +22,7 @@ from .plain import Plain
 SWEEPS = 60  # of Gauss-Seidel, a bound: one switch needs one
 
 
+@functools.lru_cache(maxsize=64)
 def stepper(functions: Plain) -> Any:
     """A compiled run(t0, t1, x0, steps, theta) -> (x, lam, number of evaluations) with x, lam of every step."""
     from numba import njit
@@ -79,6 +81,7 @@ def stepper(functions: Plain) -> Any:
     return run
 
 
+@functools.lru_cache(maxsize=64)
 def bouncing(functions: Plain) -> Any:
     """A compiled run(t0, t1, x0, steps, e) of a model with one contact and no switch; as `stepper`."""
     from numba import njit
