@@ -168,7 +168,7 @@ class CompiledProblem:
             answer=np.zeros(8),
             **{name: np.zeros(width) for name in ("power", "poly", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
-            **{name: np.zeros(m + ne) for name in ("h", "tau", "hit")},
+            **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},
             **{name: np.zeros(ne) for name in ("pending",)},
             **{
                 name: np.zeros(m)

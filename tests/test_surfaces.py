@@ -7,6 +7,9 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Family, Memory, Switch, System, solve
+from pwsmooth.laws.friction import MultistateXKY
+from pwsmooth.scenes import prescribed_motion
+from pwsmooth.scenes import t as drive_time
 
 t, e, f, v, x = sp.symbols("t e f v x", real=True)
 
@@ -84,3 +87,12 @@ def test_a_stribeck_curve_is_seen_although_it_is_flat_from_afar():
     u, weight = 4 * (u + 1), 4 * weight  # to v = 8 w; beyond, the exponential is below 1e-27
     stop = 1 - w * np.sum(weight * np.exp(-(u**2)) / 2 / (1 + np.exp(-(u**2)) / 2))
     assert solution.event_times("stick") == pytest.approx([stop], abs=10 * 1e-9)
+
+
+def test_a_surface_that_tends_to_zero_by_nature_does_not_stop_the_run():
+    # At a reversal the surfaces of the saturated elements are of the size sigma v -> 0, all ten at one instant.
+    stiffness = tuple(2.5e5 / i for i in range(1, 11))
+    law = MultistateXKY(F_s=1.5, v_s=1e-3, kappa=stiffness, share=(0.1,) * 10, sigma=300.0, sigma2=0.4)
+    motion = 5e-6 * sp.sin(2 * sp.pi * drive_time / 10)
+    solution = prescribed_motion(law, position=motion, t_span=(0, 8)).solve(max_steps=20_000)
+    assert solution.success

@@ -194,6 +194,7 @@ class Work(Bundle):
     fold_mask: "i8[1]"
     fold_slope: "f8[1]"  # (order + PAD,) dt/ds along a fold step
     code: "i8[1]"  # int64: return code of a helper; multiplier at its fold or -1; direction there
+    widest: "f8[1]"  # (m + ne,) largest |h| of each surface so far
     tau: "f8[1]"  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[1]"  # (m,) bound that a solved multiplier runs into
     hit: "b1[1]"  # (m + ne,) met at this instant

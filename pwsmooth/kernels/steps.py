@@ -105,7 +105,9 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
             if surface_rows[i] >= count and (i >= P.m or abs(S.status[i]) == 1):
                 row = rows[surface_rows[i]]
                 size = max(abs(at(row, 0)), max(half * abs(at(row, 1)), quarter * abs(at(row, 2))))
-                weight = 1.0 / (rtol * size + SURFACE_ROUNDING)
+                W.widest[i] = max(W.widest[i], abs(at(row, 0)))
+                # A surface that comes to rest on 0 is small by nature: so its size over the whole run counts too.
+                weight = 1.0 / (rtol * (size + 1e-3 * W.widest[i]) + SURFACE_ROUNDING)
                 e0 = max(e0, abs(at(row, K - 1)) * weight)
                 e1 = max(e1, abs(at(row, K)) * weight)
                 finite += at(row, K) * 0.0
@@ -142,7 +144,8 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
         if surface_rows[i] >= n and (i >= m or abs(S.status[i]) == 1):
             row = rows[surface_rows[i]]
             size = max(abs(at(row, 0)), max(s * abs(at(row, 1)), s * s * abs(at(row, 2))))
-            if abs(W.h[i] - dot(row, power, K + 1)) > 100.0 * C.rtol * size:
+            tolerance = C.rtol * (size + 1e-3 * W.widest[i]) + SURFACE_ROUNDING
+            if abs(W.h[i] - dot(row, power, K + 1)) > 100.0 * tolerance:
                 return False
     return True
 

@@ -236,6 +236,7 @@ def run(P, C, S, R, W):
     n, m, K, rows, power, x = P.n, P.m, C.order, W.rows, W.power, S.x
     if S.counts[C_STARTED] == 0:
         S.counts[C_STARTED] = 1
+        W.widest[:] = 0.0
         code = call_unit(P.start_unit, P, C, S, R, W)
         if code != DONE:
             return code
