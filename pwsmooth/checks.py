@@ -244,7 +244,7 @@ def initial_state(x0, states, initial_memory, gone):
         values, given = dict(initial_memory), set()
         by_name = {s.name: s for s in (*memories, *states)}
         for key, value in x0.items():
-            name = str(key)
+            name = key.name if isinstance(key, sp.Symbol) else str(key)
             if name in gone:
                 raise ValueError(
                     f"`x0` names {name!r}, which is no state of this view: {gone[name]}. Leave it out."
@@ -330,15 +330,18 @@ def relative_tolerance(rtol):
 
 def absolute_tolerance(atol, states):
     """`atol` as an array, one entry a state."""
-    remedy = f"give a number >= 0, or one for each of the states {listing(states)}"
+
+    def remedy() -> str:  # names are words only where they are wanted: a short run would feel it
+        return f"give a number >= 0, or one for each of the states {listing(states)}"
+
     try:
         result = np.asarray(atol, float)
     except (TypeError, ValueError):
-        raise TypeError(f"`atol` is {atol!r}; {remedy}.") from None
+        raise TypeError(f"`atol` is {atol!r}; {remedy()}.") from None
     if result.shape not in ((), (len(states),)):
-        raise ValueError(f"`atol` has the shape {result.shape}; {remedy}.")
+        raise ValueError(f"`atol` has the shape {result.shape}; {remedy()}.")
     if not (np.isfinite(result).all() and (result >= 0).all()):
-        raise ValueError(f"`atol` is {atol!r}; {remedy}.")
+        raise ValueError(f"`atol` is {atol!r}; {remedy()}.")
     return np.broadcast_to(result, (len(states),)).copy()
 
 

@@ -6,6 +6,7 @@ Chain: codegen.compile_model -> **Problem** -> kernels.trajectory.
 from __future__ import annotations
 
 import functools
+import threading
 
 import numpy as np
 import sympy as sp
@@ -27,6 +28,7 @@ class CompiledProblem:
     def __init__(self, model: Model):
         self.model = model
         code = self.code = compile_model(model)
+        self._scratch = threading.local()
         self.has_jets = code.has_jets
         n, m, ne = code.n, code.m, code.ne
         # With families this is the model of one element, and `numbers` writes what holds for it out.
@@ -136,7 +138,14 @@ class CompiledProblem:
         )
 
     def work(self, order: int):
-        """Scratch arrays for one run."""
+        """Scratch arrays for one run: those of this thread's last run of the order, which no run leaves in use."""
+        kept = self._scratch.__dict__.setdefault("works", {})
+        if order not in kept:
+            kept[order] = self.new_work(order)
+        return kept[order]
+
+    def new_work(self, order: int):
+        """Scratch arrays that nobody else has."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
         hubs = len(self.fixed["hub"])

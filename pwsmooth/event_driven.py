@@ -270,16 +270,18 @@ def _events_in_words(names, model: Model, times, codes) -> EventLog:
         names.EV_ACCUMULATION: "accumulation",
         names.EV_RESET: "slip by reset",
     }
-    switches = [str(mu.symbol) for mu in model.multipliers]
+    multipliers = model.multipliers
 
     def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
-        if index >= len(switches):
-            event = model.events[index - len(switches)]
+        if index >= len(multipliers):
+            event = model.events[index - len(multipliers)]
             if kind == names.EV_ACCUMULATION:
                 return EventRecord(t, event.name, kinds[kind])
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
-        contact = model.multipliers[index].kind == "contact"
-        return EventRecord(t, switches[index], kinds[kind], "" if contact else f"{came:+d} to {went:+d}")
+        contact = multipliers[index].kind == "contact"
+        return EventRecord(
+            t, multipliers[index].symbol.name, kinds[kind], "" if contact else f"{came:+d} to {went:+d}"
+        )
 
     return EventLog(times, codes, words)
 

@@ -237,6 +237,8 @@ def run(P, C, S, R, W):
     if S.counts[C_STARTED] == 0:
         S.counts[C_STARTED] = 1
         W.widest[:] = 0.0
+        W.fired[:, :] = 0.0
+        W.code[:] = 0
         code = call_unit(P.start_unit, P, C, S, R, W)
         if code != DONE:
             return code
