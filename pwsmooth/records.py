@@ -109,6 +109,14 @@ class EventLog(Sequence):
             return [self[k] for k in range(*i.indices(len(self)))]
         return self._words(float(self.times[i]), *self.codes[i].tolist())
 
+    def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
+        """Times of the events that `wanted` accepts; it is asked once for each switch and kind."""
+        if not len(self):
+            return np.empty(0)
+        _, first, which = np.unique(self.codes[:, :2], axis=0, return_index=True, return_inverse=True)
+        accepted = np.array([wanted(self[int(i)]) for i in first])
+        return self.times[accepted[which.ravel()]].astype(float)
+
     def __repr__(self) -> str:
         return repr(list(self))
 

@@ -15,7 +15,7 @@ import sympy as sp
 
 from . import looped_outputs
 from .model import Model, Select
-from .records import Ambiguity, Dense, EventRecord, Outcome, Segment
+from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
 if TYPE_CHECKING:
     import xarray
@@ -272,14 +272,14 @@ class Solution:
 
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
         """Times of the events of one kind or switch, both, or all; "slip" matches every "slip by ..."."""
-        return np.array(
-            [
-                e.time
-                for e in self.events
-                if (kind is None or e.kind == kind or e.kind.startswith(kind + " by"))
-                and (switch is None or e.switch == str(switch))
-            ]
-        )
+
+        def wanted(e: EventRecord) -> bool:
+            right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
+            return right_kind and (switch is None or e.switch == str(switch))
+
+        if isinstance(self.events, EventLog):
+            return self.events.times_of(wanted)
+        return np.array([e.time for e in self.events if wanted(e)])
 
     # ---- other forms -------------------------------------------------------------------------------
 
