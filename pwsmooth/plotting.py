@@ -28,6 +28,9 @@ COLOUR = {
     "approximation": "#E69F00",  # an asymptotic form
     "velocity": "#7A5195",
     "mark": "#555555",
+    "with events": "#0072B2",  # rivals that are told of the events
+    "no events": "#D55E00",  # rivals that are not
+    "time stepping": "#009E73",
 }
 LINEAR_SHADE, NONLINEAR_SHADE = "#BDBDBD", "#E6E6E6"
 

@@ -45,7 +45,7 @@ class Run:
     evaluations: int
 
 
-MOST = 300_000  # evaluations of a right-hand side through Python
+MOST = 100_000  # evaluations of a right-hand side through Python
 Runner = Callable[[float], Run]
 
 
@@ -231,7 +231,10 @@ def time_stepping(case: Case, share: float) -> Runner:
 
 
 def statuses(t: np.ndarray, lam: np.ndarray) -> list[tuple[float, str]]:
-    """Events of a time-stepping run: |lam| < 1 on two successive steps sticks, a change of sign crosses."""
+    """Events of a time-stepping run: |lam| < 1 on two successive steps sticks, a change of sign crosses.
+
+    The time is that of the end of the last step before.
+    """
     log = []
     for row in lam[1:].T:
         stuck = np.abs(row) < 1 - 1e-9
@@ -262,8 +265,8 @@ METHODS = {
         Method("event-driven, 8(5,3) pair", "event-driven", "rtol", RTOLS, event_driven(method="rk")),
         Method("smoothed, algebraic", "smoothed", "(eps, rtol)", WIDTHS, smoothed()),
         Method("smoothed, tanh", "smoothed", "(eps, rtol)", WIDTHS, smoothed("tanh")),
-        Method("DOP853, restarted at events", "scipy with events", "rtol", LOOSE, restarting("DOP853")),
-        Method("RK45, restarted at events", "scipy with events", "rtol", LOOSE, restarting("RK45")),
+        Method("DOP853, restarted at events", "with events", "rtol", LOOSE, restarting("DOP853")),
+        Method("RK45, restarted at events", "with events", "rtol", LOOSE, restarting("RK45")),
         Method("DOP853, bare sign", "no events", "rtol", LOOSE[:7], event_ignoring("DOP853")),
         Method("RK45, bare sign", "no events", "rtol", LOOSE[:7], event_ignoring("RK45")),
         Method("BDF, bare sign", "no events", "rtol", LOOSE[:7], event_ignoring("BDF")),

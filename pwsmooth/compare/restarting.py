@@ -16,19 +16,23 @@ from .plain import Plain
 CROSSING, STICK, SLIP, IMPACT = "crossing", "stick", "slip", "impact"
 
 
+def fixed(functions: Plain, status: np.ndarray) -> np.ndarray:
+    """Multipliers off their surfaces: the side of a switch, no reaction of an open contact."""
+    return np.where(functions.contacts, 0.0, status.astype(float))
+
+
 class Mode:
     """The smooth system between two events: statuses 1, -1 (off a surface), 0 (on it)."""
 
     def __init__(self, functions: Plain, status: np.ndarray) -> None:
         self.functions, self.status = functions, status
-        self.lam = status.astype(float)
         self.out = np.empty(functions.n)
         self.g = np.empty(functions.m)
 
     def multipliers(self, t: float, x: np.ndarray) -> np.ndarray:
         """lam with the sliding ones solved from their linear residuals."""
         slides = np.flatnonzero(self.status == 0)
-        lam = self.status.astype(float)
+        lam = fixed(self.functions, self.status)
         if slides.size:
             residuals, g = self.functions.residuals, self.g
             residuals(t, x, lam, g)
@@ -106,7 +110,7 @@ def restarted(
         if functions.contacts[j]:
             log.append((t, IMPACT))
             after = np.empty((sum(functions.contacts), functions.n))
-            functions.impacts(t, x, status.astype(float), after)
+            functions.impacts(t, x, fixed(functions, status), after)
             x = after[0]
         elif status[j] == 0:
             lam = mode.multipliers(t, x)
@@ -133,7 +137,7 @@ def _start(functions, t, x):
 
 def _decide(functions, t, x, status, j):
     """0 where both fields point to the surface j, else the side to which the flow goes."""
-    g, lam = np.empty(functions.m), status.astype(float)
+    g, lam = np.empty(functions.m), fixed(functions, status)
     rates = {}
     for side in (1, -1):
         lam[j] = side
