@@ -6,6 +6,9 @@ same right-hand side compiled, a bound on the step that keeps their events from 
 tolerance at every error; compilation is not counted. SciPy's integrators run in Python, which is most of their time:
 their evaluations show what is left without it.
 
+The time stepping is linear in the multiplier: on the scene with static friction, whose hidden term is not, it
+converges to another orbit.
+
 Expected: located events give the order of the smooth method; time stepping and smoothing are limited by their first
 order in the step or in eps; a bare sign stalls as soon as there is a stick.
 

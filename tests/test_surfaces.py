@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Family, Memory, Switch, System, solve
+from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, solve
 from pwsmooth.laws.friction import MultistateXKY
 from pwsmooth.scenes import prescribed_motion
 from pwsmooth.scenes import t as drive_time
@@ -96,3 +96,14 @@ def test_a_surface_that_tends_to_zero_by_nature_does_not_stop_the_run():
     motion = 5e-6 * sp.sin(2 * sp.pi * drive_time / 10)
     solution = prescribed_motion(law, position=motion, t_span=(0, 8)).solve(max_steps=20_000)
     assert solution.success
+
+
+def test_a_surface_that_is_an_algebraic_unknown_is_left_with_a_slope():
+    # a + sgn(a)/2 = 1 - t: a = 1/2 - t, at rest on a = 0 while |1 - t| <= 1/2, then a = 3/2 - t
+    a = sp.Symbol("a", real=True)
+    law = Algebraic(a, a + Switch("lam", a) / 2 - (1 - t))
+    solution = solve(System({v: a}, time=t, algebraic=[law]), (0, 2), {v: 0})
+    assert [event.kind for event in solution.events] == ["stick", "slip by tangency"]
+    assert solution.event_times() == pytest.approx([0.5, 1.5], abs=1e-9)
+    # v: 1/8 until t = 1/2, constant, then -1/8 from 3/2 to 2
+    assert solution["v"][-1] == pytest.approx(0.0, abs=1e-9)

@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
-from .pointers import call_fold, call_rk, call_unit
+from .pointers import at, call_fold, call_rk, call_unit
 from .records import record_ambiguity, record_point
 from .roots import NO_ROOT, first_root, low_bounds, remainder
 from .sliding import follow, keep_on_surface, mask_solved
@@ -62,6 +62,8 @@ _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond t
 @inlined_kernel
 def _meet(P, row, power, degree, drop, sign, W, poly):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
+    if drop == 2 and sign * at(row, 1) > 1e-3 * abs(at(row, 2)) * at(power, 1):
+        drop = 1  # a surface that is an algebraic unknown is left with a slope, not tangentially
     scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= 0.0 and drop < 3:
         size = 0.0

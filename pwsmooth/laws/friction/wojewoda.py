@@ -3,8 +3,7 @@
     f = f_c [1 + (f_s - f_c)/f_c exp(-a_1 |v|/(|a| + a_2)) sgn(v a)] sgn v,   a = dv/dt
 
 The formula is the group's of 2003 as recalled, not checked against the paper of 2008. It is implicit in a, which a
-body's scene solves for; surfaces v = 0 and a = 0 (motion at constant speed for a band of forces). Leaving that band by
-slowing down may end in the outcome CHATTERING (a block on a belt does).
+body's scene solves for; surfaces v = 0 and a = 0 (motion at constant speed for a band of forces).
 """
 
 import sympy as sp
