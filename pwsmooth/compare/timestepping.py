@@ -5,8 +5,9 @@ Switches, Moreau-Jean with an implicit relay: of x' = a(t, x) + B lam,
     (1 - theta h J)(x_{k+1} - x_k) = h (a_k + B lam),    lam_j in Sgn(h_j(x_{k+1})),
 
 the inclusion being linearised in x and solved by projected Gauss-Seidel. What is nonlinear in lam is replaced by its
-chord, as in every scheme that is linear in the multiplier: hidden terms are lost. Contacts at the level of velocities: a gap
-that is closed at the midpoint prediction gets the impulse P >= 0 that is complementary to h'_{k+1} + e h'_k >= 0.
+chord, as in every scheme that is linear in the multiplier: hidden terms are lost. Contacts at the level of
+velocities: a gap that is closed at the midpoint prediction gets the impulse P >= 0 that is complementary to h'_{k+1}
++ e h'_k >= 0.
 V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 10.
 """
 
