@@ -5,7 +5,7 @@ import sympy as sp
 
 from paper_figures import friction as fr
 from pwsmooth.figures import Claim
-from pwsmooth.plotting import COLOUR, direction_arrows, new_figure
+from pwsmooth.plotting import COLOUR, direction_arrows
 
 NAME = "4.9"
 TITLE = "Frictional lag of the multistate law: more force while accelerating than while slowing down"
@@ -74,27 +74,15 @@ def branch_difference(solution, rate):
 
 def draw(fast):
     """Velocity over time, force over velocity."""
-    law = fr.MultistateXKY()
-    scene = fr.rig(law, velocity=sp.Rational(25, 2) * (1 - sp.cos(2 * sp.pi * fr.RATE * fr.t)), t_span=(0, 2))
-    runs = {(rate, lag): fr.run(scene, rate=rate, tau_d=lag) for rate, lag, _ in CASES}
-    figure = new_figure(7.6, 3.4)
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.35))
-    times = np.linspace(0, 2, 4001)
-    for rate, width in ((10, 0.5), (1, 1.6)):
-        left.plot(times, runs[rate, 0.02](times, "velocity"), color=COLOUR["mark"], linewidth=width,
-                  label=f"{rate} Hz")  # fmt: skip
-    left.set(xlabel="time (s)", ylabel="velocity v (µm/s)", xlim=(0, 2))
-    left.set_title("(a) input")
-    left.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
+    figure, right, runs = fr.lag_panels(
+        sp.Rational(25, 2) * (1 - sp.cos(2 * sp.pi * fr.RATE * fr.t)), CASES, TIMES
+    )
     speeds = np.linspace(0, 25, 401)
     right.plot(speeds, stribeck(speeds), color=COLOUR["exact"], linewidth=0.8, label="g(v)", zorder=5)
     for rate, lag, colour in CASES:
-        solution = runs[rate, lag]
-        v, force = solution(TIMES, "velocity"), solution(TIMES, "force")
-        right.plot(v, force, color=colour, label=f"{rate} Hz, $\\tau_d$ = {lag} s", linewidth=1.2)
         if rate == 1:
-            direction_arrows(right, v[:20000], force[:20000], (0.35, 0.8), colour=colour)
-    right.set(xlabel="velocity v (µm/s)", ylabel="friction force f (N)", xlim=(0, 25.5), ylim=(0.9, 2.1))
-    right.set_title("(b) force; arrows: 1 Hz")
+            v, force = (runs[rate, lag](TIMES[:20000], name) for name in ("velocity", "force"))
+            direction_arrows(right, v, force, (0.35, 0.8), colour=colour)
+    right.set(xlim=(0, 25.5), ylim=(0.9, 2.1))
     right.legend(loc="upper right")
     return figure, claims(runs)

@@ -8,6 +8,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth.laws.friction import GMS, MultistateXKY
+from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.scenes import prescribed_motion, t
 
 SIZE, RATE = sp.symbols("size rate", positive=True)  # amplitude and frequency of the drive
@@ -26,13 +27,35 @@ def rig(law, *, t_span, position=None, velocity=None, **values):
     return prescribed_motion(law, **motion, t_span=t_span, parameters=used)
 
 
+def lag_panels(velocity, cases, times):
+    """Figures 4.9 and 4.10: the drive over time, and the axes with force over velocity for every (rate, lag, colour).
+
+    Returns the figure, those axes, and the runs by (rate, lag).
+    """
+    scene = rig(MultistateXKY(), velocity=velocity, t_span=(0, 2))
+    runs = {(rate, lag): run(scene, rate=rate, tau_d=lag) for rate, lag, _ in cases}
+    figure = new_figure(7.6, 3.4)
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.35))
+    whole = np.linspace(0, 2, 4001)
+    for rate, width in ((10, 0.5), (1, 1.6)):
+        left.plot(whole, runs[rate, 0.02](whole, "velocity"), color=COLOUR["mark"], linewidth=width,
+                  label=f"{rate} Hz")  # fmt: skip
+    left.set(xlabel="time (s)", ylabel="velocity v (µm/s)", xlim=(0, 2))
+    left.set_title("(a) input")
+    left.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
+    for rate, lag, colour in cases:
+        v, force = (runs[rate, lag](times, name) for name in ("velocity", "force"))
+        right.plot(v, force, color=colour, label=f"{rate} Hz, $\\tau_d$ = {lag} s", linewidth=1.2)
+    right.set(xlabel="velocity v (µm/s)", ylabel="friction force f (N)")
+    right.set_title("(b) force; arrows: 1 Hz")
+    return figure, right, runs
+
+
 def run(scene, **values):
     """A finished run with dense output, at other values of parameters."""
     system = scene.system
     values = {
-        name: value
-        for name, value in values.items()
-        if name in system.definition.groups or _is_parameter(system, name)
+        name: value for name, value in values.items() if name in system.groups or _is_parameter(system, name)
     }
     solution = scene.solve(dense_output=True, parameters=values)
     if not solution.success:

@@ -70,15 +70,21 @@ class LinearResidual(_Residual):
 
 
 @law
-class ResidualIndentation(_Residual):
-    """R1: nonlinear compliance with residual indentation, a reconstruction."""
+class _Nonlinear(_Residual):
+    """The parameters that both reconstructions share."""
 
-    source = "reconstructed from the abstract of Xiong, Kikuuwe, Yamamoto, J. Appl. Mech. 81(2) 021003 (R1)"
     certainty = "reconstructed"
     K: float = parameter(1e5, "N/m^n", "stiffness")
     beta: float = parameter(0.005, "s", "damping", "nonnegative")
     gamma: float = parameter(1000.0, "1/s", "rate of the internal state")
     n: float = parameter(1.5, "1", "exponent of the compliance", structural=True)
+
+
+@law
+class ResidualIndentation(_Nonlinear):
+    """R1: nonlinear compliance with residual indentation, a reconstruction."""
+
+    source = "reconstructed from the abstract of Xiong, Kikuuwe, Yamamoto, J. Appl. Mech. 81(2) 021003 (R1)"
 
     def pieces(self, at, p):
         n = p.n
@@ -95,15 +101,10 @@ class ResidualIndentation(_Residual):
 
 
 @law
-class ResidualHuntCrossley(_Residual):
+class ResidualHuntCrossley(_Nonlinear):
     """R2: as Hunt-Crossley in the limit gamma -> oo, a reconstruction."""
 
     source = "reconstructed from the abstract of Xiong, Kikuuwe, Yamamoto, J. Appl. Mech. 81(2) 021003 (R2)"
-    certainty = "reconstructed"
-    K: float = parameter(1e5, "N/m^n", "stiffness")
-    beta: float = parameter(0.005, "s", "damping", "nonnegative")
-    gamma: float = parameter(1000.0, "1/s", "rate of the internal state")
-    n: float = parameter(1.5, "1", "exponent of the compliance", structural=True)
 
     def pieces(self, at, p):
         n, bg = p.n, p.beta * p.gamma
