@@ -1,0 +1,57 @@
+"""What is public, in one place: the tests of docstrings and the reference pages both ask here.
+
+A module that declares `__all__` is public with the names there; one without is internal, as the compiled core is.
+A name that several modules list has one home, the shortest path; of equally long ones that where it is defined.
+"""
+
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+import pwsmooth
+
+# Numbers and text for the compiler: nothing a user imports, and slow to load.
+INTERNAL = ("pwsmooth.kernels", "pwsmooth.codegen", "pwsmooth.__main__")
+
+
+def public_modules() -> Iterator[ModuleType]:
+    """The package and all modules below it that declare `__all__`."""
+    yield pwsmooth
+    for found in pkgutil.walk_packages(pwsmooth.__path__, "pwsmooth.", onerror=_raise):
+        if not found.name.startswith(INTERNAL):
+            module = importlib.import_module(found.name)
+            if hasattr(module, "__all__"):
+                yield module
+
+
+def _raise(name: str) -> None:
+    raise ImportError(f"{name} cannot be imported")
+
+
+def public_names() -> dict[str, Any]:
+    """Full name at its home -> object, in alphabetical order of modules, then of names."""
+    homes: dict[tuple[str, int], tuple[tuple[int, bool, str], str, Any]] = {}
+    for module in public_modules():
+        for name in module.__all__:
+            value = getattr(module, name)
+            path = module.__name__
+            elsewhere = path != getattr(value, "__module__", path)
+            rank = path.count("."), elsewhere, path
+            key = name, id(value)
+            if key not in homes or rank < homes[key][0]:
+                homes[key] = rank, name, value
+    found = sorted(((rank[2], name), value) for rank, name, value in homes.values())
+    return {f"{path}.{name}": value for (path, name), value in found}
+
+
+def members(cls: type) -> dict[str, Any]:
+    """Public methods and properties that a class of this package defines itself, as they stand in its body."""
+    kinds = (property, classmethod, staticmethod)
+    return {
+        name: value
+        for name, value in vars(cls).items()
+        if not name.startswith("_") and (inspect.isfunction(value) or isinstance(value, kinds))
+    }
