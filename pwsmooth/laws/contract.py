@@ -21,9 +21,11 @@ from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, ClassVar, dataclass_transform
 
+import numpy as np
 import sympy as sp
 
 from ..primitives import Algebraic, Event, Unilateral
+from .documenting import documented
 from .joint import Joint
 
 __all__ = ["Joint", "Law", "Pieces", "law", "parameter"]
@@ -36,9 +38,35 @@ _SIGNS = {
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
-def law(cls: Any) -> Any:
-    """Decorator of every law: a frozen dataclass whose fields are given by name."""
-    return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+def law(declared: Any) -> Any:
+    """Decorator of every law: a frozen dataclass whose fields are given by name.
+
+    Its docstring gets the sections that the declarations already say: Parameters, Raises and the source.
+
+    Parameters
+    ----------
+    declared : type
+        A subclass of `Law` whose fields are made by `parameter`.
+
+    Returns
+    -------
+    type
+        The same class.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws import Law, law, parameter
+    >>> @law
+    ... class Viscous(Law):
+    ...     c: float = parameter(0.5, "N s/m", "damping")
+    >>> Viscous(c=2.0)
+    Viscous(c=2.0)
+    """
+    return documented(dataclasses.dataclass(frozen=True, kw_only=True)(declared))
 
 
 def parameter(
@@ -55,10 +83,12 @@ def parameter(
 
     Parameters
     ----------
-    default : float or tuple of float
+    default : float or tuple of float, unit `unit`
+        Its value where none is given.
     unit : str
         Of the source; "1" for a pure number. Any consistent set of units will do.
     meaning : str
+        What it is, in words that stand in error messages and docstrings.
     sign : {"positive", "nonnegative", "real"}
         What the value must be; also the assumption of its symbol.
     each : bool
@@ -67,6 +97,21 @@ def parameter(
         It shapes the equations (an exponent, a choice): a number in them, no symbol that a sweep can change.
     choices : sequence of str
         It is one of these words, and structural.
+
+    Returns
+    -------
+    dataclasses.Field
+        With all this as its metadata.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws import parameter
+    >>> parameter(1.0, "N", "Coulomb force").metadata["unit"]
+    'N'
     """
     about = {"unit": unit, "meaning": meaning, "sign": sign, "each": each,
              "structural": structural or bool(choices), "choices": tuple(choices)}  # fmt: skip
@@ -80,19 +125,37 @@ class Pieces:
     Attributes
     ----------
     force : Expr
+        In the unit of the strengths, per unit of load where there is one.
     rates : dict of state to Expr
-    start : dict of state to float or Expr
-        Relaxed initial values, which may depend on the motion at the start.
+        dz/dt of the internal states.
+    start : dict of state to (float or Expr)
+        Relaxed initial values in the state's unit, which may depend on the motion at the start.
     scales : dict of state to float
-        Usual sizes: a bristle's deflection is 1e-5 m, so that an absolute tolerance of 1e-12 m is a poor one.
-    parameters : dict of Symbol to float or sequence of float
-    events, contacts, algebraic : tuples of Event, Unilateral, Algebraic
+        Usual sizes in the state's unit: a bristle's deflection is 1e-5 m, so that an absolute tolerance of 1e-12 m is a
+        poor one.
+    parameters : dict of Symbol to (float or sequence of float)
+        Values, in the units of the law; one for each element of a multistate law, length n.
+    events, contacts, algebraic : tuple
+        Of Event, of Unilateral and of Algebraic.
     outputs : dict of str to Expr
         Named quantities of the law besides its force.
     surfaces : tuple of Expr
         h(t, x, ...) of its switchings; one with members of a family stands for all of them.
     fastest_rate : Expr
         Of its internal states, 1/s, away from switchings: what makes it stiff.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import Dahl
+    >>> v = sp.Symbol("v", real=True)
+    >>> pieces = Dahl(sigma0=1e5, F_c=2.0).attach(velocity=v)
+    >>> pieces.force, pieces.rates, pieces.fastest_rate
+    (sigma0*z, {z: v - sigma0*z*Abs(v)/F_c}, sigma0*Abs(v)/F_c)
     """
 
     force: sp.Expr
@@ -115,6 +178,15 @@ class Pieces:
 
 class Law:
     """Base of all laws; a law has `source`, its fields, and `pieces`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Of every law: a value of the wrong sign, not finite, or no number.
+
+    Notes
+    -----
+    Source: defined here; `source` of a law names its own.
 
     Examples
     --------
@@ -152,11 +224,37 @@ class Law:
         """Relations between parameters; raises ValueError with the names and the remedy."""
 
     def pieces(self, at: Joint, p: Any) -> Pieces:
-        """Force and rates at a joint, per unit of load; `p` has the parameters' symbols as attributes."""
+        """Force and rates at a joint, per unit of load: what a law of one's own defines.
+
+        Parameters
+        ----------
+        at : Joint
+            The motion there, and the maker of states, memories and switches.
+        p : namespace
+            The parameters' symbols as attributes.
+
+        Returns
+        -------
+        Pieces
+            With force and rates; start, scales and parameters are filled in by `attach`.
+        """
         raise NotImplementedError
 
     def steady(self, v: Any, p: Any) -> sp.Expr:
-        """Steady force at constant velocity, per unit of load, where the law has one; an odd function of v."""
+        """Steady force at constant velocity, per unit of load, where the law has one; an odd function of v.
+
+        Parameters
+        ----------
+        v : Expr
+            Velocity.
+        p : namespace
+            The parameters, as symbols or values.
+
+        Returns
+        -------
+        Expr
+            In the unit of the strengths.
+        """
         raise NotImplementedError(
             f"{type(self).__name__} has no steady curve: its force depends on the position."
         )
@@ -169,16 +267,24 @@ class Law:
 
         Parameters
         ----------
-        velocity, position, acceleration : expression
-            Motion at the joint; `needs` says which of the latter two the law uses.
-        normal : expression, optional
+        velocity, position : Expr
+            Motion at the joint; `needs` says whether the law uses the latter.
+        normal : Expr, optional
             Normal load; the law is per unit of load then. One that stays at zero is written Max(0, ...).
+        acceleration : Expr, optional
+            Where the law `needs` it.
         time : Symbol, optional
+            Time of the system.
         name : str
             Put behind the names of states and parameters, to tell several laws of a system apart.
         beyond : callable, optional
             Level -> expression with the zero and the sense of `position` - level, where the position itself is
             singular: of a journal at e in a bearing, position |e| - c, it is (e.e - (c + level)**2)/(2 c).
+
+        Returns
+        -------
+        Pieces
+            Force, rates, starts and parameters, ready for `assemble` or a System.
 
         Raises
         ------
@@ -206,10 +312,26 @@ class Law:
         )
 
     def steady_force(self, velocity: Any) -> Any:
-        """Steady force at constant velocities (numbers, per unit of load)."""
+        """Steady force at constant velocities.
+
+        Parameters
+        ----------
+        velocity : float or array_like, any shape
+            In the velocity unit of the law.
+
+        Returns
+        -------
+        float or ndarray
+            Of the shape of `velocity`, in the unit of the strengths, per unit of load.
+
+        Raises
+        ------
+        NotImplementedError
+            The force depends on the position: there is no such curve.
+        """
         v = sp.Symbol("v", real=True)
         p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return sp.lambdify(v, sp.sympify(self.steady(v, p)), "numpy")(velocity)
+        return sp.lambdify(v, sp.sympify(self.steady(v, p)), "numpy")(np.asarray(velocity, float))
 
     @property
     def values(self) -> dict[str, Any]:
@@ -218,12 +340,24 @@ class Law:
 
     @classmethod
     def units(cls) -> dict[str, str]:
-        """Parameter -> unit."""
+        """Units of the parameters.
+
+        Returns
+        -------
+        dict of str to str
+            Parameter -> unit; "1" is a pure number.
+        """
         return {f.name: f.metadata["unit"] for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
 
     @classmethod
     def meanings(cls) -> dict[str, str]:
-        """Parameter -> what it is."""
+        """What the parameters are.
+
+        Returns
+        -------
+        dict of str to str
+            Parameter -> what it is.
+        """
         return {f.name: f.metadata["meaning"] for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
 
     # ---- inside

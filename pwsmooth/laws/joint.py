@@ -18,15 +18,40 @@ __all__ = ["Joint"]
 class Joint:
     """Where a law acts: the motion there as expressions, and symbols that carry the joint's name.
 
+    Parameters
+    ----------
+    v : Expr
+        Velocity.
+    x, a : Expr, optional
+        Position (or indentation) and acceleration.
+    load : Expr, optional
+        Normal load, 1 without.
+    t : Symbol, optional
+        Time.
+    name : str
+        Put behind the names of the joint's symbols.
+    beyond : callable, optional
+        Level -> surface with the zero and the sense of x - level.
+
     Attributes
     ----------
-    x, v, a : Expr or None
-        Position (or indentation), velocity, acceleration.
-    load : Expr
-        Normal load, 1 without.
-    t : Symbol or None
-    beyond : callable
-        Level -> surface with the zero and the sense of x - level.
+    starts : dict of state to (float or Expr)
+        Relaxed initial values, in the state's unit.
+    scales : dict of state to float
+        Usual sizes, in the state's unit.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws import Joint
+    >>> v = sp.Symbol("v", real=True)
+    >>> joint = Joint(v, name="left")
+    >>> joint.state("z", scale=1e-5), joint.scales
+    (z_left, {z_left: 1e-05})
     """
 
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None):
@@ -39,13 +64,40 @@ class Joint:
         self.scales: dict[Any, float] = {}
 
     def label(self, name: str) -> str:
-        """`name` with the joint's name behind it."""
+        """`name` with the joint's name behind it.
+
+        Parameters
+        ----------
+        name : str
+            Of a state, parameter or event.
+
+        Returns
+        -------
+        str
+            "name_joint", or `name` where the joint has none.
+        """
         return f"{name}_{self.name}" if self.name else name
 
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
-        """An internal state; `start` may be an expression of the motion, `scale` is its usual size.
+        """An internal state of the law.
 
         What is known of it (`positive=True` of a strength) decides the class of switches in which it stands.
+
+        Parameters
+        ----------
+        name : str
+            Without the joint's name.
+        start : float or Expr
+            Relaxed initial value in the state's unit; it may be an expression of the motion.
+        scale : float
+            Usual size in the state's unit, from which its absolute tolerance follows.
+        **assumptions : bool
+            Of the symbol; `real` by default.
+
+        Returns
+        -------
+        Symbol
+            To stand in rates and force.
         """
         symbol = sp.Symbol(self.label(name), **({"real": True} | assumptions))
         return self._known(symbol, start, scale)
@@ -55,19 +107,75 @@ class Joint:
         return symbol
 
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
-        """A value that changes only in events."""
+        """A value that changes only in events.
+
+        Parameters
+        ----------
+        name : str
+            Without the joint's name.
+        initial : float
+            Value at the start, in the unit that the law gives it.
+        **assumptions : bool
+            Of the symbol.
+
+        Returns
+        -------
+        Memory
+            To stand in rates, surfaces and updates.
+        """
         return Memory(self.label(name), initial, **assumptions)
 
     def switch(self, name: str, surface: sp.Expr) -> Switch:
-        """The multiplier of a surface, for terms that are nonlinear in it; a constant's is its sign."""
+        """The multiplier of a surface, for terms that are nonlinear in it.
+
+        Parameters
+        ----------
+        name : str
+            Without the joint's name.
+        surface : Expr
+            Function h whose sign it is.
+
+        Returns
+        -------
+        Expr
+            A Switch; of a constant its sign.
+        """
         surface = sp.sympify(surface)
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 
     def family(self, n: int) -> Family:
-        """The elements of a multistate law."""
+        """The elements of a multistate law.
+
+        Parameters
+        ----------
+        n : int
+            Their number.
+
+        Returns
+        -------
+        Family
+            Named after the joint.
+        """
         return Family(n, name=self.label("element"))
 
     def member(self, family: Family, name: str, start: Any = 0.0, scale: float = 1.0) -> Any:
-        """An internal state of every element."""
+        """An internal state of every element.
+
+        Parameters
+        ----------
+        family : Family
+            The elements.
+        name : str
+            Without the joint's name.
+        start : float or Expr
+            Relaxed initial value in the state's unit.
+        scale : float
+            Usual size in the state's unit.
+
+        Returns
+        -------
+        Symbol
+            The member of the family.
+        """
         (symbol,) = family.symbols(self.label(name))
         return self._known(symbol, start, scale)

@@ -42,7 +42,17 @@ class _Memoryless(Law):
 
 @law
 class Hertz(_Memoryless):
-    """Elastic contact."""
+    """Elastic contact.
+
+    Examples
+    --------
+    An elastic impact returns all of its speed:
+
+    >>> from pwsmooth.laws.contact import Hertz
+    >>> from pwsmooth.scenes import free_impact
+    >>> print(f"{free_impact(Hertz(K=1e5), speed=2.0).solve()['v'][-1]:.6f} m/s")
+    -2.000000 m/s
+    """
 
     source = "Hertz 1882; hertz_stiffness and journal_stiffness give K"
     K: float = parameter(1e5, "N/m^n", "stiffness")
@@ -54,7 +64,20 @@ class Hertz(_Memoryless):
 
 @law
 class KelvinVoigt(_Memoryless):
-    """Spring and dashpot in parallel."""
+    """Spring and dashpot in parallel.
+
+    Examples
+    --------
+    It jumps at touch-down, and pulls at the end of the contact where it is not released before:
+
+    >>> from pwsmooth.laws.contact import KelvinVoigt
+    >>> from pwsmooth.scenes import free_impact
+    >>> for release in ("zero indentation", "zero force"):
+    ...     force = free_impact(KelvinVoigt(b=0.02, release=release), speed=1.0).solve()["force"]
+    ...     print(f"{release}: starts at {force[0]:.1f} N, lowest {force.min():.1f} N")
+    zero indentation: starts at 20.0 N, lowest -7.0 N
+    zero force: starts at 20.0 N, lowest 0.0 N
+    """
 
     source = "X. Xiong's thesis, (5.1)"
     K: float = parameter(1000.0, "N/m", "stiffness")
@@ -69,7 +92,18 @@ class KelvinVoigt(_Memoryless):
 
 @law
 class HuntCrossley(_Memoryless):
-    """Damping in proportion to the elastic force."""
+    """Damping in proportion to the elastic force.
+
+    Examples
+    --------
+    A free impact at speed v0 has the restitution of eta = b v0:
+
+    >>> from pwsmooth.laws.contact import HuntCrossley, restitution
+    >>> from pwsmooth.scenes import free_impact
+    >>> end = free_impact(HuntCrossley(b=0.3), speed=2.0).solve()["v"][-1]
+    >>> print(f"{-end / 2.0:.6f} {float(restitution(0.3 * 2.0)):.6f}")
+    0.711950 0.711950
+    """
 
     source = "X. Xiong's thesis, (5.2), after Hunt, Crossley 1975"
     K: float = parameter(1e5, "N/m^n", "stiffness")
@@ -85,7 +119,18 @@ class HuntCrossley(_Memoryless):
 
 @law
 class Anagnostopoulos(_Memoryless):
-    """Linear: the dashpot that gives c_r to the mass `m`, with zeta = -ln c_r/sqrt(pi^2 + ln^2 c_r)."""
+    """Linear: the dashpot that gives c_r to the mass `m`, with zeta = -ln c_r/sqrt(pi^2 + ln^2 c_r).
+
+    Examples
+    --------
+    A free impact of the mass that it was made for returns the share c_r of its speed:
+
+    >>> from pwsmooth.laws.contact import Anagnostopoulos
+    >>> from pwsmooth.scenes import free_impact
+    >>> impact = free_impact(Anagnostopoulos(c_r=0.5, m=2.0), m=2.0, speed=1.0)
+    >>> print(f"{impact.solve()['v'][-1]:.6f} m/s")
+    -0.500000 m/s
+    """
 
     source = "Anagnostopoulos 1988, recalled from the literature"
     K: float = parameter(1e5, "N/m", "stiffness")

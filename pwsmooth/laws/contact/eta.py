@@ -18,7 +18,25 @@ __all__ = ["ETA", "Factor", "damping_factor", "effective_restitution"]
 
 
 class Factor(NamedTuple):
-    """One entry: eta as a function of c_r, and where it comes from."""
+    """One entry of the table `ETA`.
+
+    Attributes
+    ----------
+    formula : callable
+        c_r -> eta, both dimensionless; a number or an expression.
+    source : str
+        Where the formula comes from.
+
+    Notes
+    -----
+    Source: each entry has its own.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.contact import ETA
+    >>> ETA["hunt-crossley"].formula(0.5)
+    0.750000000000000
+    """
 
     formula: Callable[[Any], Any]
     source: str
@@ -53,15 +71,32 @@ ETA: dict[str, Factor] = {
 
 
 def damping_factor(name: str, c_r: Any) -> Any:
-    """eta of a law of the table at `c_r`, a number or (but for the exact law) an expression.
+    """The factor eta of a law of the table at `c_r`.
+
+    Parameters
+    ----------
+    name : str
+        Key of the table `ETA`.
+    c_r : float or Expr, dimensionless
+        Coefficient of restitution that is aimed at, > 0 and <= 1; an expression but for "zhang-sharf".
+
+    Returns
+    -------
+    float or Expr
+        Damping factor, dimensionless.
 
     Raises
     ------
     ValueError
         An unknown name, or c_r outside (0, 1].
 
+    Notes
+    -----
+    Source: that of the entry, `ETA[name].source`.
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import damping_factor
     >>> float(damping_factor("lankarani-nikravesh", 0.5))
     0.5625
     """
@@ -75,8 +110,30 @@ def damping_factor(name: str, c_r: Any) -> Any:
 def effective_restitution(name: str, c_r: float) -> float:
     """The restitution that a law of the table really has when it is asked for `c_r`.
 
+    Parameters
+    ----------
+    name : str
+        Key of the table `ETA`.
+    c_r : float, dimensionless
+        Coefficient of restitution that is aimed at, > 0 and <= 1.
+
+    Returns
+    -------
+    float
+        `restitution` at the law's factor, dimensionless; it depends neither on the speed nor on the mass.
+
+    Raises
+    ------
+    ValueError
+        An unknown name, or c_r outside (0, 1].
+
+    Notes
+    -----
+    Source: defined here, by the closed form of `restitution`.
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import effective_restitution
     >>> round(effective_restitution("lankarani-nikravesh", 0.5), 6)
     0.725241
     """

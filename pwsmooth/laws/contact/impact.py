@@ -43,11 +43,37 @@ class ImpactLaw(Law):
         check_c_r(self.c_r, f"`c_r` of {type(self).__name__}")
 
     def elastic(self, d: Any, p: Any) -> Any:
-        """g(delta)"""
+        """Elastic force g(delta).
+
+        Parameters
+        ----------
+        d : Expr
+            Indentation delta, > 0, m.
+        p : namespace
+            The parameters' symbols or values.
+
+        Returns
+        -------
+        Expr
+            N.
+        """
         raise NotImplementedError
 
     def potential(self, d: Any, p: Any) -> Any:
-        """G(delta), the work of g."""
+        """Work of the elastic force, G(delta).
+
+        Parameters
+        ----------
+        d : Expr
+            Indentation delta, > 0, m.
+        p : namespace
+            The parameters' symbols or values.
+
+        Returns
+        -------
+        Expr
+            J.
+        """
         raise NotImplementedError
 
     def pieces(self, at, p):
@@ -77,7 +103,15 @@ class ImpactLaw(Law):
 
 @law
 class HertzImpact(ImpactLaw):
-    """g = K delta^n: Hunt and Crossley, Lankarani and Nikravesh, Flores, ... by the choice of eta."""
+    """The elastic part g = K delta^n: Hunt and Crossley, Lankarani and Nikravesh, Flores, ... by the choice of eta.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.contact import HertzImpact, effective_restitution
+    >>> law = HertzImpact(K=1e9, c_r=0.5, eta="lankarani-nikravesh")
+    >>> print(f"asked for {law.c_r}, has {effective_restitution(law.eta, law.c_r):.4f}")
+    asked for 0.5, has 0.7252
+    """
 
     source = "Hunt, Crossley 1975; Lankarani, Nikravesh 1990; and the table eta.py"
     K: float = parameter(1e5, "N/m^n", "stiffness")
@@ -99,7 +133,20 @@ class _JournalLaw(ImpactLaw):
     """g = delta^1.5 q(delta) of a journal in a bearing."""
 
     def slope(self, d: Any, p: Any) -> Any:
-        """q(delta)"""
+        """Elastic force over its power of the indentation, q(delta) = g(delta)/delta^1.5.
+
+        Parameters
+        ----------
+        d : Expr
+            Indentation delta, m.
+        p : namespace
+            The parameters' symbols or values.
+
+        Returns
+        -------
+        Expr
+            N/m^1.5.
+        """
         raise NotImplementedError
 
     def elastic(self, d, p):
@@ -112,7 +159,17 @@ class _JournalLaw(ImpactLaw):
 
 @law
 class LiuImpact(_JournalLaw):
-    """Liu's stiffness of a journal in its bearing; with "wang-liu-ma" the law of Wang, Liu and Ma."""
+    """Liu's stiffness of a journal in its bearing; with "wang-liu-ma" the law of Wang, Liu and Ma.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.contact import LiuImpact
+    >>> d, v = sp.symbols("d v", real=True)
+    >>> pieces = LiuImpact(clearance=5e-4).attach(position=d, velocity=v)
+    >>> [event.name for event in pieces.events]
+    ['touch-down', 'slow touch-down', 'lift-off']
+    """
 
     source = "Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, after Liu et al."
     eta: str = parameter("wang-liu-ma", "1", "damping factor, by its name in the table", choices=tuple(ETA))
@@ -126,7 +183,19 @@ class LiuImpact(_JournalLaw):
 
 @law
 class BaiImpact(_JournalLaw):
-    """Bai's hybrid: the tangent stiffness of Liu's force per length, and Zhiying and Qishao's factor."""
+    """Bai's hybrid: the tangent stiffness of Liu's force per length, and Zhiying and Qishao's factor.
+
+    Examples
+    --------
+    Well inside the clearance it is 3/2 times Liu's force, as a tangent to delta^(3/2) is:
+
+    >>> from types import SimpleNamespace
+    >>> from pwsmooth.laws.contact import BaiImpact, LiuImpact
+    >>> laws = BaiImpact(clearance=5e-4), LiuImpact(clearance=5e-4)
+    >>> bai, liu = (float(law.elastic(1e-9, SimpleNamespace(**law.values))) for law in laws)
+    >>> print(f"{bai / liu:.5f}")
+    1.50000
+    """
 
     source = "Bai et al., recalled from the literature; the stiffness verified as the tangent of Liu's"
     eta: str = parameter("zhiying-qishao", "1", "damping factor, by its name in the table", choices=tuple(ETA))

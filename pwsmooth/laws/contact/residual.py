@@ -51,7 +51,19 @@ class _Residual(Law):
 
 @law
 class LinearResidual(_Residual):
-    """(5.4): linear, with residual indentation; gamma -> oo is Kelvin-Voigt released at zero force."""
+    """(5.4): linear, with residual indentation; gamma -> oo is Kelvin-Voigt released at zero force.
+
+    Examples
+    --------
+    The force is gone before the indentation is:
+
+    >>> from pwsmooth.laws.contact import LinearResidual
+    >>> from pwsmooth.scenes import free_impact
+    >>> solution = free_impact(LinearResidual(), speed=1.0).solve(dense_output=True)
+    >>> lift_off = solution.event_times("reset", "lift-off")[0]
+    >>> print(f"lift-off at an indentation of {1e3 * solution(lift_off, 'p'):.2f} mm")
+    lift-off at an indentation of 8.93 mm
+    """
 
     source = "X. Xiong's thesis, (5.3) and (5.4)"
     K: float = parameter(1000.0, "N/m", "stiffness")
@@ -82,7 +94,17 @@ class _Nonlinear(_Residual):
 
 @law
 class ResidualIndentation(_Nonlinear):
-    """R1: nonlinear compliance with residual indentation, a reconstruction."""
+    """R1: nonlinear compliance with residual indentation, a reconstruction.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.contact import ResidualIndentation
+    >>> from pwsmooth.scenes import free_impact
+    >>> solution = free_impact(ResidualIndentation(), speed=1.0).solve(dense_output=True)
+    >>> lift_off = solution.event_times("reset", "lift-off")[0]
+    >>> bool(solution(lift_off, "p") > 0)
+    True
+    """
 
     source = "reconstructed from the abstract of Xiong, Kikuuwe, Yamamoto, J. Appl. Mech. 81(2) 021003 (R1)"
 
@@ -102,7 +124,18 @@ class ResidualIndentation(_Nonlinear):
 
 @law
 class ResidualHuntCrossley(_Nonlinear):
-    """R2: as Hunt-Crossley in the limit gamma -> oo, a reconstruction."""
+    """R2: as Hunt-Crossley in the limit gamma -> oo, a reconstruction.
+
+    Examples
+    --------
+    Without damping it is elastic:
+
+    >>> from pwsmooth.laws.contact import ResidualHuntCrossley
+    >>> from pwsmooth.scenes import free_impact
+    >>> impact = free_impact(ResidualHuntCrossley(beta=0.0), speed=1.0)
+    >>> print(f"{impact.solve()['v'][-1]:.6f} m/s")
+    -1.000000 m/s
+    """
 
     source = "reconstructed from the abstract of Xiong, Kikuuwe, Yamamoto, J. Appl. Mech. 81(2) 021003 (R2)"
 

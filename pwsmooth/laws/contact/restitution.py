@@ -30,21 +30,30 @@ def restitution(eta):
 
     Parameters
     ----------
-    eta : float or array_like
-        Damping factor, dimensionless, >= 0.
+    eta : float or array_like, any shape, dimensionless
+        Damping factor, >= 0.
 
     Returns
     -------
     float or ndarray
-        e in (0, 1], to rounding; e < 1/eta, so that the force of a free impact never pulls.
+        e in (0, 1], dimensionless, of the shape of `eta`, to rounding; e < 1/eta, so that the force of a free impact
+        never pulls.
 
     Raises
     ------
     ValueError
         `eta` negative or nan.
 
+    Notes
+    -----
+    The two halves of an impact pass the same indentations, so that phi(eta) = phi(-eta e) with phi(x) = x - log(1 + x),
+    whatever g, the mass and the speed are; e = (1 + W(-(1 + eta) exp(-(1 + eta))))/eta with Lambert's W.
+
+    Source: derived here; the relation between eta and e is that of Zhang and Sharf 2004.
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import restitution
     >>> round(float(restitution(0.5)), 6)
     0.748435
     """
@@ -54,25 +63,28 @@ def restitution(eta):
 def exact_eta(e):
     """The damping factor eta whose restitution is exactly `e`: the inverse of `restitution`.
 
-    Zhang and Sharf's law (2004), and the exact form of Gonthier et al. (2004) with d = eta e.
-
     Parameters
     ----------
-    e : float or array_like
+    e : float or array_like, any shape, dimensionless
         Coefficient of restitution in (0, 1].
 
     Returns
     -------
     float or ndarray
-        eta in [0, 1/e), to rounding.
+        eta in [0, 1/e), dimensionless, of the shape of `e`, to rounding.
 
     Raises
     ------
     ValueError
         `e` outside (0, 1].
 
+    Notes
+    -----
+    Source: Zhang, Sharf 2004; the exact form of Gonthier et al. 2004 with d = eta e.
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import exact_eta
     >>> round(float(exact_eta(0.5)), 6)
     1.432751
     """
@@ -84,29 +96,34 @@ def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
 
     Parameters
     ----------
-    stiffness : float
-        K, N/m^n.
-    exponent : float
+    stiffness : float, N/m^n
+        K.
+    exponent : float, dimensionless
         n > 0; 3/2 is Hertz's.
-    mass : float
-        Reduced mass, kg.
-    speed : float
-        v0 at touch-down, m/s.
-    eta : float
+    mass : float, kg
+        Reduced mass.
+    speed : float, m/s
+        v0 at touch-down.
+    eta : float, dimensionless
         Damping factor; 0 is the elastic contact.
 
     Returns
     -------
     float
-        Metres: ((n + 1) m v0^2 phi(eta)/(eta^2 K))^(1/(n + 1)).
+        Metres: ((n + 1) m v0^2 (eta - log(1 + eta))/(eta^2 K))^(1/(n + 1)); units of length.
 
     Raises
     ------
     ValueError
         An argument that is not positive, or `eta` negative.
 
+    Notes
+    -----
+    Source: derived here, by the integral of m v dv = -F d(delta) from v0 to 0.
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import maximal_indentation
     >>> float(maximal_indentation(1e5, 1, 1.0, 2.0)) == 2.0 * (1 / 1e5) ** 0.5
     True
     """
@@ -120,23 +137,34 @@ def contact_duration(stiffness, exponent, mass, speed):
 
     Parameters
     ----------
-    stiffness, exponent, mass, speed : float
-        As of `maximal_indentation`.
+    stiffness : float, N/m^n
+        K.
+    exponent : float, dimensionless
+        n > 0.
+    mass : float, kg
+        Reduced mass.
+    speed : float, m/s
+        v0 at touch-down.
 
     Returns
     -------
     float
-        Seconds: 2 (delta_max/v0) sqrt(pi) Gamma(1 + q)/Gamma(1/2 + q) with q = 1/(n + 1); 2.943 delta_max/v0
-        for Hertz's n = 3/2.
+        Seconds, units of time: 2 (delta_max/v0) sqrt(pi) Gamma(1 + q)/Gamma(1/2 + q) with q = 1/(n + 1); 2.943
+        delta_max/v0 for Hertz's n = 3/2.
 
     Raises
     ------
     ValueError
         An argument that is not positive.
 
+    Notes
+    -----
+    Source: Hertz 1882 for n = 3/2; derived here for other n, by the Beta function.
+
     Examples
     --------
     >>> from math import pi
+    >>> from pwsmooth.laws.contact import contact_duration
     >>> abs(contact_duration(4.0, 1, 1.0, 1.0) - pi / 2) < 1e-15
     True
     """
@@ -146,27 +174,35 @@ def contact_duration(stiffness, exponent, mass, speed):
 
 
 def phase_curve(eta, s):
-    """Work that the elastic part has done at speed s v0, in units of m v0^2: G(delta)/(m v0^2).
+    """Work that the elastic part has done at speed s v0: G(delta)/(m v0^2).
 
     Parameters
     ----------
-    eta : float
+    eta : float, dimensionless
         Damping factor, >= 0.
-    s : array_like
+    s : array_like, any shape, dimensionless
         Speed over that at touch-down, from 1 down to -e.
 
     Returns
     -------
     ndarray
-        (phi(eta) - phi(eta s))/eta^2, of which delta follows by inverting the potential G of g.
+        (phi(eta) - phi(eta s))/eta^2, dimensionless, of the shape of `s`; delta follows by inverting the potential G of
+        the elastic part g.
 
     Raises
     ------
     ValueError
         `eta` negative.
 
+    Notes
+    -----
+    Source: derived here, by the integral of m v dv = -F d(delta); phi(x) = x - log(1 + x).
+
     Examples
     --------
+    At the turning point of an elastic impact half of m v0^2 is stored:
+
+    >>> from pwsmooth.laws.contact import phase_curve
     >>> float(phase_curve(0.0, 0.0))
     0.5
     """

@@ -19,19 +19,31 @@ def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: f
 
     Parameters
     ----------
-    E_1, E_2 : float
-        Young's moduli, Pa.
-    nu_1, nu_2 : float
-        Poisson's ratios, in (-1, 1/2].
+    E_1 : float, Pa
+        Young's modulus.
+    nu_1 : float, dimensionless
+        Poisson's ratio, in (-1, 1/2].
+    E_2, nu_2 : float, optional
+        Those of the second body, in the same units; by default those of the first.
+
+    Returns
+    -------
+    float
+        E*, Pa.
 
     Raises
     ------
     ValueError
         A modulus that is not positive, a ratio that no isotropic body has.
 
+    Notes
+    -----
+    Source: Hertz 1882, 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2.
+
     Examples
     --------
-    >>> round(composite_modulus(207e9, 0.3)/1e9, 4)
+    >>> from pwsmooth.laws.contact import composite_modulus
+    >>> round(composite_modulus(207e9, 0.3) / 1e9, 4)
     113.7363
     """
     E_2, nu_2 = E_1 if E_2 is None else E_2, nu_1 if nu_2 is None else nu_2
@@ -44,15 +56,32 @@ def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: f
 
 
 def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
-    """K of two spheres, or of a sphere on a plane, in N/m^1.5.
+    """Stiffness K of the contact of two spheres, or of a sphere and a plane.
+
+    Parameters
+    ----------
+    E_star : float, Pa
+        Composite modulus.
+    R_1, R_2 : float, m
+        Radii; inf is a plane.
+
+    Returns
+    -------
+    float
+        K = (4/3) E* sqrt(R), N/m^1.5, with 1/R = 1/R_1 + 1/R_2.
 
     Raises
     ------
     ValueError
         A modulus or radius that is not positive.
 
+    Notes
+    -----
+    Source: Hertz 1882, F = K delta^(3/2).
+
     Examples
     --------
+    >>> from pwsmooth.laws.contact import hertz_stiffness
     >>> hertz_stiffness(3.0, 4.0)
     8.0
     """
@@ -64,16 +93,34 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
 
 
 def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
-    """K of a journal of radius R_J in a bearing of radius R_B, in N/m^1.5.
+    """Stiffness K of a journal in its bearing.
+
+    Parameters
+    ----------
+    E_star : float, Pa
+        Composite modulus.
+    R_B, R_J : float, m
+        Radii of the bearing and of the journal, R_J < R_B.
+
+    Returns
+    -------
+    float
+        K = (4/3) E* sqrt(R), N/m^1.5, with R = R_B R_J/(R_B - R_J): the formula of spheres, which is in use for
+        internal cylinders too.
 
     Raises
     ------
     ValueError
-        R_J >= R_B: the journal does not fit.
+        R_J >= R_B: the journal does not fit; a modulus or radius that is not positive.
+
+    Notes
+    -----
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545.
 
     Examples
     --------
-    >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095)/1e10, 3)
+    >>> from pwsmooth.laws.contact import composite_modulus, journal_stiffness
+    >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095) / 1e10, 3)
     6.61
     """
     _positive("E_star", E_star)

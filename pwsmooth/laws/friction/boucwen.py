@@ -13,7 +13,15 @@ from ..contract import Law, Pieces, law, parameter
 
 @law
 class BoucWen(Law):
-    """Bouc-Wen's law; the defaults are chosen: 1 N at 10 um, as Dahl's."""
+    """Bouc-Wen's law; the defaults are chosen: 1 N at 10 um, as Dahl's.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import BoucWen
+    >>> law = BoucWen(A=1.0, beta=5e4, gamma=5e4)
+    >>> print(f"{law.bound():.1e} m")
+    1.0e-05 m
+    """
 
     source = "Bouc 1967; Wen, J. Eng. Mech. Div. 102 (1976); defaults chosen"
     needs = ("position",)
@@ -45,5 +53,11 @@ class BoucWen(Law):
         return Pieces(force=force, rates={z: rate}, surfaces=(v, z), fastest_rate=pull)
 
     def bound(self):
-        """z_max"""
+        """Bound of the internal state.
+
+        Returns
+        -------
+        float
+            z_max = (A/(beta + gamma))^(1/n), in units of length (m).
+        """
         return (self.A / (self.beta + self.gamma)) ** (1 / self.n)

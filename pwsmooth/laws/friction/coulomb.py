@@ -15,7 +15,14 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class Coulomb(Law):
-    """f = F_c Sgn(v) + sigma2 v"""
+    """Coulomb friction, f = F_c Sgn(v) + sigma2 v.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> Coulomb(F_c=2.0, sigma2=0.5).steady_force([-1.0, 2.0]).tolist()
+    [-2.5, 3.0]
+    """
 
     source = "Coulomb 1785"
     F_c: float = parameter(1.0, "N", "Coulomb force")
@@ -36,6 +43,17 @@ class StaticKinetic(Law):
         f = F_c lam (1 + rho (1 - lam^2)) + sigma2 v,    max over lam of f = F_s at v = 0
 
     The fold of f(lam) is the break-away: rho solves 2 rho ((1 + rho)/(3 rho))^(3/2) = F_s/F_c.
+
+    Examples
+    --------
+    Under a slowly rising force the body breaks away at F_s, not at the force of slip:
+
+    >>> from pwsmooth.laws.friction import StaticKinetic
+    >>> from pwsmooth.scenes import force_driven, t
+    >>> solution = force_driven(StaticKinetic(F_c=1.0, F_s=1.5), 0.1 * t, t_span=(0, 20)).solve()
+    >>> event = solution.events[-1]
+    >>> print(event.kind, f"{0.1 * event.time:.9f}")
+    slip by fold 1.500000000
     """
 
     source = (
@@ -50,7 +68,18 @@ class StaticKinetic(Law):
 
     @staticmethod
     def rho(p):
-        """The root rho >= 1/2 of 4 (1 + rho)^3 = 27 r^2 rho, r = F_s/F_c, by its trigonometric form."""
+        """The root rho >= 1/2 of 4 (1 + rho)^3 = 27 r^2 rho, r = F_s/F_c, by its trigonometric form.
+
+        Parameters
+        ----------
+        p : namespace
+            With F_s and F_c, as numbers or symbols; of one unit.
+
+        Returns
+        -------
+        Expr
+            Strength of the hidden term, dimensionless.
+        """
         r = p.F_s / p.F_c
         return 3 * r * sp.cos(sp.acos(-1 / r) / 3) - 1
 
@@ -65,7 +94,15 @@ class StaticKinetic(Law):
 
 @law
 class StribeckFriction(Law):
-    """f = g(v) Sgn(v) + sigma2 v with the Stribeck curve g: the limit of LuGre and XKY for stiff bristles."""
+    """Stribeck friction, f = g(v) Sgn(v) + sigma2 v: the limit of LuGre and XKY for stiff bristles.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import StribeckFriction
+    >>> law = StribeckFriction(F_c=1.0, F_s=1.5, v_s=1e-3, sigma2=0.0)
+    >>> [round(force, 6) for force in law.steady_force([1e-9, 1e-3, 1e-2]).tolist()]
+    [1.5, 1.18394, 1.0]
+    """
 
     source = "Stribeck 1902; the switching block g(v) Sgn(v) of Kikuuwe et al. 2006"
     F_c: float = parameter(1.0, "N", "Coulomb force")
@@ -89,6 +126,17 @@ class HiddenStatic(Law):
     """Static friction as a hidden state z that relaxes to gamma(lam) = 1 - lam^2 in the time beta.
 
     f = F_c lam (1 + rho z),    beta dz/dt = 1 - lam^2 - z
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import HiddenStatic
+    >>> v = sp.Symbol("v", real=True)
+    >>> pieces = HiddenStatic(F_c=1.0, rho=3.0).attach(velocity=v)
+    >>> pieces.force
+    lam*F_c*(rho*z + 1)
+    >>> pieces.rates
+    {z: (-lam**2 - z + 1)/beta}
     """
 
     source = "Jeffrey, On the mathematical basis of solid friction, eq. (25)"
@@ -114,6 +162,13 @@ class ModifiedCoulomb(Law):
     """Regularised: no force below v_0, linear up to v_1, F_c above; it creeps and never sticks.
 
     f = F_c c_d sgn(v),  c_d = clip((|v| - v_0)/(v_1 - v_0), 0, 1)  =  F_c (clip(v, v_1) - clip(v, v_0))/(v_1 - v_0)
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import ModifiedCoulomb
+    >>> law = ModifiedCoulomb(F_c=2.0, v_0=0.1, v_1=0.3)
+    >>> [round(float(law.steady_force(v)), 9) for v in (0.05, 0.2, 1.0)]
+    [0.0, 1.0, 2.0]
     """
 
     source = "Ambrosio 2003, as in Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545; v_0, v_1 chosen"

@@ -13,7 +13,21 @@ from ..contract import Law, Pieces, law, parameter
 
 @law
 class Dahl(Law):
-    """Dahl's law with exponent alpha; the state is the deflection z = F/sigma0."""
+    """Dahl's law with exponent alpha; the state is the deflection z = F/sigma0.
+
+    Examples
+    --------
+    The steady loop of amplitude X reaches F_c tanh(sigma0 X/F_c):
+
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import Dahl
+    >>> from pwsmooth.scenes import prescribed_motion, t
+    >>> law = Dahl(sigma0=1e5, F_c=2.0)
+    >>> rig = prescribed_motion(law, position=4e-5 * sp.sin(t), t_span=(0, 20))
+    >>> print(f"{rig.solve()['force'].max():.6f} {2.0 * math.tanh(2.0):.6f}")
+    1.928055 1.928055
+    """
 
     source = "Dahl 1968, The Aerospace Corp. TOR-158(3107-18)"
     sigma0: float = parameter(1e5, "N/m", "stiffness at zero force")
@@ -41,6 +55,14 @@ class ModifiedDahl(Law):
     """Dahl's law between two parallel lines: dh/dx = beta (+-(F_c) + slope x - h) for +- v > 0.
 
     Reconstructed; slope 0 and beta = sigma0/F_c give Dahl's law with exponent 1.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import ModifiedDahl
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> ModifiedDahl(slope=10.0).attach(position=x, velocity=v).rates
+    {h: beta*(F_c*v + (-h + slope*x)*Abs(v))}
     """
 
     source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
@@ -63,6 +85,14 @@ class BlimanSorine(Law):
         eta epsilon dx_f/dl = -x_f + f_1 sgn v,    epsilon dx_s/dl = -x_s - f_2 sgn v,    dl = |v| dt
 
     Each reversal is followed by a peak (no Stribeck curve: it belongs to the path, not to the speed).
+
+    Examples
+    --------
+    After the peak of f_1 that follows a start or a reversal, f_1 - f_2 is left:
+
+    >>> from pwsmooth.laws.friction import BlimanSorine
+    >>> float(BlimanSorine(f_1=2.5, f_2=1.5).steady_force(0.1))
+    1.0
     """
 
     source = "Bliman, Sorine 1995, Proc. European Control Conf."
@@ -96,7 +126,18 @@ class BlimanSorine(Law):
 
 @law
 class BlimanSorineFirst(Law):
-    """Their first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon."""
+    """Their first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon.
+
+    Examples
+    --------
+    It is Dahl's law of stiffness f_1/epsilon:
+
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import BlimanSorineFirst
+    >>> v = sp.Symbol("v", real=True)
+    >>> BlimanSorineFirst(f_1=1.0, epsilon=1e-5).attach(velocity=v).rates
+    {x_s: (f_1*v - x_s*Abs(v))/epsilon}
+    """
 
     source = "Bliman, Sorine 1995, Proc. European Control Conf."
     f_1: float = parameter(1.0, "N", "sliding force")

@@ -16,7 +16,18 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class GMS(Law):
-    """The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d."""
+    """The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.
+
+    Examples
+    --------
+    A single element, and ten:
+
+    >>> from pwsmooth.laws.friction import GMS
+    >>> GMS(kappa=1.0, share=1.0, sigma=0.0).elements, GMS().elements
+    (1, 10)
+    >>> [round(float(GMS().steady_force(v)), 6) for v in (1e-6, 8.0, 80.0)]
+    [2.0, 1.367879, 1.0]
+    """
 
     source = "Al-Bender, Lampaert, Swevers, IEEE TAC 50 (2005) 1883-1887; sigma_i as in Xiong et al. 2013"
     F_c: float = parameter(1.0, "N", "Coulomb force")
@@ -54,7 +65,13 @@ class GMS(Law):
         )
 
     def kappas(self):
-        """kappa_i, as a tuple"""
+        """Stiffnesses of the elements.
+
+        Returns
+        -------
+        tuple of float
+            kappa_i, in the unit of `kappa`.
+        """
         return self.kappa if isinstance(self.kappa, tuple) else (self.kappa,)
 
     def steady(self, v, p):

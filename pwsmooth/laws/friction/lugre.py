@@ -17,7 +17,18 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class LuGre(Law):
-    """LuGre's law with constant bristle damping; the defaults are the standard example's (for 1 kg)."""
+    """LuGre's law with constant bristle damping; the defaults are the standard example's (for 1 kg).
+
+    Examples
+    --------
+    Stick-slip of a 1 kg block on a slowly pulled spring:
+
+    >>> from pwsmooth.laws.friction import LuGre
+    >>> from pwsmooth.scenes import block_on_belt
+    >>> solution = block_on_belt(LuGre(), t_span=(0, 30)).solve()
+    >>> print(f"largest force of the spring {2 * solution['elongation'].max():.2f} N")
+    largest force of the spring 1.51 N
+    """
 
     source = "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425"
     sigma0: float = parameter(1e5, "N/m", "bristle stiffness")
@@ -38,7 +49,20 @@ class LuGre(Law):
         return Pieces(force=force, rates={z: rate}, surfaces=(v,), fastest_rate=pull)
 
     def damping(self, v, p):
-        """sigma1(v)"""
+        """Bristle damping sigma1(v).
+
+        Parameters
+        ----------
+        v : Expr
+            Velocity.
+        p : namespace
+            The parameters' symbols.
+
+        Returns
+        -------
+        Expr
+            In the unit of sigma1.
+        """
         return p.sigma1
 
     def steady(self, v, p):
@@ -47,7 +71,16 @@ class LuGre(Law):
 
 @law
 class LuGreFadingDamping(LuGre):
-    """LuGre's law with sigma1(v) = sigma1 exp(-(v/v_d)^2), which keeps it passive."""
+    """LuGre's law with sigma1(v) = sigma1 exp(-(v/v_d)^2), which keeps it passive.
+
+    Examples
+    --------
+    The force at constant speed is that of LuGre's law:
+
+    >>> from pwsmooth.laws.friction import LuGre, LuGreFadingDamping
+    >>> float(LuGreFadingDamping(v_d=1e-3).steady_force(0.1) - LuGre().steady_force(0.1))
+    0.0
+    """
 
     v_d: float = parameter(1e-3, "m/s", "velocity at which the bristle damping fades")
 

@@ -37,7 +37,19 @@ def slider(z, limit, slip, v, at):
 
 @law
 class MaxwellSlip(Law):
-    """n elements; the defaults are the multistate reference set's with constant strength F_s = 2 N."""
+    """Maxwell-slip (Iwan) elements in parallel.
+
+    The defaults are the multistate reference set's with constant strength F_s = 2 N.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import MaxwellSlip
+    >>> law = MaxwellSlip(kappa=(2.0, 1.0), strength=(1.0, 1.5))
+    >>> law.virgin_curve([0.0, 0.5, 1.0, 2.0]).tolist()
+    [0.0, 1.5, 2.0, 2.5]
+    >>> law.loss(1.0)
+    2.0
+    """
 
     source = "Iwan, J. Appl. Mech. 33 (1966) 893-900; Lampaert, Swevers, Al-Bender; defaults chosen"
     kappa: tuple = parameter(tuple(2.5 / i for i in range(1, 11)), "N/um", "stiffness", each=True)
@@ -49,8 +61,26 @@ class MaxwellSlip(Law):
 
         Parameters
         ----------
-        x, force : array_like, shape (n,)
-            Increasing.
+        x : array_like, shape (n,)
+            Displacements in the length unit of kappa (um), increasing, > 0.
+        force : array_like, shape (n,)
+            Forces there in the unit of strength (N), increasing ever more slowly.
+
+        Returns
+        -------
+        MaxwellSlip
+            With one element for each point.
+
+        Raises
+        ------
+        ValueError
+            Displacements that do not increase; a polygon that is not concave.
+
+        Examples
+        --------
+        >>> from pwsmooth.laws.friction import MaxwellSlip
+        >>> MaxwellSlip.from_virgin_curve([0.5, 1.5], [1.5, 2.5])
+        MaxwellSlip(kappa=(2.0, 1.0), strength=(1.0, 1.5))
         """
         x, force = (np.concatenate([[0.0], np.asarray(a, float)]) for a in (x, force))
         if not (np.diff(x) > 0).all():
@@ -64,12 +94,34 @@ class MaxwellSlip(Law):
         return cls(kappa=tuple(kappa), strength=tuple(kappa * x[1:]))
 
     def virgin_curve(self, x):
-        """Phi(x), x >= 0."""
+        """Force of the first loading, Phi(x) = sum min(kappa_i x, L_i).
+
+        Parameters
+        ----------
+        x : array_like, shape (nx,)
+            Displacement from the relaxed state in the length unit of kappa, >= 0.
+
+        Returns
+        -------
+        ndarray, shape (nx,)
+            Forces, in the unit of strength.
+        """
         kappa, strength = np.broadcast_arrays(self.kappa, self.strength)
         return np.minimum(np.multiply.outer(np.asarray(x, float), kappa), strength).sum(axis=-1)
 
     def loss(self, amplitude):
-        """Work of a closed cycle between -A and A: sum 4 L_i (A - L_i/kappa_i)+."""
+        """Work of a closed cycle between -A and A: sum 4 L_i (A - L_i/kappa_i)+.
+
+        Parameters
+        ----------
+        amplitude : float
+            A, in the length unit of kappa.
+
+        Returns
+        -------
+        float
+            In the units of strength times length.
+        """
         kappa, strength = np.broadcast_arrays(self.kappa, self.strength)
         return float(np.sum(4 * strength * np.maximum(amplitude - strength / kappa, 0)))
 
@@ -90,13 +142,30 @@ class MaxwellSlip(Law):
         return float(self.strengths().sum()) * sp.sign(v)
 
     def strengths(self):
-        """L_i, shape (n,)"""
+        """Strengths of the elements.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            L_i, in the unit of strength.
+        """
         return np.broadcast_arrays(np.atleast_1d(self.kappa), self.strength)[1]
 
 
 @law
 class Masing(Law):
-    """A spring beside one spring-slider: f = k x + k_0 w, with k_0 w kept in [-alpha, alpha]."""
+    """A spring beside one spring-slider: f = k x + k_0 w, with k_0 w kept in [-alpha, alpha].
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import Masing
+    >>> from pwsmooth.scenes import prescribed_motion, t
+    >>> law = Masing(k=1e4, k_0=1e5, alpha=1.0)
+    >>> rig = prescribed_motion(law, position=3e-5 * sp.sin(t), t_span=(0, 7))
+    >>> print(f"{rig.solve()['force'].max():.6f}")
+    1.300000
+    """
 
     source = "Bastien, Michon, Manin, Dufour, J. Sound Vib. 302 (2007); details reconstructed"
     certainty = "reconstructed"

@@ -39,17 +39,32 @@ class RealTime:
 
     Attributes
     ----------
-    given : function (p, e, state, v, h) -> f
-        Force at the end of a step in which the velocity is v; overwrites `state`. Compiled; callable from other
-        compiled code.
-    coupled : function (p, e, state, v, u, m, h) -> v
-        Velocity of a mass m after a step under the force u.
-    p, e : ndarray
-        Parameters; elements, shape (3, n).
-    state : ndarray
-        Internal state; `force` and `move` advance it.
+    given : callable
+        (p, e, state, v, h) -> f: force at the end of a step in which the velocity is v; overwrites `state`. Compiled;
+        callable from other compiled code.
+    coupled : callable
+        (p, e, state, v, u, m, h) -> v: velocity of a mass m after a step under the force u.
+    p : ndarray, shape (np,)
+        Parameters, in the units of the law.
+    e : ndarray, shape (3, n)
+        Elements (stiffness, micro-damping, share or strength), in the units of the law.
+    state : ndarray, shape (ns,)
+        Internal state, in the units of the law; `force` and `move` advance it.
     stable : str
-        For which steps.
+        For which steps the update is stable.
+
+    Notes
+    -----
+    Source: derived here, backward Euler in closed form; the projection in it is the theorem Sgn -> sat of Kikuuwe and
+    Xiong (inclusions.py).
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> from pwsmooth.laws.friction.realtime import real_time
+    >>> block = real_time(Coulomb(F_c=1.0))
+    >>> round(block.move(v=0.5, u=0.0, m=1.0, h=0.1), 9), block.move(v=0.05, u=0.0, m=1.0, h=0.1)
+    (0.4, 0.0)
     """
 
     given: Callable[..., float]
@@ -60,15 +75,51 @@ class RealTime:
     stable: str
 
     def force(self, v: float, h: float) -> float:
-        """Advance by a step h at the velocity v; the friction force at its end."""
+        """Advance by a step h at the velocity v.
+
+        Parameters
+        ----------
+        v : float, m/s
+            Velocity during the step.
+        h : float, s
+            Length of the step.
+
+        Returns
+        -------
+        float
+            Friction force at the end of the step, N.
+        """
         return self.given(self.p, self.e, self.state, v, h)
 
     def move(self, v: float, u: float, m: float, h: float) -> float:
-        """Advance a mass m at velocity v under the force u by a step h; its velocity at the end."""
+        """Advance a mass at velocity v under a force by a step.
+
+        Parameters
+        ----------
+        v : float, m/s
+            Velocity at the start.
+        u : float, N
+            Force besides friction.
+        m : float, kg
+            Mass.
+        h : float, s
+            Length of the step.
+
+        Returns
+        -------
+        float
+            Velocity at the end, m/s.
+        """
         return self.coupled(self.p, self.e, self.state, v, u, m, h)
 
     def copy(self) -> RealTime:
-        """Another one with its own state."""
+        """Another one, with its own state.
+
+        Returns
+        -------
+        RealTime
+            It shares parameters and compiled functions.
+        """
         return replace(self, state=self.state.copy())
 
 
@@ -94,17 +145,28 @@ def real_time(law: Law, v: float = 0.0) -> RealTime:
     ----------
     law : Law
         Coulomb, StribeckFriction, Dahl (exponent 1), LuGre, XKY, MultistateXKY or MaxwellSlip.
-    v : float
+    v : float, m/s
         Velocity at the start.
+
+    Returns
+    -------
+    RealTime
+        The update, with an internal state at rest.
 
     Raises
     ------
     ValueError
         The law has no update without iteration.
 
+    Notes
+    -----
+    Source: derived here, backward Euler in closed form; the projection in it is the theorem Sgn -> sat of Kikuuwe and
+    Xiong (inclusions.py).
+
     Examples
     --------
     >>> from pwsmooth.laws.friction import XKY
+    >>> from pwsmooth.laws.friction.realtime import real_time
     >>> block = real_time(XKY())
     >>> v = 0.1
     >>> for _ in range(1000):  # a 1 kg block slides to rest in steps of 1 ms

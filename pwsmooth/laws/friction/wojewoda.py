@@ -13,7 +13,19 @@ from ..contract import Law, Pieces, law, parameter
 
 @law
 class Wojewoda(Law):
-    """Non-reversible friction; defaults chosen."""
+    """Non-reversible friction; defaults chosen.
+
+    Examples
+    --------
+    The force is larger while the body accelerates (a > 0) than while it slows down:
+
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import Wojewoda
+    >>> v, a = sp.symbols("v a", real=True)
+    >>> pieces = Wojewoda(f_c=1.0, f_s=1.5).attach(velocity=v, acceleration=a)
+    >>> pieces.force
+    lam*f_c + lam_a*(-f_c + f_s)*exp(-a_1*Abs(v)/(a_2 + Abs(a)))
+    """
 
     source = (
         "Wojewoda, Stefanski, Wiercigroch, Kapitaniak, Phil. Trans. R. Soc. A 366 (2008) 747-765; as recalled"

@@ -17,7 +17,19 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class XKY(Law):
-    """The single-state law; the defaults are LuGre's standard ones."""
+    """The single-state law; the defaults are LuGre's standard ones.
+
+    Examples
+    --------
+    Its force never exceeds the Stribeck curve, and it does not drift:
+
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.friction import XKY
+    >>> from pwsmooth.scenes import prescribed_motion, t
+    >>> rig = prescribed_motion(XKY(F_c=1.0, F_s=1.5, sigma2=0.0), velocity=1e-2 * sp.sin(t), t_span=(0, 7))
+    >>> bool(rig.solve()["force"].max() <= 1.5)
+    True
+    """
 
     source = "Xiong, Kikuuwe, Yamamoto, J. Appl. Math. 2013:320276; parameters of LuGre's standard example"
     kappa: float = parameter(1e5, "N/m", "stiffness")
@@ -48,7 +60,17 @@ class XKY(Law):
 
 @law
 class MultistateXKY(Law):
-    """Parallel elements with frictional lag, (4.13a-c) of Xiong's thesis; equations and defaults reconstructed."""
+    """Parallel elements with frictional lag, (4.13a-c) of Xiong's thesis; equations and defaults reconstructed.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import MultistateXKY
+    >>> law = MultistateXKY(kappa=(1.0, 0.5), sigma=0.01, share=(0.6, 0.4))
+    >>> law.elements
+    2
+    >>> print(f"{float(law.steady_force(8.0)):.6f}")
+    1.367879
+    """
 
     source = (
         "Xiong, Kikuuwe, Yamamoto, Tribol. Lett. 51 (2013) 513-523, eq. (4.13) of Xiong's thesis; reconstructed"
@@ -85,7 +107,13 @@ class MultistateXKY(Law):
         )
 
     def pairs(self):
-        """(kappa_i, sigma_i) of every element."""
+        """Stiffness and micro-damping of the elements.
+
+        Returns
+        -------
+        list of (float, float)
+            (kappa_i, sigma_i), in the units of the parameters.
+        """
         n = self.elements
         kappa, sigma = ((x if isinstance(x, tuple) else (x,) * n) for x in (self.kappa, self.sigma))
         return list(zip(kappa, sigma))

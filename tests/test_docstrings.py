@@ -1,0 +1,77 @@
+"""Every public name says what it takes and gives, in which shapes and units, where it comes from; its example runs."""
+
+import doctest
+import sys
+from pathlib import Path
+
+import matplotlib
+import matplotlib.pyplot as plt
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "docs"))
+
+import docstring_rules
+import public_names
+
+NAMES = public_names.public_names()
+PENDING = (
+    "pwsmooth.analysis", "pwsmooth.compare", "pwsmooth.figures", "pwsmooth.fit", "pwsmooth.records", "pwsmooth.scenes",
+    "pwsmooth.sweep",
+)  # fmt: skip
+DONE = {n: v for n, v in NAMES.items() if n.count(".") > 1 and not n.startswith(PENDING)}
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_docstring_is_complete(name):
+    assert not docstring_rules.shortcomings(name, DONE[name])
+
+
+@pytest.mark.parametrize("name", [name for name, value in DONE.items() if value.__doc__ and callable(value)])
+def test_its_examples_run(name, monkeypatch, tmp_path):
+    """In an empty namespace, as a reader pastes them, and in a directory of their own."""
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    said = []
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    for test in doctest.DocTestFinder().find(DONE[name], name, globs={}):
+        runner.run(test, out=said.append)
+    plt.close("all")
+    assert not said, "".join(said)
+
+
+def test_the_rules_see_what_is_missing():
+    def bare(x):
+        return x
+
+    def vague(x):
+        """Twice x.
+
+        Parameters
+        ----------
+        x : array_like
+            The x.
+
+        Returns
+        -------
+        float
+            The double.
+
+        Examples
+        --------
+        >>> 1 + 1
+        2
+        """
+        if x is None:
+            raise ValueError("`x` is None; give a number.")
+        return 2 * x
+
+    assert any("docstring" in text for text in docstring_rules.shortcomings("bare", bare))
+    found = "\n".join(docstring_rules.shortcomings("vague", vague))
+    for what in (
+        "without a shape",
+        "`x` is a quantity without a unit",
+        "`float` is a quantity",
+        "Raises",
+        "no source",
+    ):
+        assert what in found
