@@ -1,0 +1,95 @@
+"""The API reference: a page for every public module, from docs/public_names.py and the docstrings."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import types
+from collections import defaultdict
+
+from page import AUTO, write
+from public_names import members, public_names
+
+API = AUTO / "api"
+# Order and headings of the index; modules that fit nowhere come last, under their own heading.
+GROUPS = {
+    "Defining and solving": ("pwsmooth", "pwsmooth.solution", "pwsmooth.records", "pwsmooth.sigmoids"),
+    "Analysis": ("pwsmooth.analysis",),
+    "Laws": ("pwsmooth.laws",),
+    "Scenes": ("pwsmooth.scenes",),
+    "Sweeps and fits": ("pwsmooth.sweep", "pwsmooth.fit"),
+    "Comparisons": ("pwsmooth.compare",),
+    "Charts and figures": ("pwsmooth.plotting", "pwsmooth.figures"),
+}
+
+
+def write_pages() -> None:
+    """A page a module and the index."""
+    by_module: dict[str, dict[str, object]] = defaultdict(dict)
+    for full, value in public_names().items():
+        module, _, name = full.rpartition(".")
+        by_module[module][name] = value
+    for module, names in by_module.items():
+        write(API / f"{module}.rst", _module_page(module, names))
+    for old in API.glob("pwsmooth*.rst"):
+        if old.stem not in by_module:
+            old.unlink()
+    write(API / "index.rst", _index(by_module))
+
+
+def _title(text: str, line: str) -> str:
+    return f"{text}\n{line * len(text)}\n"
+
+
+def _module_page(module: str, names: dict[str, object]) -> str:
+    # pwsmooth.sweep is a module and, as an attribute of pwsmooth, the function: references mean the function.
+    twice = "   :no-index:\n" if module in public_names() else ""
+    parts = [_title(module, "="), f".. automodule:: {module}\n{twice}"]
+    parts.append(f".. currentmodule:: {module}\n")
+    parts.append(".. list-table::\n   :widths: 30 70\n")
+    parts.append("".join(f"   * - :obj:`{name}`\n     - {_summary(value)}\n" for name, value in names.items()))
+    for name, value in names.items():
+        if inspect.isclass(value):
+            shown = ", ".join(members(value))
+            option = f"   :members: {shown}\n" if shown else ""
+            parts.append(f".. autoclass:: {name}\n{option}")
+        elif inspect.isroutine(value):
+            parts.append(f".. autofunction:: {name}\n")
+        elif isinstance(value, types.GenericAlias):
+            parts.append(f".. py:type:: {name}\n   :canonical: {value}\n")
+        else:
+            parts.append(f".. autodata:: {name}\n   :no-value:\n")
+    return "\n".join(parts)
+
+
+def _summary(value: object) -> str:
+    """First sentence of a docstring; nothing for data, whose docstring is their type's."""
+    if not (inspect.isclass(value) or inspect.isroutine(value)):
+        return ""
+    first = (inspect.getdoc(value) or "").split("\n\n")[0]
+    return " ".join(first.split()).replace("|", r"\|")
+
+
+def _index(by_module: dict[str, dict[str, object]]) -> str:
+    left = dict.fromkeys(by_module)
+    parts = [
+        _title("API reference", "="),
+        "Every public name, from its docstring: shapes and units, what is raised, the source, an example. What is not "
+        "listed here is internal.\n",
+    ]
+    groups = {}
+    for heading, roots in GROUPS.items():
+        groups[heading] = [
+            m for m in left if any(m == r or (r != "pwsmooth" and m.startswith(r + ".")) for r in roots)
+        ]
+        for module in groups[heading]:
+            del left[module]
+    groups["More"] = list(left)
+    for heading, modules in groups.items():
+        if modules:
+            parts += [_title(heading, "-"), ".. list-table::\n   :widths: 35 65\n"]
+            for module in modules:
+                doc = (importlib.import_module(module).__doc__ or "").strip().split("\n\n")[0]
+                parts.append(f"   * - :doc:`{module}`\n     - {' '.join(doc.split())}\n")
+            parts.append(".. toctree::\n   :hidden:\n\n" + "".join(f"   {m}\n" for m in modules))
+    return "\n".join(parts)

@@ -1,0 +1,117 @@
+"""A page for every paper figure, their gallery, and the replication report, from claims.json and the scripts."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+from page import AUTO, ROOT, Raw, card, claims_table, code, grid, picture, plain, prose, table, toctree, write
+
+GALLERY = AUTO / "figures"
+
+
+def entries(figures: Path) -> dict[str, dict]:
+    """claims.json of a directory that `pwsmooth figures --out` has filled, one entry for every figure's script.
+
+    Raises
+    ------
+    FileNotFoundError
+        The directory lacks figures.
+    """
+    record = figures / "claims.json"
+    found = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
+    drawn = {Path(entry["files"][0]).stem for entry in found.values()}
+    wanted = {path.stem for path in (ROOT / "paper_figures").glob("figure_*.py")}
+    if wanted - drawn:
+        raise FileNotFoundError(
+            f"{figures} lacks {', '.join(sorted(wanted - drawn))}: `python docs/build.py` draws them, or "
+            f"`pwsmooth figures --out {figures}`"
+        )
+    return {name: entry for name, entry in found.items() if Path(entry["files"][0]).stem in wanted}
+
+
+def write_pages(figures: Path) -> None:
+    """All pages of the figures, and the report."""
+    found = entries(figures)
+    stems = {name: Path(entry["files"][0]).stem for name, entry in found.items()}
+    for name, entry in found.items():
+        _write_figure(figures, name, stems[name], entry)
+    helpers = [p for p in sorted((ROOT / "paper_figures").glob("*.py")) if p.stem not in stems.values()]
+    _write_helpers([p for p in helpers if p.stem != "__init__"])
+    fast = any(entry["fast"] for entry in found.values())
+    note = (
+        "\n:::{note}\nDrawn in the fast mode: coarser curves and shorter sweeps. The full figures are made by "
+        "`pwsmooth figures`.\n:::\n" if fast else ""
+    )  # fmt: skip
+    cards = [
+        card(f"Figure {plain(name)}", entry["title"], stems[name], f"thumbnails/{stems[name]}.png")
+        for name, entry in found.items()
+    ]
+    write(
+        GALLERY / "index.md",
+        "# Paper figures\n\nThe figures of the sources, computed from their equations by `pwsmooth figures`; each with "
+        "what it claims, what its equations give, and its code. The verdicts on one page: "
+        "[replication report](../replication.md).\n" + note + "\n" + grid(cards)
+        + toctree([*stems.values(), "shared"]),
+    )  # fmt: skip
+    _write_report(found, stems, note)
+
+
+def _write_figure(figures: Path, name: str, stem: str, entry: dict) -> None:
+    picture(figures / f"{stem}.png", GALLERY / f"{stem}.png")
+    document = figures / f"{stem}.pdf"
+    if document.is_file():
+        (GALLERY / f"{stem}.pdf").write_bytes(document.read_bytes())
+    script = ROOT / "paper_figures" / f"{stem}.py"
+    docstring = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+    # What the figure's script says of itself, without the name that is the page's title already.
+    about = docstring.partition(":")[2] if docstring.lower().startswith("figure") else docstring
+    write(
+        GALLERY / f"{stem}.md",
+        f"# Figure {plain(name)}: {plain(entry['title'])}\n\n"
+        f"```{{image}} {stem}.png\n:alt: {plain(entry['title'])}\n:width: 100%\n```\n\n"
+        f"{plain(entry['caption'])}\n\n"
+        f"{{download}}`PDF <{stem}.pdf>`\n\n"
+        f"## Claims\n\n{claims_table(entry['claims']) if entry['claims'] else 'None.'}\n"
+        f"## How it is made\n\n{prose(about)}\n"
+        f"`pwsmooth figures {name}`{' with `--fast`' if entry['fast'] else ''}; pwsmooth {plain(entry['pwsmooth'])}."
+        f" What several figures use is [here](shared.md).\n\n{code(script)}",
+    )
+
+
+def _write_helpers(helpers: list[Path]) -> None:
+    parts = ["# What several figures use\n"]
+    for path in helpers:
+        docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        parts += [f"## {plain(path.stem.replace('_', ' '))}\n", prose(docstring), code(path)]
+    write(GALLERY / "shared.md", "\n".join(parts))
+
+
+def counts(claims: list[dict[str, str]]) -> tuple[int, int]:
+    """How many claims are reproduced, how many differ."""
+    good = sum(c["verdict"] == "reproduced" for c in claims)
+    return good, len(claims) - good
+
+
+def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> None:
+    total = counts([c for entry in found.values() for c in entry["claims"]])
+    rows = [
+        (Raw(f"[{plain(name)}](figures/{stems[name]}.md)"), entry["title"], *counts(entry["claims"]))
+        for name, entry in found.items()
+    ]
+    parts = [
+        "# Replication report\n",
+        f"**{total[0]} claims of the sources are reproduced, {total[1]} differ**; where one differs, the reason stands "
+        "beside it. The table is made from `claims.json`, which `pwsmooth figures` writes: statement, the source's "
+        f"value or words, ours, verdict.\n{note}",
+        table(("figure", "title", "reproduced", "differ"), rows),
+    ]
+    for name, entry in found.items():
+        if entry["claims"]:
+            parts += [
+                f"## Figure {plain(name)}: {plain(entry['title'])}\n",
+                claims_table(entry["claims"]),
+                f"[Figure and code](figures/{stems[name]}.md)\n",
+            ]
+    write(AUTO / "replication.md", "\n".join(parts))

@@ -1,0 +1,30 @@
+"""Writes the pages that are made from the code, the figures and the data, before Sphinx looks for sources."""
+
+from pathlib import Path
+
+import api_pages
+import figure_pages
+import study_pages
+from page import AUTO, ROOT, write
+from sphinx.errors import ExtensionError
+
+
+def generate(app):
+    """docs/auto, except what sphinx-gallery writes there."""
+    api_pages.write_pages()
+    study_pages.write_pages()
+    try:
+        figure_pages.write_pages(Path(app.config.pwsmooth_figures))
+    except FileNotFoundError as error:
+        raise ExtensionError(str(error)) from error
+    for name in ("CHANGELOG", "CONTRIBUTING"):
+        source = ROOT / f"{name}.md"
+        if source.is_file():
+            write(AUTO / f"{name.lower()}.md", source.read_text(encoding="utf-8"))
+
+
+def setup(app):
+    app.add_config_value("pwsmooth_figures", "", "env", str)
+    # Before sphinx-gallery (priority 500), which reads what is there.
+    app.connect("builder-inited", generate, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,174 @@
+"""A page for every experiment, from its script and the data file that it wrote; the benchmarks on a page of theirs."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+from typing import Any
+
+from page import (
+    AUTO,
+    ROOT,
+    card,
+    claims_table,
+    code,
+    fenced,
+    grid,
+    number,
+    picture,
+    plain,
+    prose,
+    provenance_text,
+    table,
+    toctree,
+    write,
+)
+
+SCRIPTS = ROOT / "experiments"
+RESULTS = SCRIPTS / "results"
+STUDIES = AUTO / "experiments"
+TOOLS = ("benchtools", "studytools")  # shared by the scripts, no studies
+
+
+def write_pages() -> None:
+    """Gallery of the experiments, and the page of the benchmarks."""
+    scripts = [p for p in sorted(SCRIPTS.glob("*.py")) if p.stem not in TOOLS]
+    studies = [p for p in scripts if not p.stem.startswith("bench_")]
+    cards = [_write_study(path) for path in studies]
+    # Those with a chart first.
+    cards = sorted(cards, key=lambda c: ":img-top:" not in c)
+    tools = "".join(code(SCRIPTS / f"{name}.py") for name in TOOLS)
+    write(
+        STUDIES / "index.md",
+        "# Experiments\n\nOne study a file: its question, the answer that was expected, a frozen configuration, data "
+        "with their provenance, a chart drawn from the data.\n\n" + grid(cards) + f"\n## What they share\n\n{tools}\n"
+        + toctree([path.stem for path in studies]),
+    )  # fmt: skip
+    _write_benchmarks([p for p in scripts if p.stem.startswith("bench_")])
+
+
+def _docstring(path: Path) -> str:
+    return ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+
+
+def _record(path: Path) -> dict[str, Any] | None:
+    data = RESULTS / f"{path.stem}.json"
+    return json.loads(data.read_text(encoding="utf-8")) if data.is_file() else None
+
+
+def _title(path: Path) -> str:
+    return path.stem.replace("_", " ").capitalize()
+
+
+def _write_study(path: Path) -> str:
+    """Writes the page, returns its card."""
+    record, doc, title = _record(path), _docstring(path), _title(path)
+    chart = RESULTS / f"{path.stem}.png"
+    parts = [f"# {plain(title)}\n"]
+    question = (record or {}).get("question") or doc.split("\n\n")[0]
+    if record and "question" in record:
+        parts += [
+            f"**Question.** {plain(record['question'])}\n",
+            f"**Expected.** {plain(record['expected'])}\n",
+        ]
+    if chart.is_file():
+        picture(chart, STUDIES / chart.name)
+        parts.append(f"```{{image}} {chart.name}\n:alt: {plain(title)}\n:width: 100%\n```\n")
+    if record and record.get("claims"):
+        parts += ["## Findings\n", claims_table(record["claims"], source="expected")]
+    parts += ["## The study\n", prose(doc)]
+    if record:
+        parts += _provenance(path, record)
+        if record.get("config"):
+            parts.append(f"Configuration:\n\n{table(('parameter', 'value'), record['config'].items())}")
+    else:
+        parts.append("No data of it are kept in the repository; running it prints the table.\n")
+    parts += ["## How to run it\n", fenced(f"python experiments/{path.name}", "console"), "", code(path)]
+    write(STUDIES / f"{path.stem}.md", "\n".join(parts))
+    return card(plain(title), question, path.stem, f"thumbnails/{chart.name}" if chart.is_file() else None)
+
+
+def _provenance(path: Path, record: dict[str, Any]) -> list[str]:
+    parts = ["## Data\n"]
+    source = record.get("provenance") or record.get("about") or {}
+    told = provenance_text(source)
+    if record.get("cpu_seconds"):
+        told += plain(f"; {record['cpu_seconds']} s of processor time")
+    if record.get("fast"):
+        told += "; the fast configuration"
+    parts.append(f"Made with {told}. {{download}}`{path.stem}.json <{_download(path)}>`\n")
+    return parts
+
+
+def _download(path: Path) -> str:
+    return f"/../experiments/results/{path.stem}.json"
+
+
+def _write_benchmarks(scripts: list[Path]) -> None:
+    parts = [
+        "# Benchmarks\n",
+        "Tables against peers, made from the data files that the scripts write. Times are processor time, medians of "
+        "interleaved rounds, compilation apart; each script says how rivals are tuned and which error they have to "
+        "meet. Absolute times belong to the machine named; ratios travel.\n",
+    ]
+    for path in scripts:
+        doc, record = _docstring(path), _record(path)
+        parts += [f"## {plain(_title(path).removeprefix('Bench ').capitalize())}\n", prose(doc)]
+        rerun = f"python experiments/{path.name} --out experiments/results/{path.stem}.json"
+        if record is None:
+            parts.append("**No result is kept in the repository yet.** It is made by\n")
+        else:
+            parts += ["### Result\n", *result_tables(record)]
+            options = record.get("options")
+            if options:
+                shown = ", ".join(f"{k} {number(v)}" for k, v in options.items() if k != "out")
+                parts.append(f"Options: {plain(shown)}.\n")
+            source = record.get("provenance") or record.get("about") or {}
+            told = f"Made with {provenance_text(source)}."
+            parts.append(f"{told} {{download}}`{path.stem}.json <{_download(path)}>`\n\nAgain with\n")
+        parts += [fenced(rerun, "console"), "", code(path)]
+    write(AUTO / "benchmarks.md", "\n".join(parts))
+
+
+_ASIDE = ("provenance", "options", "about", "config", "all rounds", "rounds")
+
+
+def result_tables(record: dict[str, Any], title: str = "") -> list[str]:
+    """Tables of whatever a benchmark has written: rows of records, named numbers, and groups of these.
+
+    Lists of raw rounds stay in the data file.
+    """
+    parts: list[str] = []
+    scalars = {k: v for k, v in record.items() if k not in _ASIDE and not isinstance(v, (dict, list))}
+    if scalars:
+        parts += [_heading(title), table(("", "value"), scalars.items())]
+        title = "" if scalars else title
+    for key, value in record.items():
+        if key in _ASIDE:
+            continue
+        name = f"{title}: {key}" if title and key not in ("results", "result", "rows") else title or key
+        name = "" if name in ("results", "result", "rows") else name
+        if isinstance(value, dict):
+            parts += _of_dict(name, value)
+        elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
+            columns = [k for k in value[0] if not isinstance(value[0][k], (dict, list))]
+            parts += [_heading(name), table(columns, ([row.get(c) for c in columns] for row in value))]
+    return [part for part in parts if part]
+
+
+def _of_dict(name: str, value: dict[str, Any]) -> list[str]:
+    inner = [v for v in value.values() if isinstance(v, dict)]
+    flat = (
+        inner and len(inner) == len(value) and all(not isinstance(x, dict) for v in inner for x in v.values())
+    )
+    if flat:
+        columns = list(dict.fromkeys(k for v in inner for k, x in v.items() if not isinstance(x, list)))
+        if columns:
+            rows = ([row, *(v.get(c) for c in columns)] for row, v in value.items())
+            return [_heading(name), table(("", *columns), rows)]
+    return result_tables(value, name)
+
+
+def _heading(title: str) -> str:
+    return f"**{plain(title)}**\n" if title else ""
