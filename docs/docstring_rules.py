@@ -21,8 +21,9 @@ from public_names import members, public_names
 NUMPYDOC = {"GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "PR04", "PR07", "RT01", "RT03", "YD01"}
 ARGUMENTS = {"PR01", "PR02", "PR03"}
 
-QUANTITY = re.compile(r"\b(float|array|array_like|ndarray|number)\b")
-ARRAY = re.compile(r"\b(array|array_like|ndarray)\b|sequence of float")
+# An array of drawings has neither shape nor unit.
+QUANTITY = re.compile(r"\b(float|array|array_like|ndarray|number)\b(?! of [A-Z])")
+ARRAY = re.compile(r"\b(array|array_like|ndarray)\b(?! of [A-Z])|sequence of float")
 SHAPE = re.compile(r"\bshapes?\b|\blength\b|\([\w+*/ -]+,[\w+*/, -]*\)")
 WORDS = re.compile(r"\b(dimensionless|units?|radians|coefficients?)\b")
 SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\^\w+)?| [sm])*(?![\w`])")

@@ -33,16 +33,17 @@ class Diffusion:
         State -> expression: each such state has a source of its own. State -> {source name: expression}: sources
         may be shared. A Matrix has one row a state, one column a source. Expressions in states, time, parameters
         and, of a smoothed view, switches; unit: that of the state over the root of time.
-    step : float
+    step : float, in units of time
         The interval of time, > 0, on whose multiples the path is given, and the longest step: short against the times
         over which the drift varies. Steps are halves, quarters, ... of it where the drift is faster, and beside
         surfaces. The start, the end and `t_eval` are multiples of it.
     seed, trajectory : int
         The Brownian path is a function of (seed, trajectory, step), whatever steps are taken along it.
-    parameters : mapping, optional
-        Values of symbols that stand in the amplitude alone.
+    parameters : mapping of Symbol to float, optional
+        Values of symbols that stand in the amplitude alone, in the units of the model.
     convention : {"ito", "stratonovich"}
-    resolution : float
+        How the amplitude is meant.
+    resolution : float, dimensionless
         Steps keep to `resolution` over the rate of the drift, and cross at most 2.5 `resolution` of a layer.
     level : int
         Every interval is halved at least so often: the same path, finer steps.
@@ -67,6 +68,9 @@ class Diffusion:
     times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
     sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
     such an end are seen depends on `step` and `finest`.
+
+    Source: Roessler, SIAM J. Numer. Anal. 48 (2010) for SRA1; Milstein 1974; the orders across a switch were measured
+    here.
 
     Examples
     --------
@@ -117,7 +121,23 @@ class Diffusion:
         )
 
     def entries(self, states: list[sp.Symbol]) -> list[tuple[int, str, sp.Expr]]:
-        """(index of the state, source, expression) of every entry that is not 0."""
+        """The entries of the amplitude that are not 0.
+
+        Parameters
+        ----------
+        states : list of Symbol
+            States of the view, in order.
+
+        Returns
+        -------
+        list of (int, str, Expr)
+            Index of the state, name of the source, expression in the unit of the state over the root of time.
+
+        Raises
+        ------
+        ValueError
+            A state that the view does not have; a Matrix with another number of rows.
+        """
         if isinstance(self.amplitude, sp.MatrixBase):
             if self.amplitude.rows != len(states):
                 raise ValueError(

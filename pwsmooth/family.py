@@ -19,7 +19,7 @@ from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
 @dataclass(frozen=True)
 class Family:
-    """n copies of one element.
+    """A number of copies of one element, written once.
 
     Parameters
     ----------
@@ -30,18 +30,10 @@ class Family:
     name : str
         Tells families of the same size apart.
 
-    Examples
-    --------
-    Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:
-
-    >>> x, v = sp.symbols("x v", real=True)
-    >>> elements = Family(10)
-    >>> (f,) = elements.symbols("f")
-    >>> kappa, strength = elements.symbols("kappa strength", positive=True)
-    >>> rates = {f: kappa*v*sp.Heaviside(strength - f*sp.sign(v)), v: -x - elements.sum(f), x: v}
-    >>> values = {kappa: [2.5/i for i in range(1, 11)], strength: 0.2}
-
-    A chain of blocks: `chain.neighbour(y, 1)` is the element after, `chain.neighbour(y, -1)` the one before.
+    Raises
+    ------
+    ValueError
+        `n` is no integer >= 1.
 
     Notes
     -----
@@ -49,6 +41,31 @@ class Family:
     time to set up. Contacts, surfaces between neighbours, time events of elements, elements that act on each other's
     multipliers and hidden terms on surfaces that slide have no looped form: their copies are written out, as are
     those of smoothed and layered views.
+
+    Source: defined here.
+
+    Examples
+    --------
+    Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Family
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> elements = Family(10)
+    >>> (f,) = elements.symbols("f")
+    >>> kappa, strength = elements.symbols("kappa strength", positive=True)
+    >>> rates = {f: kappa*v*sp.Heaviside(strength - f*sp.sign(v)), v: -x - elements.sum(f), x: v}
+    >>> values = {kappa: [2.5/i for i in range(1, 11)], strength: 0.2}
+
+    A ring of eight elements, each driven by the one before:
+
+    >>> from pwsmooth import System, solve
+    >>> ring = Family(8, periodic=True)
+    >>> (y,) = ring.symbols("y")
+    >>> system = System({y: ring.neighbour(y, -1) - y})
+    >>> solution = solve(system, (0, 60), {y: [8.0, 0, 0, 0, 0, 0, 0, 0]})
+    >>> print(f"{solution.x[:, -1].min():.6f} to {solution.x[:, -1].max():.6f}")
+    1.000000 to 1.000000
     """
 
     n: int
@@ -72,12 +89,26 @@ class Family:
         Returns
         -------
         tuple of Member
+            One for each name; it stands for the symbols of all elements.
         """
         assumptions = {"real": True} | assumptions
         return tuple(Member(name, self, **assumptions) for name in names.replace(",", " ").split())
 
     def memory(self, name, initial=0.0):
-        """A Memory of the element."""
+        """A Memory of the element.
+
+        Parameters
+        ----------
+        name : str
+            Its name, to which the number of the element is added.
+        initial : float
+            Value at the start of every element, in the unit that the model gives it.
+
+        Returns
+        -------
+        MemberMemory
+            It stands for the memories of all elements.
+        """
         return MemberMemory(name, initial, self)
 
     @property
@@ -91,10 +122,22 @@ class Family:
         Parameters
         ----------
         member : Member
+            A symbol of this family.
         offset : int
-        outside : expression, optional
+            Places; negative ones are before.
+        outside : Expr, optional
             What stands for it beyond an end of the chain; by default the member itself, which makes the ends
             free (differences vanish there).
+
+        Returns
+        -------
+        Member
+            To stand in the rates of the element.
+
+        Raises
+        ------
+        ValueError, TypeError
+            `outside` in a periodic family; a symbol of another one.
         """
         if not isinstance(member, Member) or member.family != self:
             raise TypeError(f"`member` is {member!r}; give a symbol of this family.")
@@ -104,7 +147,18 @@ class Family:
         return Member(member.name, self, member.offset + offset, outside, **member._assumptions_orig)
 
     def sum(self, expr):
-        """The sum of an expression over all elements."""
+        """The sum of an expression over all elements.
+
+        Parameters
+        ----------
+        expr : Expr
+            With members of the family; without any it is taken n times.
+
+        Returns
+        -------
+        Expr
+            To stand in the rates of any state.
+        """
         expr = sp.sympify(expr)
         return MemberSum(expr) if members(expr) else self.n * expr
 

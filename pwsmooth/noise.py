@@ -43,7 +43,7 @@ class Kicks:
     ----------
     size : float or mapping of state to float
         kappa, in the unit of each state, >= 0: half width of the uniform law, standard deviation of the normal one.
-    every : float
+    every : float, in units of time
         Time between two kicks, > 0; they fall on its multiples.
     on : state or sequence of states, optional
         Which states are kicked, independently of each other; not needed where `size` is a mapping.
@@ -63,6 +63,9 @@ class Kicks:
     -----
     Kick number k is a function of (seed, trajectory, k) alone (Philox4x64-10): a run over (0, 10) continued over
     (10, 20) meets the same kicks as one over (0, 20). A size of 0 leaves the deterministic run as it is, to the bit.
+
+    Source: Jeffrey, On the mathematical basis of solid friction, figures 11 to 13, whose distribution is not printed;
+    Philox of Salmon et al. 2011.
 
     Examples
     --------

@@ -18,6 +18,8 @@ from .diffusion_run import DiffusionRun, Path
 from .noise import Kicks
 from .records import Outcome
 
+__all__ = ["Ensemble", "ensemble"]
+
 _ROWS = 64  # trajectories between two looks at the keyboard
 
 
@@ -28,14 +30,31 @@ class Ensemble:
     Attributes
     ----------
     t : ndarray, shape (nt,)
-        The asked-for times.
+        The asked-for times, in the unit of the model's time.
     x : ndarray, shape (count, n, nt)
-        States there; nan where a trajectory had ended before.
-    end_time, end : ndarrays, shapes (count,) and (count, n)
-        Where and in which state each ended.
+        States there, in the units of the model; nan where a trajectory had ended before.
+    end_time, end : ndarray, shapes (count,) and (count, n)
+        Where and in which state each ended, in the units of the model.
     outcomes : tuple of Outcome
+        How each ended.
     steps : ndarray of int, shape (count,)
+        Numbers of steps, dimensionless.
     states : tuple of str
+        Names of the states.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Diffusion, System, ensemble
+    >>> x = sp.Symbol("x")
+    >>> noise = Diffusion({x: 1}, step=1 / 16, seed=1)
+    >>> many = ensemble(System({x: -x}), (0, 1), {x: 0}, noise, 5, t_eval=[0.5, 1.0])
+    >>> many["x"].shape, many.end.shape
+    ((5, 2), (5, 1))
     """
 
     t: np.ndarray
@@ -65,7 +84,7 @@ def ensemble(
     max_steps: int = 10_000_000,
     **options: Any,
 ) -> Ensemble:
-    """`count` trajectories of a system with noise, of which only what is asked for is kept.
+    """Run many trajectories of a system with noise, of which only what is asked for is kept.
 
     Trajectory k has the noise `replace(noise, trajectory=noise.trajectory + k)` and is to the bit what solve() gives.
     So an ensemble may be cut into parts, in any order, on any number of workers. Those of a Diffusion run in one
@@ -73,27 +92,43 @@ def ensemble(
 
     Parameters
     ----------
-    system, t_span, noise, parameters, max_steps
-        As for `solve`.
+    system : System
+        A system or one of its views.
+    t_span : (float, float), in the unit of the model's time
+        Start and end.
     x0 : mapping, sequence, or ndarray of shape (count, n)
-        One start for all, or one a trajectory.
+        One start for all, or one a trajectory, in the units of the states.
+    noise : Kicks or Diffusion
+        With the seed of all and the number of the first trajectory.
     count : int
-    t_eval : array_like, optional
+        Number of trajectories.
+    t_eval : array_like, shape (nt,), in the unit of the model's time, optional
         Times of the states that are kept; without it only the ends are.
+    parameters : mapping of Symbol to float, optional
+        Values that replace the system's own, in its units.
+    max_steps : int
+        Bound on the steps of a trajectory.
     **options
         With Kicks: further options of `solve`.
 
     Returns
     -------
     Ensemble
+        Kept states, ends and outcomes.
 
     Raises
     ------
     ValueError, TypeError
         As `solve`; starts of a wrong shape.
 
+    Notes
+    -----
+    Source: defined here; the noise has its own.
+
     Examples
     --------
+    The stationary variance of dx = -x dt + dW is 1/2:
+
     >>> import sympy as sp
     >>> from pwsmooth import Diffusion, System, ensemble
     >>> x = sp.Symbol("x")

@@ -28,16 +28,24 @@ class Switch(sp.Symbol):
     ----------
     name : str
         Name of the multiplier.
-    surface : sympy expression
+    surface : Expr
         h(t, x), in the sense lambda = 1 where h > 0. Its unit is the unit of a smoothing width eps.
 
     Raises
     ------
-    ValueError
-        The surface is a constant.
+    ValueError, TypeError
+        The surface is a constant, or no expression; a name that is no string.
+
+    Notes
+    -----
+    Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as
+    a variable
+    of its own on it.
 
     Examples
     --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch
     >>> v = sp.Symbol("v", real=True)
     >>> lam = Switch("lam", v)
     >>> lam.surface
@@ -75,13 +83,24 @@ class Memory(sp.Symbol):
     Parameters
     ----------
     name : str
-    initial : float
+        Its name, as that of any symbol.
+    initial : float, in the unit that the model gives it
         Its value at the start unless the initial state gives another.
     **assumptions
         As of `sympy.Symbol`; real by default.
 
+    Raises
+    ------
+    ValueError, TypeError
+        An initial value that is no finite number; a name that is no string.
+
+    Notes
+    -----
+    Source: defined here.
+
     Examples
     --------
+    >>> from pwsmooth import Memory
     >>> stuck = Memory("stuck", 1)
     >>> stuck.initial
     1.0
@@ -139,21 +158,36 @@ class Unilateral:
 
     Parameters
     ----------
-    gap : sympy expression
+    gap : Expr
         h(t, x), the distance that cannot become negative; a position, so that R stands in its second
         derivative.
-    restitution : float or sympy expression
-        e in  dh/dt after = -e dh/dt before.
+    restitution : float or Expr, dimensionless
+        e in  dh/dt after = -e dh/dt before, 0 <= e <= 1.
     name : str
         Name of the reaction.
 
+    Raises
+    ------
+    ValueError, TypeError
+        A gap that is a constant, a restitution outside [0, 1], no expressions.
+
+    Notes
+    -----
+    Source: Signorini's condition 0 <= h, R >= 0, h R = 0, and Newton's impact law.
+
     Examples
     --------
-    A ball on a floor, mass 1:
+    A ball of mass 1 on a floor; its bounces add up to (1 + e)/(1 - e) times the time of the first fall:
 
-    >>> y, v, g = sp.symbols("y v g", real=True)
-    >>> floor = Unilateral(y, restitution=0.9, name="R")
-    >>> rates = {y: v, v: -g + floor.reaction}
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System, Unilateral, solve
+    >>> y, v = sp.symbols("y v", real=True)
+    >>> floor = Unilateral(y, restitution=0.5, name="R")
+    >>> ball = System({y: v, v: -9.81 + floor.reaction})
+    >>> solution = solve(ball, (0, 2), {y: 1, v: 0})
+    >>> print(f"at rest from {solution.events[-1].time:.6f}; {3 * math.sqrt(2 / 9.81):.6f}")
+    at rest from 1.354571; 1.354571
     """
 
     gap: sp.Expr
@@ -185,14 +219,28 @@ class Algebraic:
     Parameters
     ----------
     unknown : Symbol or str
-    residual : sympy expression
+        The a that the residual determines; it stands in the rates.
+    residual : Expr
         Monotone in the unknown, so that there is one root.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A residual without the unknown; no Symbol, no expression.
+
+    Notes
+    -----
+    Source: defined here.
 
     Examples
     --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Algebraic, System, solve
     >>> a, v = sp.symbols("a v", real=True)
-    >>> Algebraic(a, a + sp.exp(-v**2)*sp.tanh(a) + v).unknown
-    a
+    >>> body = System({v: a}, algebraic=[Algebraic(a, a + a**3 + v)])
+    >>> solution = solve(body, (0, 1), {v: 2})
+    >>> round(float(solution["a"][0]), 9)  # a + a^3 = -2
+    -1.0
     """
 
     unknown: sp.Symbol
@@ -224,28 +272,46 @@ class Event:
 
     Parameters
     ----------
-    surface : sympy expression, optional
+    surface : Expr, optional
         h(t, x): the event is a zero of it. Exactly one of `surface`, `every`, `at` is given.
-    every : float or expression, optional
+    every : float or Expr, in units of time, optional
         The event happens at every, 2*every, ...
-    at : float, expression or sequence of them, optional
+    at : float, Expr or sequence of them, length n, in units of time, optional
         The instants at which it happens.
     direction : {0, 1, -1}
         Only zeros at which h rises (1) or falls (-1); 0: both.
-    update : mapping of state or memory to expression
+    update : mapping of (state or memory) to Expr
         New values, from the values before; what is not named keeps its value.
     when : condition
         The event acts only if it holds at that instant.
     terminal : bool
         The run stops here.
     name : str, optional
+        What the records of the solution call it.
+
+    Raises
+    ------
+    ValueError, TypeError
+        None or several of `surface`, `every`, `at`; a direction of a clock; what is no expression or condition.
+
+    Notes
+    -----
+    Source: defined here.
 
     Examples
     --------
+    A count of the turns of a pendulum, and a stop at the third:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, Memory, System, solve
     >>> x, w = sp.symbols("x w", real=True)
-    >>> speed = Memory("speed", 1)
-    >>> Event(x, direction=1, update={speed: w}, name="touch-down").direction
-    1
+    >>> turns = Memory("turns", 0)
+    >>> count = Event(w, update={turns: turns + 1}, name="turn")
+    >>> stop = Event(w, when=sp.Eq(turns, 2), terminal=True, name="third")
+    >>> swing = System({x: w, w: -sp.sin(x)}, events=[count, stop])
+    >>> solution = solve(swing, (0, 100), {x: 1, w: 0})
+    >>> solution.outcome.name, [event.switch for event in solution.events]
+    ('TERMINATED', ['turn', 'turn', 'third'])
     """
 
     surface: sp.Expr | None

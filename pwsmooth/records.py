@@ -19,6 +19,48 @@ class Outcome(IntEnum):
     """How a solve ended: the kernels' integer, with a `text` that says what to try next.
 
     Codes >= 0 are successes: the run did what was asked. A failure keeps the solution up to where it happened.
+
+    Attributes
+    ----------
+    FINISHED
+        The end of the span was reached.
+    TERMINATED
+        A terminal event stopped the run.
+    AMBIGUITY
+        `strict=True`, and the solution is not unique from here.
+    NOT_FINITE
+        The right-hand side became nan or infinite.
+    STEP_UNDERFLOW
+        The step fell below the spacing of numbers.
+    TOO_MANY_STEPS
+        The bound on steps was reached.
+    EVENTS_ACCUMULATE
+        An event resets the state so that it fires ever sooner.
+    CHATTERING
+        Switchings accumulate, and their limit time did not converge.
+    EVENT_LOOP
+        Events at one instant keep firing each other.
+    NO_ROOT
+        The layer has no attracting root, and no direction leads out of it.
+    SINGULAR
+        The equations of the solved multipliers are singular.
+    LAYER_UNSETTLED
+        The layer system neither settled nor left.
+    DETERMINACY_LOST
+        A two-fold, from which many solutions leave.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> blow_up = solve(System({x: x**2}), (0, 2), {x: 1})
+    >>> blow_up.outcome.name, blow_up.success
+    ('STEP_UNDERFLOW', False)
     """
 
     FINISHED = 0
@@ -80,9 +122,29 @@ _TEXTS = {
 class EventRecord:
     """One event of a solution.
 
-    `switch` names the switch, contact or event; `kind` is a term of the field: "crossing", "stick",
-    "slip by tangency", "slip by fold", "sliding to sliding", "reset", "impact", "closed contact", "opening",
-    "terminal", "accumulation", "ambiguity".
+    Attributes
+    ----------
+    time : float, in the unit of the model's time
+        When.
+    switch : str
+        Name of the switch, contact or event.
+    kind : str
+        A term of the field: "crossing", "stick", "slip by tangency", "slip by fold", "sliding to sliding", "reset",
+        "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity".
+    note : str
+        What else is to be said.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> print(solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events[0])
+    t = 0.5: stick [sgn(x)] (+1 to +0)
     """
 
     time: float
@@ -96,7 +158,32 @@ class EventRecord:
 
 
 class EventLog(Sequence):
-    """The events of a solution, put into words when they are asked for: a long run has many."""
+    """The events of a solution, put into words when they are asked for: a long run has many.
+
+    It is a sequence of `EventRecord`.
+
+    Parameters
+    ----------
+    times : ndarray, shape (ne,)
+        In the unit of the model's time.
+    codes : ndarray of int, shape (ne, k)
+        What the kernels recorded of each, dimensionless.
+    words : callable
+        (time, *codes) -> EventRecord.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> events = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events
+    >>> len(events), events[-1].kind
+    (1, 'stick')
+    """
 
     def __init__(self, times: np.ndarray, codes: np.ndarray, words: Callable[..., EventRecord]) -> None:
         self.times, self.codes, self._words = times, codes, words
@@ -110,7 +197,18 @@ class EventLog(Sequence):
         return self._words(float(self.times[i]), *self.codes[i].tolist())
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
-        """Times of the events that `wanted` accepts; it is asked once for each switch and kind."""
+        """Times of the events that `wanted` accepts; it is asked once for each switch and kind.
+
+        Parameters
+        ----------
+        wanted : callable
+            EventRecord -> bool.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            In the unit of the model's time.
+        """
         if not len(self):
             return np.empty(0)
         _, first, which = np.unique(self.codes[:, :2], axis=0, return_index=True, return_inverse=True)
@@ -127,7 +225,36 @@ class EventLog(Sequence):
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """A point from which the solution is not unique: what it is, what was taken, what else was possible."""
+    """A point from which the solution is not unique: what it is, what was taken, what else was possible.
+
+    Attributes
+    ----------
+    time : float, in the unit of the model's time
+        When it was reached.
+    switch : str
+        Name of the switch, contact or event.
+    kind : str
+        "two-fold", "repelling sliding", "grazing", "corner", ...
+    taken : str
+        The continuation that the solution follows.
+    continuations : tuple of str
+        All that are possible.
+
+    Notes
+    -----
+    Source: defined here; two-folds and repelling sliding as in Filippov 1988.
+
+    Examples
+    --------
+    A start on a surface that repels: both sides lead away, and staying is possible too.
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> (ambiguity,) = solve(System({x: sp.sign(x)}), (0, 1), {x: 0}).ambiguities
+    >>> ambiguity.kind, ambiguity.taken
+    ('repelling sliding', 'leave to +1')
+    """
 
     time: float
     switch: str
@@ -144,8 +271,29 @@ class Ambiguity:
 class Segment:
     """A maximal interval of constant status.
 
-    `status` holds, for every multiplier, +1 or -1 on a side of its surface (+1 for an open contact) and 0 while
-    it is solved; `first` and `last` are the columns of the solution that bound the segment, both included.
+    Attributes
+    ----------
+    start, end : float, in the unit of the model's time
+        Its ends.
+    name : str
+        As it stands in the itinerary.
+    status : tuple of int
+        For every multiplier +1 or -1 on a side of its surface (+1 for an open contact) and 0 while it is solved.
+    first, last : int
+        The columns of the solution that bound the segment, both included.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1})
+    >>> [(segment.name, segment.duration) for segment in solution.segments]
+    [('sgn(x)=+1', 0.5), ('sgn(x) sliding', 4.5)]
     """
 
     start: float
@@ -157,7 +305,7 @@ class Segment:
 
     @property
     def duration(self) -> float:
-        """Length in time."""
+        """Length, in the unit of the model's time."""
         return self.end - self.start
 
     @property
@@ -170,10 +318,36 @@ class Segment:
 class Dense:
     """Piecewise polynomials, one piece a step, in the step's own variable s.
 
-    Shapes: `t0`, `t1`, `length` (ns,), `coefficients` (ns, n, K+1), `mult_coefficients` (ns, m, K+1),
-    `time_coefficients` (ns, K+1). A step in time has t = t0 + s, and all have without the optional ones.
-    Beside a fold s is the arc of a multiplier, where t(s) is a polynomial and lambda(t) has only a square-root
-    expansion.
+    A step in time has t = t0 + s, and all have without the optional coefficients. Beside a fold s is the arc of a
+    multiplier, where t(s) is a polynomial and lambda(t) has only a square-root expansion. Calling it with times gives
+    states, shape (n, nt), and multipliers, shape (m, nt); at an event those of the side after it.
+
+    Attributes
+    ----------
+    t0, t1 : ndarray, shape (ns,)
+        Start and end of each step, in the unit of the model's time.
+    coefficients : ndarray, shape (ns, n, K+1)
+        Of the states, in their units over powers of that of s.
+    mult_coefficients : ndarray, shape (ns, m, K+1)
+        Of the multipliers, in their units over powers of that of s.
+    time_coefficients : ndarray, shape (ns, K+1), optional
+        Of t(s), in units of time over powers of that of s.
+    length : ndarray, shape (ns,), optional
+        End of s, in its own unit.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x = sp.Symbol("x", real=True)
+    >>> solution = solve(System({x: -x}), (0, 1), {x: 1}, dense_output=True)
+    >>> states, multipliers = solution.dense(solution.t)
+    >>> states.shape[0], multipliers.shape[0], len(solution.dense.t0) == len(solution.t) - 1
+    (1, 0, True)
     """
 
     t0: np.ndarray

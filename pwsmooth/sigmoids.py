@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+__all__ = ["SIGMOIDS", "Sigmoid", "sigmoid"]
+
 ALGEBRAIC, TANH, ERF = 0, 1, 2  # what the kernels are given
 
 
@@ -24,17 +26,24 @@ class Sigmoid:
     Attributes
     ----------
     name : str
+        As `smoothed` and `layered` take it.
     code : int
         Its number in the kernels.
-    exponent : sympy number or None
+    exponent : sympy.Rational or None
         p with  Lambda' = (1 - lambda^2)^p, or None where no such p exists.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, for the algebraic one.
 
     Examples
     --------
+    >>> import sympy as sp
+    >>> from pwsmooth.sigmoids import sigmoid
     >>> u, lam = sp.symbols("u lam", real=True)
-    >>> SIGMOIDS["algebraic"].function(u)
+    >>> sigmoid("algebraic").function(u)
     u/sqrt(u**2 + 1)
-    >>> SIGMOIDS["algebraic"].slope(lam)
+    >>> sigmoid("algebraic").slope(lam)
     (1 - lam**2)**(3/2)
     """
 
@@ -43,28 +52,73 @@ class Sigmoid:
     exponent: sp.Rational | None
 
     def function(self, u):
-        """Lambda(u)."""
+        """The switch as a function of u = h/eps, Lambda(u).
+
+        Parameters
+        ----------
+        u : Expr or float, dimensionless
+            Distance from the surface over the layer's width.
+
+        Returns
+        -------
+        Expr
+            Dimensionless, between -1 and 1.
+        """
         if self.code == ALGEBRAIC:
             return u / sp.sqrt(1 + u**2)
         return (sp.tanh if self.code == TANH else sp.erf)(u)
 
     def slope(self, lam):
-        """dLambda/du in terms of lambda."""
+        """Its slope dLambda/du in terms of lambda.
+
+        Parameters
+        ----------
+        lam : Expr or float, dimensionless
+            Lambda, between -1 and 1.
+
+        Returns
+        -------
+        Expr
+            Dimensionless, >= 0.
+        """
         if self.exponent is None:
             return 2 / sp.sqrt(sp.pi) * sp.exp(-(sp.erfinv(lam) ** 2))
         return (1 - lam**2) ** self.exponent
 
     def inverse(self, lam):
-        """u(lambda)."""
+        """The inverse u(lambda).
+
+        Parameters
+        ----------
+        lam : Expr or float, dimensionless
+            Lambda, between -1 and 1.
+
+        Returns
+        -------
+        Expr
+            Dimensionless.
+        """
         if self.code == ALGEBRAIC:
             return lam / sp.sqrt(1 - lam**2)
         return (sp.atanh if self.code == TANH else sp.erfinv)(lam)
 
     def smooth(self, h, eps):
-        """Lambda(h/eps), in the form that neither overflows nor divides by a small eps twice.
+        """The switch Lambda(h/eps), in the form that neither overflows nor divides by a small eps twice.
 
         For the algebraic sigmoid h/sqrt(eps^2 + h^2): its square, which hidden terms contain, then is
         h^2/(eps^2 + h^2) without a quotient h/eps that grows like 1/eps.
+
+        Parameters
+        ----------
+        h : Expr
+            The surface.
+        eps : Expr or float, in the unit of h
+            Width of the layer, > 0.
+
+        Returns
+        -------
+        Expr
+            Dimensionless, between -1 and 1.
         """
         if self.code == ALGEBRAIC:
             return h / sp.sqrt(eps**2 + h**2)
@@ -81,10 +135,30 @@ SIGMOIDS = {
 def sigmoid(name):
     """The `Sigmoid` of a name.
 
+    Parameters
+    ----------
+    name : {"algebraic", "tanh", "erf"} or Sigmoid
+        A Sigmoid is returned as it is.
+
+    Returns
+    -------
+    Sigmoid
+        Lambda, its slope and its inverse.
+
     Raises
     ------
     ValueError
         There is no sigmoid of that name.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, for the algebraic one.
+
+    Examples
+    --------
+    >>> from pwsmooth.sigmoids import sigmoid
+    >>> sigmoid("tanh").exponent
+    1
     """
     if isinstance(name, Sigmoid):
         return name

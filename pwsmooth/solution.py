@@ -50,28 +50,56 @@ def _function(arguments: tuple[sp.Symbol, ...], expression: sp.Basic) -> Any:
 class Solution:
     """A solved trajectory.
 
+    Indexing gives a state, multiplier or output by name at the solution's times, `solution["v"]`; calling it
+    evaluates
+    the dense output, `solution(t, "v")`.
+
     Parameters
     ----------
     system : System
         The view that was solved; `system.model` gives the names and the outputs.
     t : ndarray, shape (nt,)
-        Times, not decreasing; an event has two columns, before and after.
+        Times in the unit of the model's, not decreasing; an event has two columns, before and after.
     x, mult : ndarray, shapes (n, nt) and (m, nt)
-        States (memories last) and multipliers.
+        States (memories last) and multipliers, in the units of the model.
     status : ndarray of int8, shape (m, nt)
-        +1 or -1 on a side of a switch's surface (+1 for an open contact), 0 while the multiplier is solved.
-    events, ambiguities : list of EventRecord, list of Ambiguity
+        +1 or -1 on a side of a switch's surface (+1 for an open contact), 0 while the multiplier is solved;
+        dimensionless.
+    events : sequence of EventRecord
+        What happened, in order.
     dense : Dense or None
+        The steps' polynomials, where they were kept.
     outcome : Outcome
+        How the run ended.
     cost, tolerances : dict
         Counts (steps, evaluations, events, ...), and the tolerances that actually ran.
-    parameters : dict
-        Symbol (or name) -> value.
+    ambiguities : sequence of Ambiguity
+        Where the solution is not unique, and what was taken.
+    parameters : mapping of (Symbol or str) to float
+        Values of this run, in the units of the model.
 
     Attributes
     ----------
-    y : ndarray
-        The same as `x`, as scipy names it. `success` and `message` are there too.
+    noise : Kicks, Diffusion or None
+        What `solve` was given.
+
+    Notes
+    -----
+    Source: defined here; `t`, `y`, `success` and `message` are SciPy's names.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)}, outputs={"energy": (x**2 + v**2) / 2})
+    >>> solution = solve(block, (0, 10), {x: 3.5, v: 0}, dense_output=True)
+    >>> solution.itinerary
+    ('slip left (sgn(v)=-1)', 'slip right (sgn(v)=+1)', 'stick (sgn(v) sliding)')
+    >>> [f"{time:.6f}" for time in solution.event_times("crossing")], f"{solution['x'][-1]:.6f}"
+    (['3.141593'], '-0.500000')
+    >>> print(f"{solution(1.0, 'energy'):.6f}")
+    4.975756
     """
 
     def __init__(
@@ -108,7 +136,7 @@ class Solution:
 
     @property
     def y(self) -> np.ndarray:
-        """States, shape (n, nt)."""
+        """States, shape (n, nt), in the units of the model."""
         return self.x
 
     @property
@@ -271,7 +299,20 @@ class Solution:
         return tuple(segment.name for segment in self.segments)
 
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
-        """Times of the events of one kind or switch, both, or all; "slip" matches every "slip by ..."."""
+        """Times of the events of one kind or switch, both, or all.
+
+        Parameters
+        ----------
+        kind : str, optional
+            As of `EventRecord`; "slip" matches every "slip by ...".
+        switch : Switch, Symbol or str, optional
+            Switch, contact or event, by its name.
+
+        Returns
+        -------
+        ndarray, shape (ne,)
+            In the unit of the model's time.
+        """
 
         def wanted(e: EventRecord) -> bool:
             right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
@@ -284,7 +325,13 @@ class Solution:
     # ---- other forms -------------------------------------------------------------------------------
 
     def to_dataset(self) -> xarray.Dataset:
-        """An xarray Dataset with every state, multiplier, status and output over time, and provenance."""
+        """The solution as a labelled data set.
+
+        Returns
+        -------
+        xarray.Dataset
+            Every state, multiplier, status and output over time, the events, and provenance as attributes.
+        """
         import xarray
 
         data: dict[str, Any] = {name: ("time", row) for name, row in zip(self.states, self.x)}
@@ -305,9 +352,17 @@ class Solution:
     def plot(self, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
         """States (or `names`) against time, one Axes each, with the stuck or sliding segments shaded.
 
+        Parameters
+        ----------
+        names : sequence of str or Symbol, optional
+            States, multipliers or outputs.
+        axes : sequence of Axes, optional
+            Where to draw, one for each name; a new figure by default.
+
         Returns
         -------
         ndarray of Axes
+            One for each name.
         """
         from . import plotting
 

@@ -44,21 +44,25 @@ def solve(
     ----------
     system : System
         A system or one of its views (`smoothed`, `layered`).
-    t_span : (float, float)
+    t_span : (float, float), in the unit of the model's time
         Start and end, increasing.
-    x0 : mapping or sequence of float
-        Initial value of every state by name or Symbol, or positionally; memories may be left at their initial value.
+    x0 : mapping of state to float, or sequence of float, length n
+        Initial value of every state by name or Symbol, or positionally, in the units of the states; memories
+        may be left
+        at their initial value.
     method : str
         "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative); smoothed: "radau5",
         "radau9", "radau13", "taylor", and SciPy's "Radau", "BDF", "LSODA", "DOP853" as an independent cross-check.
-    rtol, atol : float, float or sequence
-        Tolerances; rtol looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
-    t_eval : array_like, optional
+    rtol : float, dimensionless
+        Relative tolerance; looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
+    atol : float or sequence of float, length n
+        Absolute tolerance, in the unit of each state.
+    t_eval : array_like, shape (nt,), in the unit of the model's time, optional
         Times at which the solution is returned, instead of the steps' own; a run that stops before the last of
         them ends with the state where it stopped.
     dense_output : bool
         Keep the steps' polynomials, so that `solution(t)` works.
-    max_step : float
+    max_step : float, in units of time
         Bound on the step.
     max_steps : int
         Bound on the number of steps; reaching it is an outcome with the partial solution.
@@ -66,8 +70,8 @@ def solve(
         Order of the Taylor polynomials (8 to 28), by default chosen by `rtol`.
     strict : bool
         Stop at the first ambiguity instead of following the recorded continuation.
-    parameters : mapping, optional
-        Values that replace the system's own for this run.
+    parameters : mapping of Symbol to float, optional
+        Values that replace the system's own for this run, in its units.
     noise : Kicks or Diffusion, optional
         Random kicks at regular times, or white noise (noise.py, diffusion.py). A diffusion has steps of its own:
         tolerances do not act on it.
@@ -75,20 +79,27 @@ def solve(
     Returns
     -------
     Solution
+        Up to the end of the span, or to where `outcome` says that the run stopped.
 
     Raises
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy. A numerical failure is an Outcome, not an exception.
 
+    Notes
+    -----
+    Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that
+    decides
+    between crossing and sticking, and for folds; the event contract and the Taylor steps are defined here.
+
     Examples
     --------
     >>> import sympy as sp
-    >>> from pwsmooth import Switch, System, solve
+    >>> from pwsmooth import System, solve
     >>> t, x = sp.symbols("t x", real=True)
     >>> relay = System({x: 1 - 2 * sp.sign(x - 2)}, time=t)
     >>> solve(relay, (0, 5), {x: 0}).itinerary
-    ('lam_x=-1', 'lam_x sliding')
+    ('sgn(x - 2)=-1', 'sgn(x - 2) sliding')
     """
     if not hasattr(system, "model"):
         raise TypeError(

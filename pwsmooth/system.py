@@ -36,7 +36,31 @@ from .views import filippov, hidden_part, layered, smoothed, time_constant, unla
 
 
 class HiddenTerm(NamedTuple):
-    """A term that acts on the surface of a switch alone: nonlinear in lambda, 0 at lambda = 1 and -1."""
+    """A term that acts on the surface of a switch alone: nonlinear in lambda, 0 at lambda = 1 and -1.
+
+    Attributes
+    ----------
+    where : str
+        The state whose rate contains it, or the algebraic unknown.
+    switch : Switch
+        The multiplier lambda.
+    term : Expr
+        In the unit of that rate.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, sec. 1 (spec: gamma(lambda), 0 off the surface).
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch, System
+    >>> v = sp.Symbol("v", real=True)
+    >>> lam = Switch("lam", v)
+    >>> (hidden,) = System({v: -lam * (1 + 3 * (1 - lam**2))}).hidden_terms
+    >>> hidden.where, hidden.term
+    ('v', 3*lam**3 - 3*lam)
+    """
 
     where: str  # the state whose rate contains it, or the algebraic unknown
     switch: sp.Symbol
@@ -53,23 +77,26 @@ class View(NamedTuple):
 
 
 class System:
-    """A piecewise-smooth system of differential equations.
+    """A piecewise-smooth system of differential equations, dx/dt = f(t, x, lambda; p).
 
     Parameters
     ----------
-    rates : mapping of state to expression
-        dx/dt of every state, in the order of the states. Here and everywhere else a name may be given as a
-        Symbol or a str.
+    rates : mapping of state to Expr
+        dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere
+        else a name
+        may be given as a Symbol or a str.
     time : Symbol, optional
         Needed if time stands in an expression.
-    parameters : mapping of Symbol to float
+    parameters : mapping of Symbol to float, in the units of the model
         A value for every symbol that is nothing else.
-    outputs : mapping of str to expression, optional
+    outputs : mapping of str to Expr, optional
         Named quantities of the solution.
     events : sequence of Event
+        Resets, latches, flags, stops.
     contacts : sequence of Unilateral, optional
         Those whose reaction stands in the rates are found without being listed.
     algebraic : sequence of Algebraic
+        Unknowns that are solved inside the right-hand side.
     convention : {"hidden", "filippov"}
         "hidden" keeps terms that are nonlinear in a multiplier as they are written; "filippov" replaces
         them by the convex combination of the fields on both sides.
@@ -78,22 +105,20 @@ class System:
     ----------
     model : Model
         The lowered system, input of the compiler.
-    parameters : dict
-        Symbol -> float, of this view.
-    states : tuple of Symbol
-        States of this view, then memories.
-    definition : Definition
-        What was written.
-    switches : tuple of Switch
-        Given ones and those found in ordinary notation, the inner ones first.
-    initial_memory : dict
-        Memory -> its initial value.
 
     Raises
     ------
     ValueError, TypeError
         Names that are unknown, missing or ambiguous; values outside a symbol's assumptions; a switch that
         never switches; a contact whose reaction acts on nothing.
+
+    Notes
+    -----
+    lambda_j = sign h_j(t, x) off the surface h_j = 0; on it lambda_j in [-1, 1] keeps h_j at 0 (sliding) or the layer
+    system decides.
+
+    Source: Filippov, Differential Equations with Discontinuous Righthand Sides, 1988, for what is linear in lambda;
+    Jeffrey, On the mathematical basis of solid friction, for hidden terms.
 
     Examples
     --------
@@ -163,15 +188,17 @@ class System:
 
     @property
     def states(self):
+        """States of this view, then memories; a tuple of Symbols."""
         return self.model.states
 
     @property
     def initial_memory(self):
+        """Memory -> its initial value, in the unit that the model gives it."""
         return {m: m.initial for m in (self._element or self.definition).memories}
 
     @property
     def parameter_values(self):
-        """Values in the order of `model.parameters`."""
+        """Values in the order of `model.parameters`, in the units of the model."""
         return tuple(self.parameters[p] for p in self.model.parameters)
 
     @property
@@ -188,7 +215,17 @@ class System:
         return tuple(terms)
 
     def initial_state(self, x0):
-        """`x0` as a list of floats in the order of `states`; memories not named start at their initial value.
+        """The initial state as a list of floats; memories not named start at their initial value.
+
+        Parameters
+        ----------
+        x0 : mapping of state to float, or sequence of float, length n
+            In the units of the states.
+
+        Returns
+        -------
+        list of float
+            In the order and the units of `states`.
 
         Raises
         ------
@@ -206,7 +243,18 @@ class System:
 
         Parameters
         ----------
-        parameters : mapping of Symbol or str to float
+        parameters : mapping of (Symbol or str) to float, in the units of the model
+            Those that change.
+
+        Returns
+        -------
+        System
+            It shares equations and compiled code with this one.
+
+        Raises
+        ------
+        ValueError, TypeError
+            No parameter of that name, a value outside the symbol's assumptions, or no number.
         """
         other = copy.copy(self)
         other.parameters = dict(self.parameters)
@@ -234,6 +282,7 @@ class System:
         eps : float or mapping of switch to float
             Width of the layer, in the unit of h; > 0.
         sigmoid : {"algebraic", "tanh", "erf"}
+            The family Lambda.
 
         Returns
         -------
@@ -278,15 +327,15 @@ class System:
 
         Parameters
         ----------
-        ratios : mapping of state to number
+        ratios : mapping of state to float, dimensionless
             r: `sp.oo` slaves the state to its equilibrium, a positive number gives a layer with that ratio
             of speeds, 0 a two-stage one (lambda first, then the state along the root). May be empty, to
             choose only the sigmoid.
         sigmoid : {"algebraic", "tanh", "erf"}
             Speed of lambda inside the layer.
-        eps_ratio : mapping of switch to float, optional
+        eps_ratio : mapping of switch to float, dimensionless, optional
             Widths of the layers relative to each other, 1 by default; r refers to that of the first switch.
-        time_constant : mapping of state to Symbol or number, optional
+        time_constant : mapping of state to (Symbol or float), in units of time, optional
             beta, where the rate does not show it uniquely.
 
         Returns

@@ -15,10 +15,10 @@ import public_names
 
 NAMES = public_names.public_names()
 PENDING = (
-    "pwsmooth.analysis", "pwsmooth.compare", "pwsmooth.figures", "pwsmooth.fit", "pwsmooth.records", "pwsmooth.scenes",
-    "pwsmooth.sweep",
+    "pwsmooth.analysis", "pwsmooth.basins", "pwsmooth.compare", "pwsmooth.figures", "pwsmooth.find_orbit",
+    "pwsmooth.fit", "pwsmooth.follow", "pwsmooth.lyapunov_exponents", "pwsmooth.orbit_diagram", "pwsmooth.scenes", "pwsmooth.sweep",
 )  # fmt: skip
-DONE = {n: v for n, v in NAMES.items() if n.count(".") > 1 and not n.startswith(PENDING)}
+DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}
 
 
 @pytest.mark.parametrize("name", DONE)
