@@ -16,7 +16,7 @@ import public_names
 NAMES = public_names.public_names()
 PENDING = (
     "pwsmooth.analysis", "pwsmooth.basins", "pwsmooth.compare", "pwsmooth.figures", "pwsmooth.find_orbit",
-    "pwsmooth.fit", "pwsmooth.follow", "pwsmooth.lyapunov_exponents", "pwsmooth.orbit_diagram", "pwsmooth.scenes", "pwsmooth.sweep",
+    "pwsmooth.fit", "pwsmooth.follow", "pwsmooth.lyapunov_exponents", "pwsmooth.orbit_diagram", "pwsmooth.sweep",
 )  # fmt: skip
 DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}
 

@@ -36,13 +36,14 @@ def free_impact(
     ----------
     law : Law
         A contact law.
-    speed : float
-        Towards the wall, > 0, m/s.
-    m : float
-        Mass, > 0, kg.
-    approach : float
-        Gap at the start, >= 0, m; 0 starts at touch-down.
-    t_span : (float, float)
+    speed : float, m/s
+        Towards the wall, > 0.
+    m : float, kg
+        Mass, > 0.
+    approach : float, m
+        Gap at the start, >= 0; 0 starts at touch-down.
+    t_span : (float, float), s
+        Suggested span.
 
     Returns
     -------
@@ -54,11 +55,16 @@ def free_impact(
     ValueError
         A speed or mass that is not positive, a gap below 0.
 
+    Notes
+    -----
+    Source: defined here, m dv/dt = -F; the law has its own.
+
     Examples
     --------
     >>> from pwsmooth.laws.contact import HertzImpact, effective_restitution
+    >>> from pwsmooth.scenes import free_impact
     >>> scene = free_impact(HertzImpact(c_r=0.5), speed=2.0)
-    >>> e = -scene.solve()["v"][-1]/2.0
+    >>> e = -scene.solve()["v"][-1] / 2.0
     >>> bool(abs(e - effective_restitution("lankarani-nikravesh", 0.5)) < 1e-8)  # ten times rtol
     True
     """
@@ -84,21 +90,40 @@ def falling_ball(
     Parameters
     ----------
     law : Law
-    height : float
-        Gap at the start, > 0, m.
-    m, g : float
-        Mass and gravity.
-    t_span : (float, float)
+        A contact law.
+    height : float, m
+        Gap at the start, > 0.
+    m : float, kg
+        Mass.
+    g : float, m/s^2
+        Gravity.
+    t_span : (float, float), s
+        Suggested span.
 
     Returns
     -------
     Scene
-        Outputs also `height` (-p); observable `apexes`, the heights at which the ball turns.
+        Outputs `force`, `energy`, `height` (-p); observable `apexes`, the heights at which the ball turns.
 
     Raises
     ------
     ValueError
         A height, mass or gravity that is not positive.
+
+    Notes
+    -----
+    Source: defined here, m dv/dt = m g - F; the law has its own.
+
+    Examples
+    --------
+    Each apex of a rigid ball is e^2 times the one before:
+
+    >>> from pwsmooth.laws.contact import RigidImpact
+    >>> from pwsmooth.scenes import falling_ball
+    >>> scene = falling_ball(RigidImpact(e=0.8), height=1.0, t_span=(0, 2))
+    >>> solution = scene.solve(dense_output=True)
+    >>> [f"{apex:.6f}" for apex in scene.observe(solution)["apexes"][:2]]
+    ['0.640000', '0.409600']
     """
     _check_mass(m)
     for name, value in (("height", height), ("g", g)):
@@ -135,11 +160,22 @@ def impact_oscillator(
     Parameters
     ----------
     law : Law
-    d : float
+        A contact law, of the stop.
+    d : float, m
         Where the stop stands, from the spring's rest.
-    k, c, m : float
-    amplitude, omega : float
-    start : (float, float)
+    k : float, N/m
+        Spring.
+    c : float, N s/m
+        Damper.
+    m : float, kg
+        Mass.
+    amplitude : float, N
+        Of the drive.
+    omega : float, rad/s
+        Of the drive.
+    t_span : (float, float), s
+        Suggested span.
+    start : (float, float), m and m/s
         x and its velocity; x <= d.
 
     Returns
@@ -151,6 +187,24 @@ def impact_oscillator(
     ------
     ValueError
         A mass or frequency that is not positive, a start inside the stop.
+
+    Notes
+    -----
+    Source: the impact oscillator of Shaw and Holmes, J. Sound Vib. 90 (1983) 129-155; the law has its own.
+
+    Examples
+    --------
+    The steady motion meets the stop above the grazing amplitude, and never below:
+
+    >>> from pwsmooth.laws.contact import RigidImpact
+    >>> from pwsmooth.scenes import grazing_amplitude, impact_oscillator
+    >>> grazing = grazing_amplitude(d=1.0, k=1.0, c=0.5, m=1.0, omega=0.8)
+    >>> for share in (0.99, 1.01):
+    ...     scene = impact_oscillator(RigidImpact(e=0.8), c=0.5, amplitude=share * grazing, t_span=(0, 150))
+    ...     late = scene.solve().event_times("impact") > 75
+    ...     print(share, late.any())
+    0.99 False
+    1.01 True
     """
     _check_mass(m)
     if not (math.isfinite(omega) and omega > 0):
@@ -167,7 +221,36 @@ def impact_oscillator(
 
 
 def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> float:
-    """Drive at which the steady motion of `impact_oscillator` just touches its stop."""
+    """Drive at which the steady motion of `impact_oscillator` just touches its stop.
+
+    Parameters
+    ----------
+    d : float, m
+        Where the stop stands.
+    k : float, N/m
+        Spring.
+    c : float, N s/m
+        Damper.
+    m : float, kg
+        Mass.
+    omega : float, rad/s
+        Of the drive.
+
+    Returns
+    -------
+    float
+        Amplitude d sqrt((k - m omega^2)^2 + (c omega)^2), N.
+
+    Notes
+    -----
+    Source: the amplitude of the linear oscillator's steady motion.
+
+    Examples
+    --------
+    >>> from pwsmooth.scenes import grazing_amplitude
+    >>> grazing_amplitude(d=1.0, k=2.0, c=0.0, m=1.0, omega=1.0)
+    1.0
+    """
     return d * math.hypot(k - m * omega**2, c * omega)
 
 
@@ -180,17 +263,48 @@ def pressed_block(
     t_span: tuple[float, float] = (0.0, 1.0),
     parameters: Mapping[Any, float] | None = None,
 ) -> Scene:
-    """A block pressed against a wall and pulled off by an outside force u(t) (> 0 presses): the sticky-force test.
+    """A block pressed against a wall and pulled off by an outside force: the sticky-force test.
 
     Parameters
     ----------
     law : Law
-    force : expression of t
-    m : float
-    p0 : float
+        A contact law.
+    force : Expr of t
+        u(t), N; > 0 presses.
+    m : float, kg
+        Mass.
+    p0 : float, m
         Indentation at the start, at rest there.
-    parameters : mapping, optional
-        Values of the force's symbols.
+    t_span : (float, float), s
+        Suggested span.
+    parameters : mapping of (Symbol or str) to float, optional
+        Values of the force's symbols, in its units.
+
+    Returns
+    -------
+    Scene
+        States p, v; outputs `force`, `energy`, `pull`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A mass that is not positive, a force that is no expression.
+
+    Notes
+    -----
+    Source: X. Xiong's thesis, chapter 5, figure 5.3; the law has its own.
+
+    Examples
+    --------
+    Kelvin and Voigt's contact sticks to the wall; one that is released where its force vanishes does not:
+
+    >>> from pwsmooth.laws.contact import KelvinVoigt, LinearResidual
+    >>> from pwsmooth.scenes import pressed_block, t
+    >>> for law in (KelvinVoigt(), LinearResidual()):
+    ...     force = pressed_block(law, 10 - 200 * t, p0=0.01, t_span=(0, 0.2)).solve()["force"]
+    ...     print(f"{type(law).__name__} pulls with {max(0.0, -force.min()):.1f} N")
+    KelvinVoigt pulls with 5.1 N
+    LinearResidual pulls with 0.0 N
     """
     _check_mass(m)
     u = expression(force, "force")

@@ -28,19 +28,33 @@ class ClearanceJoint(NamedTuple):
     Attributes
     ----------
     force : (Expr, Expr)
-        On the journal; the opposite one acts on the bearing, at its centre.
+        On the journal, N; the opposite one acts on the bearing, at its centre.
     moments : (Expr, Expr)
-        On the journal's and on the bearing's body, about the centres.
+        On the journal's and on the bearing's body, about the centres, N m.
     normal, friction : Expr
-        F_N >= 0, and F_T, which opposes v_T.
+        F_N >= 0, and F_T, which opposes v_T, N.
     indentation : Expr
-        delta, negative in free flight.
+        delta, m, negative in free flight.
     slip : Expr
-        v_T.
+        v_T, m/s.
     pieces : list of Pieces
         Of the laws.
     events : tuple of Event
         The joint's own, where the law has none on the wall.
+
+    Notes
+    -----
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.contact import Hertz
+    >>> from pwsmooth.scenes.journal import clearance_joint
+    >>> x, y, u, v = sp.symbols("x y u v", real=True)
+    >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
+    >>> joint.indentation, joint.friction
+    (sqrt(x**2 + y**2) - 0.001, 0)
     """
 
     force: tuple[Any, Any]
@@ -66,16 +80,16 @@ def clearance_joint(
     tangential: Law | None = None,
     name: str = "",
 ) -> ClearanceJoint:
-    """The joint's forces from the motion of the journal in the bearing.
+    """The forces of a revolute joint with clearance, from the motion of the journal in the bearing.
 
     Parameters
     ----------
     e, rate : (Expr, Expr)
-        Journal centre from bearing centre, and its rate.
-    c, R_B, R_J : Expr
+        Journal centre from bearing centre, m, and its rate, m/s.
+    c, R_B, R_J : Expr or float, m
         Radial clearance and radii.
     spin_B, spin_J : Expr
-        Angular velocities of the bearing's and the journal's body.
+        Angular velocities of the bearing's and the journal's body, rad/s.
     normal : Law
         Contact law.
     tangential : Law, optional
@@ -83,10 +97,22 @@ def clearance_joint(
     name : str
         Put behind the names of the joint's symbols.
 
+    Returns
+    -------
+    ClearanceJoint
+        Forces, moments, and what the laws bring.
+
+    Notes
+    -----
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is
+    regular at the
+    bearing's centre is defined here.
+
     Examples
     --------
     >>> import sympy as sp
     >>> from pwsmooth.laws.contact import Hertz
+    >>> from pwsmooth.scenes.journal import clearance_joint
     >>> x, y, u, v = sp.symbols("x y u v", real=True)
     >>> joint = clearance_joint((x, y), (u, v), c=1e-3, R_B=0.01, R_J=0.009, normal=Hertz())
     >>> [event.name for event in joint.pieces[0].events]

@@ -29,21 +29,23 @@ def prescribed_motion(
     parameters: Mapping[Any, float] | None = None,
     work: bool = False,
 ) -> Scene:
-    """A law under a given motion.
+    """A law under a given motion: position or velocity in, force out; no mass, so that the law is seen alone.
 
     Parameters
     ----------
     law : Law
-    position, velocity : expression of t or Table
-        One of them; a position must not jump. Symbols other than t are parameters of the drive.
-    normal : expression of t or Table, optional
-        Normal load.
-    t_span : (float, float), optional
+        Of friction or contact.
+    position, velocity : Expr of t or Table
+        One of them, in the units of the law; a position must not jump. Symbols other than t are parameters of
+        the drive.
+    normal : Expr of t or Table, optional
+        Normal load; the law is per unit of load then.
+    t_span : (float, float), s, optional
         (0, 1), or the span of the table.
-    period : float, optional
+    period : float, s, optional
         Period of the motion.
-    parameters : mapping of Symbol or str to float, optional
-        Values of the drive's symbols.
+    parameters : mapping of (Symbol or str) to float, optional
+        Values of the drive's symbols, in its units.
     work : bool
         Add the state `work`, the integral of f v dt.
 
@@ -54,8 +56,12 @@ def prescribed_motion(
 
     Raises
     ------
-    ValueError
-        Both or none of `position` and `velocity`; a position that jumps.
+    ValueError, TypeError
+        Both or none of `position` and `velocity`; a position that jumps; a drive that is no expression.
+
+    Notes
+    -----
+    Source: defined here; the law has its own.
 
     Examples
     --------

@@ -23,18 +23,20 @@ ATOL = 1e-12  # solve's own, for a state of size 1
 
 @dataclass(frozen=True)
 class Scene:
-    """A model ready to run.
+    """A model ready to run: mechanism, law and drive as one System, with its start and its span.
 
     Parameters
     ----------
     name : str
+        For titles.
     system : System
+        The model.
     start : mapping of state name to float
-        Initial state.
-    t_span : (float, float)
-        Suggested span, s.
-    period : float, optional
-        Period of the forcing, s; None if there is none.
+        Initial state, in the units of the states.
+    t_span : (float, float), s
+        Suggested span.
+    period : float, s, optional
+        Period of the forcing; None if there is none.
     observables : mapping of str to (str or callable)
         Name -> output of the solution, or a function of the Solution.
     units : mapping of str to str
@@ -42,11 +44,18 @@ class Scene:
     note : str
         Source, and what is reconstructed.
     atol : mapping of str to float
-        Absolute tolerances of states whose usual size is far from 1; `solve` takes them unless it is given others.
+        Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
+        unless it is given others.
+
+    Notes
+    -----
+    Source: defined here; `note` has that of the model.
 
     Examples
     --------
     >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.scenes import Scene
     >>> x, v = sp.symbols("x v", real=True)
     >>> scene = Scene("block", System({x: v, v: -x - sp.sign(v)}), {"x": 3.5, "v": 0.0}, (0, 10),
     ...               observables={"end": lambda s: s["x"][-1]})
@@ -66,13 +75,39 @@ class Scene:
     atol: Mapping[str, float] = field(default_factory=dict)
 
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
-        """`pwsmooth.solve` of the system from `start` over `t_span`; both may be replaced, options are solve's."""
+        """Solve the system from `start` over `t_span`; both may be replaced.
+
+        Parameters
+        ----------
+        t_span : (float, float), s, optional
+            Another span.
+        x0 : mapping or sequence of float, length n, optional
+            Another start, in the units of the states.
+        **options
+            Those of `pwsmooth.solve`.
+
+        Returns
+        -------
+        Solution
+            With the scene's absolute tolerances, unless `atol` is given.
+        """
         if self.atol:
             options.setdefault("atol", [self.atol.get(str(s), ATOL) for s in self.system.states])
         return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
 
     def observe(self, solution: Solution) -> dict[str, Any]:
-        """The observables of a solution of this scene: arrays over its times, or what their functions return."""
+        """The observables of a solution of this scene.
+
+        Parameters
+        ----------
+        solution : Solution
+            Of this scene's system.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Arrays over the solution's times, shape (nt,), in the scene's `units`, or what the functions return.
+        """
         return {
             name: what(solution) if callable(what) else solution[what]
             for name, what in self.observables.items()
@@ -92,15 +127,59 @@ def assemble(
     algebraic: Iterable[Any] = (),
     begin: float = 0.0,
 ) -> tuple[System, dict[str, float], dict[str, float]]:
-    """A System of a mechanism's own equations and the pieces of its laws, its initial state, its tolerances.
+    """A System of a mechanism's own equations and the pieces of its laws.
 
-    Arguments are those of `System`; `start` has the mechanism's states, laws bring their own, which may be
-    expressions of the motion at the time `begin`.
+    Parameters
+    ----------
+    rates : mapping of state to Expr
+        The mechanism's own equations.
+    pieces : Pieces or iterable of Pieces
+        What laws brought to its joints.
+    time : Symbol, optional
+        Needed if time stands in an expression.
+    start : mapping of state to float
+        Initial values of the mechanism's states, in their units; laws bring their own, which may be
+        expressions of the
+        motion at the time `begin`.
+    parameters : mapping of Symbol to float, optional
+        The mechanism's, in its units.
+    outputs : mapping of str to Expr, optional
+        The mechanism's.
+    events, contacts, algebraic : iterable
+        The mechanism's own Event, Unilateral and Algebraic.
+    begin : float, s
+        Time of the start.
+
+    Returns
+    -------
+    (System, dict, dict)
+        The system, its initial state and absolute tolerances, both by name of the state and in its unit.
 
     Raises
     ------
     ValueError
         Two of them use one name; `attach(name=...)` tells laws apart.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    A block between two walls of Hertz's kind:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import solve
+    >>> from pwsmooth.laws.contact import Hertz
+    >>> from pwsmooth.scenes import assemble
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> right = Hertz().attach(position=x - 1, velocity=v, name="right")
+    >>> left = Hertz().attach(position=-1 - x, velocity=-v, name="left")
+    >>> system, begin, atol = assemble({x: v, v: left.force - right.force}, [left, right], start={x: 0.0, v: 1.0})
+    >>> solution = solve(system, (0, 4), begin)
+    >>> [event.switch for event in solution.events]
+    ['touch-down_right', 'sgn(x - 1)', 'lift-off_right', 'sgn(x - 1)', 'touch-down_left', 'sgn(x + 1)',
+    'lift-off_left', 'sgn(x + 1)']
     """
     all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})

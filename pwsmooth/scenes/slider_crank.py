@@ -60,7 +60,7 @@ def slider_crank(
     start: Sequence[float] = (0.0, 0.0),
     revolutions: float = 1.0,
 ) -> Scene:
-    """The mechanism with the clearance joint.
+    """The planar slider-crank with a clearance joint between rod and slider; the crank turns at constant speed.
 
     Parameters
     ----------
@@ -69,21 +69,25 @@ def slider_crank(
         parameter must have this one.
     tangential : Law, optional
         Friction law per unit of load; None is none.
-    clearance : float
-        Radial clearance R_B - R_J, m, > 0 and below the bearing's radius.
-    c_r : float
+    clearance : float, m
+        Radial clearance R_B - R_J, > 0 and below the bearing's radius.
+    c_r : float, dimensionless
         Coefficient of restitution of the default contact law.
-    rpm : float
-        Crank speed, revolutions a minute.
-    bearing, crank, rod : float
-        Radius R_B, and lengths, m.
-    rod_mass, rod_inertia, slider_mass : float
-        kg, and kg m^2 about the rod's centre of mass at mid-length.
-    gravity : float
-        In the direction of -y, m/s^2.
-    start : (float, float)
-        Journal centre in the bearing at phi = 0, m; it moves with the ideal joint's velocity.
-    revolutions : float
+    rpm : float, in units of revolutions a minute
+        Crank speed.
+    bearing, crank, rod : float, m
+        Radius R_B, and lengths.
+    rod_mass : float, kg
+        Mass of the rod.
+    rod_inertia : float, kg m^2
+        About the rod's centre of mass at mid-length.
+    slider_mass : float, kg
+        Mass of the slider.
+    gravity : float, m/s^2
+        In the direction of -y.
+    start : (float, float), m
+        Journal centre in the bearing at phi = 0; it moves with the ideal joint's velocity.
+    revolutions : float, dimensionless
         Of the suggested span.
 
     Returns
@@ -98,12 +102,21 @@ def slider_crank(
         A clearance, length, mass or speed that is not positive; a journal that is not smaller than its bearing; a
         start inside the wall; a law with another clearance.
 
+    Notes
+    -----
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4, for masses and lengths. Assumed,
+    as not printed
+    there: rod's centre of mass, 200 rpm, radii, joint length, steel, friction coefficient 0.01, no gravity.
+
     Examples
     --------
+    The first impact after free flight:
+
+    >>> from pwsmooth.scenes import slider_crank
     >>> scene = slider_crank(clearance=1e-3)
     >>> first = scene.solve((0, 0.01)).event_times("reset", "touch-down")[0]
-    >>> round(float(first)*1e3, 8)
-    8.86094991
+    >>> print(f"{1e3 * first:.6f} ms")
+    8.860950 ms
     """
     sizes = dict(clearance=clearance, rpm=rpm, bearing=bearing, crank=crank, rod=rod, rod_mass=rod_mass,
                  rod_inertia=rod_inertia, slider_mass=slider_mass)  # fmt: skip
@@ -218,13 +231,29 @@ class IdealSliderCrank:
 
     Parameters
     ----------
-    rpm, crank, rod, rod_mass, rod_inertia, slider_mass : float
-        As of `slider_crank`.
+    rpm : float, in units of revolutions a minute
+        Crank speed.
+    crank, rod : float, m
+        Lengths.
+    rod_mass : float, kg
+        Mass of the rod.
+    rod_inertia : float, kg m^2
+        About the rod's centre of mass at mid-length.
+    slider_mass : float, kg
+        Mass of the slider.
+
+    Notes
+    -----
+    Source: the kinematics of the slider-crank; the torque is the rate of the kinetic energy with the crank angle.
 
     Examples
     --------
-    >>> round(float(IdealSliderCrank().acceleration(0.0)), 3)
-    -25.588
+    At phi = 0 the slider's acceleration is -omega^2 r (1 + r/l):
+
+    >>> from pwsmooth.scenes import IdealSliderCrank
+    >>> ideal = IdealSliderCrank()
+    >>> print(f"{ideal.acceleration(0.0):.3f} {-ideal.omega**2 * ideal.r * (1 + ideal.r / ideal.l):.3f}")
+    -25.588 -25.588
     """
 
     def __init__(self, *, rpm: float = RPM, crank: float = CRANK, rod: float = ROD, rod_mass: float = ROD_MASS,
@@ -242,21 +271,65 @@ class IdealSliderCrank:
         return sine, cosine, first, second
 
     def position(self, phi: Any) -> Any:
-        """x at crank angles phi, m."""
+        """Position of the slider.
+
+        Parameters
+        ----------
+        phi : float or array_like, any shape, rad
+            Crank angles.
+
+        Returns
+        -------
+        float or ndarray
+            x, of the shape of `phi`, m.
+        """
         return self.r * np.cos(phi) + self.l * self._rod(phi)[1]
 
     def velocity(self, phi: Any) -> Any:
-        """dx/dt, m/s."""
+        """Velocity of the slider.
+
+        Parameters
+        ----------
+        phi : float or array_like, any shape, rad
+            Crank angles.
+
+        Returns
+        -------
+        float or ndarray
+            dx/dt, of the shape of `phi`, m/s.
+        """
         sine, _, first, _ = self._rod(phi)
         return self.omega * (-self.r * np.sin(phi) - self.l * sine * first)
 
     def acceleration(self, phi: Any) -> Any:
-        """d2x/dt2, m/s^2."""
+        """Acceleration of the slider.
+
+        Parameters
+        ----------
+        phi : float or array_like, any shape, rad
+            Crank angles.
+
+        Returns
+        -------
+        float or ndarray
+            d2x/dt2, of the shape of `phi`, m/s^2.
+        """
         sine, cosine, first, second = self._rod(phi)
         return self.omega**2 * (-self.r * np.cos(phi) - self.l * (cosine * first**2 + sine * second))
 
     def torque(self, phi: Any) -> Any:
-        """Driving torque at constant speed: d(kinetic energy)/d phi, N m."""
+        """Driving torque at constant speed: d(kinetic energy)/d phi.
+
+        Parameters
+        ----------
+        phi : float or array_like, any shape, rad
+            Crank angles.
+
+        Returns
+        -------
+        float or ndarray
+            Of the shape of `phi`, N m.
+        """
         sine, cosine, first, second = self._rod(phi)
         w2 = self.omega**2
         # Centre of mass: r (cos, sin) + (l/2) (cos psi, sin psi)

@@ -55,14 +55,43 @@ def force_driven(
     Parameters
     ----------
     law : Law
-    force : expression of t or Table
-    m : float
+        Of friction.
+    force : Expr of t or Table
+        u, N.
+    m : float, kg
         Mass.
-    normal : expression of t, optional
-    t_span : (float, float)
-    period : float, optional
-    parameters : mapping, optional
-        Values of the drive's symbols.
+    normal : Expr of t, optional
+        Normal load; the law is per unit of load then.
+    t_span : (float, float), s, optional
+        (0, 1), or the span of the table.
+    period : float, s, optional
+        Period of the force.
+    parameters : mapping of (Symbol or str) to float, optional
+        Values of the drive's symbols, in its units.
+
+    Returns
+    -------
+    Scene
+        States x, v and the law's; outputs `friction`, `drive`, and those of the law.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A mass that is not positive; a force that is no expression; a span beyond the table.
+
+    Notes
+    -----
+    Source: defined here, m dv/dt = u - f; the law has its own.
+
+    Examples
+    --------
+    Coulomb friction holds a force below F_c:
+
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> from pwsmooth.scenes import force_driven, t
+    >>> pushed = force_driven(Coulomb(F_c=1.0), 0.5 * t, t_span=(0, 4)).solve()
+    >>> [f"{event.kind} at {event.time:.6f}" for event in pushed.events]
+    ['slip by tangency at 2.000000']
     """
     values = {mass: m, **(parameters or {})}
     tables = [force] if isinstance(force, Table) else []
@@ -84,12 +113,45 @@ def block_on_belt(
     Parameters
     ----------
     law : Law
-    k, c : float
-        Spring and damper (of the elongation's rate), N/m and N s/m.
-    pull : float
+        Of friction.
+    k : float, N/m
+        Spring.
+    pull : float, m/s
         Speed of the spring's end or of the belt.
-    m : float
+    m : float, kg
         Mass.
+    c : float, N s/m
+        Damper, of the elongation's rate.
+    normal : Expr of t, optional
+        Normal load; the law is per unit of load then.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States `elongation`, v and the law's; outputs `x`, `friction`, `drive`, and those of the law.
+
+    Raises
+    ------
+    ValueError
+        A mass that is not positive.
+
+    Notes
+    -----
+    Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky,
+    IEEE TAC 40
+    (1995) 419-425; the law has its own.
+
+    Examples
+    --------
+    The spring stretches until its force is that of static friction:
+
+    >>> from pwsmooth.laws.friction import StaticKinetic
+    >>> from pwsmooth.scenes import block_on_belt
+    >>> solution = block_on_belt(StaticKinetic(F_s=1.5), k=2.0).solve()
+    >>> print(f"{2.0 * solution['elongation'][solution.t <= solution.event_times('slip')[0]].max():.6f} N")
+    1.500000 N
     """
     speed = sp.Symbol("pull", real=True)
     values = {mass: m, spring: k, speed: pull}
@@ -111,12 +173,46 @@ def friction_oscillator(
     ----------
     law : Law
         `HiddenStatic` gives the oscillator of the solid-friction paper.
-    k, c, m : float
-        Spring, damper, mass.
-    amplitude, omega : float
+    k : float, N/m
+        Spring.
+    c : float, N s/m
+        Damper.
+    m : float, kg
+        Mass.
+    amplitude : float, N
         Of the drive.
-    start : (float, float)
+    omega : float, rad/s
+        Of the drive.
+    normal : Expr of t, optional
+        Normal load; the law is per unit of load then.
+    t_span : (float, float), s
+        Suggested span.
+    start : (float, float), m and m/s
         Displacement and velocity.
+
+    Returns
+    -------
+    Scene
+        States y, v and the law's; outputs `friction`, `drive`, and those of the law.
+
+    Raises
+    ------
+    ValueError
+        A mass that is not positive.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults;
+    the law has
+    its own.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.friction import HiddenStatic
+    >>> from pwsmooth.scenes import friction_oscillator
+    >>> solution = friction_oscillator(HiddenStatic(rho=3.0, beta=0.1)).solve()
+    >>> "stick (lam sliding)" in solution.itinerary
+    True
     """
     strength, frequency = sp.symbols("amplitude omega", nonnegative=True)
     values = {mass: m, spring: k, damper: c, strength: amplitude, frequency: omega}
@@ -136,11 +232,46 @@ def position_control(
     Parameters
     ----------
     law : Law
-    target : float
-    proportional, derivative, integral : float
-        k_p, k_d, k_i.
-    m : float
+        Of friction.
+    target : float, m
+        Wanted position.
+    proportional : float, N/m
+        Gain k_p.
+    derivative : float, N s/m
+        Gain k_d.
+    integral : float, units of N/(m s)
+        Gain k_i.
+    m : float, kg
         Mass.
+    normal : Expr of t, optional
+        Normal load; the law is per unit of load then.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States x, `integral`, v and the law's; outputs `friction`, `drive`, and those of the law.
+
+    Raises
+    ------
+    ValueError
+        A mass that is not positive.
+
+    Notes
+    -----
+    Source: the hunting test of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425; the law
+    has its own.
+
+    Examples
+    --------
+    With static friction above the kinetic one the position hunts around its target:
+
+    >>> from pwsmooth.laws.friction import StaticKinetic
+    >>> from pwsmooth.scenes import position_control
+    >>> solution = position_control(StaticKinetic(F_s=1.5), t_span=(0.0, 50.0)).solve()
+    >>> len(solution.event_times("slip")) > 1
+    True
     """
     goal = sp.Symbol("target", real=True)
     k_p, k_d, k_i = sp.symbols("k_p k_d k_i", nonnegative=True)

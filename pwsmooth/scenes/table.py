@@ -21,22 +21,30 @@ __all__ = ["Table", "within"]
 
 
 class Table:
-    """A drive given by samples.
+    """A drive given by samples, as a cubic spline that a System can follow.
 
     Parameters
     ----------
-    times : array_like, shape (n,)
+    times : array_like, shape (n,), s
         Increasing, n >= 4; compile time grows with n, a few seconds for a thousand.
     values : array_like, shape (n,)
+        In the unit of what is driven.
 
     Attributes
     ----------
-    t_span : (float, float)
+    t_span : (float, float), s
+        First and last time.
 
     Raises
     ------
     ValueError
         Times that do not increase, values that are not finite, or too few of them.
+
+    Notes
+    -----
+    The spline is a state with its derivatives; its third derivative is a Memory that one Event sets at the knots.
+
+    Source: defined here; the spline is SciPy's CubicSpline, not-a-knot.
 
     Examples
     --------
@@ -46,6 +54,8 @@ class Table:
     >>> times = np.linspace(0, 2, 81)
     >>> rig = prescribed_motion(Dahl(), position=Table(times, 3e-5*np.sin(4*times)))
     >>> force = rig.solve(t_eval=times)["force"]
+    >>> force.shape
+    (81,)
     """
 
     def __init__(self, times: Any, values: Any):
@@ -65,7 +75,18 @@ class Table:
         self.t_span = (float(self.times[0]), float(self.times[-1]))
 
     def pieces(self, name: str) -> Pieces:
-        """The spline as states `name`, `name_1`, `name_2`; its `force` is the value."""
+        """The spline as states `name`, `name_1`, `name_2`; its `force` is the value.
+
+        Parameters
+        ----------
+        name : str
+            Of the state.
+
+        Returns
+        -------
+        Pieces
+            For `assemble`.
+        """
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(self.times, self.values)
@@ -89,13 +110,52 @@ class Table:
         )
 
     def derivatives(self, name: str) -> tuple[sp.Symbol, sp.Symbol]:
-        """Symbols of its first and second derivative."""
+        """Symbols of its first and second derivative.
+
+        Parameters
+        ----------
+        name : str
+            As given to `pieces`.
+
+        Returns
+        -------
+        (Symbol, Symbol)
+            In the unit of the values over s and over s^2.
+        """
         first, second = sp.symbols(f"{name}_1 {name}_2", real=True)
         return first, second
 
 
 def within(t_span: Any, tables: Any) -> tuple[float, float]:
-    """`t_span`, by default that of the tables; a ValueError if it does not begin with them or goes beyond them."""
+    """The span of a run whose drives are tables.
+
+    Parameters
+    ----------
+    t_span : (float, float), s, or None
+        Wanted span; by default that of the tables.
+    tables : iterable of Table
+        None of them: (0, 1) by default.
+
+    Returns
+    -------
+    (float, float)
+        Start and end, s.
+
+    Raises
+    ------
+    ValueError
+        It does not begin with the tables, or goes beyond them.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.scenes.table import Table, within
+    >>> within(None, [Table([0, 1, 2, 3], [0, 1, 0, 1])])
+    (0.0, 3.0)
+    """
     for table in tables:
         if t_span is None:
             t_span = table.t_span
