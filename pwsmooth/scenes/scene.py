@@ -177,9 +177,8 @@ def assemble(
     >>> left = Hertz().attach(position=-1 - x, velocity=-v, name="left")
     >>> system, begin, atol = assemble({x: v, v: left.force - right.force}, [left, right], start={x: 0.0, v: 1.0})
     >>> solution = solve(system, (0, 4), begin)
-    >>> [event.switch for event in solution.events]
-    ['touch-down_right', 'sgn(x - 1)', 'lift-off_right', 'sgn(x - 1)', 'touch-down_left', 'sgn(x + 1)',
-    'lift-off_left', 'sgn(x + 1)']
+    >>> [event.switch for event in solution.events if event.kind == "reset"]
+    ['touch-down_right', 'lift-off_right', 'touch-down_left', 'lift-off_left']
     """
     all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
