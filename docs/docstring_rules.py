@@ -10,6 +10,7 @@ import enum
 import inspect
 import re
 import textwrap
+import types
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -31,7 +32,7 @@ SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\
 
 def shortcomings(name: str, value: Any) -> list[str]:
     """What the docstring of a public name, and of the methods that it defines, lacks; empty for a complete one."""
-    if not (inspect.isclass(value) or callable(value)):
+    if isinstance(value, types.GenericAlias) or not (inspect.isclass(value) or callable(value)):
         return []
     missing = [*_lacking(value), *_example(value), *_source(value)]
     if inspect.isclass(value):

@@ -14,10 +14,7 @@ import docstring_rules
 import public_names
 
 NAMES = public_names.public_names()
-PENDING = (
-    "pwsmooth.analysis", "pwsmooth.basins", "pwsmooth.compare", "pwsmooth.figures", "pwsmooth.find_orbit",
-    "pwsmooth.fit", "pwsmooth.follow", "pwsmooth.lyapunov_exponents", "pwsmooth.orbit_diagram", "pwsmooth.sweep",
-)  # fmt: skip
+PENDING = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.fit", "pwsmooth.sweep")
 DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}
 
 

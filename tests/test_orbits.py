@@ -129,6 +129,15 @@ def test_an_autonomous_orbit_is_a_fixed_point_of_the_return_map():
     assert orbit.period == pytest.approx(2 * math.pi / math.sqrt(1 - delta**2), rel=1e-11)
 
 
+@pytest.mark.parametrize("off", [2.0**-54, 2.0**-80, -(2.0**-54), 0.0])
+def test_a_return_map_goes_on_from_a_rounding_off_its_section(off):
+    # Van der Pol's oscillator, amplitude and period by SciPy's DOP853 at rtol 1e-12: 2.00861986, 6.66328686.
+    P = Section(System({x: u, u: (1 - x**2) * u - x}), surface=u, direction=-1)
+    image = P.image(np.array([2.00861986, off]))
+    assert image.x[0] == pytest.approx(2.00861986, abs=1e-8)
+    assert image.time == pytest.approx(6.66328686, abs=1e-7)
+
+
 def test_the_derivative_of_a_return_map_by_a_parameter():
     P = Section(relay(0.1), surface=u - x / 10, direction=-1)
     at = P([10.0, 1.0])

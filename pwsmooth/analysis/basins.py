@@ -29,13 +29,30 @@ class Basins:
 
     Attributes
     ----------
-    axes : dict
-        Name of a state -> its values.
+    axes : dict of str to ndarray, shape (number of values,)
+        Name of a state -> its values, in its unit.
     labels : ndarray of int
-        Index into `attractors`, shape as the axes; -1 where the trajectory had not become periodic, -2 where it
-        failed.
+        Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not
+        become periodic,
+        -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    Of x -> x + (x - x^3)/2 the fixed points -1 and 1 attract, and 0 separates:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, basins
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
+    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
+    >>> [round(float(found.attractors[k].x[0]), 6) for k in found.labels]
+    [-1.0, 1.0, 1.0]
     """
 
     axes: dict[str, np.ndarray]
@@ -48,7 +65,20 @@ class Basins:
         return np.array([np.mean(self.labels == k) for k in range(len(self.attractors))])
 
     def plot(self, ax: Any, colours: Sequence[str] | None = None) -> Any:
-        """The basins over the first two axes; returns the Axes."""
+        """The basins over the first two axes.
+
+        Parameters
+        ----------
+        ax : Axes
+            Where to draw.
+        colours : sequence of str, optional
+            One for each attractor.
+
+        Returns
+        -------
+        Axes
+            The same.
+        """
         from matplotlib.colors import ListedColormap
 
         from ..plotting import COLOUR
@@ -76,34 +106,50 @@ def basins(
     tol: float = 1e-5,
     **options: Any,
 ) -> Basins:
-    """Basins of attraction over a grid of starts.
+    """Find the basins of attraction over a grid of starts.
 
     Parameters
     ----------
     system : System
         Driven with `period`.
-    axes : mapping of state to sequence of float
-    period : float or expression
+    axes : mapping of state to sequence of float, any length
+        The grid, in the units of the states.
+    period : float or Expr, in the unit of the model's time
         Of the drive.
-    start : mapping, optional
-        Values of the states that are no axes.
+    start : mapping of state to float, optional
+        Values of the states that are no axes, in their units.
     transient : int
         Periods before a trajectory is looked at.
     longest : int
         Longest orbit, in periods, that counts as periodic.
-    tol : float
-        How near to an orbit a trajectory has come after the transient, in states (relative to 1 + |x|).
+    tol : float, dimensionless
+        How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
         For `sweep`: executor, workers, store, rtol, ...
 
     Returns
     -------
     Basins
+        Labels of the starts, and the attractors as orbits with multipliers.
 
     Raises
     ------
     ValueError, TypeError
         Bad input, as `sweep` says it.
+
+    Notes
+    -----
+    Source: defined here, a sweep of the stroboscopic map whose ends are refined by Newton's method.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, basins
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> clock = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: x + (x - x**3) / 2})
+    >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
+    >>> [f"{share:.3f}" for share in found.shares]
+    ['0.667', '0.333']
     """
     from ..sweep import Period, Points, sweep
 
@@ -166,7 +212,31 @@ def _on(orbit: PeriodicOrbit, count: int, at: np.ndarray, tol: float) -> bool:
 class OrbitDiagram:
     """Points of the stroboscopic map over a parameter.
 
-    `points` has the shape (values, kept points, states); nan where a run failed.
+    Indexing gives the points of one state, shape (number of values, kept points).
+
+    Attributes
+    ----------
+    parameter : str
+        Its name.
+    values : ndarray, shape (number of values,)
+        In the unit of the parameter.
+    states : tuple of str
+        Their names.
+    points : ndarray, shape (number of values, kept points, n)
+        In the units of the states; nan where a run failed.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, orbit_diagram
+    >>> x, t, c = sp.symbols("x t c", real=True)
+    >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
+    >>> orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, keep=4)["x"].shape
+    (2, 4)
     """
 
     parameter: str
@@ -179,7 +249,22 @@ class OrbitDiagram:
         return self.points[:, :, self.states.index(str(name))]
 
     def plot(self, ax: Any, name: Any, **marks: Any) -> Any:
-        """The diagram of one state; returns the Axes."""
+        """The diagram of one state.
+
+        Parameters
+        ----------
+        ax : Axes
+            Where to draw.
+        name : str or Symbol
+            The state.
+        **marks
+            For matplotlib's `plot`.
+
+        Returns
+        -------
+        Axes
+            The same.
+        """
         from ..plotting import COLOUR
 
         at = np.repeat(self.values, self.points.shape[1])
@@ -207,16 +292,20 @@ def orbit_diagram(
     carry: bool = False,
     **options: Any,
 ) -> OrbitDiagram:
-    """Where the stroboscopic map settles, over a parameter.
+    """Find where the stroboscopic map settles, over a parameter.
 
     Parameters
     ----------
     system : System
+        Driven with `period`.
     parameter : str or Symbol
-    values : sequence of float
-    start : mapping
-        Of every run or, with `carry`, of the first one.
-    period : float or expression
+        Of the system.
+    values : sequence of float, any length
+        In the unit of the parameter.
+    start : mapping of state to float
+        Of every run or, with `carry`, of the first one, in the units of the states.
+    period : float or Expr, in the unit of the model's time
+        Of the drive.
     transient, keep : int
         Periods unseen, and then shown.
     carry : bool
@@ -228,10 +317,23 @@ def orbit_diagram(
     Returns
     -------
     OrbitDiagram
+        The points.
+
+    Raises
+    ------
+    ValueError, TypeError
+        No parameter of that name; bad input, as `sweep` says it.
+
+    Notes
+    -----
+    Source: defined here.
 
     Examples
     --------
-    >>> from pwsmooth import Event, System
+    The logistic map, before and after its first period doubling:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, orbit_diagram
     >>> x, t, c = sp.symbols("x t c", real=True)
     >>> logistic = System({x: 0*x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c*x*(1 - x)})])
     >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)

@@ -34,16 +34,34 @@ class Bifurcation:
         "fold", "flip", "symmetry breaking", "branch point", "torus", or the name of a change of itinerary.
     name : str
         The parameter's.
-    parameter : float
+    parameter : float, in the unit of the parameter
         Its value.
-    uncertainty : float
-        Half width of the bracket in the parameter.
+    uncertainty : float, in the unit of the parameter
+        Half width of the bracket.
     orbit : PeriodicOrbit
         At the bifurcation, on the side from which the branch comes.
     change : Change or None
         Which events change, for changes of itinerary.
     beyond : PeriodicOrbit or None
         The orbit on the other side of a change of itinerary.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
+    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
+
+    Examples
+    --------
+    The logistic map's first period doubling, at 3:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> print(flip.kind, f"{flip.parameter:.6f}")
+    flip 3.000000
     """
 
     kind: str
@@ -63,7 +81,44 @@ class Bifurcation:
 
 
 def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
-    """All bifurcations on the way from one point to the next, in order."""
+    """All bifurcations on the way from one point of a branch to the next, in order.
+
+    Parameters
+    ----------
+    walk : Walk
+        Predictor and corrector of the branch (arclength.py).
+    here, there : Point
+        Neighbours on the branch.
+
+    Returns
+    -------
+    list of Bifurcation
+        Located and named.
+
+    Notes
+    -----
+    Test functions are zeroed between points of one itinerary; a change of itinerary is enclosed by bisection.
+
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the test functions.
+
+    Examples
+    --------
+    `follow` asks it after every step:
+
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit
+    >>> from pwsmooth.analysis.arclength import Walk
+    >>> from pwsmooth.analysis.bifurcations import bifurcations_between
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> walk = Walk(orbit, "a", scale=1.0)
+    >>> here = walk.point(orbit, np.array([0.0, 1.0]))
+    >>> there = walk.step(here, 0.3)
+    >>> [bifurcation.kind for bifurcation in bifurcations_between(walk, here, there)]
+    ['flip']
+    """
     found: list[Bifurcation] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):

@@ -43,9 +43,9 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
 
     Parameters
     ----------
-    rho : float
-        Strength of the hidden (static-friction) term, dimensionless, >= 0.
-    ratio : float
+    rho : float, dimensionless
+        Strength of the hidden (static-friction) term, >= 0.
+    ratio : float, dimensionless
         eps/beta, the layer's speed relative to the relaxation of z; 0 and inf are allowed.
     sigmoid : {"algebraic", "tanh", "erf"}
         Shape L(u) of the layer.
@@ -53,7 +53,9 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     Returns
     -------
     float
-        Between 1 (ratio 0, linear sticking) and mu_s(rho) (nonlinear sticking; reached at a finite ratio).
+        Between 1 (ratio 0, linear sticking) and mu_s(rho) (nonlinear sticking; reached at a finite ratio); in
+        units of
+        the load.
 
     Raises
     ------
@@ -64,8 +66,13 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     -----
     Separatrix of the two-dimensional layer system u' = F - L(u)(1 + rho z), z' = ratio (G(u) - z).
 
+    Source: the layer system is that of Jeffrey, On the mathematical basis of solid friction; the threshold is
+    computed
+    here.
+
     Examples
     --------
+    >>> from pwsmooth.analysis.sticking import capture_threshold
     >>> round(capture_threshold(3, 0.1), 6)
     1.456936
     """
@@ -97,13 +104,30 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
 def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     """Smallest eps/beta from which the capture threshold equals mu_s(rho): the nonlinear region captures.
 
+    Parameters
+    ----------
+    rho : float, dimensionless
+        Strength of the hidden term, > 1/2.
+    sigmoid : {"algebraic", "tanh", "erf"}
+        Shape L(u) of the layer.
+
+    Returns
+    -------
+    float
+        The ratio eps/beta, dimensionless.
+
     Raises
     ------
     ValueError
         `rho` <= 1/2 (no fold, the threshold is 1 at every ratio), nan or infinite, or an unknown `sigmoid`.
 
+    Notes
+    -----
+    Source: computed here, from the strong stable manifold of the merged equilibria at F = mu_s.
+
     Examples
     --------
+    >>> from pwsmooth.analysis.sticking import critical_ratio
     >>> round(critical_ratio(3), 4)
     0.6453
     """

@@ -30,11 +30,29 @@ class Branch:
     Attributes
     ----------
     parameter : str
+        Its name.
     orbits : list of PeriodicOrbit
         In the order in which they were found.
     bifurcations : list of Bifurcation
+        In the order in which they were found.
     end : str
         Why it ended, in words.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit, follow
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> system = System({x: a * sp.cos(t) - x}, time=t, parameters={a: 1})
+    >>> branch = follow(find_orbit(system, {x: 0}, period=2 * sp.pi), a, to=2)
+    >>> branch.end, bool(branch.stable.all())
+    ('reached a = 2.', True)
+    >>> print(f"{branch.values[-1]:g} {branch.x[0, -1]:.9f}")
+    2 1.000000000
     """
 
     parameter: str
@@ -44,12 +62,12 @@ class Branch:
 
     @property
     def values(self) -> np.ndarray:
-        """The parameter along the branch, shape (number of orbits,)."""
+        """The parameter along the branch, shape (number of orbits,), in its unit."""
         return np.array([value_of(orbit, self.parameter) for orbit in self.orbits])
 
     @property
     def x(self) -> np.ndarray:
-        """Points on the section, shape (n, number of orbits)."""
+        """Points on the section, shape (n, number of orbits), in the units of the states."""
         return np.array([orbit.x for orbit in self.orbits]).T
 
     @property
@@ -58,7 +76,18 @@ class Branch:
         return np.array([orbit.stable for orbit in self.orbits])
 
     def of_kind(self, kind: str) -> list[Bifurcation]:
-        """Bifurcations of one kind."""
+        """Bifurcations of one kind.
+
+        Parameters
+        ----------
+        kind : str
+            As of `Bifurcation`.
+
+        Returns
+        -------
+        list of Bifurcation
+            In the order in which they were found.
+        """
         return [b for b in self.bifurcations if b.kind == kind]
 
     def __repr__(self) -> str:
@@ -86,27 +115,34 @@ def follow(
     orbit : PeriodicOrbit
         The first one, converged.
     parameter : str or Symbol
-    to : float
+        Of the orbit's system.
+    to : float, in the unit of the parameter
         Where to stop; a branch that turns back also stops at the value at which it began.
-    step, longest_step, shortest_step : float
-        Of the arc in (x, q/|to - q0|).
+    step, longest_step, shortest_step : float, in units of the arc
+        Of the arc in (x, q/abs(to - q0)).
     most : int
         Largest number of orbits.
 
     Returns
     -------
     Branch
+        Orbits, bifurcations, and why it ended.
 
     Raises
     ------
-    ValueError
+    ValueError, TypeError
         An orbit that did not converge, an unknown parameter, `to` not different from the present value.
+
+    Notes
+    -----
+    Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Kowalczyk,
+    Nordmark, Int. J.
+    Bifurcation Chaos 12 (2002) 2917.
 
     Examples
     --------
     >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.orbits import find_orbit
+    >>> from pwsmooth import System, find_orbit, follow
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> F = sp.Symbol("F", positive=True)
     >>> dry = System({x: v, v: sp.sin(2*t) - x - F*sp.sign(v)}, time=t, parameters={F: 0.3})
@@ -175,7 +211,7 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     ----------
     bifurcation : Bifurcation
         Of kind "flip" or "symmetry breaking".
-    amplitude : float
+    amplitude : float, in the units of the states
         Distance from the old orbit along the critical eigenvector; the parameter follows from it.
 
     Returns
@@ -187,6 +223,23 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     ------
     ValueError
         Another kind of bifurcation.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvector as predictor.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow
+    >>> from pwsmooth.analysis.continuation import branch_off
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 2.8}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> orbit = find_orbit(logistic, {x: 0.6}, period=1, phase=0.5)
+    >>> (flip,) = follow(orbit, a, to=3.3).bifurcations
+    >>> cycle = branch_off(flip, 0.02)
+    >>> cycle.success, cycle.map.count, cycle.stable
+    (True, 2, True)
     """
     if bifurcation.kind not in ("flip", "symmetry breaking"):
         raise ValueError(

@@ -28,7 +28,17 @@ _TOGETHER = 1e-3
 
 @dataclass(frozen=True)
 class Letter:
-    """One event of a full period: `came` and `went` are -1, 0, +1, or 0 and 0 where there is no switch."""
+    """One event of a full period.
+
+    Attributes
+    ----------
+    time : float, dimensionless
+        As a part of the period, 0 <= time < 1.
+    switch, kind : str
+        As of `EventRecord`.
+    came, went : int
+        Sides of the switch before and after, -1, 0 or +1; 0 and 0 where there is no switch.
+    """
 
     time: float  # as a part of the period, 0 <= time < 1
     switch: str
@@ -48,7 +58,30 @@ class Letter:
 
 @dataclass(frozen=True)
 class Change:
-    """How two itineraries differ: the name of the bifurcation, and the events of either side."""
+    """How two itineraries differ: the name of the bifurcation, and the events of either side.
+
+    Attributes
+    ----------
+    name : str
+        "grazing-sliding", "crossing-sliding", "switching-sliding", "adding-sliding", "grazing", "grazing
+        impact", "change
+        of order", "change of itinerary" or "jump of the orbit".
+    before, after : tuple of Letter
+        Events that only one of the orbits has.
+    time : float, dimensionless
+        Where they are, as a part of the period.
+
+    Notes
+    -----
+    Source: di Bernardo, Kowalczyk, Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917, for the sliding
+    bifurcations.
+
+    Examples
+    --------
+    >>> from pwsmooth.analysis.itineraries import Change
+    >>> print(Change("change of order", (), (), 0.25))
+    change of order: nothing -> nothing, at 0.2500 of the period
+    """
 
     name: str
     before: tuple[Letter, ...]
@@ -77,7 +110,36 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
 
 
 def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    """Whether two orbits have the same events in the same cyclic order."""
+    """Whether two orbits have the same events in the same cyclic order.
+
+    Parameters
+    ----------
+    one, other : PeriodicOrbit
+        Orbits of one system.
+
+    Returns
+    -------
+    bool
+        Where their period begins does not matter.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit
+    >>> from pwsmooth.analysis.itineraries import same_itinerary
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> F = sp.Symbol("F", positive=True)
+    >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
+    >>> mirror = {x: -x, v: -v}
+    >>> orbits = [find_orbit(dry.with_parameters({F: f}), {x: 1, v: 0.5}, period=sp.pi, symmetry=mirror)
+    ...           for f in (0.3, 0.31, 0.7)]
+    >>> same_itinerary(orbits[0], orbits[1]), same_itinerary(orbits[0], orbits[2])
+    (True, False)
+    """
     if one.word == other.word:
         return True
     a, b = ([letter.word for letter in letters(orbit)] for orbit in (one, other))
@@ -85,7 +147,36 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 
 
 def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
-    """What happens between two orbits close to each other on both sides of a change of itinerary."""
+    """What happens between two orbits close to each other on both sides of a change of itinerary.
+
+    Parameters
+    ----------
+    one, other : PeriodicOrbit
+        Before and after the change.
+
+    Returns
+    -------
+    Change
+        Its name and its events; "jump of the orbit" where they lie far apart.
+
+    Notes
+    -----
+    Source: di Bernardo, Kowalczyk, Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917, for the sliding
+    bifurcations.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit, follow
+    >>> from pwsmooth.analysis.itineraries import change_between
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> F = sp.Symbol("F", positive=True)
+    >>> dry = System({x: v, v: sp.sin(2 * t) - x - F * sp.sign(v)}, time=t, parameters={F: 0.3})
+    >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=sp.pi, symmetry={x: -x, v: -v})
+    >>> (found,) = follow(orbit, F, to=0.8, step=0.1).bifurcations
+    >>> change_between(found.orbit, found.beyond).name
+    'crossing-sliding'
+    """
     before, after = letters(one), letters(other)
     old, new = _unmatched(before, after), _unmatched(after, before)
     cluster = sorted([*((x.time, 0, x) for x in old), *((x.time, 1, x) for x in new)], key=lambda x: x[:2])

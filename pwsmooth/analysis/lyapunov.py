@@ -36,13 +36,27 @@ class LyapunovExponents:
     Attributes
     ----------
     exponents : ndarray, shape (count,)
-        1/time; -inf for directions that a stick, an impact without rebound or a reset takes away.
+        In units of 1/time; -inf for directions that a stick, an impact without rebound or a reset takes away.
     errors : ndarray, shape (count,)
-        Standard error of the mean over the parts of the run; it knows nothing of slower changes.
-    time : float
+        Standard error of the mean over the parts of the run, in units of 1/time; it knows nothing of slower
+        changes.
+    time : float, in the unit of the model's time
         Length of the average.
     outcome : Outcome
         How the trajectory ended; after a failure the exponents are those of the part before it.
+
+    Notes
+    -----
+    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, lyapunov_exponents
+    >>> x = sp.Symbol("x", real=True)
+    >>> found = lyapunov_exponents(System({x: -2 * x}), {x: 1}, 10)
+    >>> print(f"{found.exponents[0]:.6f} over {found.time:g}, {found.outcome.name}")
+    -2.000000 over 10, FINISHED
     """
 
     exponents: np.ndarray
@@ -109,24 +123,29 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     ----------
     solution : Solution
         Solved with `dense_output=True`.
-    after : float, optional
+    after : float, in the unit of the model's time, optional
         The average begins with the first step after it; before, the deviation finds its direction. Default: a
         fifth of the run.
 
     Returns
     -------
     float
-        1/time; -inf where sticks annihilate every direction, nan where nothing was left to average.
+        In units of 1/time; -inf where sticks annihilate every direction, nan where nothing was left to average.
 
     Raises
     ------
     ValueError
         No dense output.
 
+    Notes
+    -----
+    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+
     Examples
     --------
     >>> import sympy as sp
     >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.lyapunov import largest_exponent
     >>> x, y = sp.symbols("x y", real=True)
     >>> run = solve(System({x: -x / 2, y: -3 * y}), (0, 20), {x: 1, y: 1}, dense_output=True)
     >>> round(largest_exponent(run), 6)
@@ -156,12 +175,14 @@ def lyapunov_exponents(
     Parameters
     ----------
     system : System
-    x0 : mapping or sequence of float
-    time : float
-        Length of the average, in the system's time.
-    transient : float
+        Event-driven or smoothed.
+    x0 : mapping or sequence of float, length n
+        Start, in the units of the states.
+    time : float, in the unit of the model's time
+        Length of the average.
+    transient : float, in the unit of the model's time
         Time before it, in which the trajectory settles and the deviations find their directions.
-    start_time : float
+    start_time : float, in the unit of the model's time
         t of `x0`.
     count : int
         1 to the number of states.
@@ -171,6 +192,7 @@ def lyapunov_exponents(
     Returns
     -------
     LyapunovExponents
+        With their errors and the outcome of the run.
 
     Raises
     ------
@@ -182,10 +204,12 @@ def lyapunov_exponents(
     The run is solved in pieces, so that memory does not grow with its length. A piece ends where nothing slides:
     a restart would have to choose anew between several roots of the layer.
 
+    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+
     Examples
     --------
     >>> import sympy as sp
-    >>> from pwsmooth import System
+    >>> from pwsmooth import System, lyapunov_exponents
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> damped = System({x: v, v: sp.cos(t) - x - v / 5}, time=t)
     >>> found = lyapunov_exponents(damped, {x: 0, v: 0}, 200, transient=20, count=2)

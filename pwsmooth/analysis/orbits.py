@@ -39,15 +39,39 @@ class PeriodicOrbit:
     map : Stroboscopic or Section
         The Poincare map of which `x` is a fixed point, with the system and its parameters.
     x : ndarray, shape (n,)
-        The point on the section.
-    residual : float
+        The point on the section, in the units of the states.
+    residual : float, dimensionless
         Largest |P(x) - x|, relative to 1 + |x|.
     jacobian : ndarray, shape (n, n)
-        D P at x (of the half-period map where `map` has a symmetry).
+        D P at x (of the half-period map where `map` has a symmetry), in the units of the states.
     word : tuple
         Events of one application of the map: (switch, kind, "from to to").
+    time : float, in the unit of the model's time
+        That one application takes.
+    steps : int
+        Of Newton's method.
+    success : bool
+        Whether it converged.
+    message : str
+        In words, with what to try next.
     degenerate : tuple of str
         Where the map has no derivative at this orbit (grazing, corners).
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
+
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> orbit = find_orbit(System({x: sp.cos(t) - x}, time=t), {x: 0}, period=2 * sp.pi)
+    >>> print(f"{orbit.start['x']:.9f} {orbit.multipliers[0].real:.9f} {math.exp(-2 * math.pi):.9f}")
+    0.500000000 0.001867443 0.001867443
     """
 
     map: Stroboscopic | Section
@@ -73,7 +97,7 @@ class PeriodicOrbit:
 
     @property
     def period(self) -> float:
-        """Period of the orbit."""
+        """Period of the orbit, in the unit of the model's time."""
         return 2 * self.time if self.symmetric else self.time
 
     @functools.cached_property
@@ -106,7 +130,20 @@ class PeriodicOrbit:
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
 
     def solution(self, periods: int = 1, **options: Any) -> Solution:
-        """The orbit over whole periods, with dense output."""
+        """The orbit over whole periods.
+
+        Parameters
+        ----------
+        periods : int
+            How many.
+        **options
+            For `solve`.
+
+        Returns
+        -------
+        Solution
+            With dense output.
+        """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
         return solve(self.system, (t0, t0 + periods * self.period), list(map(float, self.x)), **chosen)
@@ -136,23 +173,25 @@ def find_orbit(
     most: int = 16,
     **options: Any,
 ) -> PeriodicOrbit:
-    """Periodic orbit near a start: after a transient, Newton's method on the Poincare map.
+    """Find a periodic orbit near a start: after a transient, Newton's method on the Poincare map.
 
     Parameters
     ----------
     system : System
         Event-driven or smoothed.
-    x0 : mapping or sequence of float
-        First guess, on the section or not.
-    period : float or expression
+    x0 : mapping or sequence of float, length n
+        First guess, on the section or not, in the units of the states.
+    period : float or Expr, in the unit of the model's time
         Of the forcing; or
-    section : expression of states
-        A surface, for an autonomous system, crossed in `direction`.
+    section : Expr
+        A surface, function of states, for an autonomous system.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
     count : int, optional
         Forcing periods (returns) of the orbit; found from the transient if not given, 1 without a transient.
-    phase : float
+    phase : float, dimensionless
         The section is t = phase*period; choose one at which nothing switches or sticks.
-    symmetry : mapping, optional
+    symmetry : mapping of state to Expr, optional
         (x, t) -> (G x, t + T/2): finds symmetric orbits, also unstable ones, through half a period.
     transient : int
         Applications of the map before Newton's method starts.
@@ -171,10 +210,16 @@ def find_orbit(
     ValueError, TypeError
         Bad input; neither or both of `period` and `section`.
 
+    Notes
+    -----
+    Source: Newton's method with the exact derivative of the map (variations.py); defined here.
+
     Examples
     --------
+    Den Hartog's oscillator, forced and with Coulomb friction:
+
     >>> import sympy as sp
-    >>> from pwsmooth import System
+    >>> from pwsmooth import System, find_orbit
     >>> t, x, v = sp.symbols("t x v", real=True)
     >>> dry = System({x: v, v: sp.sin(sp.Rational(2, 3)*t) - x - sp.sign(v)/4}, time=t)
     >>> orbit = find_orbit(dry, {x: 1, v: 0.5}, period=3*sp.pi, symmetry={x: -x, v: -v})
@@ -239,11 +284,29 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     Parameters
     ----------
     map_ : Stroboscopic or Section
-    x0 : mapping or sequence of float
+        The Poincare map.
+    x0 : mapping or sequence of float, length n
+        First guess, in the units of the states.
 
     Returns
     -------
     PeriodicOrbit
+        With `success` False and a `message` where it did not converge.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.orbits import refine
+    >>> from pwsmooth.analysis.sections import Stroboscopic
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> orbit = refine(Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi), {x: 3})
+    >>> orbit.success, round(float(orbit.x[0]), 9)
+    (True, 0.5)
     """
     x = np.array(map_.system.initial_state(x0), float)
     image = map_.image(x, ())

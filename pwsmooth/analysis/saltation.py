@@ -33,9 +33,37 @@ _CHATTER = 1e-6  # before an accumulation, relative to the time
 
 @dataclass(frozen=True)
 class Saltation:
-    """One instant: its matrix, shape (N, N), and why it is none, if it is none.
+    """What the events of one instant do to a small deviation: a matrix, or why there is none.
 
-    `delay` is dt as a row over (x, q), shape (N,).
+    Attributes
+    ----------
+    time : float, in the unit of the model's time
+        The instant.
+    kinds : tuple of str
+        Of its events.
+    matrix : ndarray, shape (N, N)
+        On deviations of (x, q), states and parameters, in their units.
+    delay : ndarray, shape (N,)
+        Shift of the instant as a row over (x, q), in units of time over theirs.
+    degenerate : str
+        Why there is no derivative (grazing, a corner), in words; empty where there is one.
+
+    Notes
+    -----
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5.
+
+    Examples
+    --------
+    A crossing of x = 1, at which the speed doubles, doubles the deviation:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.variations import variations
+    >>> x = sp.Symbol("x", real=True)
+    >>> run = solve(System({x: 1 + sp.Heaviside(x - 1)}), (0, 2), {x: 0}, dense_output=True)
+    >>> (crossing,) = variations(run).saltations
+    >>> crossing.matrix.tolist(), crossing.delay.tolist()
+    ([[2.0]], [-1.0])
     """
 
     time: float
@@ -46,7 +74,43 @@ class Saltation:
 
 
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
-    """Saltation matrices of all instants of a solution after its start, in order of time."""
+    """Saltation matrices of all instants of a solution after its start, in order of time.
+
+    Parameters
+    ----------
+    line : Linearised
+        Of the solution's model, with the chosen parameters.
+    solution : Solution
+        Event-driven.
+    p : ndarray, shape (np,)
+        Values in the order of `model.parameters`, in their units.
+
+    Returns
+    -------
+    list of Saltation
+        One for each instant with events.
+
+    Notes
+    -----
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5; at a
+    fold the
+    instant follows from the left null vector of the layer's Jacobian, derived here.
+
+    Examples
+    --------
+    A stick takes a direction away: S = 0 in one dimension.
+
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.linearised import linearise
+    >>> from pwsmooth.analysis.saltation import saltations
+    >>> x = sp.Symbol("x", real=True)
+    >>> system = System({x: -sp.sign(x)})
+    >>> (stick,) = saltations(linearise(system.model), solve(system, (0, 2), {x: 1}), np.empty(0))
+    >>> stick.kinds, stick.matrix.tolist()
+    (('stick',), [[0.0]])
+    """
     t = solution.t
     instants: dict[float, list[EventRecord]] = {}
     for event in solution.events:
@@ -206,7 +270,40 @@ def _total(line, blocks, J, surface, t, x, mult, p):
 
 
 def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
-    """Projector (N, N) on deviations along the surfaces on which a solution starts, None if it slides on none."""
+    """Projector on deviations along the surfaces on which a solution starts.
+
+    Parameters
+    ----------
+    line : Linearised
+        Of the solution's model.
+    solution : Solution
+        Event-driven.
+    p : ndarray, shape (np,)
+        Values in the order of `model.parameters`, in their units.
+
+    Returns
+    -------
+    ndarray, shape (N, N), or None
+        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it;
+        None if it
+        slides on none.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.linearised import linearise
+    >>> from pwsmooth.analysis.saltation import tangent_projector
+    >>> x, y = sp.symbols("x y", real=True)
+    >>> system = System({x: -2 * sp.sign(x) + y, y: -y})
+    >>> tangent_projector(linearise(system.model), solve(system, (0, 1), {x: 0, y: 1}), np.empty(0)).tolist()
+    [[0.0, 0.0], [0.0, 1.0]]
+    """
     column = int(np.searchsorted(solution.t, solution.t[0], side="right") - 1)
     t, x, mult = solution.t[column], solution.x[:, column], solution.mult[:, column]
     blocks = line.blocks(np.array([t]), x[:, None], mult[:, None], p)

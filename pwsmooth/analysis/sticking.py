@@ -31,8 +31,27 @@ __all__ = [
 class Fold:
     """The fold at which the attracting branch of sticking through lam = 0 ends.
 
-    `lam_s` is the root of d mu/d lam = 0, wherever it lies; `mu_s` the largest static coefficient, mu(lam_s) if
-    `inside` (the fold lies in 0 < lam < 1) and mu(1) otherwise.
+    Attributes
+    ----------
+    lam_s : Expr
+        The root of d mu/d lam = 0, wherever it lies; dimensionless.
+    mu_s : Expr
+        The largest static coefficient, mu(lam_s) if `inside` and mu(1) otherwise; dimensionless.
+    inside : sympy Boolean
+        Whether the fold lies in 0 < lam < 1.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.analysis.sticking import fold
+    >>> lam = sp.Symbol("lam")
+    >>> weak = fold(1 - lam**2, lam, sp.Rational(1, 4))  # too weak a hidden term for a fold inside
+    >>> weak.mu_s, weak.inside
+    (1, False)
     """
 
     lam_s: sp.Expr
@@ -42,12 +61,29 @@ class Fold:
 
 @dataclass(frozen=True)
 class StickingRegion:
-    """v = 0 and |k y - drive| <= N mu: where a contact can stick.
+    """The region v = 0 and |k y - drive| <= N mu, where a contact can stick.
 
     Parameters
     ----------
-    drive, stiffness, load, coefficient : Expr
-        Base acceleration q''(t), k, N and mu (1 for the linear region, mu_s for the nonlinear one).
+    drive : Expr
+        Base acceleration q''(t) times the mass, N.
+    stiffness : Expr
+        Spring k, N/m.
+    load : Expr
+        Normal load N, N.
+    coefficient : Expr
+        mu, dimensionless: 1 for the linear region, mu_s for the nonlinear one.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, eqs 18 and 19.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.analysis.sticking import StickingRegion
+    >>> StickingRegion(sp.Integer(0), sp.Integer(2), sp.Integer(1), sp.Integer(1)).bounds
+    (-1/2, 1/2)
     """
 
     drive: sp.Expr
@@ -57,38 +93,115 @@ class StickingRegion:
 
     @property
     def bounds(self) -> tuple[sp.Expr, sp.Expr]:
-        """Smallest and largest displacement y at which the contact can stick."""
+        """Smallest and largest displacement y at which the contact can stick, m."""
         half = self.load * self.coefficient
         return (self.drive - half) / self.stiffness, (self.drive + half) / self.stiffness
 
     def condition(self, y: sp.Expr) -> sp.Basic:
-        """The region as a relation on the displacement `y`."""
+        """The region as a relation on the displacement.
+
+        Parameters
+        ----------
+        y : Expr
+            Displacement, m.
+
+        Returns
+        -------
+        sympy Boolean
+            |k y - drive| <= N mu.
+        """
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 
 
 def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> StickingRegion:
-    """Filippov's sliding region, all there is for rho = 0 (eq. 18)."""
+    """Filippov's sliding region, all there is without a hidden term.
+
+    Parameters
+    ----------
+    drive : Expr
+        Base acceleration q''(t) times the mass, N.
+    stiffness : Expr
+        Spring k, N/m.
+    load : Expr
+        Normal load N, N.
+
+    Returns
+    -------
+    StickingRegion
+        With mu = 1.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, eq. 18.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.analysis.sticking import linear_sticking
+    >>> t = sp.Symbol("t", real=True)
+    >>> linear_sticking(-2 * sp.sin(t), 4, 1).bounds
+    (-sin(t)/2 - 1/4, 1/4 - sin(t)/2)
+    """
     return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), sp.Integer(1))
 
 
 def nonlinear_sticking(
     drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr, gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr
 ) -> StickingRegion:
-    """The sticking region with the hidden term at its equilibrium (eq. 19)."""
+    """The sticking region with the hidden term at its equilibrium.
+
+    Parameters
+    ----------
+    drive : Expr
+        Base acceleration q''(t) times the mass, N.
+    stiffness : Expr
+        Spring k, N/m.
+    load : Expr
+        Normal load N, N.
+    gamma : Expr
+        Hidden term, even in `lam`, 0 at lam = 1; dimensionless.
+    lam : Symbol
+        The multiplier.
+    rho : Expr
+        Strength of the hidden term, dimensionless.
+
+    Returns
+    -------
+    StickingRegion
+        With mu = mu_s.
+
+    Raises
+    ------
+    ValueError
+        As `fold`.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, eq. 19.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.analysis.sticking import nonlinear_sticking
+    >>> lam = sp.Symbol("lam")
+    >>> nonlinear_sticking(0, 1, 1, 1 - lam**2, lam, 3).bounds
+    (-16/9, 16/9)
+    """
     mu_s = fold(gamma, lam, rho).mu_s
     return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), mu_s)
 
 
 def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
-    """Fold of mu(lam) = lam (1 + rho gamma(lam)) on the branch through lam = 0 (eqs 16 and 17).
+    """The fold of mu(lam) = lam (1 + rho gamma(lam)) on the branch through lam = 0.
 
     Parameters
     ----------
     gamma : Expr
-        Even in `lam`, with gamma(1) = 0.
+        Even in `lam`, with gamma(1) = 0; dimensionless.
     lam : Symbol
+        The multiplier.
     rho : Expr
-        Strength of the hidden term; a symbol is taken as positive.
+        Strength of the hidden term, dimensionless; a symbol is taken as positive.
 
     Returns
     -------
@@ -102,9 +215,16 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
         `gamma` does not vanish at lam = 1 or is not even; or symbols are left where there is no closed form or
         where several folds compete.
 
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho
+    dgamma/dv lam_s**2
+    means dgamma/dlam.
+
     Examples
     --------
     >>> import sympy as sp
+    >>> from pwsmooth.analysis.sticking import fold
     >>> lam, rho = sp.Symbol("lam"), sp.Symbol("rho", positive=True)
     >>> fold(1 - lam**2, lam, 3).mu_s
     16/9

@@ -19,12 +19,41 @@ __all__ = ["symmetry_matrix"]
 
 
 def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
-    """G of x -> G x from a mapping of states to linear expressions; states that are not named stay.
+    """The matrix G of a symmetry (x, t) -> (G x, t + T/2), checked against the field.
+
+    Parameters
+    ----------
+    system : System
+        Driven with `period`.
+    symmetry : mapping of state to Expr
+        Images of states, linear in the states; what is not named stays.
+    period : float, in the unit of the model's time
+        T.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        G, in units of the image's state over the state's.
 
     Raises
     ------
     ValueError
         Not linear, not invertible, or (x, t) -> (G x, t + T/2) does not map the system to itself.
+
+    Notes
+    -----
+    Source: defined here; the field is compared at random points off the surfaces.
+
+    Examples
+    --------
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.symmetry import symmetry_matrix
+    >>> t, x, v = sp.symbols("t x v", real=True)
+    >>> driven = System({x: v, v: sp.cos(t) - x - sp.sign(v) / 4}, time=t)
+    >>> symmetry_matrix(driven, {x: -x, v: -v}, 2 * math.pi).tolist()
+    [[-1.0, 0.0], [0.0, -1.0]]
     """
     states = system.model.states
     images = {x: x for x in states}

@@ -37,18 +37,37 @@ class Variations:
     Attributes
     ----------
     matrix : ndarray, shape (n, n)
-        d x(end) / d x(start).
+        d x(end) / d x(start), in the units of the states.
     by_parameter : ndarray, shape (n, k)
-        d x(end) / d q, one column a parameter.
+        d x(end) / d q, one column a parameter, in units of the state over the parameter's.
     factors : list of ndarray, shape (N, N)
-        Factors of the fundamental matrix of (x, q), in order of time, N = n + k: steps and saltations.
-    times : ndarray
-        End time of each factor.
+        Factors of the fundamental matrix of (x, q), in order of time, N = n + k: steps and saltations; in
+        units of those.
+    times : ndarray, shape (nf,)
+        End time of each factor, in the unit of the model's time.
     saltations : list of Saltation
+        Of the instants with events.
     first_rates, rates : ndarray, shape (n,)
-        f at the start and at the end.
+        f at the start and at the end, in the units of the model.
     ambiguous : list of str
         The solution's ambiguities, in words.
+
+    Notes
+    -----
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5;
+    collocation as in
+    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.variations import variations
+    >>> x, k = sp.symbols("x k", positive=True)
+    >>> run = solve(System({x: -k * x}, parameters={k: 1}), (0, 1), {x: 2}, dense_output=True)
+    >>> moved = variations(run, [k])
+    >>> print(f"{moved.matrix[0, 0]:.6f} {moved.by_parameter[0, 0]:.6f}")  # exp(-1) and -2 exp(-1)
+    0.367879 -0.735759
     """
 
     matrix: np.ndarray
@@ -67,7 +86,38 @@ class Variations:
 
 
 def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
-    """Symbols of parameters given by name."""
+    """Symbols of parameters given by name.
+
+    Parameters
+    ----------
+    system : System
+        Whose parameters they are.
+    names : sequence of str or Symbol
+        Which are wanted.
+
+    Returns
+    -------
+    tuple of Symbol
+        In the order of `names`.
+
+    Raises
+    ------
+    ValueError
+        No parameter of that name.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.analysis.variations import chosen_parameters
+    >>> x, k = sp.symbols("x k", positive=True)
+    >>> chosen_parameters(System({x: -k * x}, parameters={k: 1}), ["k"])
+    (k,)
+    """
     return tuple(checks.lookup(name, system.parameters, "`parameters`", "parameter") for name in names)
 
 
@@ -84,6 +134,7 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     Returns
     -------
     Variations
+        The matrix, its factors, and where there is no derivative.
 
     Raises
     ------
@@ -95,10 +146,15 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     Where the start slides, it is moved along the surface only: the columns of the fundamental matrix across it
     are zero, as a stick makes them.
 
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5;
+    collocation as in
+    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
+
     Examples
     --------
     >>> import sympy as sp
     >>> from pwsmooth import System, solve
+    >>> from pwsmooth.analysis.variations import variations
     >>> x = sp.Symbol("x", real=True)
     >>> run = solve(System({x: -x}), (0, 1), {x: 1}, dense_output=True)
     >>> round(float(variations(run).matrix[0, 0]), 12) == round(float(sp.exp(-1)), 12)
