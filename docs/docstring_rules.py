@@ -77,7 +77,7 @@ def _lacking(value: Any, property_: bool = False) -> Iterator[str]:
             yield text
     entries = [*doc["Parameters"], *doc["Attributes"]]
     if named is not None:
-        written = {word.strip() for entry in entries for word in entry.name.split(",")}
+        written = {word.strip(" *") for entry in entries for word in entry.name.split(",")}
         for field in named:
             if field not in written:
                 yield f"field `{field}` is not described under Parameters or Attributes"

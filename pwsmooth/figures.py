@@ -24,7 +24,18 @@ __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 
 
 class FiguresError(Exception):
-    """The command cannot run as asked; the text says what to do."""
+    """The command cannot run as asked; the text says what to do.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.figures import FiguresError
+    >>> issubclass(FiguresError, Exception)
+    True
+    """
 
 
 @dataclass(frozen=True)
@@ -34,11 +45,28 @@ class Claim:
     Parameters
     ----------
     statement : str
+        What the source says.
     source, ours : str
         The source's value or words, and ours.
     reproduced : bool
+        Whether they agree.
     reason : str
         Why they differ; required if they do.
+
+    Raises
+    ------
+    ValueError
+        They differ, and there is no reason.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.figures import Claim
+    >>> Claim.number("height of the fold", source=1.78, ours=16 / 9, tolerance=0.005).verdict
+    'reproduced'
     """
 
     statement: str
@@ -55,18 +83,43 @@ class Claim:
     def number(
         cls, statement: str, source: float, ours: float, tolerance: float, *, digits: int = 6, reason: str = ""
     ) -> Claim:
-        """A claim on a number, reproduced if |source - ours| <= tolerance."""
+        """A claim on a number, reproduced if source and ours differ by the tolerance at most.
+
+        Parameters
+        ----------
+        statement : str
+            What the source says, with its unit.
+        source, ours : float, in the unit of the statement
+            The source's value, and ours.
+        tolerance : float, in the unit of the statement
+            To which the source can be read.
+        digits : int
+            Significant digits that are shown.
+        reason : str
+            Why they differ; the difference by default.
+
+        Returns
+        -------
+        Claim
+            With both numbers as text.
+        """
         same = abs(source - ours) <= tolerance
         why = "" if same else reason or f"off by {ours - source:.3g}, tolerance {tolerance:.2g}"
         return cls(statement, f"{source:.{digits}g}", f"{ours:.{digits}g}", same, why)
 
     @property
     def verdict(self) -> str:
-        """reproduced or differs."""
+        """The word "reproduced" or "differs"."""
         return "reproduced" if self.reproduced else "differs"
 
     def record(self) -> dict[str, str]:
-        """The claim as it stands in claims.json."""
+        """The claim as it stands in claims.json.
+
+        Returns
+        -------
+        dict of str to str
+            claim, source, ours, verdict, reason.
+        """
         return {
             "claim": self.statement,
             "source": self.source,
@@ -96,10 +149,30 @@ def checkout() -> Path:
 def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     """Modules of the figures by name, in the order of their numbers.
 
+    Parameters
+    ----------
+    names : iterable of str
+        Those wanted, as "4", "04", "figure_04"; all by default.
+
+    Returns
+    -------
+    dict of str to module
+        Name -> the figure's module, with NAME, TITLE, CAPTION and draw.
+
     Raises
     ------
     FiguresError
         There is no checkout, or a name is unknown.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.figures import discover
+    >>> list(discover(["4"]))
+    ['4']
     """
     root = checkout()
     if str(root) not in sys.path:
@@ -122,7 +195,19 @@ def _plain(name: str) -> str:
 
 
 def print_list() -> None:
-    """Print the name and title of every figure."""
+    """Print the name and title of every figure.
+
+    Notes
+    -----
+    Source: defined here; it is `pwsmooth figures --list`.
+
+    Examples
+    --------
+    >>> from pwsmooth.figures import print_list
+    >>> print_list()  # doctest: +ELLIPSIS
+      1  Switching characteristics for friction
+      2  ...
+    """
     from rich.console import Console
 
     console = Console()
@@ -151,6 +236,22 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     ------
     FiguresError
         There is no checkout, a name is unknown, or `out` cannot be written.
+
+    Notes
+    -----
+    Source: defined here; each figure names its own.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from pwsmooth.figures import make
+    >>> with tempfile.TemporaryDirectory() as out:
+    ...     done = make(["4"], out=out, fast=True)  # doctest: +ELLIPSIS
+    ...     written = sorted(path.name for path in Path(out).iterdir())
+    figure  4 ...
+    >>> done, written
+    (True, ['captions.md', 'claims.json', 'figure_04.pdf', 'figure_04.png'])
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

@@ -34,19 +34,36 @@ class Fit:
     law : Law
         With the fitted parameters.
     values, errors : dict of str to float
-        Fitted parameters and their standard errors (from the residual and its slope).
-    covariance : ndarray
-        Of the fitted parameters, in the order of `values`.
-    residual : float
-        Root mean square of force minus data, in the data's unit.
-    force : ndarray
-        Of the fitted law, at the data's times.
-    cost : float
+        Fitted parameters and their standard errors (from the residual and its slope), in the units of the law.
+    covariance : ndarray, shape (np, np)
+        Of the fitted parameters, in the order of `values` and in their units.
+    residual : float, in the unit of the data
+        Root mean square of force minus data.
+    force : ndarray, shape (n,)
+        Of the fitted law, at the data's times, in their unit.
+    cost : float, dimensionless
         Processor time of one run, s per s of motion.
     runs, failures : int
         Forward runs of the optimizer, and those that did not finish.
     success : bool
+        Whether the optimizer converged.
     message : str
+        What it said.
+
+    Notes
+    -----
+    Source: nonlinear least squares, SciPy's trust-region method; the errors are those of the linearised problem.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = np.cos(4 * t)
+    >>> found = fit(Coulomb(sigma2=0.1), t, v, 1.2 * np.sign(v) + 0.4 * v, kind="velocity")
+    >>> {name: round(value, 6) for name, value in found.values.items()}, found.parameters
+    ({'F_c': 1.2, 'sigma2': 0.4}, 2)
     """
 
     law: Law
@@ -89,28 +106,45 @@ def fit(
     ----------
     law : Law
         Its parameters are the first guess; they should have the right size.
-    t, motion, force : array_like, shape (n,)
-        Times, position or velocity, and friction force in consistent units.
+    t : array_like, shape (n,)
+        Times, in units consistent with those of the law.
+    motion : array_like, shape (n,)
+        Position or velocity there, in units of the law.
+    force : array_like, shape (n,)
+        Friction force there, in units of the law.
     kind : {"position", "velocity"}
         What `motion` is.
     free : sequence of str, optional
-        Parameters to fit; all that are not structural and not 0 without. One with a value for each element counts as
+        Parameters to fit; all that are not structural and not 0 without. One with a value for each element
+        counts as
         many.
-    settle : float
+    settle : float, in the unit of `t`
         Time at the start that is left out of the comparison: the law starts relaxed, the experiment may not have.
-    rtol : float
+    rtol : float, dimensionless
         Of the forward runs.
     max_runs : int
         Bound on the optimizer's evaluations (without those of its slopes).
+
+    Returns
+    -------
+    Fit
+        The fitted law, its errors and what it cost.
 
     Raises
     ------
     ValueError
         Arrays of different lengths, an unknown name in `free`, fewer data than parameters.
 
+    Notes
+    -----
+    Positive parameters are fitted by their logarithm: they stay positive, and steps are relative.
+
+    Source: nonlinear least squares, SciPy's trust-region method.
+
     Examples
     --------
     >>> import numpy as np
+    >>> from pwsmooth.fit import fit
     >>> from pwsmooth.laws.friction import Dahl
     >>> from pwsmooth.scenes import Table, prescribed_motion
     >>> times = np.linspace(0, 3, 61)
@@ -193,13 +227,41 @@ def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any
     Parameters
     ----------
     laws : iterable of Law
-    t, motion, force : array_like
-        As of `fit`, whose options follow; `free` is left to each law.
+        Each with its first guess.
+    t : array_like, shape (n,)
+        Times, in units consistent with those of the laws.
+    motion : array_like, shape (n,)
+        Position or velocity there, in units of the laws.
+    force : array_like, shape (n,)
+        Friction force there, in units of the laws.
+    **options
+        Those of `fit` but `free`, which is left to each law.
 
     Returns
     -------
     list of Fit
         The smallest residual first.
+
+    Raises
+    ------
+    ValueError
+        `free` is given; as `fit`.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import compare
+    >>> from pwsmooth.laws.friction import Coulomb, StribeckFriction
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 0.01 * np.cos(4 * t)
+    >>> force = StribeckFriction(F_c=1.0, F_s=1.4, v_s=0.004).steady_force(v)
+    >>> laws = [Coulomb(sigma2=0.1), StribeckFriction(v_s=0.003)]
+    >>> [type(found.law).__name__ for found in compare(laws, t, v, force, kind="velocity")]
+    ['StribeckFriction', 'Coulomb']
     """
     if "free" in options:
         raise ValueError("`free` belongs to one law; call `fit` for each.")

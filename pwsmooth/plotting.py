@@ -17,6 +17,17 @@ if TYPE_CHECKING:
 
     from .solution import Solution
 
+__all__ = [
+    "COLOUR",
+    "by_phase",
+    "direction_arrows",
+    "new_figure",
+    "phase",
+    "plot_solution",
+    "sticking_regions",
+    "style",
+]
+
 # One colour a meaning, the same in every chart (Okabe and Ito's palette, distinct for colour-blind readers).
 COLOUR = {
     "right": "#0072B2",  # slip right, lam = +1
@@ -57,7 +68,25 @@ _RC: Any = {
 
 @contextlib.contextmanager
 def style() -> Iterator[None]:
-    """The project's matplotlib settings, for as long as the block lasts."""
+    """The project's matplotlib settings, for as long as the block lasts.
+
+    Yields
+    ------
+    None
+        It is a context manager.
+
+    Notes
+    -----
+    Source: defined here; the colours are Okabe and Ito's.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from pwsmooth import plotting
+    >>> with plotting.style():
+    ...     plt.rcParams["font.size"]
+    9.0
+    """
     import matplotlib
 
     with matplotlib.rc_context(_RC):
@@ -65,14 +94,56 @@ def style() -> Iterator[None]:
 
 
 def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
-    """An empty figure (inches) that needs no display and lays itself out."""
+    """An empty figure that needs no display and lays itself out.
+
+    Parameters
+    ----------
+    width, height : float, in units of inches
+        Its size.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth import plotting
+    >>> plotting.new_figure(6.0, 2.0).get_size_inches().tolist()
+    [6.0, 2.0]
+    """
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def phase(status: int) -> str:
-    """Key of `COLOUR` for the status of a switch."""
+    """Key of `COLOUR` for the status of a switch.
+
+    Parameters
+    ----------
+    status : int
+        -1, 0 or 1.
+
+    Returns
+    -------
+    str
+        "left", "stick" or "right".
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth import plotting
+    >>> plotting.phase(0)
+    'stick'
+    """
     return {1: "right", -1: "left", 0: "stick"}[int(status)]
 
 
@@ -84,7 +155,38 @@ def sticking_regions(
     *,
     label: bool = True,
 ) -> Axes:
-    """Shade the displacements at which the contact can stick, linear region dark on the nonlinear one light."""
+    """Shade the displacements at which the contact can stick, linear region dark on the nonlinear one light.
+
+    Parameters
+    ----------
+    ax : Axes
+        Displacement over time.
+    t : ndarray, shape (nt,)
+        Times, in the unit of the axis.
+    linear, nonlinear : (ndarray, ndarray), shapes (nt,)
+        Lower and upper bounds of the regions, in the unit of the axis.
+    label : bool
+        Whether they stand in the legend.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: Jeffrey, On the mathematical basis of solid friction, figure 8.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth import plotting
+    >>> ax = plotting.new_figure().subplots()
+    >>> t = np.linspace(0, 6, 50)
+    >>> narrow, wide = (np.sin(t) - 1, np.sin(t) + 1), (np.sin(t) - 16 / 9, np.sin(t) + 16 / 9)
+    >>> len(plotting.sticking_regions(ax, t, narrow, wide).collections)
+    2
+    """
     names = ("nonlinear sticking", "linear sticking") if label else (None, None)
     for (low, high), shade, name in zip((nonlinear, linear), (NONLINEAR_SHADE, LINEAR_SHADE), names):
         ax.fill_between(t, low, high, color=shade, linewidth=0, label=name, zorder=0)
@@ -92,7 +194,38 @@ def sticking_regions(
 
 
 def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any) -> Any:
-    """One curve in the colours of its phases; `status` belongs to the points, `ax` may be a 3-D one."""
+    """Draw one curve in the colours of its phases.
+
+    Parameters
+    ----------
+    ax : Axes
+        With two or three dimensions.
+    status : ndarray of int8, shape (nt,)
+        Of the switch at the points; dimensionless.
+    *coordinates : ndarray, shape (nt,)
+        Two or three, in the units of the axes.
+    **line
+        For matplotlib's `plot`.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, plotting, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0})
+    >>> ax = plotting.by_phase(plotting.new_figure().subplots(), solution.status[0], solution["x"], solution["v"])
+    >>> len(ax.lines) == len(solution.segments)
+    True
+    """
     status = np.asarray(status)
     # Each piece keeps the first point of the next one, so that the curve stays connected.
     ends = [*(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
@@ -113,7 +246,40 @@ def direction_arrows(
     colour: str = COLOUR["mark"],
     size: float = 9,
 ) -> Axes:
-    """Arrow heads along a curve, at fractions `at` of the length that the Axes' limits show."""
+    """Arrow heads along a curve.
+
+    Parameters
+    ----------
+    ax : Axes
+        With its limits set.
+    x, y : ndarray, shape (n,)
+        The curve, in the units of the axes.
+    at : sequence of float, any length, dimensionless
+        Fractions of the length that the limits show.
+    colour : str
+        Of the heads.
+    size : float, in units of points
+        Of the heads.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth import plotting
+    >>> ax = plotting.new_figure().subplots()
+    >>> angle = np.linspace(0, 6, 100)
+    >>> _ = ax.plot(np.cos(angle), np.sin(angle))
+    >>> len(plotting.direction_arrows(ax, np.cos(angle), np.sin(angle), at=[0.2, 0.7]).texts)
+    2
+    """
     (left, right), (bottom, top) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
     seen = (x >= left) & (x <= right) & (y >= bottom) & (y <= top)
     pieces = np.hypot(np.diff(x) / (right - left), np.diff(y) / (top - bottom))
@@ -130,7 +296,7 @@ def direction_arrows(
 
 
 def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
-    """States (or `names`) against time, one Axes each; intervals in which a multiplier is solved are shaded.
+    """Draw states (or `names`) against time, one Axes each, with the intervals shaded in which a multiplier is solved.
 
     With dense output the curves are smooth; without, straight lines join the ends of the steps, which are long
     at high order.
@@ -138,6 +304,7 @@ def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any =
     Parameters
     ----------
     sol : Solution
+        What is drawn.
     names : sequence of str or Symbol, optional
         States, multipliers or outputs.
     axes : sequence of Axes, optional
@@ -146,6 +313,25 @@ def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any =
     Returns
     -------
     ndarray of Axes
+        One for each name.
+
+    Raises
+    ------
+    ValueError
+        Another number of Axes than of names.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, plotting, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
+    >>> len(plotting.plot_solution(solution, ["x", "v"]))
+    2
     """
     wanted = list(names) if names is not None else list(sol.states)
     if axes is None:

@@ -14,7 +14,12 @@ import docstring_rules
 import public_names
 
 NAMES = public_names.public_names()
-PENDING = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.fit", "pwsmooth.sweep")
+PENDING = (
+    "pwsmooth.compare.cases",
+    "pwsmooth.compare.methods",
+    "pwsmooth.compare.plain",
+    "pwsmooth.compare.work_precision",
+)
 DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}
 
 

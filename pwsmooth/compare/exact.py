@@ -22,9 +22,20 @@ class Check:
     ----------
     quantity : str
         What it is, with its unit if it has one.
-    computed, exact : float
-    tolerance : float
-        Largest |computed - exact| that agrees; 0 for counts.
+    computed, exact : float, in the unit of the quantity
+        What the package gives, and what is known.
+    tolerance : float, in the unit of the quantity
+        Largest abs(computed - exact) that agrees; 0 for counts.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.exact import Check
+    >>> Check("half a turn, rad", 3.14159, 3.141592653589793, 1e-5).holds
+    True
     """
 
     quantity: str
@@ -34,11 +45,12 @@ class Check:
 
     @property
     def error(self) -> float:
+        """Distance abs(computed - exact), in the unit of the quantity."""
         return abs(self.computed - self.exact)
 
     @property
     def holds(self) -> bool:
-        """Not so for nan."""
+        """Whether the error is at most the tolerance; not so for nan."""
         return self.error <= self.tolerance
 
 
@@ -56,6 +68,24 @@ class ExactProblem:
         Where the exact answer comes from.
     answer : callable
         () -> iterable of Check; solves the problem.
+
+    Notes
+    -----
+    Source: defined here; each problem has its own.
+
+    Examples
+    --------
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> from pwsmooth.compare.exact import Check, ExactProblem, verify
+    >>> def decay():
+    ...     x = sp.Symbol("x", real=True)
+    ...     end = solve(System({x: -x}), (0, 1), {x: 1})["x"][-1]
+    ...     return [Check("x(1)", end, math.exp(-1), 5e-9)]  # five times rtol
+    >>> problem = ExactProblem("decay", "x' = -x, x(0) = 1", "exp(-t)", decay)
+    >>> [verdict.holds for verdict in verify(of=[problem])]
+    [True]
     """
 
     name: str
@@ -66,7 +96,30 @@ class ExactProblem:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What one problem gave: its checks, or the exception that ended it; seconds of wall time, compilation included."""
+    """What one problem gave.
+
+    Attributes
+    ----------
+    problem : ExactProblem
+        The problem.
+    checks : tuple of Check
+        Its numbers.
+    seconds : float, s
+        Wall time, compilation included.
+    failure : str
+        The exception that ended it, in words; empty without one.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.exact import verify
+    >>> (verdict,) = verify(["hidden-term"])
+    >>> verdict.problem.name, verdict.failure
+    ('hidden-term', '')
+    """
 
     problem: ExactProblem
     checks: tuple[Check, ...]
@@ -75,11 +128,28 @@ class Verdict:
 
     @property
     def holds(self) -> bool:
+        """Whether there are checks, and all of them hold."""
         return not self.failure and bool(self.checks) and all(check.holds for check in self.checks)
 
 
 def problems() -> dict[str, ExactProblem]:
-    """Every built-in problem by its name."""
+    """Every built-in problem by its name.
+
+    Returns
+    -------
+    dict of str to ExactProblem
+        In the order of `pwsmooth verify`.
+
+    Notes
+    -----
+    Source: each problem has its own.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.exact import problems
+    >>> "hidden-term" in problems()
+    True
+    """
     from . import exact_problems
 
     return {problem.name: problem for problem in exact_problems.PROBLEMS}
@@ -105,11 +175,16 @@ def verify(
     Returns
     -------
     list of Verdict
+        In the order of `names`.
 
     Raises
     ------
     ValueError
         An unknown name.
+
+    Notes
+    -----
+    Source: each problem has its own; it is `pwsmooth verify`.
 
     Examples
     --------

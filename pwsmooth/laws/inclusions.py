@@ -9,9 +9,35 @@ with Sgn(0) = [-1, 1] and the diode map dio(w) = {0} for w > 0, [0, inf) for w =
 
 import sympy as sp
 
+__all__ = ["clip", "dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
+
 
 def clip(x, limit):
-    """x cut off at -limit and limit, with the two surfaces x - limit and x + limit, neither inside the other"""
+    """The value x, cut off at -limit and limit; its two surfaces are x - limit and x + limit, neither inside the
+    other.
+
+    Parameters
+    ----------
+    x : Expr
+        Of any unit.
+    limit : Expr or float, in the unit of x
+        Positive.
+
+    Returns
+    -------
+    Expr
+        A Piecewise, in the unit of x.
+
+    Notes
+    -----
+    Source: the projection onto [-limit, limit].
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.inclusions import clip
+    >>> clip(3, 2), clip(-1, 2)
+    (2, -1)
+    """
     return sp.Piecewise((limit, x > limit), (-limit, x < -limit), (x, True))
 
 
@@ -21,11 +47,24 @@ def sat_of_sgn(x, limit, sigma):
     Parameters
     ----------
     x : Expr
-    limit, sigma : Expr or float
+        A velocity, say; of any unit.
+    limit, sigma : Expr or float, in units of y and of y/x
         Positive.
+
+    Returns
+    -------
+    Expr
+        y = clip(sigma x, limit), in the unit of `limit`.
+
+    Notes
+    -----
+    Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem Sgn
+    -> sat).
 
     Examples
     --------
+    >>> import sympy as sp
+    >>> from pwsmooth.laws.inclusions import sat_of_sgn
     >>> sat_of_sgn(3, limit=2, sigma=1), sat_of_sgn(sp.Rational(1, 2), limit=2, sigma=1)
     (2, 1/2)
     """
@@ -33,16 +72,28 @@ def sat_of_sgn(x, limit, sigma):
 
 
 def max_of_dio(A, B, c):
-    """(a', y) with  y = c (a' - A) in dio(a' - B).
+    """The (a', y) with  y = c (a' - A) in dio(a' - B).
 
     Parameters
     ----------
     A, B : Expr
-    c : Expr or float
+        Two rates of one unit.
+    c : Expr or float, in units of y/a'
         Positive.
+
+    Returns
+    -------
+    (Expr, Expr)
+        a' = max(A, B) and y = c max(0, B - A).
+
+    Notes
+    -----
+    Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem dio
+    -> max).
 
     Examples
     --------
+    >>> from pwsmooth.laws.inclusions import max_of_dio
     >>> max_of_dio(1, 3, c=2), max_of_dio(3, 1, c=2)
     ((3, 4), (3, 0))
     """
@@ -50,10 +101,54 @@ def max_of_dio(A, B, c):
 
 
 def sgn_defect(y, w, limit):
-    """0 if and only if  y in limit Sgn(w): how far y is from its projection of y + w (numbers)."""
+    """How far y is from y in limit Sgn(w): 0 if and only if it holds.
+
+    Parameters
+    ----------
+    y, w : float, of any unit
+        The force and the velocity, say.
+    limit : float, in the unit of y
+        Positive.
+
+    Returns
+    -------
+    float
+        Distance of y from its projection of y + w, in the unit of y.
+
+    Notes
+    -----
+    Source: the projection theorem; defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.inclusions import sgn_defect
+    >>> sgn_defect(2.0, 5.0, limit=2.0), sgn_defect(1.0, 5.0, limit=2.0)
+    (0.0, 1.0)
+    """
     return abs(y - max(-limit, min(limit, y + w)))
 
 
 def dio_defect(y, w):
-    """0 if and only if  y in dio(w): |min(w, y)| (numbers)."""
+    """How far y is from y in dio(w): 0 if and only if it holds.
+
+    Parameters
+    ----------
+    y, w : float, of any unit
+        The force and the gap, say.
+
+    Returns
+    -------
+    float
+        abs(min(w, y)), in the unit of both.
+
+    Notes
+    -----
+    Source: 0 <= w, y and w y = 0 if and only if min(w, y) = 0.
+
+    Examples
+    --------
+    >>> from pwsmooth.laws.inclusions import dio_defect
+    >>> dio_defect(0.0, 3.0), dio_defect(1.0, 3.0)
+    (0.0, 1.0)
+    """
     return abs(min(w, y))

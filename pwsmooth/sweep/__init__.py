@@ -76,23 +76,30 @@ def sweep(
 
     Parameters
     ----------
-    system : System or scene
+    system : System or Scene
         A scene brings its start, period and units.
-    axes : mapping of name to sequence of float
-        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of the noise.
-    points : mapping of name to sequence of float
-        A list of points, one of each sequence; with `axes` too, the whole grid at every point of the list.
-    start : mapping
-        Initial values of the states that are not swept.
+    axes : mapping of name to sequence of float, any length
+        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of
+        the noise;
+        in the units of the model.
+    points : mapping of name to sequence of float, all of one length
+        A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at
+        every point
+        of the list.
+    start : mapping of state to float
+        Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable
         Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",
         "counts", "lyapunov"), Measures of this module, functions of the Solution.
-    period : float or expression in the parameters
+    period : float or Expr, in the unit of the model's time
         Of the drive, e.g. ``2*sympy.pi/omega``. An orbit runs for `transient` periods unseen, then `periods`
         more are measured.
     transient, periods : int
-    t_span, measure_from : (float, float), float
-        Without a drive: the span of a run, and where in it measuring begins.
+        Of the drive: unseen, and measured.
+    t_span : (float, float), in the unit of the model's time
+        Without a drive: the span of a run.
+    measure_from : float, in the unit of the model's time
+        Without a drive: where in the span measuring begins.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
@@ -124,6 +131,10 @@ def sweep(
         Bad input, with the argument, its value and the remedy.
     RuntimeError
         A worker process was lost.
+
+    Notes
+    -----
+    Source: defined here.
 
     Examples
     --------

@@ -17,7 +17,27 @@ from ..solution import Solution, _is_slip_velocity
 class Window(NamedTuple):
     """The part of an orbit that is measured: from `start` to `end`, strobed every `period`.
 
-    `periods` is their number; a sweep without a drive has one, as long as the window.
+    Attributes
+    ----------
+    start, end : float, in the unit of the model's time
+        Its ends.
+    period : float, in the unit of the model's time
+        Between two strobes.
+    periods : int
+        Their number; a sweep without a drive has one, as long as the window.
+    forced : bool
+        Whether there is a drive.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.sweep import Window
+    >>> window = Window(start=10.0, end=14.0, period=2.0, periods=2, forced=True)
+    >>> window.end - window.start == window.periods * window.period
+    True
     """
 
     start: float
@@ -39,10 +59,39 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True)
 class Measure:
-    """Base of all measures.
+    """Base of all measures; one of one's own defines `variables` and `of`.
 
-    `quantities` names states, multipliers or outputs; `bits` says which of their numbers the ensemble has to keep
-    (1 extremes, 2 integrals).
+    The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers
+    of its
+    quantities the ensemble has to keep (1 extremes, 2 integrals).
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    The time at which an orbit first crosses a surface, of every point of a sweep:
+
+    >>> from dataclasses import dataclass
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep.contract import real
+    >>> from pwsmooth.sweep import Measure
+    >>> @dataclass(frozen=True)
+    ... class FirstCrossing(Measure):
+    ...     compiled = False
+    ...
+    ...     def variables(self, setting):
+    ...         return {"first": real(setting, "time of the first crossing", setting.time_unit)}
+    ...
+    ...     def of(self, solution, window, setting):
+    ...         return {"first": float(solution.event_times("crossing")[0])}
+    >>> x, c = sp.symbols("x c", real=True)
+    >>> ramp = System({x: c + sp.Heaviside(x)}, parameters={c: 1})
+    >>> found = sweep(ramp, {"c": [0.5, 1.0]}, start={"x": -1}, t_span=(0, 3), measures=[FirstCrossing()])
+    >>> found["first"].values.tolist()
+    [2.0, 1.0]
     """
 
     compiled: ClassVar[bool] = True
@@ -50,18 +99,58 @@ class Measure:
 
     @property
     def quantities(self) -> tuple[str, ...]:
+        """Names of states, multipliers or outputs whose numbers the ensemble has to keep."""
         return ()
 
     def variables(self, setting: Any) -> dict[str, Variable]:
-        """Name -> Variable; `setting` is the Setting of the sweep (plan.py)."""
+        """The variables of the Dataset that it fills.
+
+        Parameters
+        ----------
+        setting : Setting
+            Names, letters, units and periods of the sweep.
+
+        Returns
+        -------
+        dict of str to Variable
+            Name -> dimensions, type, fill value, attributes.
+        """
         raise NotImplementedError
 
     def gather(self, orbits: Any, setting: Any) -> dict[str, np.ndarray]:
-        """Name -> values of a chunk from the compiled ensemble's arrays."""
+        """Its values for a chunk, from the compiled ensemble's arrays.
+
+        Parameters
+        ----------
+        orbits : Orbits
+            The ensemble's arrays, one row a point.
+        setting : Setting
+            Names, letters, units and periods of the sweep.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Name -> values, first axis the points of the chunk, shape (nc, ...), in the units of the variables.
+        """
         raise NotImplementedError
 
     def of(self, solution: Solution, window: Window, setting: Any) -> dict[str, Any]:
-        """Name -> value of one Solution."""
+        """Its values for one Solution.
+
+        Parameters
+        ----------
+        solution : Solution
+            Of one point.
+        window : Window
+            What is measured of it.
+        setting : Setting
+            Names, letters, units and periods of the sweep.
+
+        Returns
+        -------
+        dict of str to value
+            Name -> number, word or array.
+        """
         raise NotImplementedError
 
 
@@ -101,6 +190,19 @@ class Setting:
 
 @dataclass(frozen=True)
 class OfQuantities(Measure):
+    """Base of measures of named quantities.
+
+    Parameters
+    ----------
+    *names : str or Symbol
+        States, multipliers or outputs.
+
+    Raises
+    ------
+    ValueError
+        No name.
+    """
+
     names: tuple[str, ...]
 
     def __init__(self, *names: Any) -> None:

@@ -25,7 +25,29 @@ class Function(Measure):
         Of the variables; the function's own name by default, "value" if it has none.
     dense : bool
         Whether it needs values between steps.
-    units : mapping, optional
+    units : mapping of str to str, optional
+        Of the variables.
+
+    Raises
+    ------
+    TypeError
+        No callable.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Function
+    >>> x, k = sp.symbols("x k", nonnegative=True)
+    >>> last = Function(lambda solution: solution["x"][-1], names="last", units={"last": "m"})
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.0, 1.0]}, start={"x": 1}, t_span=(0, 1),
+    ...               measures=[last])
+    >>> found["last"].values.round(6).tolist()
+    [1.0, 0.367879]
     """
 
     compiled = False
@@ -68,7 +90,23 @@ class Function(Measure):
 
 @dataclass(frozen=True)
 class Lyapunov(Measure):
-    """`lyapunov`: the largest Lyapunov exponent, averaged over the window (analysis/lyapunov.py)."""
+    """The variable `lyapunov`: the largest Lyapunov exponent, averaged over the window, in units of 1/time.
+
+    Notes
+    -----
+    Source: `pwsmooth.analysis.lyapunov.largest_exponent`.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Lyapunov
+    >>> x, k = sp.symbols("x k", positive=True)
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [0.5, 1.0]}, start={"x": 1}, t_span=(0, 20),
+    ...               measures=[Lyapunov()])
+    >>> found["lyapunov"].values.round(6).tolist()
+    [-0.5, -1.0]
+    """
 
     compiled = False
     dense: ClassVar[bool] = True

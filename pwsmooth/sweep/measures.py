@@ -32,8 +32,26 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Sticks(Measure):
-    """`stick_time`, the time that each switch spends stuck (sliding; a contact: closed) per period, and `sticks`,
-    how many sticks begin per period. Of several switches along the dimension `switch`.
+    """The variables `stick_time` and `sticks`: time stuck per period, and sticks per period.
+
+    Sliding counts as stuck, of a contact being closed; a stick is counted in the period in which it begins. Of
+    several
+    switches both have the dimension `switch`.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> t, y, v = sp.symbols("t y v", real=True)
+    >>> sigma = sp.Symbol("sigma", positive=True)
+    >>> block = System({y: v, v: -sigma * sp.sin(t) - 3 * y - sp.sign(v)}, time=t, parameters={sigma: 1})
+    >>> found = sweep(block, {"sigma": [1.2]}, start={"y": 0.5, "v": 0.3}, period=2 * sp.pi, measures=["sticks"])
+    >>> found["sticks"].values.tolist()
+    [2.0]
     """
 
     def variables(self, setting):
@@ -66,10 +84,37 @@ class Sticks(Measure):
 
 @dataclass(frozen=True)
 class Period(Measure):
-    """`period`: the smallest number of drive periods, up to `longest`, after which the state repeats; 0 for none.
+    """The variable `period`: after how many drive periods the state repeats; 0 for none.
 
-    All strobes in the second half of the window must repeat, each state within tol (1 + |x|). A transient that has
+    All strobes in the second half of the window must repeat, each state within tol (1 + abs(x)). A transient
+    that has
     not died down to `tol`, a quasi-periodic and a chaotic orbit all give 0.
+
+    Parameters
+    ----------
+    longest : int
+        Largest number of periods that is looked for.
+    tol : float, dimensionless
+        How nearly the state must repeat.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    The logistic map has period 1, 2, 4, and none that is so short:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, sweep
+    >>> from pwsmooth.sweep import Period
+    >>> t, x, c = sp.symbols("t x c", real=True)
+    >>> jump = Event(sp.sin(2 * sp.pi * t - 1), direction=1, update={x: c * x * (1 - x)})
+    >>> logistic = System({x: 0 * x}, time=t, parameters={c: 3}, events=[jump])
+    >>> found = sweep(logistic, {"c": [2.5, 3.2, 3.5, 3.9]}, start={"x": 0.3}, period=1, transient=500,
+    ...               measures=[Period(longest=8)])
+    >>> found["period"].values.tolist()
+    [1, 2, 4, 0]
     """
 
     longest: int = 8
@@ -86,7 +131,18 @@ class Period(Measure):
         return {"period": self.find(strobes(solution, window))}
 
     def find(self, x: np.ndarray) -> int:
-        """Of states at the strobes, shape (strobes, n)."""
+        """The period of a sequence of states.
+
+        Parameters
+        ----------
+        x : ndarray, shape (strobes, n)
+            States at the strobes, in their units.
+
+        Returns
+        -------
+        int
+            In drive periods, 0 for none.
+        """
         last = len(x) - 1
         for period in range(1, min(self.longest, last // 2) + 1):
             back = np.arange(min(last // 2, last - period) + 1)
@@ -98,12 +154,27 @@ class Period(Measure):
 
 @dataclass(frozen=True)
 class Itinerary(Measure):
-    """`itinerary`: the segments of the periodic orbit in order, one letter each.
+    """The variable `itinerary`: the segments of the periodic orbit in order, one letter each.
 
     A slip-velocity switch has S stick, R slip right, L slip left; another one 0 sliding, + and - its sides; a
     contact c closed, o open. Several switches stand side by side: "S+ R+". The word begins with its first stick in
     a fixed order, so that one orbit has one word whatever its phase. "aperiodic" where `period` is 0, "..." where
     more than 32 segments make the word. Without a drive it is the word of the whole window.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Itinerary
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)})
+    >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=[Itinerary()])
+    >>> found.itinerary.values.tolist()
+    ['L S', 'L R S']
     """
 
     most: ClassVar[int] = 32
@@ -150,7 +221,29 @@ class Itinerary(Measure):
 
 
 class Extremes(OfQuantities):
-    """`<name>_min` and `<name>_max` over the window, of states, multipliers or outputs, between steps too."""
+    """The variables `<name>_min` and `<name>_max`, over the window and between steps too.
+
+    Parameters
+    ----------
+    *names : str or Symbol
+        States, multipliers or outputs.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Extremes
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 10),
+    ...               measures=[Extremes("x")])
+    >>> found["x_max"].values.round(6).tolist()
+    [1.0, 2.0]
+    """
 
     bits = 1
 
@@ -175,7 +268,28 @@ class Extremes(OfQuantities):
 
 
 class Amplitude(OfQuantities):
-    """`<name>_amplitude`: half the distance from minimum to maximum over the window."""
+    """The variable `<name>_amplitude`: half the distance from minimum to maximum over the window.
+
+    Parameters
+    ----------
+    *names : str or Symbol
+        States, multipliers or outputs.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Amplitude
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> found = sweep(System({x: v, v: 1 - x}), {"x": [1.5, 2.0]}, start={"v": 0}, t_span=(0, 10),
+    ...               measures=[Amplitude("x")])
+    >>> found["x_amplitude"].values.round(6).tolist()
+    [0.5, 1.0]
+    """
 
     bits = 1
 
@@ -199,7 +313,29 @@ class Amplitude(OfQuantities):
 
 
 class Statistics(OfQuantities):
-    """`<name>_mean` and `<name>_rms`, time averages over the window, of states, multipliers or outputs (forces)."""
+    """The variables `<name>_mean` and `<name>_rms`: time averages over the window.
+
+    Parameters
+    ----------
+    *names : str or Symbol
+        States, multipliers or outputs (forces).
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import math
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Statistics
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> found = sweep(System({x: v, v: -x}), {"x": [1.0, 2.0]}, start={"v": 0}, t_span=(0, 4 * math.pi),
+    ...               measures=[Statistics("x")])
+    >>> found["x_rms"].values.round(6).tolist()  # x/sqrt(2)
+    [0.707107, 1.414214]
+    """
 
     bits = 2
 
@@ -229,9 +365,37 @@ class Statistics(OfQuantities):
 
 @dataclass(frozen=True)
 class Points(Measure):
-    """`<state>_points`: states at the window's start and after every period, along the dimension `strobe`.
+    """The variables `<state>_points`: states at the window's start and after every period, along the dimension
+    `strobe`.
 
-    The stroboscopic (Poincare) points of a forced system; `last` keeps only that many.
+    They are the stroboscopic (Poincare) points of a forced system.
+
+    Parameters
+    ----------
+    *names : str or Symbol
+        States; all by default.
+    last : int, optional
+        Keep only that many, along the dimension `last_<number>`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The states.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.sweep import Points
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> found = sweep(System({x: sp.cos(t) - x}, time=t), {"x": [0.0, 3.0]}, period=2 * sp.pi, transient=5,
+    ...               measures=[Points("x", last=2)])
+    >>> found["x_points"].values.round(6).tolist()  # x = (cos t + sin t)/2 is the periodic orbit
+    [[0.5, 0.5], [0.5, 0.5]]
     """
 
     names: tuple[str, ...] = ()
@@ -266,7 +430,22 @@ class Points(Measure):
 
 @dataclass(frozen=True)
 class Counts(Measure):
-    """`events`, how many happened inside the window, and `steps`, how many the whole orbit took."""
+    """The variables `events` and `steps`: how many events are inside the window, how many steps the whole orbit took.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)})
+    >>> found = sweep(block, {"x": [1.5, 3.5]}, start={"v": 0}, t_span=(0, 10), measures=["counts"])
+    >>> found["events"].values.tolist()
+    [1, 2]
+    """
 
     def variables(self, setting):
         about = {"events": "events inside the window", "steps": "steps of the whole orbit"}
@@ -299,13 +478,28 @@ _BY_NAME: dict[str, Any] = {
 def measure_from_text(text: str) -> Measure:
     """A measure by name, with its quantities in parentheses: "sticks", "amplitude(y, v)", "points".
 
+    Parameters
+    ----------
+    text : str
+        Name, and names of quantities where it takes them.
+
+    Returns
+    -------
+    Measure
+        With the default settings.
+
     Raises
     ------
     ValueError
         No such measure, or arguments that it does not take.
 
+    Notes
+    -----
+    Source: defined here.
+
     Examples
     --------
+    >>> from pwsmooth.sweep.measures import measure_from_text
     >>> measure_from_text("amplitude(y)")
     Amplitude(names=('y',))
     """
