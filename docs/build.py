@@ -62,10 +62,12 @@ def build(arguments: argparse.Namespace) -> int:
     sys.path.insert(0, str(ROOT))
     figures = arguments.figures or BUILD / ("figures_fast" if arguments.fast else "figures")
     draw_figures(figures.resolve(), arguments.fast)
+    if (arguments.out / ".buildinfo").is_file():
+        shutil.rmtree(arguments.out)  # pages of before, whose source is gone
     drawn = time.perf_counter()
     environment = os.environ | {"PWSMOOTH_DOCS_FIGURES": str(figures.resolve()), "MPLBACKEND": "Agg"}
     command = [
-        sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning", "--keep-going",
+        sys.executable, "-m", "sphinx", "--builder", "html", "--fail-on-warning", "--keep-going", "--fresh-env",
         "--doctree-dir", str(BUILD / "doctrees"), *arguments.sphinx, str(DOCS), str(arguments.out),
     ]  # fmt: skip
     code = subprocess.run(command, env=environment, check=False).returncode

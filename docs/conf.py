@@ -32,6 +32,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "offline_math",
     "names",
+    "source_pages",
     "generated",
 ]
 # docs/auto is written at build time (docs/_ext, sphinx-gallery); its .ipynb and .py are downloads, not pages.
@@ -59,6 +60,7 @@ numpydoc_xref_param_type = False
 numpydoc_class_members_toctree = False
 toc_object_entries_show_parents = "hide"
 add_module_names = False
+smartquotes = False  # y'' is a second derivative
 default_role = "name"
 python_use_unqualified_type_names = True
 maximum_signature_line_length = 88
@@ -98,6 +100,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": False,  # the build goes on and -W fails it, so that every broken page is named
     "only_warn_on_example_error": True,
     "download_all_examples": False,
+    "write_computation_times": False,  # its page would load tables from another host
     "show_memory": False,
     "show_signature": False,
     "remove_config_comments": True,
@@ -110,12 +113,14 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_title = "pwsmooth"
 templates_path = ["_templates"]
+html_favicon = "_static/favicon.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_show_copyright = False
 html_context = {"default_mode": "auto"}
 html_theme_options = {
+    "logo": {"image_light": "_static/favicon.svg", "image_dark": "_static/favicon.svg", "text": "pwsmooth"},
     "navbar_align": "left",
     "show_toc_level": 2,
     "navigation_with_keys": False,

@@ -6,7 +6,23 @@ import ast
 import json
 from pathlib import Path
 
-from page import AUTO, ROOT, Raw, card, claims_table, code, grid, picture, plain, prose, table, toctree, write
+from page import (
+    AUTO,
+    ROOT,
+    Raw,
+    card,
+    claims_table,
+    code,
+    grid,
+    headline,
+    picture,
+    plain,
+    prose,
+    shown,
+    table,
+    toctree,
+    write,
+)
 
 GALLERY = AUTO / "figures"
 
@@ -69,9 +85,9 @@ def _write_figure(figures: Path, name: str, stem: str, entry: dict) -> None:
     about = docstring.partition(":")[2] if docstring.lower().startswith("figure") else docstring
     write(
         GALLERY / f"{stem}.md",
-        f"# Figure {plain(name)}: {plain(entry['title'])}\n\n"
+        f"# Figure {plain(name)}: {headline(entry['title'])}\n\n"
         f"```{{image}} {stem}.png\n:alt: {plain(entry['title'])}\n:width: 100%\n```\n\n"
-        f"{plain(entry['caption'])}\n\n"
+        f"{shown(entry['caption'])}\n\n"
         f"{{download}}`PDF <{stem}.pdf>`\n\n"
         f"## Claims\n\n{claims_table(entry['claims']) if entry['claims'] else 'None.'}\n"
         f"## How it is made\n\n{prose(about)}\n"
@@ -110,7 +126,7 @@ def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> N
     for name, entry in found.items():
         if entry["claims"]:
             parts += [
-                f"## Figure {plain(name)}: {plain(entry['title'])}\n",
+                f"## Figure {plain(name)}: {headline(entry['title'])}\n",
                 claims_table(entry["claims"]),
                 f"[Figure and code](figures/{stems[name]}.md)\n",
             ]

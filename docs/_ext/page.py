@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,49 @@ ROOT = Path(__file__).resolve().parents[2]
 AUTO = ROOT / "docs" / "auto"
 
 _MEANS_SOMETHING = re.compile(r"([\\`*_{}\[\]<>()#+\-.!|$~^:&@])")
+_GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eps": "ε", "epsilon": "ε", "eta": "η", "theta": "θ",
+    "kappa": "κ", "lam": "λ", "lambda": "λ", "mu": "μ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ",
+    "psi": "ψ", "omega": "ω",
+}  # fmt: skip
+_LETTER = "|".join(sorted(_GREEK, key=len, reverse=True))
+_SYMBOL = re.compile(
+    rf"(?<![\w./-])(?P<base>{_LETTER}|[A-Za-z](?=_))(?:_(?P<sub>[A-Za-z0-9]{{1,3}}))?(?![\w_]|\.\w)"
+)
+_POWER = re.compile(r"\^(?:\((?P<long>[^()]+)\)|(?P<short>-?\d+(?:\.\d+)?|[A-Za-z]))")
+_SIGNS = (("+-", "±"), ("<=", "≤"), (">=", "≥"), ("->", "→"), (" - ", " − "))
+_NEGATIVE = re.compile(r"(?<![\w.\]})])-(?=\d)")
 
 
 def plain(text: Any) -> str:
     """Markdown that shows this text as it is, on one line."""
     return _MEANS_SOMETHING.sub(r"\\\1", " ".join(str(text).split()))
+
+
+def shown(text: Any) -> str:
+    """Markdown of a text written for a terminal, its symbols set: lam_s^2 with a Greek letter, an index and a power."""
+    roles: list[str] = []
+
+    def kept(role: str) -> str:
+        roles.append(role)
+        return f"\x00{len(roles) - 1}\x01"
+
+    def symbol(match: re.Match) -> str:
+        letter = _GREEK.get(match["base"], match["base"])
+        return letter + (kept(f"{{sub}}`{match['sub']}`") if match["sub"] else "")
+
+    line = " ".join(str(text).split())
+    line = _SYMBOL.sub(symbol, line)
+    line = _POWER.sub(lambda m: kept(f"{{sup}}`{m['long'] or m['short']}`"), line)
+    for typed, sign in _SIGNS:
+        line = line.replace(typed, sign)
+    line = plain(_NEGATIVE.sub("−", line))
+    return re.sub("\x00(\\d+)\x01", lambda m: roles[int(m[1])], line)
+
+
+def headline(text: Any) -> str:
+    """A title with Greek letters, without roles, which menus do not show."""
+    return plain(_SYMBOL.sub(lambda m: m[0] if m["sub"] else _GREEK.get(m[0], m[0]), str(text)))
 
 
 def number(value: Any) -> str:
@@ -35,7 +74,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """A pipe table; cells that are already Markdown are given as `Raw`."""
 
     def line(cells):
-        return "| " + " | ".join(c if isinstance(c, Raw) else plain(number(c)) for c in cells) + " |"
+        return "| " + " | ".join(c if isinstance(c, Raw) else shown(number(c)) for c in cells) + " |"
 
     return "\n".join([line(head), "|" + " --- |" * len(head), *(line(row) for row in rows)]) + "\n"
 
@@ -44,21 +83,42 @@ class Raw(str):
     """Markdown that is taken as it stands."""
 
 
+_COLUMNS = re.compile(r"(\S(?:.*?\S)?) {2,}(\S.*)")
+
+
 def prose(docstring: str) -> str:
-    """A script's docstring as Markdown: paragraphs flow, what is laid out in columns or indented stays as typed."""
-    blocks = re.split(r"\n\s*\n", docstring.strip("\n"))
+    """A script's docstring as Markdown: paragraphs flow, columns are tables, what is indented stays as typed."""
     parts = []
-    for block in blocks:
+    for block in re.split(r"\n\s*\n", docstring.strip("\n")):
         lines = block.splitlines()
-        head = len(lines) > 1 and re.fullmatch(r"[-=]{3,}", lines[1].strip())
-        if head:
+        if len(lines) > 1 and re.fullmatch(r"[-=]{3,}", lines[1].strip()):
             parts.append(f"**{plain(lines[0])}**")
             lines = lines[2:]
         if not lines:
             continue
-        typed = any(line.startswith((" ", "\t")) or "   " in line.strip() for line in lines)
-        parts.append(fenced("\n".join(lines)) if typed else plain(" ".join(lines)))
+        usage = re.match(r"(?:Usage|Run): ?(.*)", lines[0])
+        if usage:
+            rest = [line.strip() for line in lines[1:]]
+            parts.append(fenced("\n".join([usage[1], *(f"    {line}" for line in rest)]), "text"))
+        elif lines[0].startswith(" "):
+            parts.append(fenced(textwrap.dedent("\n".join(lines))))
+        elif _COLUMNS.fullmatch(lines[0]):
+            parts.append(_definitions(lines))
+        else:
+            parts.append(shown(" ".join(lines)))
     return "\n\n".join(parts) + "\n"
+
+
+def _definitions(lines: list[str]) -> str:
+    """Lines of `name    meaning`, whose meaning may go on in indented lines."""
+    rows: list[list[str]] = []
+    for line in lines:
+        columns = _COLUMNS.fullmatch(line)
+        if columns and not line.startswith(" "):
+            rows.append([columns[1], columns[2]])
+        else:
+            rows[-1][1] += " " + line.strip()
+    return "\n".join(f"{shown(name)}\n: {shown(meaning)}\n" for name, meaning in rows)
 
 
 def fenced(text: str, language: str = "text") -> str:
@@ -84,7 +144,7 @@ def claims_table(claims: Sequence[dict[str, str]], *, source: str = "source") ->
         verdict = f"[{claim['verdict']}]{{.verdict-{claim['verdict']}}}"
         rows.append(
             (claim["claim"], claim["source"], claim["ours"],
-             Raw(verdict if good else f"{verdict}: {plain(claim['reason'])}"))
+             Raw(verdict if good else f"{verdict}: {shown(claim['reason'])}"))
         )  # fmt: skip
     return table(("claim", source, "ours", "verdict"), rows)
 
@@ -125,8 +185,10 @@ def picture(source: Path, target: Path, *, thumbnail: int = 480) -> None:
 
 def card(title: str, text: str, page: str, image: str | None) -> str:
     """One card of a grid."""
-    shown = f":img-top: {image}\n:img-alt: {plain(title)}\n" if image else ""
-    return f"::::{{grid-item-card}} {title}\n:link: {page}\n:link-type: doc\n{shown}\n{plain(text)}\n::::\n"
+    shown_image = f":img-top: {image}\n:img-alt: {plain(title)}\n" if image else ""
+    return (
+        f"::::{{grid-item-card}} {title}\n:link: {page}\n:link-type: doc\n{shown_image}\n{shown(text)}\n::::\n"
+    )
 
 
 def grid(cards: Iterable[str]) -> str:

@@ -20,6 +20,7 @@ from page import (
     plain,
     prose,
     provenance_text,
+    shown,
     table,
     toctree,
     write,
@@ -69,8 +70,8 @@ def _write_study(path: Path) -> str:
     question = (record or {}).get("question") or doc.split("\n\n")[0]
     if record and "question" in record:
         parts += [
-            f"**Question.** {plain(record['question'])}\n",
-            f"**Expected.** {plain(record['expected'])}\n",
+            f"**Question.** {shown(record['question'])}\n",
+            f"**Expected.** {shown(record['expected'])}\n",
         ]
     if chart.is_file():
         picture(chart, STUDIES / chart.name)
