@@ -82,7 +82,7 @@ def _write_figure(figures: Path, name: str, stem: str, entry: dict) -> None:
     script = ROOT / "paper_figures" / f"{stem}.py"
     docstring = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
     # What the figure's script says of itself, without the name that is the page's title already.
-    about = docstring.partition(":")[2] if docstring.lower().startswith("figure") else docstring
+    about = docstring.partition(":")[2].strip() if docstring.lower().startswith("figure") else docstring
     write(
         GALLERY / f"{stem}.md",
         f"# Figure {plain(name)}: {headline(entry['title'])}\n\n"

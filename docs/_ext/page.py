@@ -19,9 +19,9 @@ _GREEK = {
 }  # fmt: skip
 _LETTER = "|".join(sorted(_GREEK, key=len, reverse=True))
 _SYMBOL = re.compile(
-    rf"(?<![\w./-])(?P<base>{_LETTER}|[A-Za-z](?=_))(?:_(?P<sub>[A-Za-z0-9]{{1,3}}))?(?![\w_]|\.\w)"
+    rf"(?<![\w.])(?<!--)(?P<base>{_LETTER}|[A-Za-z](?=_))(?:_(?P<sub>[A-Za-z0-9]{{1,3}}))?(?![\w_]|\.\w)"
 )
-_POWER = re.compile(r"\^(?:\((?P<long>[^()]+)\)|(?P<short>-?\d+(?:\.\d+)?|[A-Za-z]))")
+_POWER = re.compile(r"(?:\^|\*\*)(?:\((?P<long>[^()]+)\)|(?P<short>-?\d+(?:\.\d+)?|[A-Za-z]))")
 _SIGNS = (("+-", "±"), ("<=", "≤"), (">=", "≥"), ("->", "→"), (" - ", " − "))
 _NEGATIVE = re.compile(r"(?<![\w.\]})])-(?=\d)")
 
