@@ -7,8 +7,10 @@ for every quantity, the exceptions of what raises, the source of what is compute
 import ast
 import dataclasses
 import enum
+import functools
 import inspect
 import re
+import sys
 import textwrap
 import types
 from collections.abc import Callable, Iterator
@@ -16,7 +18,8 @@ from typing import Any
 
 from numpydoc.docscrape import get_doc_object
 from numpydoc.validate import validate
-from public_names import members, public_names
+from public_names import INTERNAL, members, public_names
+from sphinx.pycode import ModuleAnalyzer
 
 # Sections known, ordered, none missing or without a description; every argument named, in the order of the call.
 NUMPYDOC = {"GL06", "GL07", "GL08", "SS01", "SS02", "SS03", "PR04", "PR07", "RT01", "RT03", "YD01"}
@@ -33,7 +36,7 @@ SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\
 def shortcomings(name: str, value: Any) -> list[str]:
     """What the docstring of a public name, and of the methods that it defines, lacks; empty for a complete one."""
     if isinstance(value, types.GenericAlias) or not (inspect.isclass(value) or callable(value)):
-        return []
+        return [] if name.rpartition(".")[2] in _data_described() else [f"{name}: data without a comment `#: ...`"]
     missing = [*_lacking(value), *_example(value), *_source(value)]
     if inspect.isclass(value):
         for member, method in members(value).items():
@@ -49,6 +52,14 @@ def shortcomings(name: str, value: Any) -> list[str]:
 def every_shortcoming() -> list[str]:
     """Of all public names."""
     return [text for name, value in public_names().items() for text in shortcomings(name, value)]
+
+
+@functools.cache
+def _data_described() -> set[str]:
+    """Names of data that a comment `#:` describes where they are defined."""
+    own = [name for name in sys.modules if name.partition(".")[0] == "pwsmooth" and not name.startswith(INTERNAL)]
+    found = (ModuleAnalyzer.for_module(name).find_attr_docs() for name in own)
+    return {attribute for docs in found for owner, attribute in docs if not owner}
 
 
 def _is_property(member: Any) -> bool:

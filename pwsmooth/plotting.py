@@ -28,7 +28,7 @@ __all__ = [
     "style",
 ]
 
-# One colour a meaning, the same in every chart (Okabe and Ito's palette, distinct for colour-blind readers).
+#: One colour a meaning, the same in every chart (Okabe and Ito's palette, distinct for colour-blind readers).
 COLOUR = {
     "right": "#0072B2",  # slip right, lam = +1
     "left": "#D55E00",  # slip left, lam = -1

@@ -169,7 +169,7 @@ class EventLog(Sequence):
     codes : ndarray of int, shape (ne, k)
         What the kernels recorded of each, dimensionless.
     words : callable
-        (time, *codes) -> EventRecord.
+        (time, codes of the event) -> EventRecord.
 
     Notes
     -----

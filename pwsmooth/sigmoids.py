@@ -125,6 +125,7 @@ class Sigmoid:
         return self.function(h / eps)
 
 
+#: The families by name.
 SIGMOIDS = {
     "algebraic": Sigmoid("algebraic", ALGEBRAIC, sp.Rational(3, 2)),
     "tanh": Sigmoid("tanh", TANH, sp.Integer(1)),

@@ -18,9 +18,12 @@ from .. import checks
 from .orbits import PeriodicOrbit, refine
 from .sections import Stroboscopic
 
-__all__ = ["UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
+__all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
 
-UNSETTLED, FAILED = -1, -2
+#: Label of a start whose trajectory had not become periodic.
+UNSETTLED = -1
+#: Label of a start whose trajectory failed.
+FAILED = -2
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from .variations import variations
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
+#: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
 _RETURN = "pws_return"
 _INSTANT = 1e-10

@@ -108,7 +108,7 @@ class StickingRegion:
         Returns
         -------
         sympy Boolean
-            |k y - drive| <= N mu.
+            abs(k y - drive) <= N mu.
         """
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-t = sp.Symbol("t", real=True)  # time in every scene
+#: Time in every scene, s: drives are expressions of it.
+t = sp.Symbol("t", real=True)
 
 
 def expression(value: Any, what: str) -> sp.Expr:

@@ -42,7 +42,7 @@ class _Memoryless(Law):
 
 @law
 class Hertz(_Memoryless):
-    """Elastic contact.
+    """Hertz's elastic contact, F = K p^n.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class Hertz(_Memoryless):
 
 @law
 class KelvinVoigt(_Memoryless):
-    """Spring and dashpot in parallel.
+    """Spring and dashpot in parallel, F = K (p + b v).
 
     Examples
     --------
@@ -92,7 +92,7 @@ class KelvinVoigt(_Memoryless):
 
 @law
 class HuntCrossley(_Memoryless):
-    """Damping in proportion to the elastic force.
+    """Damping in proportion to the elastic force, F = K p^n (1 + b v).
 
     Examples
     --------

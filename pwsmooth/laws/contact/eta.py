@@ -47,6 +47,7 @@ def _zhiying_qishao(c):
 
 
 _KNOWN = "recalled from the literature, checked against a public implementation"
+#: The table: name of a law -> its `Factor`.
 ETA: dict[str, Factor] = {
     "hunt-crossley": Factor(lambda c: sp.Rational(3, 2) * (1 - c), f"Hunt, Crossley 1975; {_KNOWN}"),
     "herbert-mcwhannell": Factor(

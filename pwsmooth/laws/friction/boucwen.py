@@ -13,7 +13,9 @@ from ..contract import Law, Pieces, law, parameter
 
 @law
 class BoucWen(Law):
-    """Bouc-Wen's law; the defaults are chosen: 1 N at 10 um, as Dahl's.
+    """Bouc and Wen's smooth hysteresis law.
+
+    The defaults are chosen: 1 N at 10 um, as Dahl's.
 
     Examples
     --------

@@ -126,7 +126,7 @@ class BlimanSorine(Law):
 
 @law
 class BlimanSorineFirst(Law):
-    """Their first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon.
+    """Bliman and Sorine's first-order law, epsilon dF/dl = f_1 sgn v - F: Dahl's with F_c = f_1, sigma0 = f_1/epsilon.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from .stribeck import stribeck
 
 @law
 class Elastoplastic(LuGre):
-    """Dupont's law with z_max = z_ss(v), which holds at all speeds.
+    """Dupont's elastoplastic law with z_max = z_ss(v), which holds at all speeds.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class Elastoplastic(LuGre):
 
 @law
 class ElastoplasticFixed(Elastoplastic):
-    """Dupont's law with a constant z_max, for presliding: at speed z_ss falls below it.
+    """Dupont's elastoplastic law with a constant z_max, for presliding: at speed z_ss falls below it.
 
     Examples
     --------

@@ -16,7 +16,9 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class GMS(Law):
-    """The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.
+    """Generalised Maxwell-slip: elements that stick or slip, with a Stribeck curve and lag in slip.
+
+    The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.
 
     Examples
     --------

@@ -17,7 +17,9 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class LuGre(Law):
-    """LuGre's law with constant bristle damping; the defaults are the standard example's (for 1 kg).
+    """LuGre's law with constant bristle damping.
+
+    The defaults are the standard example's (for 1 kg).
 
     Examples
     --------

@@ -13,7 +13,9 @@ from ..contract import Law, Pieces, law, parameter
 
 @law
 class Wojewoda(Law):
-    """Non-reversible friction; defaults chosen.
+    """Wojewoda's non-reversible friction: more force while accelerating than while slowing down.
+
+    The defaults are chosen.
 
     Examples
     --------

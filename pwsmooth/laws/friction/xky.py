@@ -17,7 +17,9 @@ from .stribeck import check_stribeck, stribeck
 
 @law
 class XKY(Law):
-    """The single-state law; the defaults are LuGre's standard ones.
+    """Xiong, Kikuuwe and Yamamoto's continuous law with one state.
+
+    The defaults are LuGre's standard ones.
 
     Examples
     --------
@@ -60,7 +62,9 @@ class XKY(Law):
 
 @law
 class MultistateXKY(Law):
-    """Parallel elements with frictional lag, (4.13a-c) of Xiong's thesis; equations and defaults reconstructed.
+    """Xiong, Kikuuwe and Yamamoto's law with parallel elements and frictional lag.
+
+    Equations (4.13a-c) of Xiong's thesis; equations and defaults are reconstructed.
 
     Examples
     --------
