@@ -1,0 +1,155 @@
+"""Maps of hazards: a band a method, the rows of the map inside it, one colour a way of failing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...plotting import new_figure
+from .failures import HARMLESS, KINDS
+from .maps import StabilityMap
+
+__all__ = ["legend", "page", "plot_map"]
+
+GAP = 0.18  # between two bands, in bands
+
+
+def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> Any:
+    """Draw a map; returns the Axes.
+
+    Every method is a band, the first on top. Inside it the rows of the map go upwards. A cell has the colour of the
+    most frequent failure there, paler where some of its runs are right. The black line is the border that theory
+    draws.
+
+    Parameters
+    ----------
+    found : StabilityMap
+    axes : matplotlib Axes, optional
+        A new figure of its own without.
+    small : bool
+        For a page of many: no second axis, fewer words.
+    """
+    if axes is None:
+        figure = new_figure(7.0, 1.3 + 0.55 * len(found.methods))
+        axes = figure.subplots()
+        legend(figure, [found])
+    edges = _edges(np.array(found.x.values))
+    n_rows = len(found.rows)
+    places = []
+    for band, method in enumerate(reversed(found.methods)):
+        low = band * (1 + GAP)
+        heights = low + np.linspace(0.0, 1.0, n_rows + 1)
+        axes.pcolormesh(edges, heights, _colours(found, method), linewidth=0, rasterized=True)
+        _border(axes, found.border[method], heights, edges)
+        places.append(low + 0.5)
+        if not small and n_rows > 1:
+            for row in (0, n_rows - 1):
+                name = found.rows.words[row] if found.rows.words else f"{found.rows.values[row]:.3g}"
+                axes.annotate(
+                    name, (1.0, low + (row + 0.5) / n_rows), xycoords=("axes fraction", "data"), va="center",
+                    xytext=(3, 0), textcoords="offset points", fontsize=6.5, color="#555555",
+                )  # fmt: skip
+    axes.set_xscale("log" if np.all(np.array(found.x.values) > 0) and _is_log(found.x.values) else "linear")
+    axes.set_xlim(edges.min(), edges.max())
+    axes.set_ylim(-GAP, len(found.methods) * (1 + GAP))
+    axes.set_yticks(places, list(reversed(found.methods)))
+    axes.tick_params(axis="y", length=0, labelsize=6 if small else 8)
+    axes.tick_params(axis="x", labelsize=6 if small else 8)
+    size = 6 if small else 8.5
+    axes.set_xlabel(found.x.name, fontsize=size)
+    axes.set_title(found.title, fontsize=7.5 if small else 9.5)
+    if found.x.words:
+        axes.set_xticks(found.x.values, found.x.words)
+    if n_rows > 1:
+        names = found.rows.words or tuple(f"{v:.3g}" for v in found.rows.values)
+        axes.set_xlabel(f"{found.x.name};  up: {found.rows.name}, {names[0]} to {names[-1]}", fontsize=size)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_visible(False)
+    return axes
+
+
+def legend(figure: Any, maps: Sequence[StabilityMap]) -> None:
+    """One entry for every way of failing that occurs in the maps, and one for the border."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    seen = {kind for found in maps for counts in found.counts.values() for kind in counts}
+    handles: list[Any] = [
+        Patch(facecolor=colour, edgecolor="#999999", linewidth=0.4, label=kind)
+        for kind, colour in KINDS.items()
+        if kind in seen
+    ]
+    if any(np.isfinite(edge).any() for found in maps for edge in found.border.values()):
+        handles.append(Line2D([], [], color="black", linewidth=1.4, label="border by theory"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7.5)
+
+
+def page(maps: Sequence[StabilityMap], columns: int = 3) -> Any:
+    """All maps on one page; returns the Figure."""
+    rows = -(-len(maps) // columns)
+    heights = [
+        0.75 + 0.2 * max(len(m.methods) for m in maps[r * columns : (r + 1) * columns]) for r in range(rows)
+    ]
+    figure = new_figure(4.1 * columns, sum(heights) + 0.6)
+    grid = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights})
+    for axes, found in zip(grid.flat, maps):
+        plot_map(found, axes, small=True)
+    for axes in grid.flat[len(maps) :]:
+        axes.axis("off")
+    legend(figure, maps)
+    return figure
+
+
+def _colours(found: StabilityMap, method: str) -> np.ndarray:
+    """RGB of every cell."""
+    from matplotlib.colors import to_rgb
+
+    shape = len(found.rows), len(found.x)
+    counts = {kind: found.counts[method].get(kind, np.zeros(shape, int)) for kind in KINDS}
+    total, failed = found.total(method), found.failed(method)
+    picture = np.ones((*shape, 3))
+    for i, k in np.ndindex(shape):
+        if not total[i, k]:
+            continue
+        worst = max((kind for kind in KINDS if kind not in HARMLESS), key=lambda kind: counts[kind][i, k])
+        calm = max(HARMLESS, key=lambda kind: counts[kind][i, k])
+        share = failed[i, k] / total[i, k]
+        ground = np.array(to_rgb(KINDS[calm]))
+        # A single failure among many still shows: from a third of the full colour on.
+        weight = 0.0 if share == 0 else 0.35 + 0.65 * share
+        picture[i, k] = (1 - weight) * ground + weight * np.array(to_rgb(KINDS[worst]))
+    return picture
+
+
+def _border(axes: Any, border: np.ndarray, heights: np.ndarray, edges: np.ndarray) -> None:
+    inside = np.isfinite(border) & (border >= edges.min()) & (border <= edges.max())
+    for i in np.flatnonzero(inside):
+        axes.plot(
+            [border[i], border[i]], heights[i : i + 2], color="black", linewidth=1.2, solid_capstyle="butt"
+        )
+        if i + 1 < len(border) and inside[i + 1]:
+            axes.plot(border[i : i + 2], [heights[i + 1]] * 2, color="black", linewidth=0.8)
+
+
+def _is_log(values: Sequence[float]) -> bool:
+    """Whether steps are nearer to equal in the logarithm."""
+    v = np.array(values)
+    if len(v) < 3:
+        return bool(v.max() / v.min() > 5)
+    return bool(np.ptp(np.diff(np.log(v))) < np.ptp(np.diff(v)) / np.abs(v).max() * 3)
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Edges of the cells around the values, which increase or decrease."""
+    if len(values) == 1:
+        return values[0] * np.array([0.5, 2.0]) if values[0] > 0 else values[0] + np.array([-0.5, 0.5])
+    if np.all(values > 0) and _is_log(tuple(values)):
+        return np.exp(_edges_linear(np.log(values)))
+    return _edges_linear(values)
+
+
+def _edges_linear(v: np.ndarray) -> np.ndarray:
+    middle = 0.5 * (v[1:] + v[:-1])
+    return np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])

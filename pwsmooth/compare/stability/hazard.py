@@ -1,0 +1,100 @@
+"""A hazard: a plane of situations, the methods that are tried there, and the border that theory draws through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .failures import Finding
+
+__all__ = ["GROUPS", "Axis", "Hazard", "Trial", "decades"]
+
+Trial = Callable[[float, float], "Finding | Sequence[Finding]"]
+
+# Methods of one group share a column of the table and a colour in every chart of methods.
+GROUPS = {
+    "event-driven": "event-driven",
+    "event-driven, 8(5,3) pair": "event-driven",
+    "event-driven, layered": "event-driven",
+    "event-driven, slaved": "event-driven",
+    "event-driven, two-stage": "event-driven",
+    "smoothed path": "smoothed",
+    "explicit Euler": "fixed step",
+    "Runge-Kutta 4": "fixed step",
+    "backward Euler": "fixed step",
+    "closed-form backward Euler": "fixed step",
+    "Moreau-Jean": "fixed step",
+    "DOP853, restarted": "with events",
+    "DOP853, events": "with events",
+    "DOP853, events, steps unbounded": "with events",
+    "RK45, events": "with events",
+    "RK45, events, steps unbounded": "with events",
+    "heyoka, events": "with events",
+    "heyoka, events, steps unbounded": "with events",
+    "CVODE, events": "with events",
+    "CVODE, events, steps unbounded": "with events",
+    "RK45": "no events",
+    "DOP853": "no events",
+    "Radau": "no events",
+    "BDF": "no events",
+    "LSODA": "no events",
+    "CVODE": "no events",
+    "heyoka": "no events",
+    "LSODA (compiled)": "no events",
+    "DOP853 (compiled)": "no events",
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values of one coordinate of a map; `words` name them where they are cases and no numbers."""
+
+    name: str
+    values: tuple[float, ...]
+    words: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Hazard:
+    """One map to be made.
+
+    Parameters
+    ----------
+    name, title : str
+    x, rows : Axis
+        The ratio that decides, and the circumstance: every method is tried at every pair.
+    methods : dict of str to Trial
+        (x, row) -> one Finding, or one for every start tried there.
+    border : callable, optional
+        (method, row) -> x at which theory has the method fail; nan where it says nothing.
+    law : str
+        The border in words.
+    worse : {"right", "left"}
+        The side of the border on which theory expects failure.
+    unit : str
+        What the size of a finding is.
+    truth : str
+        Where the right answer comes from.
+    """
+
+    name: str
+    title: str
+    x: Axis
+    rows: Axis
+    methods: dict[str, Trial]
+    border: Callable[[str, float], float] = field(default=lambda method, row: float("nan"))
+    law: str = ""
+    worse: str = "right"
+    unit: str = ""
+    truth: str = "closed form"
+
+
+def decades(first: float, last: float, each: int = 1) -> tuple[float, ...]:
+    """Powers of ten from 10**first to 10**last, `each` to a decade; rounded, so that files read well."""
+    n = int(round(abs(last - first) * each)) + 1
+    return tuple(float(f"{10**e:.4g}") for e in np.linspace(first, last, n))

@@ -1,0 +1,80 @@
+"""The table: hazard by group of methods, and what happens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .failures import HARMLESS
+from .hazard import GROUPS
+from .maps import StabilityMap
+
+__all__ = ["COLUMNS", "markdown", "table", "what_happens"]
+
+# Groups of methods in the order of the columns, with their headings.
+COLUMNS = {
+    "event-driven": "event-driven (this package)",
+    "smoothed": "smoothed (this package)",
+    "with events": "stopped at events",
+    "no events": "unguarded adaptive",
+    "fixed step": "fixed step",
+}
+
+
+def what_happens(found: StabilityMap, method: str) -> str:
+    """ "right", "right or recorded", or the ways of failing with their shares of all runs."""
+    tally, total = found.tally(method), int(found.total(method).sum())
+    failures = [(kind, n) for kind, n in tally.items() if kind not in HARMLESS]
+    if not failures:
+        return "right or recorded" if tally.get("recorded") else "right"
+    words = [f"{kind} {_share(n, total)}" for kind, n in failures[:3]]
+    agreement = found.agreement(method)
+    beyond = "" if not np.isfinite(agreement) or agreement < 0.95 else ", at theory's border"
+    return ", ".join(words) + beyond
+
+
+def _share(n: int, total: int) -> str:
+    percent = 100 * n / total
+    return f"{percent:.0f} %" if percent >= 1 else f"{n} of {total}"
+
+
+def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Rows {"hazard": title, group: "method: what happens; ..."} of the records of a data file."""
+    rows = []
+    for record in records:
+        found = StabilityMap.from_record(record)
+        cells: dict[str, list[str]] = {group: [] for group in COLUMNS}
+        for method in found.methods:
+            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(found, method)}")
+        rows.append({"hazard": found.title} | {g: "; ".join(c) for g, c in cells.items()})
+    return rows
+
+
+def markdown(content: Mapping[str, Any]) -> str:
+    """The table of a data file (experiments/results/stability.json) as markdown.
+
+    Parameters
+    ----------
+    content : mapping
+        What the file holds: `content["data"]["maps"]` are the records.
+
+    Returns
+    -------
+    str
+        A table with a row a hazard and a column a group of methods; shares are of all runs of the map.
+    """
+    rows = table(content["data"]["maps"])
+    used = [g for g in COLUMNS if any(row[g] for row in rows)]
+    lines = [_line(["hazard", *(COLUMNS[g] for g in used)]), _line(["---"] * (len(used) + 1))]
+    lines += [_line([row["hazard"], *(_cell(row[g]) for g in used)]) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return text.replace("; ", "<br>").replace("|", "\\|") or "–"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
