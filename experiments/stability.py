@@ -42,7 +42,7 @@ def claims(records):
     """What the maps say, as Claims."""
     maps = {record["name"]: StabilityMap.from_record(record) for record in records}
     found = []
-    for name, one in maps.items():
+    for one in maps.values():
         for method in (m for m in OURS if m in one.methods):
             failures = int(one.failed(method).sum())
             recorded = one.tally(method).get("recorded", 0)

@@ -1,6 +1,7 @@
 """Explicit steps on contacts: the inclusion with residual indentation, and a stiff spring with a dashpot.
 
-    residual       p' = v, v' = G - (K/m) max(0, p + beta gamma (p - a)), a' = max(-gamma a/(1 + gamma beta), gamma (p - a))
+    residual       p' = v,  v' = G - (K/m) max(0, p + beta gamma (p - a)),
+                   a' = max(-gamma a/(1 + gamma beta), gamma (p - a))
     Kelvin-Voigt   p' = v, v' = G - w^2 (p + (2 zeta/w) v) while p > 0
 
 A body of 1 kg lies on the contact and is struck. The energy of the exact motion falls: it dies out at rest. In
