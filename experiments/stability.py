@@ -1,6 +1,6 @@
 """Where does each method break, and how? Maps of hazards, with the border that theory draws over the measured one.
 
-Every hazard is a plane: the ratio that decides (a step, a tolerance, a distance) against a circumstance. Every method is
+Every hazard is a plane: the ratio that decides (a step, a tolerance, a distance) against a circumstance. A method is
 run at every point, and each run is put into one way of failing by the rules of pwsmooth/compare/stability/failures.py.
 Runs are bounded in evaluations, so that a stall is seen as one.
 
