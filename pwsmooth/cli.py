@@ -116,6 +116,24 @@ def sweep(
     typer.echo(f"{data.outcome.size} points: {told}; {store}")
 
 
+@app.command()
+def ladder(
+    scene: Annotated[str, typer.Argument(help="One of the scenes that --list shows.")] = "",
+    observable: Annotated[str, typer.Option(help="What is to be right; --list shows what a scene has.")] = "",
+    tolerance: Annotated[str, typer.Option(help="Accepted distance from the richest model, e.g. 0.01 or 5%.")] = "5%",
+    out: Annotated[Path | None, typer.Option(help="Directory for the table (JSON) and the chart (PNG).")] = None,
+    list_only: Annotated[bool, typer.Option("--list", help="List scenes and observables, and leave.")] = False,
+) -> None:
+    """The simplest model that a scene needs: an observable on models of growing fidelity, and their cost."""
+    from pwsmooth.compare.ladders import report
+
+    try:
+        report.show_list(scene) if list_only else report.run(scene, observable, tolerance, out)
+    except (ValueError, TypeError) as error:
+        typer.echo(f"pwsmooth ladder: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
 def main() -> None:
     """Entry point of the console script."""
     app()

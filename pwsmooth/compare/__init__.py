@@ -1,1 +1,15 @@
 """Comparisons: what is exact (verify), what accuracy costs, where methods break, which model a scene needs."""
+
+import importlib
+
+_HOME = {"ladder": "ladders"}
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__():
+    return [*globals(), *_HOME]

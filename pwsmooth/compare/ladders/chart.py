@@ -1,0 +1,80 @@
+"""The chart of a ladder: distance from the richest rung with its error bar, and cost, a row a rung.
+
+Chain: result.py -> **chart**.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...plotting import COLOUR, LINEAR_SHADE, new_figure, style
+
+__all__ = ["plot_ladder"]
+
+_COLOUR_OF = {
+    "within": COLOUR["stick"],
+    "outside": COLOUR["left"],
+    "undecided": COLOUR["approximation"],
+    "richest": COLOUR["exact"],
+    "failed": COLOUR["mark"],
+}
+
+
+def plot_ladder(ladder: Any, axes: Any = None) -> Any:
+    """Draw a Ladder on two Axes, poorest rung at the bottom; returns them.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    axes : sequence of two Axes, optional
+        A new figure without; its rows then carry the rungs' names once.
+    """
+    if axes is None:
+        with style():
+            figure = new_figure(7.5, 1.3 + 0.28 * len(ladder.steps))
+            axes = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+    left, right = axes
+    seen = [s.distance for s in ladder.steps if np.isfinite(s.distance) and s.distance > 0]
+    seen += [s.bar for s in ladder.steps if np.isfinite(s.bar) and s.bar > 0] + [ladder.tolerance]
+    # Three decades below the tolerance nothing is decided any more.
+    low = max(min(seen) / 3, ladder.tolerance * 1e-3)
+    high = max(max(seen) * 3, ladder.tolerance * 3)
+    left.axvspan(low, ladder.tolerance, color=LINEAR_SHADE, alpha=0.35, linewidth=0, zorder=0)
+    left.axvline(ladder.tolerance, color=COLOUR["mark"], linestyle="--", linewidth=1)
+    for row, step in enumerate(ladder.steps):
+        colour = _COLOUR_OF[step.verdict]
+        if step.verdict == "failed" or not np.isfinite(step.distance):
+            left.text(high, row, "failed " if step.failure else "does not occur ", color=colour, ha="right",
+                      va="center", fontsize=8)  # fmt: skip
+        elif step.verdict == "richest":
+            left.plot([low, max(step.bar, low)], [row, row], color=colour, linewidth=1.2)
+            left.plot(low, row, "<", color=colour, markersize=5, clip_on=False)
+        else:
+            ends = [max(step.distance - step.bar, low), max(step.distance + step.bar, low)]
+            left.plot(ends, [row, row], color=colour, linewidth=1.2)
+            left.plot(max(step.distance, low), row, "<" if step.distance < low else "o", color=colour, markersize=5,
+                      clip_on=False)  # fmt: skip
+        if step.seconds > 0:
+            chosen = step.name == ladder.recommended
+            right.barh(row, step.seconds * 1e3, height=0.55, color=colour, alpha=1.0 if chosen else 0.45)
+    left.text(ladder.tolerance, len(ladder.steps) - 0.55, "tolerance ", ha="right", va="top", fontsize=7,
+              color=COLOUR["mark"])  # fmt: skip
+    names = [s.name for s in ladder.steps]
+    left.set_yticks(range(len(names)), names)
+    for label in left.get_yticklabels():
+        label.set_fontweight("bold" if label.get_text() == ladder.recommended else "normal")
+    left.set_ylim(-0.6, len(names) - 0.4)
+    for ax in (left, right):
+        ax.set_xscale("log")
+    left.set_xlim(low, high)
+    costs = [s.seconds * 1e3 for s in ladder.steps if s.seconds > 0]
+    if costs:
+        right.set_xlim(min(costs) / 3, max(costs) * 2)
+    right.tick_params(axis="y", length=0)
+    unit = f" ({ladder.observable.unit})" if ladder.observable.unit != "1" else ""
+    left.set_xlabel(f"distance from the richest rung{unit}")
+    right.set_xlabel("processor time of a run (ms)")
+    left.set_title(f"{ladder.title}: {ladder.observable.name}")
+    return np.array([left, right])

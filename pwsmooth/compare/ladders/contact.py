@@ -1,0 +1,202 @@
+"""The ladder of contact laws under one law, and how each gets its parameters from it.
+
+    rigid impact -> Hertz with damping factor -> linear with residual indentation -> nonlinear with residual indentation
+
+Matching, at the speed V of the scene's first impact, from a free impact of the richest law: restitution e of the
+rigid one, and of Hertz's by the exact damping factor; K and exponent those of slow loading; the linear stiffness does
+the same work of slow loading up to the depth p of that impact, K_1 p^2/2 = K p^(n+1)/(n+1).
+Chain: laws -> rungs.py -> **contact** -> catalogue.py.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...laws import Law
+from ...laws import contact as laws
+from ...scenes import Scene, falling_ball, free_impact
+from .observables import end_value, peak
+from .rungs import Observable, Rung, Setting
+
+__all__ = ["Impact", "contact_rungs", "contact_setting", "falling", "first_impact", "impact"]
+
+ORDER = ("RigidImpact", "HertzImpact", "LinearResidual", "ResidualIndentation")
+NAMES = {
+    "RigidImpact": "rigid impact",
+    "HertzImpact": "Hertz with damping",
+    "LinearResidual": "linear with residual",
+    "ResidualIndentation": "nonlinear with residual",
+}
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A free impact: restitution, largest indentation (m), duration (s)."""
+
+    restitution: float
+    depth: float
+    duration: float
+
+
+@functools.lru_cache(maxsize=64)
+def first_impact(law: Law, speed: float, mass: float) -> Impact:
+    """What a law does to a mass that meets it at `speed` with nothing else acting.
+
+    Raises
+    ------
+    ValueError
+        The mass does not come off: the law sticks, or takes longer than a thousand of its own periods.
+    """
+    # The elastic impact on the same stiffness sets the time scale.
+    values = law.values
+    span = 20 * laws.contact_duration(values["K"], float(values.get("n", 1)), mass, speed)
+    scene = free_impact(law, speed=speed, m=mass, approach=span * speed / 100, t_span=(0.0, span))
+    run = scene.solve(dense_output=True)
+    on, off = run.event_times("reset", "touch-down"), run.event_times("reset", "lift-off")
+    if not (run.success and len(on) and len(off)):
+        raise ValueError(
+            f"`richest` holds on to a mass that meets it at {speed:g} m/s; give a law that lets it go."
+        )
+    depth = _extreme(run, (on[0], off[0]), "p")
+    return Impact(-float(run["v"][-1]) / speed, depth, float(off[0] - on[0]))
+
+
+def _extreme(run, window, name):
+    return float(peak("", name, "").measure(run, window, 4001))
+
+
+def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mass: float) -> list[Rung]:
+    """The rungs below a contact law, poorest first, matched to it.
+
+    Parameters
+    ----------
+    richest : Law
+        `HertzImpact`, `LinearResidual` or `ResidualIndentation`.
+    build : callable
+        Law -> Scene.
+    speed, mass : float
+        Of the impact at which they are matched, > 0.
+
+    Raises
+    ------
+    ValueError
+        A law that stands on no rung, a speed or mass that is not positive.
+    """
+    kind = type(richest).__name__
+    if kind not in ORDER[1:]:
+        raise ValueError(
+            f"`richest` is {kind}, which stands on no upper rung of contact; choose one of {', '.join(ORDER[1:])}."
+        )
+    for name, value in (("speed", speed), ("mass", mass)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"`{name}` is {value!r}; give a number > 0.")
+    match = first_impact(richest, speed, mass)
+    e = f"e = {match.restitution:.5g}, of a free impact of the richest law at {speed:.4g} m/s"
+    values = richest.values
+    K, n = values["K"], float(values.get("n", 1))
+    below: list[tuple[Law, str]] = [
+        (laws.RigidImpact(e=match.restitution), e),
+        (
+            laws.HertzImpact(K=K, n=n, c_r=match.restitution, eta="zhang-sharf"),
+            f"K = {K:.4g} and exponent {n:g} of slow loading; {e}",
+        ),
+    ]
+    if kind == "ResidualIndentation":
+        stiffness = 2 * K * match.depth ** (n - 1) / (n + 1)
+        below.append((
+            laws.LinearResidual(K=stiffness, beta=values["beta"], gamma=values["gamma"]),
+            f"beta, gamma; K = {stiffness:.4g}, the same work of slow loading up to {match.depth:.3g} m",
+        ))  # fmt: skip
+    rungs = [Rung(NAMES[type(law).__name__], functools.partial(build, law), words) for law, words in below]
+    return rungs[: ORDER.index(kind)]
+
+
+def contact_setting(
+    name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
+    *, speed: float, mass: float = 1.0, window: tuple[float, float], points: int = 8001,
+) -> Setting:  # fmt: skip
+    """A setting whose rungs are contact laws in one scene.
+
+    Parameters
+    ----------
+    name, title : str
+    richest : Law
+    build : callable
+        Law -> Scene.
+    observables : sequence of Observable
+    speed, mass : float
+        Of the first impact.
+    window : (float, float)
+    points : int
+        Samples of the window.
+    """
+    kind = type(richest).__name__
+    top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")
+    return Setting(name, title, top, lambda motion: contact_rungs(richest, build, speed, mass), tuple(observables),
+                   window, points)  # fmt: skip
+
+
+# ---- observables of contacts ----------------------------------------------------------------------
+
+
+def _duration(motion: Any, window, points) -> float:
+    if len(motion.event_times("impact")):
+        return 0.0
+    on, off = motion.event_times("reset", "touch-down"), motion.event_times("reset", "lift-off")
+    return float(off[0] - on[0]) if len(on) and len(off) else math.nan
+
+
+def forces(observable: Observable) -> Observable:
+    """The same, but nan where the motion has impacts: their force is an impulse, of no finite size."""
+
+    def measure(motion, window, points):
+        rigid = len(motion.event_times("impact")) if hasattr(motion, "event_times") else 0
+        return math.nan if rigid else observable.measure(motion, window, points)
+
+    return Observable(observable.name, observable.unit, observable.meaning, measure)
+
+
+def _apex(number):
+    def measure(motion, window, points):
+        from ...scenes.impact import apexes
+
+        heights = apexes(motion)
+        return float(heights[number]) if len(heights) > number else math.nan
+
+    return measure
+
+
+def impact() -> Setting:
+    """1 kg meets a wall at 1 m/s."""
+
+    def build(law):
+        return free_impact(law, speed=1.0, approach=0.01, t_span=(0.0, 0.1))
+
+    observables = (
+        Observable("restitution", "1", "speed off the wall over that towards it", lambda m, w, n: -float(m(w[1], "v"))),
+        Observable("duration", "s", "time in contact", _duration),
+        peak("top indentation", "p", "m"),
+        forces(peak("top force", "force", "N")),
+    )
+    return contact_setting("impact", "free impact", laws.ResidualIndentation(), build, observables, speed=1.0,
+                           window=(0.0, 0.1))  # fmt: skip
+
+
+def falling() -> Setting:
+    """1 kg dropped from 0.1 m."""
+    observables = (
+        Observable("first apex", "m", "height of the first rebound", _apex(0)),
+        Observable("third apex", "m", "height of the third rebound", _apex(2)),
+        end_value("rest", "p", "m"),
+        forces(peak("top force", "force", "N")),
+        peak("top indentation", "p", "m"),
+    )
+    speed = float(np.sqrt(2 * 9.81 * 0.1))
+    return contact_setting("ball", "falling ball", laws.ResidualIndentation(beta=0.002), falling_ball, observables,
+                           speed=speed, window=(0.0, 3.0), points=40001)  # fmt: skip

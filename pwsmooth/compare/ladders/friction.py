@@ -1,0 +1,224 @@
+"""The ladder of friction laws under one law, and how each gets its parameters from it.
+
+    Coulomb -> static + kinetic -> Stribeck curve -> Dahl -> LuGre -> elastoplastic -> XKY -> Maxwell slip -> GMS
+            -> multistate XKY
+
+Matching, from the richest law's own steady curve s(v) and elements, at the typical speed V of its own run:
+level F_c = s(V);  static level F_s = s(0+);  stiffness = slope of the virgin curve at 0;  micro-damping = sum of the
+elements';  elastic range = deflection at which the first element yields;  C = F_c/tau_d.
+Chain: laws -> rungs.py -> **friction** -> catalogue.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...laws import Law
+from ...laws import friction as laws
+from ...scenes import Scene
+from .rungs import Observable, Rung, Setting
+
+__all__ = ["friction_rungs", "friction_setting", "rms_speed"]
+
+ORDER = ("Coulomb", "StaticKinetic", "StribeckFriction", "Dahl", "LuGre", "Elastoplastic", "XKY", "MaxwellSlip", "GMS",
+         "MultistateXKY")  # fmt: skip
+NAMES = {
+    "Coulomb": "Coulomb",
+    "StaticKinetic": "static + kinetic",
+    "StribeckFriction": "Stribeck curve",
+    "Dahl": "Dahl",
+    "LuGre": "LuGre",
+    "Elastoplastic": "elastoplastic",
+    "XKY": "XKY",
+    "MaxwellSlip": "Maxwell slip",
+    "GMS": "GMS",
+    "MultistateXKY": "multistate XKY",
+}
+
+
+class _Richest:
+    """What poorer laws take from the richest one."""
+
+    def __init__(self, law: Law, speed: float) -> None:
+        self.law, self.speed = law, speed
+        values = law.values
+        self.level = abs(float(law.steady_force(speed)))
+        self.F_c, self.v_s = values.get("F_c", self.level), values.get("v_s")
+        self.F_s = values.get("F_s", max(self.level, self.F_c))
+        self.sigma2 = values.get("sigma2", 0.0)
+        n = law.elements
+        kappa = values.get("kappa", values.get("sigma0"))
+        self.kappa = None if kappa is None else np.broadcast_to(np.atleast_1d(kappa), (n,))
+        sigma = values.get("sigma", values.get("sigma1", 0.0))
+        self.sigma = np.broadcast_to(np.atleast_1d(sigma), (n,))
+        self.share = np.broadcast_to(np.atleast_1d(values.get("share", 1.0)), (n,))
+        self.tau_d = values.get("tau_d")
+
+    @property
+    def stiffness(self):
+        return float(np.sum(np.asarray(self.kappa, float)))
+
+    @property
+    def damping(self):
+        return float(self.sigma.sum())
+
+
+def _each(values):
+    return tuple(float(x) for x in values)
+
+
+def _Coulomb(r):
+    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, the steady force at {r.speed:.3g}"
+
+
+def _StaticKinetic(r):
+    return laws.StaticKinetic(F_c=r.level, F_s=r.F_s), (
+        f"kinetic level {r.level:.5g}, the steady force at {r.speed:.3g}; static level {r.F_s:.5g}, that at rest"
+    )
+
+
+def _StribeckFriction(r):
+    return laws.StribeckFriction(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), "the whole steady curve"
+
+
+def _Dahl(r):
+    return laws.Dahl(sigma0=r.stiffness, F_c=r.level), (
+        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, the steady force at {r.speed:.3g}"
+    )
+
+
+def _bristle(r):
+    return dict(sigma0=r.stiffness, sigma1=r.damping, sigma2=r.sigma2, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s)
+
+
+def _LuGre(r):
+    return laws.LuGre(**_bristle(r)), (
+        f"the whole steady curve; stiffness {r.stiffness:.5g} of the virgin curve at 0; damping {r.damping:.5g}, the "
+        "sum of the elements'"
+    )
+
+
+def _Elastoplastic(r):
+    # Where the first element yields as its motion begins, at F_s; below what the law itself allows.
+    first = float(np.min(r.share * r.F_s / r.kappa))
+    z_ba = min(first, 0.999 * r.F_c / r.stiffness)
+    return laws.Elastoplastic(**_bristle(r), z_ba=z_ba), (
+        f"as LuGre; elastic up to {z_ba:.3g}, where the first element yields"
+    )
+
+
+def _XKY(r):
+    return laws.XKY(kappa=r.stiffness, sigma=r.damping, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), (
+        f"the whole steady curve; stiffness {r.stiffness:.5g} and damping {r.damping:.5g}, the sums of the elements'"
+    )
+
+
+def _MaxwellSlip(r):
+    return laws.MaxwellSlip(kappa=_each(r.kappa), strength=_each(r.share * r.level)), (
+        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, the steady force at {r.speed:.3g}"
+    )
+
+
+def _GMS(r):
+    return laws.GMS(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, C=r.F_c / r.tau_d, kappa=_each(r.kappa), share=_each(r.share),
+                    sigma=_each(r.sigma), sigma2=r.sigma2), (
+        f"all parameters; C = F_c/tau_d = {r.F_c / r.tau_d:.4g}"
+    )  # fmt: skip
+
+
+# What a law needs of the richest one, besides a steady curve.
+_NEEDS = {
+    "StribeckFriction": ("v_s",),
+    "Dahl": ("kappa",),
+    "LuGre": ("kappa", "v_s"),
+    "Elastoplastic": ("kappa", "v_s"),
+    "XKY": ("kappa", "v_s"),
+    "MaxwellSlip": ("kappa",),
+    "GMS": ("kappa", "v_s", "tau_d"),
+}
+
+
+def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) -> list[Rung]:
+    """The rungs below a friction law, poorest first, matched to it.
+
+    Parameters
+    ----------
+    richest : Law
+        A law with a steady curve.
+    build : callable
+        Law -> Scene.
+    speed : float
+        Typical speed of sliding, > 0, at which laws with one level take it.
+
+    Raises
+    ------
+    ValueError
+        A speed that is not positive, or a law that stands on no rung.
+    """
+    name = type(richest).__name__
+    if name not in ORDER:
+        raise ValueError(
+            f"`richest` is {name}, which stands on no rung of friction; choose one of {', '.join(ORDER)}."
+        )
+    if not speed > 0:
+        raise ValueError(f"`speed` is {speed!r}; give the typical speed of sliding, > 0.")
+    about = _Richest(richest, speed)
+    rungs: list[Rung] = []
+    for kind in ORDER[: ORDER.index(name)]:
+        missing = [what for what in _NEEDS.get(kind, ()) if getattr(about, what) is None]
+        # One element needs no laws of several, and a steady curve that does not fall has no static excess.
+        alone = kind in ("MaxwellSlip", "GMS") and richest.elements == 1
+        if missing or alone or (kind == "StaticKinetic" and not about.F_s > about.level):
+            continue
+        law, words = globals()[f"_{kind}"](about)
+        rungs.append(Rung(NAMES[kind], functools.partial(build, law), words))
+    return rungs
+
+
+def rms_speed(motion: Any, window: tuple[float, float], points: int, name: str = "v") -> float:
+    """Root of the mean square of a velocity."""
+    return float(np.sqrt(np.mean(motion(np.linspace(*window, points), name) ** 2)))
+
+
+def friction_setting(
+    name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
+    *, window: tuple[float, float], velocity: str = "v", points: int = 8001,
+) -> Setting:  # fmt: skip
+    """A setting whose rungs are friction laws in one scene.
+
+    Parameters
+    ----------
+    name, title : str
+    richest : Law
+    build : callable
+        Law -> Scene.
+    observables : sequence of Observable
+    window : (float, float)
+        Span that the observables look at, and over which the typical speed is the root mean square of the slip.
+    velocity : str
+        Name of the slip velocity in the scene.
+    points : int
+        Samples of the window.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import ladder
+    >>> from pwsmooth.compare.ladders import friction_setting, peak
+    >>> from pwsmooth.laws.friction import XKY
+    >>> from pwsmooth.scenes import block_on_belt
+    >>> belt = friction_setting("slow belt", "a slow belt", XKY(), lambda law: block_on_belt(law, pull=0.05),
+    ...                         [peak("top speed", "v", "m/s")], window=(20.0, 35.0))
+    >>> ladder(belt, "top speed", "2%").recommended
+    'Stribeck curve'
+    """
+
+    def coarser(motion):
+        return friction_rungs(richest, build, rms_speed(motion, window, points, velocity))
+
+    kind = type(richest).__name__
+    top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")
+    return Setting(name, title, top, coarser, tuple(observables), window, points)

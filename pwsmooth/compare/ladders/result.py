@@ -1,0 +1,237 @@
+"""What a ladder says: a table, a chart, a data set, and one recommendation.
+
+The recommendation is the cheapest rung that is surely within the tolerance; of rungs that cost the same the poorer one.
+Chain: climbing.py -> **result** -> the command, docs, experiments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .rungs import Observable, Setting
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Ladder", "Step", "judge", "recommend"]
+
+SAME_COST = 1.25  # processor times of one run on a shared machine differ by this: no reason to climb
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung, measured.
+
+    Attributes
+    ----------
+    name, matched : str
+        Of the rung.
+    value : ndarray
+        The observable; nan where the motion does not have it.
+    error, spread : float
+        Numerical error, and half width of the 95 % interval of a mean over noise.
+    seconds : float
+        Processor time of one run, compilation apart.
+    steps : int
+    failure : str
+        Why there is no value.
+    distance, bar : float
+        From the richest rung, and the error bar of that.
+    verdict : str
+        "within", "outside", "undecided", "failed", or "richest".
+    """
+
+    name: str
+    matched: str
+    value: np.ndarray
+    error: float
+    spread: float
+    seconds: float
+    steps: int
+    failure: str = ""
+    distance: float = math.nan
+    bar: float = math.nan
+    verdict: str = ""
+
+
+def judge(distance: float, bar: float, tolerance: float) -> str:
+    """Whether a distance known up to its bar lies within a tolerance."""
+    if distance + bar <= tolerance:
+        return "within"
+    return "outside" if distance - bar > tolerance or math.isinf(distance) else "undecided"
+
+
+def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]:
+    """(name of the recommended rung or None, the reason in words) of judged steps, poorest first."""
+    top = steps[-1]
+    if top.failure:
+        return None, f"none: the richest rung failed ({top.failure})"
+    if not np.all(np.isfinite(top.value)):
+        return None, "none: the richest rung's motion has no such quantity"
+    if top.error + top.spread > tolerance:
+        return None, (
+            f"none: the richest rung's own error, {top.error + top.spread:.2g}, exceeds the tolerance; ask for less, "
+            "run it tighter, or over a shorter span"
+        )
+    good = [step for step in steps if step.verdict in ("within", "richest")]
+    doubtful = [step.name for step in steps if step.verdict == "undecided"]
+    doubt = f"; undecided: {', '.join(doubtful)}" if doubtful else ""
+    if good == [top]:
+        return None, f"none is: no rung below {top.name} is surely within the tolerance{doubt}"
+    least = min(step.seconds for step in good)
+    chosen = next(step for step in good if step.seconds <= SAME_COST * least)
+    if chosen is top:
+        return top.name, f"{top.name}: within the tolerance by itself, and no coarser rung costs less{doubt}"
+    return chosen.name, f"{chosen.name}: the cheapest rung within the tolerance{doubt}"
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """An observable on every rung of a ladder, poorest first.
+
+    Attributes
+    ----------
+    scene, title : str
+    observable : Observable
+    tolerance : float
+        In the observable's unit.
+    steps : tuple of Step
+    recommended : str or None
+        Name of a rung; None if no rung below the richest is within the tolerance, or the richest has no answer.
+    reason : str
+        The recommendation in words.
+    """
+
+    scene: str
+    title: str
+    observable: Observable
+    tolerance: float
+    steps: tuple[Step, ...]
+    recommended: str | None
+    reason: str
+
+    @classmethod
+    def of(cls, setting: Setting, observable: Observable, tolerance: float, steps: Sequence[Step]) -> Ladder:
+        """Judge measured steps, of which the last is the richest."""
+        top = steps[-1]
+        judged = []
+        for step in steps:
+            if step.failure:
+                judged.append(replace(step, verdict="failed"))
+            elif step is top:
+                judged.append(replace(step, distance=0.0, bar=step.error + step.spread, verdict="richest"))
+            else:
+                distance = _distance(step.value, top.value)
+                bar = step.error + step.spread + top.error + top.spread
+                bar = bar if math.isfinite(distance) else 0.0
+                judged.append(
+                    replace(step, distance=distance, bar=bar, verdict=judge(distance, bar, tolerance))
+                )
+        name, reason = recommend(judged, tolerance)
+        return cls(setting.name, setting.title, observable, tolerance, tuple(judged), name, reason)
+
+    def __getitem__(self, name: str) -> Step:
+        """A step by its rung's name."""
+        for step in self.steps:
+            if step.name == name:
+                return step
+        raise KeyError(f"{name!r} is no rung of this ladder; they are {', '.join(s.name for s in self.steps)}.")
+
+    def __repr__(self) -> str:
+        unit = f" {self.observable.unit}" if self.observable.unit != "1" else ""
+        head = f"{self.title}: {self.observable.name}, {self.observable.meaning}; tolerance {self.tolerance:.3g}{unit}"
+        rows = [("rung", f"value{f' ({unit.strip()})' if unit else ''}", "distance", "error bar", "time", "steps", "")]
+        rows += [(s.name, _value(s.value), _number(s.distance), _number(s.bar), _seconds(s.seconds),
+                  str(s.steps) if s.steps else "-", s.verdict) for s in self.steps]  # fmt: skip
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines = [
+            "  ".join(c.ljust(w) if k in (0, 6) else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths))).rstrip()
+            for row in rows
+        ]
+        matched = [f"  {s.name}: {s.failure or s.matched}" for s in self.steps]
+        return "\n".join([head, "", *lines, "", f"recommended: {self.reason}", "", "parameters:", *matched])
+
+    def records(self) -> dict[str, Any]:
+        """Plain numbers and words, for a data file; None where there is no finite number."""
+        return {
+            "scene": self.scene,
+            "title": self.title,
+            "observable": self.observable.name,
+            "meaning": self.observable.meaning,
+            "unit": self.observable.unit,
+            "tolerance": _plain(self.tolerance),
+            "recommended": self.recommended,
+            "reason": self.reason,
+            "rungs": [{key: _plain(value) for key, value in vars(step).items()} for step in self.steps],
+        }
+
+    @classmethod
+    def from_records(cls, records: dict[str, Any]) -> Ladder:
+        """The Ladder of a data file."""
+
+        def number(x):
+            return math.nan if x is None else x
+
+        steps = []
+        for row in records["rungs"]:
+            numbers = ("error", "spread", "seconds", "distance", "bar")
+            values = {k: number(v) if k in numbers else v for k, v in row.items()}
+            steps.append(Step(**{**values, "value": np.array(row["value"], float)}))
+        about = Observable(records["observable"], records["unit"], records["meaning"], lambda *_: None)
+        return cls(records["scene"], records["title"], about, number(records["tolerance"]), tuple(steps),
+                   records["recommended"], records["reason"])  # fmt: skip
+
+    def to_dataset(self) -> xarray.Dataset:
+        """Every number over the dimension `rung`; a curve has a second one, `point`."""
+        import xarray
+
+        values = np.stack([np.broadcast_to(s.value, self.steps[-1].value.shape) for s in self.steps])
+        dims = ("rung", "point") if values.ndim == 2 else ("rung",)
+        data: dict[str, Any] = {"value": (dims, values)}
+        for field in ("error", "spread", "distance", "bar", "seconds", "steps", "verdict", "matched"):
+            data[field] = ("rung", [getattr(step, field) for step in self.steps])
+        for field in ("error", "spread", "distance", "bar"):
+            data[field] = (*data[field], {"units": self.observable.unit})
+        about = {key: value for key, value in self.records().items() if key != "rungs"}
+        about["recommended"] = self.recommended or "none is"
+        return xarray.Dataset(data, coords={"rung": [s.name for s in self.steps]}, attrs=about)
+
+    def chart(self, axes: Any = None) -> Any:
+        """Distance and cost of every rung; two Axes, of a new figure without `axes`."""
+        from .chart import plot_ladder
+
+        return plot_ladder(self, axes)
+
+
+def _distance(a, b):
+    if a.shape != b.shape:
+        raise ValueError(
+            f"the observable has shape {a.shape} on one rung and {b.shape} on the richest; let it return the same."
+        )
+    distance = np.where(a == b, 0.0, np.abs(np.where(a == b, 0.0, a) - np.where(a == b, 0.0, b)))
+    return float(np.max(np.where(np.isnan(distance), np.inf, distance)))
+
+
+def _plain(value):
+    if isinstance(value, np.ndarray):
+        return [_plain(float(v)) for v in value] if value.ndim else _plain(float(value))
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _value(value):
+    if value.ndim:
+        return f"curve, {value.size} points"
+    return "does not occur" if np.isnan(value) else f"{float(value):.6g}"
+
+
+def _number(x):
+    return f"{x:.2g}" if math.isfinite(x) else "-"
+
+
+def _seconds(x):
+    return "-" if math.isnan(x) or x == 0 else f"{x * 1e3:.3g} ms"

@@ -1,0 +1,114 @@
+"""What a ladder is made of: rungs, observables, and the setting that has both.
+
+    poorest model -> ... -> richest model,    parameters of the poorer ones derived from the richest
+
+A rung is a scene with its accuracy left open; an observable is a number (or a curve) of a motion. The motion is a
+Solution with dense output, or for a model in closed form anything that answers `motion(times, name)`.
+Chain: scenes -> **rungs** -> friction.py, contact.py, ... -> climbing.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...scenes import Scene
+
+__all__ = ["Motion", "Observable", "Rung", "Setting"]
+
+
+class Motion(Protocol):
+    """What observables look at."""
+
+    def __call__(self, t: Any, name: Any = None) -> np.ndarray:
+        """Values of one quantity at times."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One model of a ladder.
+
+    Attributes
+    ----------
+    name : str
+    scene : callable
+        () -> Scene; or, of a model in closed form, () -> Motion.
+    matched : str
+        How its parameters follow from the richest rung's, in words with the numbers.
+    noise : callable, optional
+        Number of a trajectory -> noise of `solve`; the observable is then a mean over `samples` trajectories.
+    samples : int
+    """
+
+    name: str
+    scene: Callable[[], Scene | Motion]
+    matched: str
+    noise: Callable[[int], Any] | None = None
+    samples: int = 1
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A quantity of a motion.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+    measure : callable
+        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of samples that
+        it may take of the window; the ladder asks for twice as many where it wants the error.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    measure: Callable[[Any, tuple[float, float], int], Any]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A scene with the models of growing fidelity for it.
+
+    Attributes
+    ----------
+    name, title : str
+        For the command line, and in words.
+    richest : Rung
+    coarser : callable
+        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths, at which
+        the laws are matched, are read off that motion.
+    observables : sequence of Observable
+    window : (float, float)
+        Span that the observables look at.
+    points : int
+        Samples of the window for the coarse measurement.
+    """
+
+    name: str
+    title: str
+    richest: Rung
+    coarser: Callable[[Any], Sequence[Rung]]
+    observables: Sequence[Observable]
+    window: tuple[float, float]
+    points: int = 8001
+
+    def observable(self, name: str | Observable) -> Observable:
+        """One of its observables by name; an Observable of one's own is taken as it is.
+
+        Raises
+        ------
+        ValueError
+            An unknown name.
+        """
+        if isinstance(name, Observable):
+            return name
+        known = {o.name: o for o in self.observables}
+        if name not in known:
+            raise ValueError(
+                f"`observable` is {name!r}, which {self.name} does not have; choose one of {', '.join(known)}, or give "
+                "an Observable."
+            )
+        return known[name]
