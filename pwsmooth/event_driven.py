@@ -17,7 +17,7 @@ from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOP = 40  # events in a row at one instant that make a loop
-_ROOM, _NEXT_ROOM = 1024, 65536  # points that the first buffers hold, and the next
+_ROOM = 1024  # points that the first buffers hold; every next ones hold four times as many
 
 
 class EventDriven:
@@ -64,7 +64,7 @@ class EventDriven:
         record = self._record(_ROOM, None, state.counts)
         while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
             # Between two visits Ctrl-C works; the room grows geometrically.
-            record = self._record(max(4 * len(record.t), _NEXT_ROOM), record, state.counts)
+            record = self._record(4 * len(record.t), record, state.counts)
         self.code, self.state, self.record = code, state, record
 
     def fresh_state(self, t0, start):
@@ -215,6 +215,8 @@ def _clock(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sorted instants of the time events in (t0, t1], and the event of each; of each event the first `most`."""
     instants, owners = [np.empty(0)], [np.empty(0, np.int64)]
+    if all(event.every is None and not event.at for event in model.events):
+        return instants[0], owners[0]
     for i, event in enumerate(model.events):
         when = np.array([float(at.subs(values)) for at in event.at])
         if event.every is not None:

@@ -129,7 +129,8 @@ class Solution:
         self.cost = dict(cost)
         self.tolerances = dict(tolerances)
         self.ambiguities = list(ambiguities)
-        self.parameters = {str(key): float(value) for key, value in parameters.items()}
+        # A Symbol's name is what str() gives, a hundred times sooner.
+        self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
 
     # ---- scipy's names -----------------------------------------------------------------------------

@@ -20,6 +20,7 @@ import sympy as sp
 from ..model import Model
 from .dag import Graph
 from .scalar import HELPERS, ScalarCode, Writer
+from .slopes import derivative
 
 
 class Source:
@@ -82,14 +83,14 @@ def write_fields(model: Model) -> dict[str, str]:
     _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
     unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
     states = [graph.var("x", i) for i in range(len(model.states))]
-    gradients = [{i: graph.derivative(s, states[i]) for i in graph.variables(s, "x")} for s in h]
+    gradients = [{i: derivative(graph, s, states[i]) for i in graph.variables(s, "x")} for s in h]
     gradients = [{i: d for i, d in row.items() if d != graph.zero} for row in gradients]
     matrix = [
-        {j: graph.derivative(r, unknowns[j]) for j in sorted({i, *graph.variables(r, "mult")})}
+        {j: derivative(graph, r, unknowns[j]) for j in sorted({i, *graph.variables(r, "mult")})}
         for i, r in enumerate(residuals)
     ]
     slopes = [d for row in gradients for d in row.values()]
-    slopes += [graph.derivative(s, graph.var("t", 0)) for s in h]
+    slopes += [derivative(graph, s, graph.var("t", 0)) for s in h]
     entries = [d for row in matrix for d in row.values()]
     _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": entries, "dh": slopes})
     for name, rows in (("G", matrix), ("DH", gradients)):

@@ -24,6 +24,7 @@ from .layout import SHORTEST_ROW
 from .native import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .scalar import HELPERS, Writer
+from .slopes import derivative
 
 SOLVERS = {
     "lu_factor": """
@@ -220,10 +221,12 @@ class JetProgram:
         single = {c[0] for c in self.components() if len(c) == 1}
         for j, unknown in enumerate(self.unknowns):
             slopes = {
-                node: graph.derivative(node, unknown) for node, moving in corrections.items() if moving >> j & 1
+                node: derivative(graph, node, unknown)
+                for node, moving in corrections.items()
+                if moving >> j & 1
             }
             slopes = {node: d for node, d in slopes.items() if graph.value(d) != 0.0}
-            pivot = graph.derivative(self.residuals[j], unknown)
+            pivot = derivative(graph, self.residuals[j], unknown)
             for node in slopes:
                 start.line(f"S{node}x{j} = 0.0")
             if j in single:
@@ -250,7 +253,7 @@ class JetProgram:
             for r, i in enumerate(component):
                 for c, j in enumerate(component):
                     at = f"rows[scratch + {offset + r * size + c}]"
-                    node = graph.derivative(self.residuals[i], self.unknowns[j])
+                    node = derivative(graph, self.residuals[i], self.unknowns[j])
                     start.line(f"{at} = {'1.0' if i == j else '0.0'}")
                     if node == graph.zero and i != j:
                         continue
@@ -338,7 +341,7 @@ class JetProgram:
             terms = [
                 f"S{node}x{j} * q{j}"
                 for j in bits(moving)
-                if self.graph.value(self.graph.derivative(node, self.unknowns[j])) != 0.0
+                if self.graph.value(derivative(self.graph, node, self.unknowns[j])) != 0.0
             ]
             if node in self.unknowns:
                 loop.line(f"k{node} = q{self.unknowns.index(node)}")

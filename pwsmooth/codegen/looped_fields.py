@@ -13,6 +13,7 @@ from .fields import Source, surfaces
 from .layout import Count, Layout, one, starts
 from .scalar import Writer
 from .sections import ElementCode, Root, Sections
+from .slopes import derivative
 
 
 def solvable(multiplier) -> bool:
@@ -88,14 +89,14 @@ class LoopedFields:
         entries, length = self._rows("G", G, lay.multipliers, "mult", lay.multipliers, self.residuals, Count())
         more, length = self._rows("dh", dh, lay.surfaces, "x", lay.states, self.h, Count())
         for b, (first, node) in enumerate(zip(lay.starts["h"], self.h)):
-            more.append(("dh", length + first, lay.surfaces[b], graph.derivative(node, graph.var("t", 0))))
+            more.append(("dh", length + first, lay.surfaces[b], derivative(graph, node, graph.var("t", 0))))
         self._store(source, "linear", "t, x, mult, p, G, dh", entries + more)
         source.constants |= {"G_ROWS": tuple(map(tuple, G)), "DH_ROWS": tuple(map(tuple, dh))}
 
     def _moving_states(self, surface: int) -> list[int]:
         graph = self.graph
         blocks = graph.variables(surface, "x")
-        return [i for i in blocks if graph.derivative(surface, graph.var("x", i)) != graph.zero]
+        return [i for i in blocks if derivative(graph, surface, graph.var("x", i)) != graph.zero]
 
     def _rows(self, array, rows, families, kind, columns, nodes, start: Count):
         """Entries of a sparse matrix by rows, and where they end."""
@@ -103,7 +104,7 @@ class LoopedFields:
         for blocks, family, node in zip(rows, families, nodes, strict=True):
             place = start
             for b in blocks:
-                slope = graph.derivative(node, graph.var(kind, b))
+                slope = derivative(graph, node, graph.var(kind, b))
                 if family is None:
                     entries.append((array, place, columns[b], slope))
                     place += one(columns[b])

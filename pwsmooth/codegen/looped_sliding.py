@@ -20,6 +20,7 @@ from .looped_fields import solvable
 from .looped_jets import LoopedJet
 from .scalar import Writer
 from .sections import Root, Sections
+from .slopes import derivative
 
 
 class LoopedGeneral(LoopedJet):
@@ -44,7 +45,7 @@ class LoopedGeneral(LoopedJet):
         return self.residuals[self._solved().index(j)]
 
     def slope(self, i: int, j: int) -> int:
-        return self.graph.derivative(self.residual(i), self.unknowns[j])
+        return derivative(self.graph, self.residual(i), self.unknowns[j])
 
     def _multiplier_rows(self) -> list[int]:
         return self.unknowns

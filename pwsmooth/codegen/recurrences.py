@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from .dag import Graph
 from .scalar import ScalarCode, linear, literal
+from .slopes import function_slope
 
 CONSTANT, AFFINE, GENERAL, SWITCHABLE = range(4)
 
@@ -59,7 +60,7 @@ def rewrite(graph: Graph, roots: list[int]) -> list[int]:
             elif op in ("mul", "div"):
                 found = getattr(graph, op)(*new)
             else:
-                found = graph._make(op, new, data)
+                found = graph.make(op, new, data)
             memo[node] = found
         return found
 
@@ -138,7 +139,7 @@ class JetCode(ScalarCode):
         """The node q of w' = q u', up to a factor, where w is a moving function of u."""
         op, _, data = self.graph.nodes[node]
         if op == "fun" and data in BY_SLOPE and self.degrees.of(node) != CONSTANT:
-            return self.graph._split(self.graph.function_slope(node))[1]
+            return self.graph.split(function_slope(self.graph, node))[1]
         return None
 
     def needed(self, roots) -> set[int]:
@@ -372,7 +373,7 @@ class OrderK(JetCode):
         if name == "exp":
             factor, q = 1.0, w
         elif name in BY_SLOPE:
-            factor, q = self.graph._split(self.graph.function_slope(w))
+            factor, q = self.graph.split(function_slope(self.graph, w))
         else:
             raise NoRecurrence(f"no Taylor recurrence of `{name}`")
         scale = "" if factor == 1.0 else f"{literal(factor)} * "

@@ -188,6 +188,10 @@ def rk_step(P, C, S, W, h, refine):
             W.code[7] = 1
     _rate(P, S, W, S.now[0], W.rk_k, 0)
     if refine < 0:
+        # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
+        power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
+        if not P.pair:
+            h = min(h, W.answer[7])
         for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
@@ -195,20 +199,20 @@ def rk_step(P, C, S, W, h, refine):
                 h *= 0.25
             elif error <= 1.0:
                 # The next step's size, kept in S by the caller.
-                W.answer[5] = h * min(10.0, 0.9 * max(error, 1e-12) ** -0.125)
+                W.answer[5] = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                W.answer[7] = W.answer[5]
                 if _polynomials(P, S, W, h):
                     return h
                 _rate(P, S, W, S.now[0], W.rk_k, 0)
                 h *= 0.25
             else:
-                h *= max(0.2, 0.9 * error**-0.125)
+                h *= max(least, 0.9 * error**power)
             if h <= 1e-15 * abs(S.now[0]) + 1e-300:
                 break
         _restore(P, S, W)
         _rate(P, S, W, S.now[0], W.rk_k, 0)
         _linear_terms(P, S, W)
         return 0.0
-        return math.nan
     for _ in range(8):
         _restore(P, S, W)
         if not _try_step(P, C, S, W, h) < math.inf:

@@ -1,5 +1,7 @@
 """Classification of every surface at the initial state: a start on a surface is classified, not found."""
 
+import math
+
 from numba import types
 
 from .compiling import unit
@@ -33,6 +35,7 @@ from .state import (
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
     m, status, mult = P.m, S.status, S.mult
+    W.answer[7] = math.inf
     for i in range(P.ne):
         W.fired[i, 0] = S.now[0]
         W.fired[i, 1] = W.fired[i, 2] = W.fired[i, 3] = 0.0

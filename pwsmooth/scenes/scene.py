@@ -92,7 +92,7 @@ class Scene:
             With the scene's absolute tolerances, unless `atol` is given.
         """
         if self.atol:
-            options.setdefault("atol", [self.atol.get(str(s), ATOL) for s in self.system.states])
+            options.setdefault("atol", [self.atol.get(s.name, ATOL) for s in self.system.states])
         return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
 
     def observe(self, solution: Solution) -> dict[str, Any]:
