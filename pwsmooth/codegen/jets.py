@@ -24,6 +24,7 @@ from .layout import SHORTEST_ROW
 from .native import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .scalar import HELPERS, Writer
+from .simplify import simplify
 from .slopes import derivative
 
 SOLVERS = {
@@ -90,6 +91,7 @@ class JetProgram:
         residuals = [graph.expression(mult.residual) for mult in model.multipliers] if general else []
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + residuals)
+        nodes = simplify(graph, nodes, Degrees(graph, nodes[:n], general))
         self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) :]
         holders = (*model.multipliers, *model.events)
         self.has_surface = [s.surface is not None for s in holders]

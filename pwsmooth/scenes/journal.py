@@ -120,15 +120,14 @@ def clearance_joint(
     """
     ex, ey = e
     square = ex**2 + ey**2
-    length = sp.sqrt(square)
     touching = Memory(f"touching_{name}" if name else "touching", 0)
 
     def beyond(level):
         return (square - (c + level) ** 2) / (2 * c)
 
     # The normal e/|e| in contact and e/c in flight, where it is regular at the centre; equal at the wall.
-    inverse = 1 / sp.sqrt(c**2 + touching * (square - c**2))
-    nx, ny = ex * inverse, ey * inverse
+    length = sp.sqrt(c**2 + touching * (square - c**2))
+    nx, ny = ex / length, ey / length
     approach = rate[0] * nx + rate[1] * ny
     slip = rate[1] * nx - rate[0] * ny + spin_J * R_J - spin_B * R_B
     depth = (square - c**2) / (length + c)
@@ -159,7 +158,7 @@ def clearance_joint(
         moments=(-R_J * friction, R_B * friction),
         normal=push,
         friction=friction,
-        indentation=length - c,
+        indentation=sp.sqrt(square) - c,
         slip=slip,
         pieces=pieces,
         events=events,
