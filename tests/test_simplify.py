@@ -102,7 +102,7 @@ def test_values_stay_and_products_never_grow(general):
         before, after = (Simplifier(graph, degrees).cost(r) for r in (roots, new))
         assert after <= before
         saved += before - after
-    assert saved > 100
+    assert saved > 30
 
 
 def test_a_branch_that_is_not_taken_is_not_evaluated_through_what_it_shares():
