@@ -1,7 +1,7 @@
 """One crank revolution of the slider-crank with clearance, against SciPy at equal error of the impact times.
 
 Question: what does an exact event cost in a stiff contact of 0.2 ms within a revolution of 300 ms?
-Expected: at most 1/50 of the time of SciPy's best method. Ours runs at rtol = 1e-8, at order 16.
+Expected: at most 1/50 of the time of SciPy's best method. Ours runs at rtol = 1e-8, at order 12.
 SciPy has the same equations in the same coordinates, its right-hand side compiled by numba, terminal events restarted
 from each other, and of its methods, tolerances and bounds on the step in free flight the fastest that finds the same
 impacts within our error. Errors are differences of the touch-down times to a reference by DOP853 at rtol = 1e-13.
@@ -26,7 +26,7 @@ R_B, LENGTH, FRICTION, V_0, V_1 = 0.01, 0.015, 0.01, 1e-4, 1e-3
 E_STAR = 207e9 / (1 - 0.3**2) / 2
 ETA = 0.75 * (1 - C_R**2) * math.exp(2 * (1 - C_R))
 SPAN = 60 / RPM
-ORDER = 16  # of ours: of 12, 16 and 20 the most accurate for its time
+ORDER = 12  # of ours: of 10 to 20 the fastest; all find the impacts within some 1e-6 s
 
 
 @njit(cache=True)

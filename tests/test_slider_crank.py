@@ -9,6 +9,7 @@ from pwsmooth.laws.contact import (
     Hertz,
     HertzImpact,
     LiuImpact,
+    ResidualIndentation,
     RigidImpact,
     composite_modulus,
     journal_stiffness,
@@ -140,6 +141,14 @@ def test_the_rigid_law_meets_the_wall_at_the_same_instant_and_comes_to_rest_on_i
     closed = solution.status[solution.multipliers.index("R")] == 0
     assert np.abs(solution["indentation"][closed]).max() < 1e-12
     assert solution["indentation"].max() < 1e-12
+
+
+def test_residual_indentation_comes_back_to_a_wall_that_its_force_begins_at():
+    """p* has decayed to 1e-17 m by the next touch-down: wall, force and its event lie within roundings."""
+    solution = slider_crank(ResidualIndentation(K=5e10, beta=1e-5, gamma=1e6)).solve((0, 0.1), rtol=1e-8)
+    assert solution.success
+    assert len(solution.event_times("reset", "touch-down")) > 20
+    assert solution["normal"].min() >= 0.0
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,9 @@ def rk_step(P, C, S, W, h, refine):
             break
     _restore(P, S, W)
     _rate(P, S, W, S.now[0], W.rk_k, 0)
+    if not h > 1e-15 * abs(S.now[0]):
+        _linear_terms(P, S, W)  # the surface is met where the step begins: its twin was a rounding earlier
+        return 0.0
     _try_step(P, C, S, W, h)
     _polynomials(P, S, W, h)
     return h

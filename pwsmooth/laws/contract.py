@@ -262,7 +262,7 @@ class Law:
     # ---- for users and scenes
 
     def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
-               time: Any = None, name: str = "", beyond: Any = None) -> Pieces:  # fmt: skip
+               time: Any = None, name: str = "", beyond: Any = None, past: Any = None) -> Pieces:  # fmt: skip
         """The law's pieces at a joint.
 
         Parameters
@@ -280,6 +280,8 @@ class Law:
         beyond : callable, optional
             Level -> expression with the zero and the sense of `position` - level, where the position itself is
             singular: of a journal at e in a bearing, position |e| - c, it is (e.e - (c + level)**2)/(2 c).
+        past : callable, optional
+            Level -> `position` - level, written such that in rounding too its sign is that of `beyond`.
 
         Returns
         -------
@@ -297,7 +299,7 @@ class Law:
                 raise ValueError(
                     f"{type(self).__name__} needs the {what} of its joint; give attach({what}=...)."
                 )
-        at = Joint(velocity, position, acceleration, normal, time, name, beyond)
+        at = Joint(velocity, position, acceleration, normal, time, name, beyond, past)
         symbols, values = self._symbols(at)
         pieces = self.pieces(at, SimpleNamespace(**symbols))
         used = _symbols_of(pieces)

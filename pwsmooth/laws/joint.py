@@ -54,11 +54,12 @@ class Joint:
     (z_left, {z_left: 1e-05})
     """
 
-    def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None):
+    def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
         self.name = name
         inputs: list[Any] = [None if e is None else sp.sympify(e) for e in (v, x, a, t)]
         self.v, self.x, self.a, self.t = inputs
         self.beyond = beyond or (lambda level: self.x - level)
+        self.past = past or (lambda level: self.x - level)
         self.load = sp.S.One if load is None else sp.sympify(load)
         self.starts: dict[Any, Any] = {}
         self.scales: dict[Any, float] = {}

@@ -130,8 +130,11 @@ def clearance_joint(
     nx, ny = ex / length, ey / length
     approach = rate[0] * nx + rate[1] * ny
     slip = rate[1] * nx - rate[0] * ny + spin_J * R_J - spin_B * R_B
-    depth = (square - c**2) / (length + c)
-    pieces = [normal.attach(position=depth, velocity=approach, name=name, beyond=beyond)]
+
+    def past(level):
+        return (square - (c + level) ** 2) / (sp.sqrt(square) + c + level)
+
+    pieces = [normal.attach(position=past(0), velocity=approach, name=name, beyond=beyond, past=past)]
     push = pieces[0].force
     friction: Any = sp.S.Zero
     if tangential is not None:

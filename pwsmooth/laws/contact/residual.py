@@ -29,11 +29,12 @@ class _Residual(Law):
 
     def _pieces(self, at, p, force, stored, released):
         """`force(push)` with push = p + beta gamma (p - a) > 0 in contact."""
-        a = at.state("a", scale=1e-3)
+        # a >= 0 stays so; below -c, which no contact reaches, a curved wall would have a second surface.
+        a = at.state("a", scale=1e-3, nonnegative=True)
         level = p.beta * p.gamma * a / (1 + p.beta * p.gamma)
-        # (1 + beta gamma)(p - p*) is p + beta gamma (p - a); a surface without the factor serves curved walls too.
+        # p + beta gamma (p - a), written with the zero of its surface: a power of it does not exist beside that.
         surface = at.beyond(level)
-        push = at.x + p.beta * p.gamma * (at.x - a)
+        push = (1 + p.beta * p.gamma) * at.past(level)
         rate = sp.Piecewise((p.gamma * (at.x - a), surface > 0), (-p.gamma * a / (1 + p.gamma * p.beta), True))
         events = (
             Event(surface, direction=1, name=at.label("touch-down")),
