@@ -124,7 +124,7 @@ def _parameters(given, names, found, taken):
         p = names(key, "`parameters`")
         if p in taken or type(p) is not sp.Symbol:
             meaning = taken.get(p, f"a {type(p).__name__}")
-            raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}.")
+            raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}; leave it out.")
         if p not in found:
             raise ValueError(
                 f"`parameters` names {p.name!r}, which stands nowhere in this system; leave it out. Its "
@@ -166,7 +166,7 @@ def _events(events, lift, order, moving):
         )
     names = [s.name for s in specs]
     if len(set(names)) < len(names):
-        raise ValueError(f"two events have the same name; they are {checks.listing(names)}.")
+        raise ValueError(f"two events have the same name; they are {checks.listing(names)}. Give each its own.")
     return tuple(specs)
 
 

@@ -416,6 +416,9 @@ def spread(values, groups, what):
             continue
         single = isinstance(value, str) or not hasattr(value, "__len__")
         if not single and len(value) != len(names):
-            raise ValueError(f"{what} gives {len(value)} values to {key}, which has {len(names)} copies.")
+            raise ValueError(
+                f"{what} gives {len(value)} values to {key}, which has {len(names)} copies; give one for each, or one "
+                "number for all."
+            )
         result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
     return result

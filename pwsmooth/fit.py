@@ -159,10 +159,12 @@ def fit(
     t, motion, force = (np.asarray(a, float) for a in (t, motion, force))
     if not t.shape == motion.shape == force.shape or t.ndim != 1:
         raise ValueError(
-            f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one."
+            f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one "
+            "sequence of the same length each."
         )
     if not np.isfinite(force).all():
-        raise ValueError("`force` contains nan or infinity; drop or mend these samples.")
+        first = np.flatnonzero(~np.isfinite(force))[0]
+        raise ValueError(f"`force` is {force[first]} at sample {first}; drop or mend what is not finite.")
     if kind not in ("position", "velocity"):
         raise ValueError(f"`kind` is {kind!r}; `motion` is a 'position' or a 'velocity'.")
     drive = Table(t, motion)
@@ -173,7 +175,8 @@ def fit(
     data = force[forward.used]
     if len(data) <= len(forward.names):
         raise ValueError(
-            f"{len(data)} samples after `settle` cannot determine {len(forward.names)} parameters."
+            f"{len(data)} samples after `settle` cannot determine {len(forward.names)} parameters; "
+            "give more data, or fewer `free` ones."
         )
     size = float(np.abs(data).max()) or 1.0
 

@@ -152,7 +152,10 @@ def _contact(field, R, gap, restitution):
             f"Add {R} to the rate of the velocity on which the contact acts."
         )
     if any(R in b.free_symbols for b in push):
-        raise ValueError(f"the rates are not linear in the reaction {R}: an impact has no finite impulse then.")
+        raise ValueError(
+            f"the rates are not linear in the reaction {R}: an impact has no finite impulse then. Let {R} stand as a "
+            "force does, with a factor that does not contain it."
+        )
     # Newton's law. The push is taken as it is before the impact: with friction in it, the impulse keeps the
     # direction of slip (or the sticking force) from before.
     along = sp.Add(*(speed.diff(x) * b for x, b in zip(field.states, push, strict=True)))

@@ -244,7 +244,10 @@ class Solution:
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
-            raise ValueError(f"`t` leaves the solved span [{self.t[0]:.9g}, {self.t[-1]:.9g}].")
+            raise ValueError(
+                f"`t` reaches from {flat.min():.9g} to {flat.max():.9g}: it leaves the solved span [{self.t[0]:.9g}, "
+                f"{self.t[-1]:.9g}]. Ask within it, or solve further."
+            )
         x, mult = self.dense(flat)
         if name is None:
             return x[:, 0] if at.ndim == 0 else x.reshape(len(x), *at.shape)

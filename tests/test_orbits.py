@@ -187,8 +187,8 @@ def test_what_is_not_found_is_said_and_raises_nothing():
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (dict(), "one of `period`"),
-        (dict(period=1, section=v), "one of `period`"),
+        (dict(), "neither `period` nor `section` is given"),
+        (dict(period=1, section=v), "are both given"),
         (dict(period=-1), "`period` is -1"),
         (dict(period=T, symmetry={y: -y, v: v}), "does not have it"),
         (dict(period=T, symmetry={y: -(y**2)}), "linear expressions"),

@@ -227,8 +227,9 @@ def find_orbit(
     (True, 1)
     """
     if (period is None) == (section is None):
+        said = "neither `period` nor `section` is" if period is None else "`period` and `section` are both"
         raise ValueError(
-            "give one of `period` (of the forcing) and `section` (a surface of an autonomous system)."
+            f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
         )
     transient = checks.whole(transient, "`transient`", 0)
     at = np.array(system.initial_state(x0), float)

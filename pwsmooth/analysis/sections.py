@@ -219,7 +219,8 @@ class Stroboscopic(_Map):
         unknown = [s for s in period.free_symbols if s not in self.system.parameters]
         if unknown:
             raise ValueError(
-                f"`period` is {period}, in which {checks.listing(unknown)} is no parameter of the system."
+                f"`period` is {period}, in which {checks.listing(unknown)} is no parameter of the system; "
+                f"they are {checks.listing(self.system.parameters)}."
             )
         if not math.inf > (T := float(period.subs(self.system.parameters))) > 0:
             raise ValueError(f"`period` is {T:g}; give the period of the forcing, a number > 0.")

@@ -235,9 +235,12 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
     x = sp.Dummy("lam", positive=True)
     shape = gamma.subs(lam, x)
     if sp.simplify(shape.subs(x, 1)) != 0:
-        raise ValueError(f"`gamma` is {gamma}, which does not vanish at {lam} = 1, so it is no hidden term.")
+        raise ValueError(
+            f"`gamma` is {gamma}, which does not vanish at {lam} = 1, so it is no hidden term; give one such as "
+            f"1 - {lam}**2."
+        )
     if sp.simplify(gamma - gamma.subs(lam, -lam)) != 0:
-        raise ValueError(f"`gamma` is {gamma}, which is not even in {lam}.")
+        raise ValueError(f"`gamma` is {gamma}, which is not even in {lam}; give one such as 1 - {lam}**2.")
     # A plain symbol for rho would hide that (1 + rho)/(3 rho) has a real root.
     positive = {s: sp.Symbol(s.name, positive=True) for s in rho.free_symbols if not s.is_positive}
     coefficient = x * (1 + rho.subs(positive) * shape)

@@ -75,7 +75,8 @@ def prescribed_motion(
     """
     if (position is None) == (velocity is None):
         raise ValueError(
-            "give either `position` or `velocity` to prescribed_motion, an expression of t or a Table."
+            f"{'neither `position` nor `velocity` is' if position is None else '`position` and `velocity` are both'} "
+            "given to prescribed_motion; give one of them, an expression of t or a Table."
         )
     values = dict(parameters or {})
     tables = {"p": position, "w": velocity, "load": normal}

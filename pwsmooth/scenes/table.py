@@ -66,7 +66,11 @@ class Table:
                 "sequences of one length, at least 4."
             )
         if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
-            raise ValueError("a Table contains nan or infinity; drop or mend these samples.")
+            bad = int(np.flatnonzero(~(np.isfinite(self.times) & np.isfinite(self.values)))[0])
+            raise ValueError(
+                f"a Table has the sample ({self.times[bad]}, {self.values[bad]}) at index {bad}; drop or mend what is "
+                "not finite."
+            )
         if not (np.diff(self.times) > 0).all():
             i = int(np.flatnonzero(np.diff(self.times) <= 0)[0])
             raise ValueError(

@@ -301,9 +301,12 @@ def _setting(system, measures, periods, forced, units):
             "measure with a function of the Solution."
         )
     if "Sticks" in kinds and not sticking:
-        raise ValueError("`measures` asks for sticks, but nothing in this system can stick (slide).")
+        raise ValueError("`measures` asks for sticks, but nothing in this system can stick (slide); leave it out.")
     if "Itinerary" in kinds and not 0 < len(words) <= 36:
-        raise ValueError(f"an itinerary is made of 1 to 36 multipliers, not of {len(words)}.")
+        raise ValueError(
+            f"`measures` asks for the itinerary, a word of 1 to 36 multipliers; this system has {len(words)}. Leave it "
+            "out."
+        )
     detector = next((m for m in measures if isinstance(m, Period)), Period())
     return Setting(
         states, tuple(names[j] for j in sticking), sticking, words, tuple(alphabet(model, j) for j in words),

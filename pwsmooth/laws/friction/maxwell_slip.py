@@ -84,12 +84,17 @@ class MaxwellSlip(Law):
         """
         x, force = (np.concatenate([[0.0], np.asarray(a, float)]) for a in (x, force))
         if not (np.diff(x) > 0).all():
-            raise ValueError("`x` of from_virgin_curve must increase from 0; sort the points.")
+            k = int(np.flatnonzero(np.diff(x) <= 0)[0])
+            raise ValueError(
+                f"`x` of from_virgin_curve must increase from 0; {x[k + 1]:g} follows {x[k]:g}. Sort the points."
+            )
         slope = np.append(np.diff(force) / np.diff(x), 0.0)
         kappa = -np.diff(slope)
         if not (kappa > 0).all():
+            shown = ", ".join(f"{s:g}" for s in slope)
             raise ValueError(
-                "`force` of from_virgin_curve is not concave; each piece must be flatter than before."
+                f"`force` of from_virgin_curve has the slopes {shown}; each must be smaller than the one before, as of "
+                "a concave curve that ends flat."
             )
         return cls(kappa=tuple(kappa), strength=tuple(kappa * x[1:]))
 
