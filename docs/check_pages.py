@@ -130,7 +130,11 @@ def served(root: Path) -> Iterator[str]:
         def log_message(self, *_):
             """The checks say what matters."""
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(root)))
+    class Patient(ThreadingHTTPServer):
+        def handle_error(self, *_):
+            """A tab that leaves a page closes its connections; what is missing shows in the tab."""
+
+    server = Patient(("127.0.0.1", 0), functools.partial(Quiet, directory=str(root)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         yield f"http://127.0.0.1:{server.server_port}"

@@ -11,6 +11,7 @@ from page import AUTO, write
 from public_names import members, public_names
 
 API = AUTO / "api"
+FRONT = "pwsmooth"  # whose names have a page each
 # Order and headings of the index; modules that fit nowhere come last, under their own heading.
 GROUPS = {
     "Defining and solving": ("pwsmooth", "pwsmooth.solution", "pwsmooth.records", "pwsmooth.sigmoids"),
@@ -44,22 +45,28 @@ def _title(text: str, line: str) -> str:
 def _module_page(module: str, names: dict[str, object]) -> str:
     # pwsmooth.sweep is a module and, as an attribute of pwsmooth, the function: references mean the function.
     twice = "   :no-index:\n" if module in public_names() else ""
-    parts = [_title(module, "="), f".. automodule:: {module}\n{twice}"]
-    parts.append(f".. currentmodule:: {module}\n")
+    parts = [_title(module, "="), f".. automodule:: {module}\n{twice}", f".. currentmodule:: {module}\n"]
     parts.append(".. list-table::\n   :widths: 30 70\n")
     parts.append("".join(f"   * - :obj:`{name}`\n     - {_summary(value)}\n" for name, value in names.items()))
-    for name, value in names.items():
-        if inspect.isclass(value):
-            shown = ", ".join(members(value))
-            option = f"   :members: {shown}\n" if shown else ""
-            parts.append(f".. autoclass:: {name}\n{option}")
-        elif inspect.isroutine(value):
-            parts.append(f".. autofunction:: {name}\n")
-        elif isinstance(value, types.GenericAlias):
-            parts.append(f".. py:type:: {name}\n   :canonical: {value}\n")
-        else:
-            parts.append(f".. autodata:: {name}\n   :no-value:\n")
-    return "\n".join(parts)
+    if module == FRONT:
+        parts.append(".. toctree::\n   :hidden:\n\n" + "".join(f"   {module}/{name}\n" for name in names))
+        for name, value in names.items():
+            text = f"{_title(name, '=')}\n.. currentmodule:: {module}\n\n{_entry(name, value)}"
+            write(API / module / f"{name}.rst", text)
+        return "\n".join(parts)
+    return "\n".join([*parts, *(_entry(name, value) for name, value in names.items())])
+
+
+def _entry(name: str, value: object) -> str:
+    """The directive that documents one name of the current module."""
+    if inspect.isclass(value):
+        shown = ", ".join(members(value))
+        return f".. autoclass:: {name}\n" + (f"   :members: {shown}\n" if shown else "")
+    if inspect.isroutine(value):
+        return f".. autofunction:: {name}\n"
+    if isinstance(value, types.GenericAlias):
+        return f".. py:type:: {name}\n   :canonical: {value}\n"
+    return f".. autodata:: {name}\n   :no-value:\n"
 
 
 def _summary(value: object) -> str:

@@ -1,21 +1,27 @@
-"""Pages of the sources (viewcode) without their links back, which it makes wrong for names that have two homes.
+"""Pages of the sources (viewcode) without their links back, some of which viewcode makes wrong.
 
 `pwsmooth.basins` is documented there and lives in `pwsmooth.analysis.basins`: viewcode writes one prefix for all
 names of a module. The links from the reference to the source are right and stay.
 """
 
+import re
 
-def without_links_back(app):
-    """Forget where each name is documented; called before viewcode writes its pages."""
-    modules = getattr(app.env, "_viewcode_modules", {})
-    modules.pop("builtins", None)  # an alias such as `Word = tuple[...]` has no source of its own
-    for name, entry in modules.items():
-        if entry:
-            code, tags, _, prefix = entry
-            modules[name] = code, tags, {}, prefix
+_BACK = re.compile(r'<a class="viewcode-back"[^>]*>.*?</a>', flags=re.DOTALL)
+
+
+def without_links_back(app, pagename, templatename, context, doctree):
+    """The page's body without `[docs]`."""
+    if pagename.startswith("_modules/"):
+        context["body"] = _BACK.sub("", context["body"])
+
+
+def forget_aliases(app):
+    """An alias such as `Word = tuple[...]` is of the module builtins, which has no page."""
+    getattr(app.env, "_viewcode_modules", {}).pop("builtins", None)
     return ()
 
 
 def setup(app):
-    app.connect("html-collect-pages", without_links_back, priority=100)
+    app.connect("html-page-context", without_links_back)
+    app.connect("html-collect-pages", forget_aliases, priority=100)  # before viewcode
     return {"parallel_read_safe": True, "parallel_write_safe": True}
