@@ -9,6 +9,7 @@ import sympy as sp
 from .model import Model
 
 SHOWN = 12  # entries of a list; families can be long
+_FILIPPOV = ["filippov: on a surface the convex combination of both sides, in place of terms nonlinear in its switch"]
 
 
 def rows(system):
@@ -44,6 +45,7 @@ def rows(system):
     yield "outputs", [f"{name} = {e}" for name, e in definition.outputs]
     values = _short([f"{p} = {v:g}" for p, v in system.parameters.items()])
     yield "parameters", [", ".join(values)] if values else []
+    yield "convention", _FILIPPOV if system._convention == "filippov" else []
     yield "view", [*([system._view.title] if system._view else []), *system._notes]
 
 

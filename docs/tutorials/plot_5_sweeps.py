@@ -1,0 +1,141 @@
+r"""
+Sweeps, stores and a cluster
+============================
+
+One orbit answers a question about one point. :func:`~pwsmooth.sweep` runs a system or a scene over
+a grid of parameters, starts, phases and seeds, keeps *measures* of each orbit, and returns an
+``xarray.Dataset``. A point that fails costs no other point, and the bits do not depend on where
+it ran.
+"""
+
+# %%
+# A map
+# -----
+# The block on a shaken plate again, with the hidden term that makes it stick: where in the
+# plane of spring and drive does it stick, and how often?
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import sympy as sp
+
+from pwsmooth import Switch, System, sweep
+
+t, y, v = sp.symbols("t y v", real=True)
+k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
+lam = Switch("lam", v)
+block = System(
+    {y: v, v: -sigma * sp.sin(t) - k * y - v / 10 - lam * (1 + rho * (1 - lam**2))},
+    time=t,
+    parameters={k: 3.1, sigma: 2.4, rho: 3},
+)
+axes = {"sigma": np.linspace(1.6, 4, 33), "k": np.linspace(1.5, 5, 25)}
+study = dict(
+    start={"y": 0.78, "v": -1.03},
+    period=2 * sp.pi,
+    transient=40,
+    periods=5,
+    measures=["sticks", "itinerary", "amplitude(y)"],
+    units={"k": "N/m", "sigma": "N", "y": "m"},
+)
+found = sweep(block, axes, **study)
+found
+
+# %%
+fig, panels = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+found.stick_time.T.plot(ax=panels[0], cbar_kwargs={"label": "time stuck a period"})
+found.sticks.T.plot(
+    ax=panels[1],
+    levels=[-0.5, 0.5, 1.5, 2.5],
+    cbar_kwargs={"label": "sticks a period", "ticks": [0, 1, 2]},
+)
+panels[0].set_title("How long it sticks")
+panels[1].set_title("How often")
+plt.show()
+
+# %%
+# Everything that xarray can do can be done with it: here, which itineraries there are, and how
+# many points have each.
+words, counts = np.unique(found.itinerary.values, return_counts=True)
+for i in np.argsort(-counts)[:6]:
+    print(f"{counts[i]:5}  {words[i]}")
+print("failed:", int((found.outcome < 0).sum()), "of", found.outcome.size)
+
+# %%
+# Measures of your own are functions of the :class:`~pwsmooth.Solution`; they run point by
+# point, in Python.
+from pwsmooth.sweep import Function
+
+
+def longest_stick(solution, window):
+    """Duration of the longest stick that begins after the transient."""
+    late = [s for s in solution.segments if s.start >= window.start]
+    return max((s.duration for s in late if s.name.startswith("stick")), default=0.0)
+
+
+few = sweep(
+    block,
+    {"rho": [0.0, 1.0, 2.0, 3.0]},
+    **{**study, "measures": [Function(longest_stick, names=("longest",))]},
+)
+print(few.longest.to_series().to_string())
+
+# %%
+# A store that survives
+# ---------------------
+# With ``store=`` every chunk is written as it finishes. A sweep that was killed goes on where
+# it was, and ends with the bits of an undisturbed one. Here it is interrupted after eight
+# chunks, as by Ctrl-C.
+from concurrent.futures import ThreadPoolExecutor
+
+import xarray
+
+
+class Interrupted(ThreadPoolExecutor):
+    """Threads that take eight chunks and then meet Ctrl-C."""
+
+    taken = 0
+
+    def submit(self, *task):
+        self.taken += 1
+        if self.taken > 8:
+            raise KeyboardInterrupt
+        return super().submit(*task)
+
+
+store = Path(tempfile.mkdtemp()) / "map.zarr"
+study["store"] = store
+with Interrupted(2) as pool:
+    try:
+        sweep(block, axes, executor=pool, chunk=40, **study)
+    except KeyboardInterrupt:
+        half = xarray.open_zarr(store, consolidated=False)
+        missing = int((half.outcome == -128).sum())
+        print(f"interrupted: {missing} of {half.outcome.size} points have not run")
+
+resumed = sweep(block, axes, **study)
+print("resumed; identical to the undisturbed run:", resumed.identical(found))
+
+# %%
+# A cluster
+# ---------
+# Any ``concurrent.futures.Executor`` runs the chunks; Dask's distributed client gives one
+# for a laptop, a batch queue or a cloud alike. Two workers on this machine stand for them.
+from dask.distributed import Client, LocalCluster
+
+with (
+    LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster,
+    Client(cluster) as client,
+):
+    study["store"] = None
+    again = sweep(block, axes, executor=client.get_executor(), **study)
+print("from the cluster; identical:", again.identical(found))
+
+# %%
+# ``processes=False`` keeps this page in one process; on a cluster leave it out. The same study
+# as a file, for the command line: ``pwsmooth sweep STUDY.toml --out DIR``, which resumes with
+# ``--resume``. All measures, axes and options are listed in :doc:`/sweeps`. Next: :ref:`which
+# method, which model <sphx_glr_auto_tutorials_plot_6_choosing.py>`.
