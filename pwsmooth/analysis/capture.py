@@ -200,7 +200,8 @@ def _height(rho: float, ratio: float, u_saddle: float, shape: Sigmoid, rtol: flo
 
     # The orbit forgets its start as exp(-ratio u/(F + 1)): 60 of those lengths away any start does.
     start = -math.asinh(10 + 60 * (force + 1) / ratio)
-    tolerances = dict(rtol=rtol, atol=1e-14, mxstep=100000)
+    # Bounded steps: where tanh and erf vanish the error control sees nothing, and would step over the layer.
+    tolerances = dict(rtol=rtol, atol=1e-14, mxstep=100000, hmax=0.1)
     arriving = odeint(rate, hidden(sinh(start)), [start, 0.0], **tolerances)[-1, 0]
 
     z = hidden(u_saddle)
