@@ -120,8 +120,8 @@ print("resumed; identical to the undisturbed run:", resumed.identical(found))
 # %%
 # A cluster
 # ---------
-# Any ``concurrent.futures.Executor`` runs the chunks; Dask's distributed client gives one
-# for a laptop, a batch queue or a cloud alike. Two workers on this machine stand for them.
+# Any ``concurrent.futures.Executor`` runs the chunks; Dask's distributed client gives one for a
+# laptop, a batch queue or a cloud alike. Two workers on this machine stand for them.
 from dask.distributed import Client, LocalCluster
 
 with (
