@@ -100,15 +100,11 @@ plt.show()
 # %%
 # To make it part of the package
 # ------------------------------
-# #. Put the class into its own file in ``pwsmooth/laws/friction/`` with the equation and its
-# source on top,
-#    and its name into the list in ``__init__.py``.
-# #. ``source`` says where the equations and the defaults come from; where the original was not
-# available, add
-#    ``certainty = "reconstructed"``.
-# #. Write a test that knows the answer: here, that a small deviation grows at :math:`0.97\,k_c`
-# and decays at
-#    :math:`1.03\,k_c`.
+# Put the class into its own file in ``pwsmooth/laws/friction/``, with the equation and its source
+# on top, and its name into the list in ``__init__.py``. ``source`` says where the equations and the
+# defaults come from; where the original was not available, add ``certainty = "reconstructed"``.
+# Then write a test that knows the answer: here, that a small deviation grows at
+# :math:`0.97\,k_c` and decays at :math:`1.03\,k_c`.
 #
 # The contract is :class:`~pwsmooth.laws.Law`; a good law to read is
 # ``pwsmooth/laws/friction/dahl.py``.
