@@ -15,7 +15,7 @@ from .codegen import compile_model
 from .codegen.units import UNITS, unit_address
 from .folds import fold_model
 from .kernels import state
-from .kernels.tables import bernstein_tables, halving_tables
+from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import Model, Multiplier
 
 _FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
@@ -150,6 +150,7 @@ class CompiledProblem:
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
         hubs = len(self.fixed["hub"])
         group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
+        short_table, short_error, short_powers = short_tables(order, width)
         left_half, right_half = halving_tables(order, width)
         k = np.arange(float(width))
         return state.Work(
@@ -165,6 +166,9 @@ class CompiledProblem:
             rk_k=np.zeros((16, n)),
             bernstein=np.zeros(48 * width),
             bernstein_table=bernstein_tables(order, width),
+            short_table=short_table,
+            short_error=short_error,
+            short_powers=short_powers,
             left_half=left_half,
             right_half=right_half,
             layer_k=np.zeros((7, m + nz)),
@@ -175,7 +179,7 @@ class CompiledProblem:
             place=np.zeros(m),
             code=np.zeros(12),
             answer=np.zeros(8),
-            **{name: np.zeros(width) for name in ("power", "poly", "fold_slope")},
+            **{name: np.zeros(width) for name in ("power", "poly", "near", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},
             **{name: np.zeros(ne) for name in ("pending",)},

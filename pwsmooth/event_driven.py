@@ -41,7 +41,7 @@ class EventDriven:
                 "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
             )
         pair = method == "rk" or not parts.has_jets
-        self.order = 7 if pair else order or _order_for(rtol)  # the pair's interpolant has degree 7
+        self.order = 7 if pair else order or _order_for(rtol, parts.code.by_responses)  # the pair's interpolant has degree 7
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
         self.problem = parts.problem(p, pair)
         self.work = parts.work(self.order)
@@ -201,12 +201,14 @@ class EventDriven:
         return Dense(time[:, 0].copy(), ends, blocks[:, :n], blocks[:, n:-1], time, lengths)
 
 
-def _order_for(rtol: float) -> int:
+def _order_for(rtol: float, by_responses: bool) -> int:
     """Order of the Taylor polynomials, the fastest of eight models at 1e-6, 1e-9 and 1e-12 or near it.
 
     Linear models and products alike: longer steps outweigh longer products up to 20 or 22. Above, rounding grows with
     the step: 20 is the highest whose worst case stays near 1e-13, which only tolerances below 1e-10 ask for.
     """
+    if by_responses and rtol >= 1e-10:
+        return 31
     return 16 if rtol > 1e-8 else 22 if rtol >= 1e-10 else 20
 
 

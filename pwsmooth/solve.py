@@ -67,7 +67,7 @@ def solve(
     max_steps : int
         Bound on the number of steps; reaching it is an outcome with the partial solution.
     order : int, optional
-        Order of the Taylor polynomials (8 to 28), by default chosen by `rtol`.
+        Order of the Taylor polynomials (8 to 31), by default chosen by `rtol`.
     strict : bool
         Stop at the first ambiguity instead of following the recorded continuation.
     parameters : mapping of Symbol to float, optional
@@ -148,7 +148,7 @@ def solve(
             "(the others are for `system.smoothed(...)`)."
         )
     if order is not None:
-        order = checks.whole(order, "`order`", 8, 28)
+        order = checks.whole(order, "`order`", 8, 31)
         if method == "rk":
             raise ValueError(
                 f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'."

@@ -41,7 +41,12 @@ def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
             k = 4 * q + lane + 1
             rows[out + lane] = sum(rows[a + j] * rows[b + k - j] for j in range(lane + 1, 4 * q + 1))
 
-    scope = {"math": math, "presum": presum, "choose": lambda condition, u, v: u if condition else v}
+    def combine(rows, out, value, table, stride, order, *factors):
+        for k in range(order + 1):
+            rows[out + k] = sum(c * rows[table + j * stride + k] for j, c in enumerate(factors))
+        rows[out] = value
+
+    scope = {"math": math, "presum": presum, "combine": combine, "choose": lambda condition, u, v: u if condition else v}
     exec("from __future__ import annotations\n" + text, scope)
     rows = np.full((scope["NROWS"], order + 4), 7.5)
     flat = rows.reshape(-1)

@@ -167,6 +167,12 @@ class Compiled:
     def nrows_general(self) -> int:
         return self._rows(self._general)[0]
 
+    @property
+    def by_responses(self) -> bool:
+        """Whether all programs are matrix products (responses.py), whose cost hardly grows with the order."""
+        programs = [program for program in (self._slip, self._general) if program]
+        return bool(programs) and all(program.constants.get("BY_RESPONSES") for program in programs)
+
     @cached_property
     def surface_rows_slip(self) -> np.ndarray:
         return self._rows(self._slip)[1]

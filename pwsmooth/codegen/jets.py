@@ -23,6 +23,7 @@ from .fields import Source, surfaces
 from .layout import SHORTEST_ROW
 from .native import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
+from .responses import Responses, find_responses
 from .scalar import HELPERS, Writer
 from .simplify import simplify
 from .slopes import derivative
@@ -97,6 +98,7 @@ class JetProgram:
         self.has_surface = [s.surface is not None for s in holders]
         self.degrees = Degrees(graph, self.rates, general)
         self.source = Source()
+        self.responses: Responses | None = None
         # While switch j slides on a state, that state's rate is 0 exactly, not to rounding.
         self.frozen: dict[int, int] = {}
         if general:
@@ -111,7 +113,8 @@ class JetProgram:
     def solved(self, j: int) -> str:
         return f"on{j}"
 
-    def write(self) -> str:
+    def write(self, behind: int | None = None) -> str:
+        """The program's text; with responses (see responses.py), where it has them, from row `behind` on."""
         graph, degrees = self.graph, self.degrees
         roots = [
             *self.rates,
@@ -156,23 +159,29 @@ class JetProgram:
 
         body = Writer(1)
         body.lines = self._declarations(start, loop) + start.lines
-        # Without products all orders are alike; with products they come in unrolled blocks of four.
-        body.line(f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):")
-        body.indent = 2
-        if unrolled:
-            body.line(f"k = {LANES} * q + 1")
-            for line in order_k.block_sums():
-                body.line(line)
-        body.line("inv = 1.0 / k")
-        body.indent = 1
-        body.lines += loop.lines
-        body.line("return 0")
+        self.responses = find_responses(self, order_k, loop.lines, roots)
+        nrows = len(order_k.rows) - (-scratch // SHORTEST_ROW)
+        if self.responses and behind is not None:
+            body.lines += self.responses.body(behind, loop.lines)
+            nrows = behind + self.responses.size
+        else:
+            # Without products all orders are alike; with products they come in unrolled blocks of four.
+            body.line(f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):")
+            body.indent = 2
+            if unrolled:
+                body.line(f"k = {LANES} * q + 1")
+                for line in order_k.block_sums():
+                    body.line(line)
+            body.line("inv = 1.0 / k")
+            body.indent = 1
+            body.lines += loop.lines
+            body.line("return 0")
         self.source.helpers |= order_0.helpers | order_k.helpers
         name = "jet_general" if self.general else "jet_slip"
         arguments = "t, x, mult, p, mask, K, stride, rows" if self.general else "t, x, mult, p, K, stride, rows"
         self.source.function(name, arguments, body, returns="I")
-        nrows = len(order_k.rows) - (-scratch // SHORTEST_ROW)
         self.source.constants = {"NROWS": nrows, "SURFACE_ROWS": tuple(surface_rows), "FLAGS": FLAGS}
+        self.source.constants["BY_RESPONSES"] = bool(self.responses)
         return self.source.text()
 
     # ---- before the loop ----
@@ -378,10 +387,18 @@ def write_jets(model: Model) -> dict[str, str]:
 
     Without recurrences there is one text without a program, so that the text cache remembers it.
     """
+    sources, programs = {}, {}
     try:
-        sources = {"slip": JetProgram(model, general=False).write()}
-        if model.multipliers:
-            sources["general"] = JetProgram(model, general=True).write()
+        for name in ("slip", "general") if model.multipliers else ("slip",):
+            programs[name] = JetProgram(model, general=name == "general")
+            sources[name] = programs[name].write()
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}
+    # Responses stand behind what any program writes, the pair of Runge and Kutta included.
+    n, m, ne = len(model.states), len(model.multipliers), len(model.events)
+    behind = max(n + 2 * m + ne, *(program.source.constants["NROWS"] for program in programs.values()))
+    for name, program in programs.items():
+        if program.responses:
+            sources[name] = JetProgram(model, general=name == "general").write(behind)
+            behind += program.responses.size
     return sources

@@ -288,6 +288,10 @@ class Module:
             return self.intrinsic(name, count)
         if name == "presum":
             function = _block_sum(self.module)
+        elif name == "combine":
+            # One for each number of rows that is combined.
+            name = f"combine{count}"
+            function = self.functions.get(name) or _combine(self.module, name, count - 6)
         elif name in LIBM:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
         else:
@@ -350,6 +354,47 @@ def _block_sum(module: ir.Module) -> ir.Function:
     builder.position_at_end(end)
     s = [builder.load(q) for q in sums]
     builder.store(builder.fadd(builder.fadd(s[0], s[1]), builder.fadd(s[2], s[3])), at(out), align=8)
+    builder.ret_void()
+    return function
+
+
+def _combine(module: ir.Module, name: str, count: int) -> ir.Function:
+    """combine(rows, out, value, table, stride, K, c_0, c_1, ...): value + sum_j c_j times the row at table + j stride.
+
+    Overwrites orders 0..K of the row at `out`, and with zeros what is left of the last block of eight.
+    """
+    width = 8
+    vector, mask = ir.VectorType(DOUBLE, width), ir.VectorType(LANE, width)
+    kind = ir.FunctionType(ir.VoidType(), [KINDS["P"], INT, DOUBLE, INT, INT, INT, *[DOUBLE] * count])
+    function = ir.Function(module, kind, name)
+    function.linkage = "internal"
+    rows, out, value, table, stride, order, *factors = function.args
+    undefined = ir.Constant(vector, ir.Undefined)
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+    first = builder.insert_element(ir.Constant(vector, [0.0] * width), value, LANE(0))
+    factors = [
+        builder.shuffle_vector(builder.insert_element(undefined, c, LANE(0)), undefined, ir.Constant(mask, [0] * width))
+        for c in factors
+    ]
+    loop, end = function.append_basic_block("loop"), function.append_basic_block("end")
+    builder.branch(loop)
+    entry = builder.block
+    builder.position_at_end(loop)
+    start, total = builder.phi(INT), builder.phi(vector)
+    start.add_incoming(INT(0), entry)
+    total.add_incoming(first, entry)
+    result: ir.Value = total
+    for j, c in enumerate(factors):
+        place = builder.add(builder.add(table, builder.mul(stride, INT(j))), start)
+        response = builder.load(builder.bitcast(builder.gep(rows, [place]), vector.as_pointer()), align=8)
+        result = builder.fadd(result, builder.fmul(c, response, flags=("contract",)), flags=("contract",))
+    place = builder.gep(rows, [builder.add(out, start)])
+    builder.store(result, builder.bitcast(place, vector.as_pointer()), align=8)
+    following = builder.add(start, INT(width))
+    start.add_incoming(following, loop)
+    total.add_incoming(ir.Constant(vector, [0.0] * width), loop)
+    builder.cbranch(builder.icmp_signed("<=", following, order), loop, end)
+    builder.position_at_end(end)
     builder.ret_void()
     return function
 

@@ -2,7 +2,8 @@
 
 A surface along a step is a_0 + a_1 s + ... + a_K s^K, s in [0, 1]. In the Bernstein basis the coefficients bound the
 polynomial and their sign changes bound the number of roots (Descartes): none -> no root, one -> exactly one,
-more -> subdivide, left half first. Most steps are settled by a Bernstein form of degree 6 plus a remainder.
+more -> subdivide, left half first. Most steps are settled by a Bernstein form of degree 6 plus a remainder, most of
+the others by the best one of degree 15 and its error (tables.py): then the polynomial itself is never converted.
 """
 
 import math
@@ -13,6 +14,7 @@ from .compiling import inlined_kernel, kernel, unit
 from .lanes import fused, load8, store8
 from .pointers import abs8, at, below_zero8, call_root, count_bits, powers8, sum8
 from .state import Work
+from .tables import SHORT
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -64,6 +66,31 @@ def _to_bernstein(W, degree, b):
     return negative
 
 
+@fused
+def _short_form(W, a, degree, b):
+    """Overwrites b[:16] with coefficients of degree 15 of a; returns which are negative and which undecided, as bits,
+    and the bound of what they leave out."""
+    table, error = W.short_table, W.short_error
+    low0, high0 = load8(table, 0) * at(a, 0), load8(table, 8) * at(a, 0)
+    low1, high1 = load8(table, 16) * at(a, 1), load8(table, 24) * at(a, 1)
+    for k in range(2, degree + 1, 2):
+        column = 16 * k
+        low0 = low0 + load8(table, column) * at(a, k)
+        high0 = high0 + load8(table, column + 8) * at(a, k)
+        low1 = low1 + load8(table, column + 16) * at(a, k + 1)
+        high1 = high1 + load8(table, column + 24) * at(a, k + 1)
+    left = abs8(load8(a, 0)) * load8(error, 0)
+    for k in range(8, degree + 1, 8):
+        left = left + abs8(load8(a, k)) * load8(error, k)
+    rest = sum8(left)
+    low, high = low0 + low1, high0 + high1
+    store8(b, 0, low)
+    store8(b, 8, high)
+    negative = below_zero8(low) | below_zero8(high) << 8
+    undecided = below_zero8(abs8(low) + -rest) | below_zero8(abs8(high) + -rest) << 8
+    return negative, undecided, rest
+
+
 @kernel
 def _note_grazing(W, s, crosses):
     """Leaves word for the loop: near s the surface is touched to within GRAZING of its value at the start."""
@@ -73,8 +100,11 @@ def _note_grazing(W, s, crosses):
 
 
 @fused
-def _refine(W, degree, lo, hi, s):
-    """The single root of W.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket."""
+def _polish(W, degree, lo, hi, s):
+    """The single root of W.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket.
+
+    Returns also s p'(s) and s^2 p''(s) there.
+    """
     a, n1, n2, n3 = W.poly, W.counting, W.pairing, W.tripling
     before, d, c = 0.0, 0.0, 0.0
     for _ in range(60):
@@ -114,8 +144,20 @@ def _refine(W, degree, lo, hi, s):
         else:
             s = 0.5 * (lo + hi)
             before = 0.0  # the length of a bisection says nothing of convergence
-    if c > 0.0 and 0.5 * d * d < GRAZING * c * at(a, 0):
+    return s, d, c
+
+
+@kernel
+def _note_shallow(W, s, d, c):
+    if c > 0.0 and 0.5 * d * d < GRAZING * c * at(W.poly, 0):
         _note_grazing(W, s, 1)  # it turns back after a dip that shallow
+
+
+@fused
+def _refine(W, degree, lo, hi, s):
+    """The single root of W.poly in [lo, hi], near s."""
+    s, d, c = _polish(W, degree, lo, hi, s)
+    _note_shallow(W, s, d, c)
     return s
 
 
@@ -226,9 +268,60 @@ def _subdivide(W, degree, stride, negative):
         depth += 1
 
 
+@fused
+def _lone_guess(b, k):
+    """Where the polynomial with Bernstein coefficients b of degree 15 crosses zero between those of k and k + 1."""
+    # Its values at k/15 and (k + 1)/15 are the coefficients less their own bend: b + x (1 - x) 15 p''/2 + O(1/15^2).
+    left, right = at(b, k), at(b, k + 1)
+    x, y = k * (1.0 / SHORT), (k + 1) * (1.0 / SHORT)
+    bend0 = right - 2.0 * left + at(b, max(k - 1, 0)) if k > 0 else 0.0
+    bend1 = at(b, min(k + 2, SHORT)) - 2.0 * right + left if k + 1 < SHORT else 0.0
+    left += 0.5 * (SHORT - 1.0) * x * (1.0 - x) * bend0
+    right += 0.5 * (SHORT - 1.0) * y * (1.0 - y) * bend1
+    share = left / (left - right)
+    return x + (1.0 / SHORT) * share if -1.0 < share < 2.0 else x + 0.5 / SHORT
+
+
+@fused
+def _isolate_short(W, degree):
+    """The first root of W.poly by its best polynomial of degree 15; below 0 where that does not decide."""
+    a, b, scaled = W.poly, W.bernstein, W.near
+    negative, undecided, rest = _short_form(W, a, degree, b)
+    if undecided != 0:
+        return -1.0
+    if negative == 0:
+        return NO_ROOT
+    end = 1.0
+    if _sign_changes(negative, SHORT) > 1:
+        # Look again at the part up to the middle of the first dip.
+        first = count_bits((negative & -negative) - 1)
+        beyond = ~(negative >> first)
+        last = first + count_bits((beyond & -beyond) - 1) - 1
+        middle = (first + last) // 2
+        end = middle * (1.0 / SHORT)
+        row = middle * len(a)
+        for k in range(0, degree + 1, 8):
+            store8(scaled, k, load8(a, k) * load8(W.short_powers, row + k))
+        negative, undecided, rest = _short_form(W, scaled, degree, b)
+        if undecided != 0 or negative == 0 or _sign_changes(negative, SHORT) != 1:
+            return -1.0
+    s, d, c = _polish(W, degree, 0.0, end, end * _lone_guess(b, count_bits((negative & -negative) - 1) - 1))
+    # The polynomial differs by `rest` from one with a single root: it has a second one only beside a flat one.
+    bend = load8(W.pairing, 0) * abs8(load8(a, 0))
+    for k in range(8, degree + 1, 8):
+        bend = bend + load8(W.pairing, k) * abs8(load8(a, k))
+    if not d * d > 4.0 * rest * sum8(bend) * s * s:
+        return -1.0
+    _note_shallow(W, s, d, c)
+    return s
+
+
 @unit(types.float64, Work, types.int64)
 def isolate(W, degree):
     """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
+    s = _isolate_short(W, degree)
+    if s >= 0.0:
+        return s
     negative = _to_bernstein(W, degree, W.bernstein)
     if negative == 0:
         return 1.0 if W.bernstein[degree] == 0.0 else NO_ROOT

@@ -185,6 +185,10 @@ class Work(Bundle):
     tripling: "f8[1]"  # (order + PAD,) k (k - 1) (k - 2)
     bernstein: "f8[1]"
     bernstein_table: "f8[1]"  # see tables.py
+    short_table: "f8[1]"
+    short_error: "f8[1]"
+    short_powers: "f8[1]"
+    near: "f8[1]"  # (order + PAD,) one polynomial on a part of the step
     left_half: "f8[1]"
     right_half: "f8[1]"
     z: "f8[1]"  # (nz,)

@@ -195,7 +195,7 @@ def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
 
 
 @kernel
-def _reach_singular_surface(P, S, rows, surface_rows, h):
+def _reach_singular_surface(P, S, rows, surface_rows, mult_row, h):
     """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
 
     There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
@@ -206,7 +206,11 @@ def _reach_singular_surface(P, S, rows, surface_rows, h):
         if row >= 0 and rows[row, 1] != 0.0:
             left = -rows[row, 0] / rows[row, 1]
             if 0.0 < left < reach:
-                for r in range(rows.shape[0]):
+                # Rows further behind are what the programs keep from call to call.
+                top = max(P.n, mult_row + P.m)
+                for k in range(P.m + P.ne):
+                    top = max(top, surface_rows[k] + 1)
+                for r in range(top):
                     for k in range(2, rows.shape[1]):
                         rows[r, k] = 0.0
                 return 2.0 * left
@@ -278,7 +282,7 @@ def run(P, C, S, R, W):
         if math.isnan(h):
             return NOT_FINITE
         if h < 1e-12 * (1.0 + abs(S.now[0])):
-            h = _reach_singular_surface(P, S, rows, surface_rows, h)
+            h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
         fold = -1
         if any_solved and P.jet_fold != 0 and not by_pair:
             fold = near_fold(P, S, rows, mult_row, h)

@@ -188,11 +188,12 @@ class Itinerary(Measure):
         words[orbits.word_length < 0] = -2
         words[setting.forced & (orbits.found == 0)] = -3
         words[~orbits.ok] = -4
-        names = np.empty(len(words), np.dtypes.StringDType())
-        distinct, which = np.unique(words, axis=0, return_inverse=True)
-        spoken = [self._spoken(row.tolist(), setting) for row in distinct]
-        names[:] = np.array(spoken, np.dtypes.StringDType())[which.ravel()]
-        return {"itinerary": names}
+        # A few words make a whole sweep; a dict finds them in a tenth of the time of a sort of rows.
+        number: dict[bytes, int] = {}
+        rows = np.ascontiguousarray(words).view(np.dtype((np.void, words.itemsize * self.most))).ravel().tolist()
+        which = [number.setdefault(row, len(number)) for row in rows]
+        spoken = [self._spoken(np.frombuffer(row, words.dtype).tolist(), setting) for row in number]
+        return {"itinerary": np.array(spoken, np.dtypes.StringDType())[which]}
 
     def _spoken(self, codes, setting):
         if codes[0] <= -2:
