@@ -166,7 +166,9 @@ class JetProgram:
             nrows = behind + self.responses.size
         else:
             # Without products all orders are alike; with products they come in unrolled blocks of four.
-            body.line(f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):")
+            body.line(
+                f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):"
+            )
             body.indent = 2
             if unrolled:
                 body.line(f"k = {LANES} * q + 1")

@@ -373,7 +373,9 @@ def _combine(module: ir.Module, name: str, count: int) -> ir.Function:
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     first = builder.insert_element(ir.Constant(vector, [0.0] * width), value, LANE(0))
     factors = [
-        builder.shuffle_vector(builder.insert_element(undefined, c, LANE(0)), undefined, ir.Constant(mask, [0] * width))
+        builder.shuffle_vector(
+            builder.insert_element(undefined, c, LANE(0)), undefined, ir.Constant(mask, [0] * width)
+        )
         for c in factors
     ]
     loop, end = function.append_basic_block("loop"), function.append_basic_block("end")

@@ -107,9 +107,7 @@ class Responses:
         write("    if usable and finite:")
         for i, (row, value) in enumerate(self.rows):
             starts = ", ".join(f"a{j}" for j in range(count))
-            write(
-                f"        combine(rows, o{row}, {value}, table + {i * count} * stride, stride, K, {starts})"
-            )
+            write(f"        combine(rows, o{row}, {value}, table + {i * count} * stride, stride, K, {starts})")
         write("    return 0")
         return lines
 

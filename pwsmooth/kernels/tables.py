@@ -49,7 +49,9 @@ def short_tables(order, width):
     roundings. powers[i, k] = (i/15)^k.
     """
     table, error = np.zeros((width, SHORT + 1)), np.zeros(width)
-    chebyshev = np.zeros((SHORT + 1, SHORT + 1))  # of T*_j, whose own coefficients (degree j) are raised to degree 15
+    chebyshev = np.zeros(
+        (SHORT + 1, SHORT + 1)
+    )  # of T*_j, whose own coefficients (degree j) are raised to degree 15
     for j in range(SHORT + 1):
         own = [(-1) ** (j - l) * math.comb(2 * j, 2 * l) / math.comb(j, l) for l in range(j + 1)]
         for i in range(SHORT + 1):

@@ -190,7 +190,9 @@ class Itinerary(Measure):
         words[~orbits.ok] = -4
         # A few words make a whole sweep; a dict finds them in a tenth of the time of a sort of rows.
         number: dict[bytes, int] = {}
-        rows = np.ascontiguousarray(words).view(np.dtype((np.void, words.itemsize * self.most))).ravel().tolist()
+        rows = (
+            np.ascontiguousarray(words).view(np.dtype((np.void, words.itemsize * self.most))).ravel().tolist()
+        )
         which = [number.setdefault(row, len(number)) for row in rows]
         spoken = [self._spoken(np.frombuffer(row, words.dtype).tolist(), setting) for row in number]
         return {"itinerary": np.array(spoken, np.dtypes.StringDType())[which]}
