@@ -46,7 +46,8 @@ def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
             rows[out + k] = sum(c * rows[table + j * stride + k] for j, c in enumerate(factors))
         rows[out] = value
 
-    scope = {"math": math, "presum": presum, "combine": combine, "choose": lambda condition, u, v: u if condition else v}
+    helpers = {"presum": presum, "combine": combine, "choose": lambda condition, u, v: u if condition else v}
+    scope = {"math": math, **helpers}
     exec("from __future__ import annotations\n" + text, scope)
     rows = np.full((scope["NROWS"], order + 4), 7.5)
     flat = rows.reshape(-1)

@@ -53,11 +53,11 @@ def short_tables(order, width):
         (SHORT + 1, SHORT + 1)
     )  # of T*_j, whose own coefficients (degree j) are raised to degree 15
     for j in range(SHORT + 1):
-        own = [(-1) ** (j - l) * math.comb(2 * j, 2 * l) / math.comb(j, l) for l in range(j + 1)]
+        own = [(-1) ** (j - q) * math.comb(2 * j, 2 * q) / math.comb(j, q) for q in range(j + 1)]
         for i in range(SHORT + 1):
             chebyshev[j, i] = sum(
-                math.comb(j, l) * math.comb(SHORT - j, i - l) * own[l]
-                for l in range(max(0, i + j - SHORT), min(i, j) + 1)
+                math.comb(j, q) * math.comb(SHORT - j, i - q) * own[q]
+                for q in range(max(0, i + j - SHORT), min(i, j) + 1)
             ) / math.comb(SHORT, i)
     for k in range(order + 1):
         if k <= SHORT:
