@@ -41,7 +41,8 @@ class EventDriven:
                 "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
             )
         pair = method == "rk" or not parts.has_jets
-        self.order = 7 if pair else order or _order_for(rtol, parts.code.by_responses)  # the pair's interpolant has degree 7
+        # The pair's interpolant has degree 7.
+        self.order = 7 if pair else order or _order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
         self.problem = parts.problem(p, pair)
         self.work = parts.work(self.order)
@@ -206,6 +207,8 @@ def _order_for(rtol: float, by_responses: bool) -> int:
 
     Linear models and products alike: longer steps outweigh longer products up to 20 or 22. Above, rounding grows with
     the step: 20 is the highest whose worst case stays near 1e-13, which only tolerances below 1e-10 ask for.
+    Where a jet is a matrix product (codegen/responses.py) orders cost next to nothing: as many as four vectors hold,
+    with which an oscillator goes from event to event in one step.
     """
     if by_responses and rtol >= 1e-10:
         return 31
