@@ -28,6 +28,19 @@ def bars(app, what, name, obj, options, lines):
             lines[i] = "".join(p if p.startswith("`") else p.replace("|", r"\|") for p in parts)
 
 
+def typed(app, what, name, obj, options, lines):
+    """Indented parts of a module's docstring, equations and columns, stay as they were typed."""
+    if what != "module":
+        return
+    result, inside = [], False
+    for line in lines:
+        if line.strip() and line.startswith(" ") != inside:
+            inside = not inside
+            result += ["", "::", ""] if inside else [""]
+        result.append(line)
+    lines[:] = result
+
+
 def setup(app):
     full, short = set(public_names()), short_names()
 
@@ -47,4 +60,5 @@ def setup(app):
 
     app.add_role("name", name_role)
     app.connect("autodoc-process-docstring", bars, priority=900)  # after numpydoc
+    app.connect("autodoc-process-docstring", typed, priority=901)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
