@@ -16,8 +16,10 @@ import public_names
 NAMES = public_names.public_names()
 PENDING = (
     "pwsmooth.compare.cases",
+    "pwsmooth.compare.ladders",
     "pwsmooth.compare.methods",
     "pwsmooth.compare.plain",
+    "pwsmooth.compare.stability",
     "pwsmooth.compare.work_precision",
 )
 DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}

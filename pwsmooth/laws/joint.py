@@ -32,6 +32,8 @@ class Joint:
         Put behind the names of the joint's symbols.
     beyond : callable, optional
         Level -> surface with the zero and the sense of x - level.
+    past : callable, optional
+        Level -> x - level, written such that in rounding too its sign is that of `beyond`.
 
     Attributes
     ----------
