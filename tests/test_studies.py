@@ -22,7 +22,7 @@ def scripts_importable(monkeypatch):
 DIFFER = {"capture_map": {"critical ratio r*, algebraic", "critical ratio r*, tanh"}}
 
 
-@pytest.mark.parametrize("name", ["capture_map", "propositions", "symmetry_breaking", "wider_circle"])
+@pytest.mark.parametrize("name", ["capture_map", "ladder", "propositions", "symmetry_breaking", "wider_circle"])
 def test_a_study_finds_what_it_expects(name, tmp_path):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
@@ -34,7 +34,7 @@ def test_a_study_finds_what_it_expects(name, tmp_path):
     assert (tmp_path / "chart.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("name", ["capture_map", "propositions", "symmetry_breaking", "wider_circle"])
+@pytest.mark.parametrize("name", ["capture_map", "ladder", "propositions", "symmetry_breaking", "wider_circle"])
 def test_the_kept_results_are_those_of_the_present_configuration(name):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY

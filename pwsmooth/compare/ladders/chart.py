@@ -11,9 +11,9 @@ import numpy as np
 
 from ...plotting import COLOUR, LINEAR_SHADE, new_figure, style
 
-__all__ = ["plot_ladder"]
+__all__ = ["VERDICT_COLOUR", "plot_ladder"]
 
-_COLOUR_OF = {
+VERDICT_COLOUR = {
     "within": COLOUR["stick"],
     "outside": COLOUR["left"],
     "undecided": COLOUR["approximation"],
@@ -31,10 +31,12 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
     axes : sequence of two Axes, optional
         A new figure without; its rows then carry the rungs' names once.
     """
+    from matplotlib.ticker import NullFormatter
+
     if axes is None:
         with style():
             figure = new_figure(7.5, 1.3 + 0.28 * len(ladder.steps))
-            axes = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+            axes = figure.subplots(1, 2, width_ratios=(3, 2))
     left, right = axes
     seen = [s.distance for s in ladder.steps if np.isfinite(s.distance) and s.distance > 0]
     seen += [s.bar for s in ladder.steps if np.isfinite(s.bar) and s.bar > 0] + [ladder.tolerance]
@@ -44,7 +46,7 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
     left.axvspan(low, ladder.tolerance, color=LINEAR_SHADE, alpha=0.35, linewidth=0, zorder=0)
     left.axvline(ladder.tolerance, color=COLOUR["mark"], linestyle="--", linewidth=1)
     for row, step in enumerate(ladder.steps):
-        colour = _COLOUR_OF[step.verdict]
+        colour = VERDICT_COLOUR[step.verdict]
         if step.verdict == "failed" or not np.isfinite(step.distance):
             left.text(high, row, "failed " if step.failure else "does not occur ", color=colour, ha="right",
                       va="center", fontsize=8)  # fmt: skip
@@ -58,20 +60,24 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
                       clip_on=False)  # fmt: skip
         if step.seconds > 0:
             chosen = step.name == ladder.recommended
-            right.barh(row, step.seconds * 1e3, height=0.55, color=colour, alpha=1.0 if chosen else 0.45)
+            right.plot(step.seconds * 1e3, row, "D" if chosen else "o", color=colour, markersize=6 if chosen else 5)
     left.text(ladder.tolerance, len(ladder.steps) - 0.55, "tolerance ", ha="right", va="top", fontsize=7,
               color=COLOUR["mark"])  # fmt: skip
     names = [s.name for s in ladder.steps]
     left.set_yticks(range(len(names)), names)
+    right.set_yticks(range(len(names)), [""] * len(names))
+    right.set_ylim(-0.6, len(names) - 0.4)
     for label in left.get_yticklabels():
         label.set_fontweight("bold" if label.get_text() == ladder.recommended else "normal")
     left.set_ylim(-0.6, len(names) - 0.4)
     for ax in (left, right):
         ax.set_xscale("log")
+        ax.xaxis.set_minor_formatter(NullFormatter())
     left.set_xlim(low, high)
-    costs = [s.seconds * 1e3 for s in ladder.steps if s.seconds > 0]
-    if costs:
-        right.set_xlim(min(costs) / 3, max(costs) * 2)
+    costs = np.log10([s.seconds * 1e3 for s in ladder.steps if s.seconds > 0] or [1.0])
+    right.set_xlim(10 ** (np.floor(costs.min()) - 0.1), 10 ** (np.ceil(costs.max()) + 0.1))
+    right.grid(axis="y", linewidth=0.4, color=LINEAR_SHADE)
+    left.grid(axis="y", linewidth=0.4, color=LINEAR_SHADE)
     right.tick_params(axis="y", length=0)
     unit = f" ({ladder.observable.unit})" if ladder.observable.unit != "1" else ""
     left.set_xlabel(f"distance from the richest rung{unit}")

@@ -145,9 +145,7 @@ class Ladder:
     def __repr__(self) -> str:
         unit = f" {self.observable.unit}" if self.observable.unit != "1" else ""
         head = f"{self.title}: {self.observable.name}, {self.observable.meaning}; tolerance {self.tolerance:.3g}{unit}"
-        rows = [("rung", f"value{f' ({unit.strip()})' if unit else ''}", "distance", "error bar", "time", "steps", "")]
-        rows += [(s.name, _value(s.value), _number(s.distance), _number(s.bar), _seconds(s.seconds),
-                  str(s.steps) if s.steps else "-", s.verdict) for s in self.steps]  # fmt: skip
+        rows = self._rows()
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
             "  ".join(c.ljust(w) if k in (0, 6) else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths))).rstrip()
@@ -155,6 +153,29 @@ class Ladder:
         ]
         matched = [f"  {s.name}: {s.failure or s.matched}" for s in self.steps]
         return "\n".join([head, "", *lines, "", f"recommended: {self.reason}", "", "parameters:", *matched])
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        unit = f" ({self.observable.unit})" if self.observable.unit != "1" else ""
+        rows = [("rung", f"value{unit}", "distance", "error bar", "time", "steps", "")]
+        return rows + [
+            (s.name, _value(s.value), _number(s.distance), _number(s.bar), _seconds(s.seconds),
+             str(s.steps) if s.steps else "-", s.verdict) for s in self.steps
+        ]  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        def line(row, cell, bold):
+            style = "font-weight:bold" if bold else ""
+            return f"<tr style='{style}'>" + "".join(f"<{cell}>{escape(c)}</{cell}>" for c in row) + "</tr>"
+
+        head, *rows = self._rows()
+        body = line(head, "th", False) + "".join(line(row, "td", row[0] == self.recommended) for row in rows)
+        unit = f" {self.observable.unit}" if self.observable.unit != "1" else ""
+        caption = f"{self.title}: {self.observable.meaning}; tolerance {self.tolerance:.3g}{unit}"
+        return (
+            f"<table><caption>{escape(caption)}</caption>{body}</table><p>recommended: {escape(self.reason)}</p>"
+        )
 
     def records(self) -> dict[str, Any]:
         """Plain numbers and words, for a data file; None where there is no finite number."""
