@@ -12,7 +12,8 @@ from pathlib import Path
 # The references are shared with the tests, which keep them independent of the package.
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-PACKAGES = ("pwsmooth", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "numbalsoda", "scikit-sundae")
+PACKAGES = ("pwsmooth", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "numbalsoda", "scikit-sundae",
+            "diffrax", "jax", "nosnoc", "casadi", "solve_nivp")
 
 
 def provenance():

@@ -85,13 +85,15 @@ def result(study: Study, fast: bool = False) -> dict:
 
 
 def draw(study: Study, content: dict, target: Path) -> None:
-    """The chart as a PNG."""
+    """The chart as a PNG; of several, a mapping, the first has the name "" and the others add theirs to the file's."""
     import io
 
     with plotting.style():
-        buffer = io.BytesIO()
-        study.draw(content["data"]).savefig(buffer, format="png")
-    write_whole(target, buffer.getvalue())
+        drawn = study.draw(content["data"])
+        for name, figure in drawn.items() if isinstance(drawn, dict) else [("", drawn)]:
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format="png")
+            write_whole(target.with_stem(target.stem + (f"_{name}" if name else "")), buffer.getvalue())
 
 
 def command(study: Study) -> None:

@@ -42,6 +42,13 @@ COLOUR = {
     "with events": "#0072B2",  # rivals that are told of the events
     "no events": "#D55E00",  # rivals that are not
     "time stepping": "#009E73",
+    "SciPy": "#0072B2",
+    "heyoka": "#CC79A7",
+    "CVODE": "#8C564B",
+    "numbalsoda": "#A09000",
+    "diffrax": "#7A5195",
+    "nosnoc": "#E69F00",
+    "solve_nivp": "#D55E00",
 }
 LINEAR_SHADE, NONLINEAR_SHADE = "#BDBDBD", "#E6E6E6"
 

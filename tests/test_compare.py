@@ -7,11 +7,11 @@ import pytest
 
 from pwsmooth.compare.cases import CASES
 from pwsmooth.compare.charts import plot_work
+from pwsmooth.compare.measuring import work_precision
 from pwsmooth.compare.methods import METHODS, Method, Run, inside_layers, statuses
 from pwsmooth.compare.plain import plain
 from pwsmooth.compare.restarting import restarted
 from pwsmooth.compare.timestepping import bouncing, stepper
-from pwsmooth.compare.work_precision import work_precision
 
 
 @pytest.mark.parametrize("name", ["sticking", "hidden", "relay", "belt", "chain", "ball"])
@@ -26,7 +26,7 @@ def test_the_restarted_integration_bounces_without_a_reaction_in_flight():
         plain(case.system), (0, 3.0), np.array(case.start), rtol=1e-10, atol=1e-12, max_step=0.05
     )
     assert [kind for _, kind in log] == 6 * ["impact"]
-    assert x == pytest.approx(case.states_closed(3.0), abs=1e-9)
+    assert x == pytest.approx(case.exact(3.0), abs=1e-9)
 
 
 def slope(run, x0, end, exact, sizes, last):
@@ -45,7 +45,7 @@ def test_time_stepping_through_sticks_and_crossings_is_at_least_of_first_order()
 def test_time_stepping_of_impacts_is_of_first_order():
     case = CASES["ball"]
     run = bouncing(plain(case.system))
-    measured = slope(run, case.start, 3.0, case.states_closed(3.0), (4000, 16000, 64000), 0.8)
+    measured = slope(run, case.start, 3.0, case.exact(3.0), (4000, 16000, 64000), 0.8)
     assert measured == pytest.approx(1, abs=0.5)
 
 
@@ -66,7 +66,7 @@ def test_events_are_read_from_multipliers_and_layers():
     ]
     case = CASES["sticking"]
     view = METHODS["smoothed, algebraic"].runner(case, (1e-4, 1e-6))
-    assert [kind for _, kind in view(case.t_end).events] == list(case.reference.kinds)
+    assert [kind for _, kind in view(case.t_end).log()] == list(case.reference.kinds)
     assert inside_layers(plain(case.system), np.array([0.0, 1.0]), np.array([[0, 0], [1.0, 2.0]]), 1e-3) == []
 
 
@@ -99,7 +99,7 @@ def _axes():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"), [({"cases": ["balls"]}, "`cases`"), ({"methods": ["rk"]}, "`methods`")]
+    ("options", "message"), [({"scene": ["balls"]}, "`scene`"), ({"methods": ["rk"]}, "`methods`")]
 )
 def test_unknown_names_are_refused(options, message):
     with pytest.raises(ValueError, match=message):

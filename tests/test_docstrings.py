@@ -16,11 +16,11 @@ import public_names
 NAMES = public_names.public_names()
 PENDING = (
     "pwsmooth.compare.cases",
+    "pwsmooth.compare.charts",
     "pwsmooth.compare.ladders",
+    "pwsmooth.compare.measuring",
     "pwsmooth.compare.methods",
-    "pwsmooth.compare.plain",
     "pwsmooth.compare.stability",
-    "pwsmooth.compare.work_precision",
 )
 DONE = {n: v for n, v in NAMES.items() if not n.startswith(PENDING)}
 

@@ -9,7 +9,7 @@ can be measured, on your scene, before the study.
 # %%
 # Which method
 # ------------
-# :func:`~pwsmooth.compare.work_precision.work_precision` runs methods on scenes whose answer is
+# :func:`~pwsmooth.compare.measuring.work_precision` runs methods on scenes whose answer is
 # known by an independent path and reports error against work. Besides the package's own paths
 # there are SciPy's integrators, restarted at located events as a careful user would or stepping
 # through the switch with a bare ``sign``, time stepping, and others where they are installed.
@@ -18,15 +18,14 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
+from pwsmooth.compare import METHODS, work_precision
 from pwsmooth.compare.charts import plot_work
-from pwsmooth.compare.methods import METHODS
-from pwsmooth.compare.work_precision import work_precision
 
 chosen = {
     "event-driven": (1e-6, 1e-9, 1e-12),
     "smoothed, algebraic": ((1e-2, 1e-3), (1e-4, 1e-5), (1e-6, 1e-7), (1e-8, 1e-9)),
-    "DOP853, restarted at events": (1e-3, 1e-6, 1e-9),
-    "RK45, bare sign": (1e-3,),
+    "DOP853, restarted": (1e-3, 1e-6, 1e-9),
+    "DOP853, bare sign": (1e-3,),
 }
 methods = [replace(METHODS[name], settings=few) for name, few in chosen.items()]
 points = work_precision(["hidden"], methods, repeats=3)
@@ -40,7 +39,7 @@ for p in points:
 
 # %%
 fig, ax = plt.subplots(figsize=(7, 3.6), layout="constrained")
-plot_work(points, ax)
+plot_work(points, ax, label=False)
 for name in chosen:
     p = next(p for p in points if p.method == name)
     ax.annotate(

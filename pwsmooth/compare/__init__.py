@@ -2,7 +2,17 @@
 
 import importlib
 
-_HOME = {"ladder": "ladders"}
+_HOME = {
+    "CASES": "cases",
+    "Case": "cases",
+    "case_of": "cases",
+    "METHODS": "methods",
+    "Method": "methods",
+    "Point": "measuring",
+    "WorkPrecision": "measuring",
+    "work_precision": "measuring",
+    "ladder": "ladders",
+}
 
 
 def __getattr__(name):

@@ -2,29 +2,35 @@
 
     reference   a closed form, or two methods without common code that agree: the event-driven kernels and
                 restarting.py over SciPy's DOP853
-Chain: scenes, laws -> **this file** -> work_precision.py, stability.py.
+Chain: scenes, laws -> **this file** -> measuring.py, stability.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from ..laws.friction import Dahl, LuGre, MultistateXKY
 from ..primitives import Switch
+from ..scenes import block_on_belt, prescribed_motion, slider_crank, t
+from ..scenes.scene import Scene
 from ..solve import solve
 from ..system import System
 from .exact_problems import ball
 from .plain import plain
 from .restarting import restarted
 
-__all__ = ["CASES", "Case", "Reference"]
+__all__ = ["CASES", "Case", "Reference", "case_of"]
 
-t, x, y, v, z, x1, x2 = sp.symbols("t x y v z x1 x2", real=True)
+x, y, v, z, x1, x2 = sp.symbols("x y v z x1 x2", real=True)
+KINDS = ("crossing", "stick", "slip", "impact")
+WORST = 1e-9  # by which the two paths of a reference may differ, in units of the states' sizes
 
 
 @dataclass(frozen=True)
@@ -48,16 +54,20 @@ class Case:
     name, title : str
     system : System
     start : tuple of float
+        Of all states, memories included.
     t_end : float
-        From t = 0. Errors are taken at 0.31, 0.72 and 1 of it: a dissipative system forgets early ones.
-    scale : float
-        Size of the states: an error of a tenth of it is a wrong orbit.
+        From t = 0, s. Errors are taken at 0.31, 0.72 and 1 of it: a dissipative system forgets early ones.
+    sizes : tuple of float
+        Of the states, in their units: errors are in these units, and every method gets them in its `atol`. An error
+        above a tenth is a wrong orbit.
     longest : float
-        Bound on the step that a careful user gives methods whose events can be stepped over.
+        Bound on the step that a careful user gives methods whose events can be stepped over, s.
     restitution : float, optional
         Of the contact, if there is one.
-    states_closed : callable, optional
-        t -> exact state.
+    exact : callable, optional
+        t -> exact state; without it two methods have to agree.
+    counted : tuple of str
+        Kinds of events that make the itinerary.
     """
 
     name: str
@@ -65,10 +75,23 @@ class Case:
     system: System
     start: tuple[float, ...]
     t_end: float
-    scale: float
+    sizes: tuple[float, ...]
     longest: float
     restitution: float | None = None
-    states_closed: Callable[[float], tuple[float, ...]] | None = None
+    exact: Callable[[float], Sequence[float]] | None = None
+    counted: tuple[str, ...] = KINDS
+
+    def tolerances(self, rtol: float) -> dict[str, Any]:
+        """`rtol` and `atol`, the second a hundredth of the first at the states' sizes."""
+        return {"rtol": rtol, "atol": 1e-2 * rtol * np.array(self.sizes)}
+
+    def apart(self, one: np.ndarray, other: np.ndarray) -> float:
+        """Largest difference of two states, or of rows of them, in units of the sizes."""
+        return float(np.max(np.abs(np.asarray(one) - other) / np.array(self.sizes)))
+
+    def itinerary(self, log: Iterable[tuple[float, str]]) -> list[tuple[float, str]]:
+        """The events that count."""
+        return [(time, kind) for time, kind in log if kind in self.counted]
 
     @property
     def ends(self) -> tuple[float, ...]:
@@ -83,38 +106,85 @@ class Case:
         RuntimeError
             The two paths disagree by more than 1e-9: neither can serve.
         """
-        tight = dict(rtol=1e-13, atol=1e-15)
+        tight = self.tolerances(1e-13)
         own = solve(self.system, (0, self.t_end), self.start, dense_output=True, **tight)
-        log = [(event.time, basic(event.kind)) for event in own.events if basic(event.kind)]
+        if not own.success:
+            raise RuntimeError(f"the reference of {self.name!r} cannot be computed: {own.message}")
+        log = self.itinerary((event.time, basic(event.kind)) for event in own.events)
+        times = np.array([time for time, _ in log])
         mine = np.array([own(end)[: len(self.start)] for end in self.ends])
-        if self.states_closed is not None:
-            states, source = np.array([self.states_closed(end) for end in self.ends]), "closed form"
-            times = np.array([time for time, _ in log])
-            apart = float(np.max(np.abs(states - mine)))
+        if self.exact is not None:
+            states, source = np.array([self.exact(end) for end in self.ends], float), "closed form"
+            apart = self.apart(states, mine)
         else:
-            functions = plain(self.system)
+            functions, source = plain(self.system), "two paths without common code"
             runs = [
                 restarted(functions, (0, end), np.array(self.start), max_step=self.longest, **tight)
                 for end in self.ends
             ]
-            states, source = np.array([run[0] for run in runs]), "two paths without common code"
-            others = [time for time, kind in runs[-1][1]]
-            if [kind for _, kind in runs[-1][1]] != [kind for _, kind in log]:
+            states = np.array([run[0] for run in runs])
+            others = self.itinerary(runs[-1][1])
+            if [kind for _, kind in others] != [kind for _, kind in log]:
                 raise RuntimeError(f"the two references of {self.name!r} have different events.")
-            times = np.array([time for time, _ in log])
-            apart = max(
-                float(np.max(np.abs(states - mine))), float(np.max(np.abs(times - others), initial=0.0))
+            late = np.abs(times - [time for time, _ in others])
+            apart = max(self.apart(states, mine), float(np.max(late, initial=0.0)))
+        if not apart < WORST:
+            raise RuntimeError(
+                f"the two references of {self.name!r} differ by {apart:.1e}, more than {WORST:g}: neither can serve."
             )
-        if apart > 1e-9:
-            raise RuntimeError(f"the two references of {self.name!r} differ by {apart:.1e}.")
         return Reference(self.ends, states, times, tuple(kind for _, kind in log), source, apart)
+
+
+def case_of(
+    scene: Scene,
+    *,
+    exact: Callable[[float], Sequence[float]] | None = None,
+    sizes: Sequence[float] | None = None,
+    longest: float | None = None,
+    restitution: float | None = None,
+    counted: Sequence[str] = KINDS,
+    name: str = "",
+    title: str = "",
+    t_end: float | None = None,
+) -> Case:
+    """A scene as a case.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its span begins at 0.
+    exact : callable, optional
+        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two methods that
+        agree, see `Case.reference`.
+    sizes : sequence of float, optional
+        Of the states; by default the largest values on the motion.
+    longest : float, optional
+        Bound on the steps of rivals; by default a two-hundredth of the span.
+    restitution, counted, name, title, t_end
+        As in `Case`; the span's end by default.
+
+    Raises
+    ------
+    ValueError
+        A span that does not begin at 0.
+    """
+    begin, end = scene.t_span
+    if begin != 0:
+        raise ValueError(f"`scene` begins at t = {begin:g}; comparisons begin at 0, so shift its drive.")
+    end = end if t_end is None else t_end
+    start = tuple(scene.system.initial_state(scene.start))
+    if sizes is None:
+        motion = np.abs(scene.solve((0, end)).x).max(axis=1)
+        sizes = np.where(motion > 0, motion, 1.0).tolist()
+    return Case(name or scene.name, title or scene.name, scene.system, start, end, tuple(sizes),
+                longest or end / 200, restitution, exact, tuple(counted))  # fmt: skip
 
 
 def basic(kind: str) -> str:
     """Kinds of events as all methods can tell them apart; "" for those that are none to the others."""
     if kind.startswith("slip"):
         return "slip"
-    return kind if kind in ("crossing", "stick", "impact") else ""
+    return kind if kind in ("crossing", "stick", "impact", "reset") else ""
 
 
 # ---- the scenes
@@ -192,19 +262,84 @@ def _ball_state(restitution: float) -> Callable[[float], tuple[float, ...]]:
     return state
 
 
+def _dahl_state(amplitude: float, stiffness: float, force: float) -> Callable[[float], tuple[float, ...]]:
+    """Dahl's law under x = amplitude sin t from rest: an exponential in x between reversals."""
+
+    def state(time):
+        side, place, z = 1, 0.0, 0.0
+        turn = math.pi / 2
+
+        def moved(there):
+            level = side * force / stiffness
+            return level + (z - level) * math.exp(-side * stiffness / force * (there - place))
+
+        while turn < time:
+            z = moved(side * amplitude)
+            place, side, turn = side * amplitude, -side, turn + math.pi
+        there = amplitude * math.sin(time)
+        return there, moved(there)
+
+    return state
+
+
 TURN = 2 * math.pi
-CASES = {
-    case.name: case
-    for case in (
-        Case("crossing", "friction oscillator, crossing (rho = 0)", oscillator(2.4), (0.5, 0.3), 10 * TURN, 1.0, 0.3),
-        Case("sticking", "friction oscillator, sticking (rho = 0)", oscillator(1.2), (0.5, 0.3), 10 * TURN, 1.0, 0.3),
-        Case("hidden", "friction oscillator with static friction (rho = 3, beta = 0.1)", oscillator(2.4, 3),
-             (0.6, -1.07, 0.0), 5 * TURN, 1.0, 0.05),
-        Case("relay", "relay control, long sliding", relay_control(), (1.0, 0.0), 4.0, 1.0, 0.1,
-             states_closed=_relay_state(_reaching())),
-        Case("belt", "block on a belt, Stribeck friction", belt(), (0.0, 0.2), 40.0, 1.0, 0.1),
-        Case("chain", "three blocks on a belt", chain(), (0.0, 0.1, 0.2, 0.0, 0.0, 0.0), 30.0, 1.0, 0.1),
-        Case("ball", "falling ball, e = 0.8", ball(sp.Rational(4, 5)), (1.0, 0.0), 3.0, 1.0, 0.05, 0.8,
-             _ball_state(0.8)),
-    )
-}  # fmt: skip
+
+
+class _Cases(Mapping[str, Case]):
+    """The built-in cases, each made when it is first asked for."""
+
+    def __init__(self, makers: dict[str, Callable[[], Case]]) -> None:
+        self._makers = makers
+        self._made: dict[str, Case] = {}
+
+    def __getitem__(self, name: str) -> Case:
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+CASES = _Cases({
+    "crossing": lambda: Case(
+        "crossing", "friction oscillator, crossing (ρ = 0)", oscillator(2.4), (0.5, 0.3), 10 * TURN, (1, 1), 0.3
+    ),
+    "sticking": lambda: Case(
+        "sticking", "friction oscillator, sticking (ρ = 0)", oscillator(1.2), (0.5, 0.3), 10 * TURN, (1, 1), 0.3
+    ),
+    "hidden": lambda: Case(
+        "hidden", "oscillator, static friction (ρ = 3, β = 0.1)", oscillator(2.4, 3), (0.6, -1.07, 0.0), 5 * TURN,
+        (1, 1, 1), 0.05,
+    ),
+    "relay": lambda: Case(
+        "relay", "relay control, long sliding", relay_control(), (1.0, 0.0), 4.0, (1, 1), 0.1,
+        exact=_relay_state(_reaching()),
+    ),
+    "belt": lambda: Case("belt", "block on a belt, Stribeck friction", belt(), (0.0, 0.2), 40.0, (1, 1), 0.1),
+    "chain": lambda: Case(
+        "chain", "three blocks on a belt", chain(), (0.0, 0.1, 0.2, 0.0, 0.0, 0.0), 30.0, (1,) * 6, 0.1
+    ),
+    "ball": lambda: Case(
+        "ball", "falling ball, e = 0.8", ball(sp.Rational(4, 5)), (1.0, 0.0), 3.0, (1, 1), 0.05, 0.8, _ball_state(0.8)
+    ),
+    "lugre": lambda: case_of(
+        block_on_belt(LuGre()), sizes=(1, 0.1, 1e-5), longest=0.1, t_end=12.0, name="lugre",
+        title="LuGre stick-slip (stiff)",
+    ),
+    "dahl": lambda: case_of(
+        prescribed_motion(Dahl(), position=3e-5 * sp.sin(t), t_span=(0, 20)), sizes=(3e-5, 1e-5), longest=0.3,
+        exact=_dahl_state(3e-5, 1e5, 1.0), name="dahl", title="Dahl rig, hysteresis",
+    ),
+    "multistate": lambda: case_of(
+        prescribed_motion(MultistateXKY(), velocity=10 * sp.cos(TURN * t)), sizes=(1,) * 12, longest=0.02,
+        name="multistate", title="multistate rig, ten elements",
+    ),
+    "slider-crank": lambda: case_of(
+        slider_crank(tangential=None, clearance=1e-3), sizes=(1e-3, 1e-3, 0.3, 0.3, 0.1, 1), longest=2e-4, t_end=0.05,
+        counted=("reset",), name="slider-crank", title="slider-crank with clearance, four contacts",
+    ),
+})  # fmt: skip

@@ -1,21 +1,35 @@
-"""Charts of work against precision: one colour a group of methods, open marks for wrong itineraries."""
+"""Charts of work against precision: one colour a package throughout, each line labelled where it ends.
+
+Open marks are wrong itineraries. A method with two knobs (eps, rtol) is drawn by its lower envelope, the least error
+for each work.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..plotting import COLOUR
-from .work_precision import Point
+from .measuring import Point
 
-MARKS = "osD^v<>P"
-_COLOUR_OF = {"event-driven": "exact"}
+__all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
+
+MARKS = "os^Dv<>P"
 FLOOR = 1e-16  # an error of nothing is drawn here
+SHORT = {
+    "event-driven, 8(5,3) pair": "our 8(5,3) pair", "numbalsoda DOP853, events": "numbalsoda DOP853",
+    "numbalsoda LSODA, bare sign": "LSODA, bare sign", "heyoka, events": "heyoka", "CVODE, events": "CVODE",
+    "diffrax, events": "diffrax", "DOP853, restarted": "SciPy DOP853", "Radau, restarted": "SciPy Radau",
+    "RK45, restarted": "SciPy RK45", "smoothed, algebraic": "smoothed", "smoothed, tanh": "smoothed, tanh",
+}  # fmt: skip
 
 
-def plot_work(points: Sequence[Point], axes: Any, *, work: str = "seconds") -> Any:
+def plot_work(
+    points: Sequence[Point], axes: Any, *, work: str = "seconds", methods: Iterable[str] = (), label: bool = True
+) -> Any:
     """Error against work for one case, a line a method; returns the Axes.
 
     Parameters
@@ -24,27 +38,140 @@ def plot_work(points: Sequence[Point], axes: Any, *, work: str = "seconds") -> A
         Of one case.
     axes : matplotlib Axes
     work : {"seconds", "evaluations"}
+    methods : names, optional
+        Those that are drawn; all by default.
+    label : bool
+        Write its name at the end of each line.
     """
+    names = list(methods) or list(dict.fromkeys(p.method for p in points))
     counts: dict[str, int] = {}
-    for method in dict.fromkeys(p.method for p in points):
-        line = [p for p in points if p.method == method and np.isfinite(p.error)]
+    ends = []
+    for name in names:
+        line = [p for p in points if p.method == name and np.isfinite(p.error)]
         if not line:
             continue
         group = line[0].group
         mark = MARKS[counts.setdefault(group, 0) % len(MARKS)]
         counts[group] += 1
-        colour = COLOUR[_COLOUR_OF.get(group, group)]
+        if isinstance(line[0].setting, (list, tuple)):
+            line = envelope(line, work)
+        colour = _colour(group)
         x = [getattr(p, work) for p in line]
         y = [max(p.error, FLOOR) for p in line]
-        axes.plot(x, y, color=colour, linewidth=0.9)
+        ours = group == "event-driven"
+        axes.plot(x, y, ":" if "bare" in name else "-", color=colour, linewidth=1.6 if ours else 0.9,
+                  zorder=4 if ours else 3)  # fmt: skip
         for wrong in (True, False):
             chosen = [i for i, p in enumerate(line) if (p.itinerary == "wrong") == wrong]
             axes.plot(
-                [x[i] for i in chosen], [y[i] for i in chosen], mark, color=colour, markersize=4,
-                markerfacecolor="white" if wrong else colour, label=None if wrong else method,
+                [x[i] for i in chosen], [y[i] for i in chosen], mark, color=colour, markersize=3.2, zorder=4,
+                markerfacecolor="white" if wrong else colour, label=None if wrong else name,
             )  # fmt: skip
+        if x:
+            ends.append((x[-1], y[-1], SHORT.get(name, name), colour))
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.set_ylim(min(1e-15, axes.get_ylim()[0]), min(axes.get_ylim()[1], 1e1))
     axes.set_xlabel("processor time (s)" if work == "seconds" else "evaluations")
     axes.set_ylabel("error of the state")
+    if label:
+        _label(axes, ends)
+    return axes
+
+
+def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
+    """Of the points with a right or no itinerary those that none beats in both error and work; else the least error."""
+    good = sorted((p for p in line if p.good), key=lambda p: (getattr(p, work), p.error))
+    kept: list[Point] = []
+    for p in good:
+        if not kept or p.error < kept[-1].error:
+            kept.append(p)
+    return kept or [min(line, key=lambda p: p.error)]
+
+
+def _colour(group: str) -> str:
+    return COLOUR["exact" if group == "event-driven" else group]
+
+
+def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
+    """Names at the right of the lines' ends, moved apart until none lies on another."""
+    left, right = axes.get_xlim()
+    axes.set_xlim(left, right * (right / left) ** 0.42)
+    low, high = (math.log10(y) for y in axes.get_ylim())
+    begin, end = (math.log10(x) for x in axes.get_xlim())
+    height, width = 0.052 * (high - low), 0.021 * (end - begin)  # of a line of text, and of a letter
+    placed: list[tuple[float, float, float]] = []
+    for x, y, text, colour in sorted(ends, key=lambda e: e[1]):
+        at, across = max(math.log10(y), low + height / 2), math.log10(x) + 0.6 * width
+        long = width * len(text)
+        for _ in range(60):
+            if not any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed):
+                break
+            at += height / 4
+        placed.append((across, at, long))
+        axes.annotate(text, (x, y), (10**across, 10**at), color=colour, fontsize=6.2, va="center", zorder=5)
+
+
+def plot_orders(points: Sequence[Point], axes: Any) -> Any:
+    """The event-driven path at each order on one case: error against time, the orders from light to dark."""
+    import matplotlib
+
+    names = [n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven")]
+    orders = [n for n in names if ", order" in n]
+    shades = matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1, max(1, len(orders))))
+    for name in names:
+        line = [p for p in points if p.method == name and np.isfinite(p.error)]
+        colour = shades[orders.index(name)] if name in orders else "black" if name == "event-driven" else "#999999"
+        axes.plot(
+            [p.seconds for p in line], [max(p.error, FLOOR) for p in line], "-o", color=colour, markersize=2.5,
+            linewidth=2.2 if name == "event-driven" else 0.9, label=name.removeprefix("event-driven, ") or name,
+            zorder=2 if name == "event-driven" else 3,
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("processor time (s)")
+    axes.set_ylabel("error of the state")
+    return axes
+
+
+def best_width(points: Iterable[Point], error: float) -> Point | None:
+    """The smoothed run of least time within an error: its setting is (eps, rtol)."""
+    good = [p for p in points if isinstance(p.setting, (list, tuple)) and p.good and p.error <= error]
+    return min(good, key=lambda p: p.seconds, default=None)
+
+
+def plot_widths(
+    points: Sequence[Point], axes: Any, *, method: str = "smoothed, algebraic", what: str = "eps"
+) -> Any:
+    """The eps with which the smoothed path is cheapest, against the error asked for, a line a case; returns the Axes.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    axes : matplotlib Axes
+    method : str
+        A method whose setting is (eps, rtol).
+    what : {"eps", "seconds"}
+        "seconds" is the time it takes, over that of the event-driven path at the same error.
+    """
+    cases = list(dict.fromkeys(p.case for p in points if p.method == method and p.good))
+    errors = 10.0 ** -np.arange(1, 9)
+    for k, case in enumerate(cases):
+        here = [p for p in points if p.case == case]
+        exact = [p for p in here if p.method == "event-driven" and p.good]
+        x, y = [], []
+        for error in errors:
+            found = best_width((p for p in here if p.method == method), error)
+            least = min((p.seconds for p in exact if p.error <= error), default=None)
+            if found and (what == "eps" or least):
+                x.append(error)
+                y.append(found.setting[0] if what == "eps" else found.seconds / least)
+        axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=case)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.invert_xaxis()
+    axes.set_xlabel("error asked for")
+    axes.set_ylabel("cheapest ε" if what == "eps" else "time / event-driven time")
+    if what != "eps":
+        axes.axhline(1, color=COLOUR["mark"], linewidth=0.6)
     return axes

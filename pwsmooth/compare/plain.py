@@ -3,9 +3,12 @@
     rates(t, x, lam, out)       dx/dt, lam_j = 1 or -1, or anything between while a switch slides
     surfaces(t, x, lam, out)    h_j
     residuals(t, x, lam, out)   g_j: dh_j/dt of a switch, d2h_j/dt2 of a contact
+    walls(t, x, lam, out)       the surfaces, then those of events that are no multiple of one of them
+    whens, updates              of events: 1 or 0, and the state after
 
-The rivals of a comparison get the same right-hand side, compiled, that they would be given by hand.
-Chain: Model -> **this file** -> baselines.py, peers.py.
+Memories are states with rate 0. The rivals of a comparison get the same right-hand side, compiled, that they would
+be given by hand.
+Chain: Model -> **this file** -> automaton.py, timestepping.py, peers.
 """
 
 from __future__ import annotations
@@ -20,23 +23,40 @@ import sympy as sp
 
 from ..model import Model, Select
 
-__all__ = ["Plain", "plain"]
-
 
 @dataclass(frozen=True)
 class Plain:
-    """Compiled functions of one model; n states (memories are none), m multipliers."""
+    """Compiled functions of one model; n states with memories, m multipliers, one surface each.
+
+    `events` has (index of the wall, direction across it, terminal) of each event.
+    """
 
     n: int
     m: int
     contacts: tuple[bool, ...]
+    kinks: tuple[bool, ...]
+    events: tuple[tuple[int, int, bool], ...]
+    n_walls: int
     rates: Callable[..., None]
     surfaces: Callable[..., None]
     residuals: Callable[..., None]
     impacts: Callable[..., None]
     bare: Callable[..., np.ndarray]  # (t, x) -> dx/dt with lam = sign h put in, as one writes it naively
-    jacobian: Callable[..., None]  # (t, x, lam, out (n, n)): d rates/dx
-    gradients: Callable[..., None]  # (t, x, lam, out (m, n)): dh/dx
+    walls: Callable[..., None]
+    whens: Callable[..., None]
+    updates: Callable[..., None]  # (t, x, lam, out (n_events, n))
+    matters: Callable[[tuple[int, ...]], tuple[bool, ...]]  # sides -> which multipliers the rates depend on
+    late: Callable[[str], Callable[..., None]]  # derivatives, whose expressions grow fast: made when wanted
+
+    @functools.cached_property
+    def jacobian(self) -> Callable[..., None]:
+        """(t, x, lam, out (n, n)): d rates/dx"""
+        return self.late("jacobian")
+
+    @functools.cached_property
+    def gradients(self) -> Callable[..., None]:
+        """(t, x, lam, out (m, n)): dh/dx"""
+        return self.late("gradients")
 
 
 def plain(system: Any) -> Plain:
@@ -45,7 +65,7 @@ def plain(system: Any) -> Plain:
     Raises
     ------
     ValueError
-        A model with memories, events or algebraic unknowns, which no plain function of (t, x) can hold.
+        A model with algebraic unknowns or events at given instants, which no plain function of (t, x) can hold.
     """
     return _compiled(system.model, tuple(map(float, system.parameter_values)))
 
@@ -60,27 +80,65 @@ def ordinary(e: sp.Expr) -> sp.Expr:
     )
 
 
+class broken(sp.Function):
+    """max(0, base)**exponent: a trial stage beyond the end of a contact must not be nan."""
+
+    nargs = 2
+
+
+def real(e: sp.Expr) -> sp.Expr:
+    """The same with broken powers of what may become negative."""
+    return e.replace(
+        lambda part: part.is_Pow and not part.exp.is_integer and not part.base.is_number,
+        lambda part: broken(*part.args),
+    )
+
+
 @functools.lru_cache(maxsize=64)
 def _compiled(model: Model, values: tuple[float, ...]) -> Plain:
     from numba import njit
 
-    if model.n_memory or model.events or any(mu.kind == "algebraic" for mu in model.multipliers):
-        raise ValueError("memories, events and algebraic unknowns have no form as plain functions of (t, x).")
+    if any(event.surface is None for event in model.events) or any(
+        mu.kind == "algebraic" for mu in model.multipliers
+    ):
+        raise ValueError(
+            "algebraic unknowns and events at given instants have no form as plain functions of (t, x)."
+        )
     n, m = len(model.states), len(model.multipliers)
     numbers = dict(zip(model.parameters, map(sp.Float, values)))
+    rhs = [*model.rhs, *[sp.S.Zero] * (n - len(model.rhs))]
     lams = [mu.symbol for mu in model.multipliers]
     surfaces = [mu.surface for mu in model.multipliers]
-    jacobian = [e.diff(x) for e in model.rhs for x in model.states]
-    gradients = [h.diff(x) for h in surfaces for x in model.states]
+    # Nobody solves for the multiplier of a kink.
+    residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
     impacts = [e for mu in model.multipliers if mu.impact for e in mu.impact]
+    walls, events = _walls(model, surfaces, numbers)
+    whens = [sp.Piecewise((1, e.when.xreplace(numbers)), (0, True)) for e in model.events]
+    updates = [dict(e.update).get(i, x) for e in model.events for i, x in enumerate(model.states)]
 
     def function(name, expressions, shape):
         text = _text(
-            name, [ordinary(e).xreplace(numbers) for e in expressions], model.time, model.states, lams, shape
+            name, [real(ordinary(e).xreplace(numbers)) for e in expressions], model.time, model.states, lams, shape
         )
         return njit(error_model="numpy")(_made(name, text))
 
-    rates = function("rates", model.rhs, (n,))
+    @functools.cache
+    def late(name):
+        of = {"jacobian": rhs, "gradients": surfaces}[name]
+        return function(name, [e.diff(x) for e in of for x in model.states], (len(of), n))
+
+    @functools.cache
+    def matters(sides):
+        depends = []
+        for j, lam in enumerate(lams):
+            others = {mu: sp.Integer(s) for i, (mu, s) in enumerate(zip(lams, sides)) if i != j and s}
+            rest = [e.xreplace(others) for e in (*rhs, *residuals)]
+            # Substitution leaves selections that it has decided: they are evaluated anew.
+            rest = [e.replace(Select, lambda *args: Select(*args)) for e in rest if e.has(lam)]
+            depends.append(any(e.has(lam) for e in rest))
+        return tuple(depends)
+
+    rates = function("rates", rhs, (n,))
     h = function("surfaces", surfaces, (m,))
 
     @njit(error_model="numpy")
@@ -95,11 +153,27 @@ def _compiled(model: Model, values: tuple[float, ...]) -> Plain:
         return out
 
     return Plain(
-        n, m, tuple(mu.kind == "contact" for mu in model.multipliers), rates, h,
-        function("residuals", [mu.residual for mu in model.multipliers], (m,)),
+        n, m, tuple(mu.kind == "contact" for mu in model.multipliers),
+        tuple(mu.regularity == "kink" for mu in model.multipliers), events, len(walls), rates, h,
+        function("residuals", residuals, (m,)),
         function("impacts", impacts, (max(1, len(impacts) // n), n)),
-        bare, function("jacobian", jacobian, (n, n)), function("gradients", gradients, (m, n)),
+        bare,
+        function("walls", walls, (len(walls),)), function("whens", whens, (len(whens),)),
+        function("updates", updates, (len(whens), n)), matters, late,
     )  # fmt: skip
+
+
+def _walls(model, surfaces, numbers):
+    """All surfaces, and of every event the wall on which it lies with the direction across it."""
+    walls, events = list(surfaces), []
+    for event in model.events:
+        ratios = [sp.cancel((event.surface / wall).xreplace(numbers)) for wall in walls]
+        same = [k for k, ratio in enumerate(ratios) if ratio.is_number]
+        if not same:
+            walls.append(event.surface)
+        k, ratio = (same[0], ratios[same[0]]) if same else (len(walls) - 1, sp.S.One)
+        events.append((k, int(event.direction * sp.sign(ratio)), bool(event.terminal)))
+    return walls, tuple(events)
 
 
 def _text(name, expressions, time, states, lams, shape):
@@ -120,12 +194,19 @@ def _text(name, expressions, time, states, lams, shape):
 
 
 def _code(e):
-    return sp.pycode(e, fully_qualified_modules=True).replace("math.copysign(1, ", "math.copysign(1.0, ")
+    text = sp.pycode(e, fully_qualified_modules=True, user_functions={"broken": "broken"})
+    return text.replace("math.copysign(1, ", "math.copysign(1.0, ")
 
 
 def _made(name, text):
     import math
 
-    space: dict[str, Any] = {"math": math}
+    from numba import njit
+
+    space: dict[str, Any] = {"math": math, "broken": njit(_power)}
     exec(text, space)
     return space[name]
+
+
+def _power(base, exponent):
+    return base**exponent if base > 0.0 else 0.0
