@@ -264,8 +264,8 @@ def page(points, content):
         "## How they were tuned",
         f"| method | knob | options |\n| --- | --- | --- |\n{tuned}",
         (f"Not installed when this was measured: {', '.join(absent)}. " if absent else "") + f"Versions: {versions}.",
-        "Measure your own scene: `pwsmooth.compare.work_precision(scene)`, with a `reference` or with two methods that have "
-        "to agree.",
+        "Measure your own scene: `pwsmooth.compare.work_precision(scene)`, with a `reference` or with two methods that "
+        "have to agree.",
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 

@@ -33,8 +33,9 @@ def solver(system: Any, steps: int, t_end: float, stages: int, tolerance: float)
     x = ca.SX.sym("x", len(model.states) + 1)
 
     def translated(expressions, lam):
+        values = numbers | dict(zip(lams, lam))
         plain = [
-            e.xreplace(numbers | dict(zip(lams, lam))).replace(Select, lambda lam, a, b: (a + b) / 2 + lam * (a - b) / 2)
+            e.xreplace(values).replace(Select, lambda lam, a, b: (a + b) / 2 + lam * (a - b) / 2)
             for e in expressions
         ]
         space = {name: getattr(ca, name) for name in ("sin", "cos", "exp", "sqrt", "tanh")}
