@@ -273,8 +273,8 @@ def initial_state(x0, states, initial_memory, gone):
             + (f" and {len(memories)} memories ({listing(memories)})." if memories else ".")
         )
     names = (*states, *memories)
-    given = [initial_value(s, v) for v, s in zip(sequence, names, strict=False)]
-    return given + [initial_memory[m] for m in memories[len(given) - len(states) :]]
+    start = [initial_value(s, v) for v, s in zip(sequence, names, strict=False)]
+    return start + [initial_memory[m] for m in memories[len(start) - len(states) :]]
 
 
 # ---- options of solve()

@@ -107,7 +107,7 @@ def solve(
         )
     if parameters is not None:
         system = system.with_parameters(parameters)
-    kicks = None
+    kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
         from .noise import prepared
 
@@ -120,7 +120,7 @@ def solve(
     times = checks.wanted_times(t_eval, t0, t1)
     smoothed = bool(model.smoothing) and not model.multipliers
     rtol = checks.relative_tolerance(rtol)
-    atol = checks.absolute_tolerance(atol, model.states)
+    absolute = checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)
     max_steps = checks.whole(max_steps, "`max_steps`", 1)
     for name, flag in (("strict", strict), ("dense_output", dense_output)):
@@ -137,7 +137,7 @@ def solve(
                 "`order` and `strict` belong to event-driven systems; leave them out for a smoothed view."
             )
         solution = solve_smoothed(
-            system, (t0, t1), start, p, values, method, rtol, atol, times, dense_output, max_step, max_steps,
+            system, (t0, t1), start, p, values, method, rtol, absolute, times, dense_output, max_step, max_steps,
             kicks,
         )  # fmt: skip
         solution.noise = noise
@@ -156,7 +156,7 @@ def solve(
     from .event_driven import EventDriven
 
     run = EventDriven(
-        system, values, p, rtol, atol, t1, times, dense_output, max_step, max_steps, order, strict, method
+        system, values, p, rtol, absolute, t1, times, dense_output, max_step, max_steps, order, strict, method
     )
     if kicks:
         run.problem = kicks.problem(run.problem)

@@ -7,6 +7,7 @@ amplifies), 1e-12 where every piece is a polynomial in t, half a unit of the las
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -17,7 +18,7 @@ from ..system import System
 from .exact import Check, ExactProblem
 
 t, x, y, v, x1, x2, x3 = sp.symbols("t x y v x1 x2 x3", real=True)
-TIGHT = dict(rtol=1e-12, atol=1e-14)
+TIGHT: dict[str, Any] = dict(rtol=1e-12, atol=1e-14)
 FLOW, POLYNOMIAL = 1e-9, 1e-12
 HALF_DIGIT = 0.5e-9  # of a table of nine decimals
 GRAVITY = 9.81

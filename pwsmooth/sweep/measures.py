@@ -189,7 +189,7 @@ class Itinerary(Measure):
         words[setting.forced & (orbits.found == 0)] = -3
         words[~orbits.ok] = -4
         # A few words make a whole sweep; a dict finds them in a tenth of the time of a sort of rows.
-        number: dict[bytes, int] = {}
+        number: dict[Any, int] = {}
         rows = (
             np.ascontiguousarray(words).view(np.dtype((np.void, words.itemsize * self.most))).ravel().tolist()
         )
