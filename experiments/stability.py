@@ -35,6 +35,8 @@ EXPECTED = (
     "searches for a change of sign at pairs of crossings; a bare sign in every stick; this package's own paths nowhere."
 )
 OURS = ("event-driven", "event-driven, layered", "smoothed path")
+# The smoothed system itself, however well it is integrated, has another answer than the limit there.
+STAND_IN = tuple((name, "smoothed path") for name in ("near-fold", "noise", "long-stick"))
 LINEAR = ("lugre", "dai-friction", "dai-contact", "stiff-contact")
 
 
@@ -43,7 +45,7 @@ def claims(records):
     maps = {record["name"]: StabilityMap.from_record(record) for record in records}
     found = []
     for one in maps.values():
-        for method in (m for m in OURS if m in one.methods):
+        for method in (m for m in OURS if m in one.methods and (one.name, m) not in STAND_IN):
             failures = int(one.failed(method).sum())
             recorded = one.tally(method).get("recorded", 0)
             ours = f"{failures} of {int(one.total(method).sum())} fail" + (
@@ -53,8 +55,9 @@ def claims(records):
                 claim(f"{one.title}: {method} is right or says that it cannot decide.", "no failure", ours,
                       failures == 0, "see the map")
             )  # fmt: skip
-    for name in (n for n in LINEAR if n in maps):
-        for method in ("explicit Euler", "Runge-Kutta 4"):
+    pairs = [(name, method) for name in LINEAR for method in ("explicit Euler", "Runge-Kutta 4")]
+    for name, method in (*pairs, *STAND_IN):
+        if name in maps:
             share = maps[name].agreement(method)
             found.append(
                 claim(f"{maps[name].title}: {method} fails where theory says.", "on 95 % of the map",

@@ -1,0 +1,313 @@
+"""Many events, and events together: accumulation, sliding on several surfaces, simultaneous arrival.
+
+accumulation   a ball with restitution q; x' = -a sgn y - sgn x, y' = a sgn x - sgn y with q = (a - 1)/(a + 1): the
+               intervals between events shrink by q, and the limit time is passed or not
+sliding        x_i' = d_i - lambda_i - c/(m - 1) sum_{j != i} lambda_j: all m slide, lambda = A^{-1} d
+together       x' = -l1 + l2/2, y' = -l2 + 1/5: two arrivals separated by less than any tolerance
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ...primitives import Switch, Unilateral
+from ...solve import solve
+from ...system import System
+from ..plain import plain
+from ..restarting import restarted
+from ..timestepping import bouncing, stepper
+from .failures import Collapsed, Finding, Stalled, attempt
+from .hazard import Axis, Hazard, decades
+from .unguarded import quiet, scipy_end
+
+GRAVITY = 9.81
+x, y, z = sp.symbols("x y z", real=True)
+l1, l2 = Switch("l1", x), Switch("l2", y)
+
+
+def stopped(system: System, span: tuple[float, float], start: Any, **options: Any) -> np.ndarray:
+    """The state at the end by SciPy's DOP853, stopped at every event and started anew."""
+    import warnings
+
+    try:
+        with quiet(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return restarted(
+                plain(system), span, np.array(start, float), rtol=1e-10, atol=1e-12, most=500,
+                most_evaluations=50_000, **options,
+            )[0]  # fmt: skip
+    except RuntimeError as error:
+        raise (Stalled if "more than" in str(error) else Collapsed) from error
+    except (np.linalg.LinAlgError, StopIteration) as error:
+        raise Collapsed from error
+
+
+# ---- accumulation
+
+
+def _ball(q: float) -> System:
+    contact = Unilateral(x, restitution=sp.Float(q), name="R")
+    return System({x: y, y: -GRAVITY + contact.reaction})
+
+
+def _spiral(q: float) -> System:
+    a = sp.Float((1 + q) / (1 - q))
+    return System({x: -a * l2 - l1, y: a * l1 - l2})
+
+
+def spiral_limit(q: float) -> float:
+    """From (1/2, 1/2): to x = 0, then quarter turns that shrink by q."""
+    a = (1 + q) / (1 - q)
+    first = 0.5 / (a + 1)
+    height = 0.5 + (a - 1) * first
+    return first + height / (a + 1) / (1 - q)
+
+
+def ball_limit(q: float) -> float:
+    fall = math.sqrt(2 / GRAVITY)
+    return fall * (1 + 2 * q / (1 - q))
+
+
+def accumulation(fast: bool) -> Hazard:
+    """The ratio of successive intervals."""
+
+    def problem(q: float, row: float) -> tuple[System, float, tuple[float, float]]:
+        if row:
+            return _spiral(q), 1.5 * spiral_limit(q), (0.5, 0.5)
+        return _ball(q), 1.5 * ball_limit(q), (1.0, 0.0)
+
+    def judged(end: np.ndarray, row: float, bound: float) -> Finding:
+        off = float(np.max(np.abs(end)))
+        if not row and end[0] < -0.1:
+            return Finding("missed event", off)  # fallen through the floor
+        return Finding("right" if off <= bound else "drift", off)
+
+    def ours(**options: Any) -> Any:
+        def trial(q: float, row: float) -> Finding:
+            system, end, start = problem(q, row)
+            # At rest after the limit: a billionth of the start, rtol.
+            return attempt(
+                lambda: solve(system, (0.0, end), start, **options), lambda s: judged(s.x[:, -1], row, 1e-9)
+            )
+
+        return trial
+
+    def scipy(q: float, row: float) -> Finding:
+        system, end, start = problem(q, row)
+        return attempt(
+            lambda: stopped(system, (0.0, end), start, max_step=end / 100, restitution=q),
+            lambda state: judged(state, row, 1e-6),
+        )
+
+    def moreau(q: float, row: float) -> Finding | list[Finding]:
+        if fast and q < 0.5:
+            return []  # every system is compiled anew
+        system, end, start = problem(q, row)
+        advance = (stepper if row else bouncing)(plain(system))
+        steps = 20_000
+        state = advance(0.0, end, np.array(start), steps, 0.5 if row else q)[0][-1]
+        # Of first order: ten steps' worth of the motion.
+        return judged(state, row, 10 * end / steps * 10)
+
+    def bare(method: str) -> Any:
+        def trial(q: float, row: float) -> Finding | list[Finding]:
+            if not row:
+                return []  # an impact is no term of a right-hand side
+            a = (1 + q) / (1 - q)
+
+            def rates(t: float, s: np.ndarray) -> list[float]:
+                sx, sy = np.sign(s)
+                return [-a * sy - sx, a * sx - sy]
+
+            end = 1.5 * spiral_limit(q)
+            return attempt(
+                lambda: scipy_end(method, rates, (0.0, end), (0.5, 0.5), 1e-6, 1e-8, most=20_000),
+                lambda state: judged(state, row, 1e-5),
+            )
+
+        return trial
+
+    return Hazard(
+        "accumulation",
+        "infinitely many events in finite time",
+        Axis("ratio q of successive intervals", (0.3, 0.9) if fast else (0.1, 0.3, 0.5, 0.7, 0.9, 0.97)),
+        Axis("system", (0.0, 1.0), ("bouncing ball", "spiral into a corner")),
+        {
+            "event-driven": ours(),
+            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "DOP853, restarted": scipy,
+            "RK45": bare("RK45"),
+            "BDF": bare("BDF"),
+            "Moreau-Jean": moreau,
+        },
+        unit="distance from rest at 1.5 times the limit time",
+        truth="closed form: geometric series",
+    )
+
+
+# ---- several switches that slide
+
+
+def _coupled(m: int, c: float) -> tuple[System, np.ndarray, np.ndarray]:
+    """(system, A, d); the switches slide with lambda = A^{-1} d."""
+    states = sp.symbols(f"x0:{m}", real=True)
+    lams = [Switch(f"l{i}", s) for i, s in enumerate(states)]
+    matrix = np.full((m, m), c / max(1, m - 1))
+    np.fill_diagonal(matrix, 1.0)
+    drive = 0.3 * np.cos(1.0 + np.arange(m))
+    rates = {
+        s: sp.Float(drive[i]) - sum((sp.Float(matrix[i, j]) * lams[j] for j in range(m)), sp.Integer(0))
+        for i, s in enumerate(states)
+    }
+    return System(rates), matrix, drive
+
+
+def several_sliding(fast: bool) -> Hazard:
+    """The number of switches that slide together."""
+    built = functools.cache(_coupled)
+    end = 5.0
+
+    def start(m: int) -> np.ndarray:
+        return 0.2 + 0.1 * np.arange(m)
+
+    def judged(state: np.ndarray, bound: float, error: float = 0.0) -> Finding:
+        off = float(np.max(np.abs(state)))
+        if off > bound:
+            return Finding("drift", off)
+        return Finding("right" if error < 1e-9 else "inaccurate", off)
+
+    def ours(**options: Any) -> Any:
+        def trial(m: float, c: float) -> Finding:
+            system, matrix, drive = built(int(m), c)
+
+            def judge(s: Any) -> Finding:
+                error = np.max(np.abs(s.mult[:, -1] - np.linalg.solve(matrix, drive)))
+                return judged(s.x[:, -1], 0.0, float(error))  # surfaces that are states: exactly 0
+
+            return attempt(lambda: solve(system, (0.0, end), start(int(m)), **options), judge)
+
+        return trial
+
+    def scipy(m: float, c: float) -> Finding:
+        system, _, _ = built(int(m), c)
+        return attempt(
+            lambda: stopped(system, (0.0, end), start(int(m)), max_step=0.1), lambda s: judged(s, 1e-6)
+        )
+
+    def moreau(m: float, c: float) -> Finding:
+        system, _, _ = built(int(m), c)
+        state = stepper(plain(system))(0.0, end, start(int(m)), 2000, 0.5)[0][-1]
+        return judged(state, 1e-6)
+
+    def bare(method: str) -> Any:
+        def trial(m: float, c: float) -> Finding:
+            _, matrix, drive = built(int(m), c)
+            return attempt(
+                lambda: scipy_end(
+                    method,
+                    lambda t, s: drive - matrix @ np.sign(s),
+                    (0.0, end),
+                    start(int(m)),
+                    1e-6,
+                    1e-8,
+                    most=20_000,
+                ),
+                lambda s: judged(s, 1e-6),
+            )
+
+        return trial
+
+    return Hazard(
+        "several-sliding",
+        "several switches slide together",
+        Axis("number of switches", (1.0, 3.0) if fast else (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)),
+        Axis("coupling c", (0.6,)),
+        {
+            "event-driven": ours(),
+            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "DOP853, restarted": scipy,
+            "RK45": bare("RK45"),
+            "LSODA": bare("LSODA"),
+            "BDF": bare("BDF"),
+            "Moreau-Jean": moreau,
+        },
+        unit="distance from the surfaces at the end",
+        truth="closed form: lambda = A^{-1} d, all states 0",
+    )
+
+
+# ---- arrivals together
+
+
+def _pair() -> System:
+    return System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
+
+
+def pair_integral(separation: float, end: float = 2.0) -> float:
+    """z at the end if y arrives `separation` after x, at t = 1: l1 l2 is 1, then 1/2 or 1/5, then 1/50."""
+    if separation >= 0:
+        return 1 + separation / 2 + (end - 1 - separation) / 50
+    # y first: l2 = 1/5 from 1 + separation, x' = -9/10 from x = -separation/2.
+    alone = -separation / 2 / 0.9
+    return 1 + separation + alone / 5 + (end - 1 - separation - alone) / 50
+
+
+def simultaneous(fast: bool) -> Hazard:
+    """The time between two arrivals."""
+    system = _pair()
+
+    def start(separation: float) -> tuple[float, float, float]:
+        return 0.5, 0.8 * (1 + separation), 0.0
+
+    def judged(state: np.ndarray, separation: float, still: float) -> Finding:
+        off = float(np.max(np.abs(state[:2])))
+        if off > still:
+            return Finding("missed event" if off > 1e-3 else "drift", off)
+        error = abs(float(state[2]) - pair_integral(separation))
+        if error > 1e-2:
+            return Finding("wrong itinerary", error)
+        return Finding("right" if error < 1e-6 else "inaccurate", error)
+
+    def signed(separation: float, row: float) -> float:
+        return -separation if row else separation
+
+    def ours(**options: Any) -> Any:
+        def trial(separation: float, row: float) -> Finding:
+            s = signed(separation, row)
+            return attempt(
+                lambda: solve(system, (0.0, 2.0), start(s), **options), lambda run: judged(run.x[:, -1], s, 0.0)
+            )
+
+        return trial
+
+    def scipy(separation: float, row: float) -> Finding:
+        s = signed(separation, row)
+        return attempt(
+            lambda: stopped(system, (0.0, 2.0), start(s), max_step=0.1), lambda state: judged(state, s, 1e-6)
+        )
+
+    def moreau(separation: float, row: float) -> Finding:
+        s = signed(separation, row)
+        state = stepper(plain(system))(0.0, 2.0, np.array(start(s)), 20_000, 0.5)[0][-1]
+        # z is not linear in the multipliers: only whether both are held is asked of this scheme.
+        state[2] = pair_integral(s)
+        return judged(state, s, 1e-6)
+
+    return Hazard(
+        "simultaneous",
+        "two arrivals at one instant",
+        Axis("time between them (s)", decades(-16, -1, 1 / 3 if fast else 1)),
+        Axis("first", (0.0, 1.0), ("the one that holds the other", "the other")),
+        {
+            "event-driven": ours(),
+            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "DOP853, restarted": scipy,
+            "Moreau-Jean": moreau,
+        },
+        unit="distance from the surfaces, or error of the integral of l1 l2",
+    )

@@ -1,0 +1,210 @@
+"""Inside the layer: fixed steps on a stick, kicks that throw a contact out of it, and the ratio of two small times.
+
+steps      v' = F - L(v/eps):  at rest in the layer, lambda = F, the rate is (1 - F^2)^{3/2}/eps (algebraic sigmoid)
+kicks      v' = F - L(1 + rho (1 - L^2)):  between the roots lambda_1 < lambda_s < lambda_2 of lambda(4 - 3 lambda^2) = F
+           lies the way out: a kick of v beyond eps (u_2 - u_1) ends the stick, u = lambda/sqrt(1 - lambda^2);
+           in the limit eps -> 0 all kicks do, so that smoothing gives another answer for kicks below eps
+ratio      v' = -F - L(1 + rho z), beta z' = 1 - L^2 - z:  captured on arrival if F < F_c(eps/beta)
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ...analysis.capture import capture_threshold
+from ...noise import Kicks
+from ...primitives import Switch
+from ...solve import solve
+from ...system import System
+from .failures import Finding, attempt
+from .fixed import FIXED, REAL, compiled, fixed
+from .hazard import Axis, Hazard, decades
+
+RHO = 3.0
+v, z, F = sp.symbols("v z F", real=True)
+lam = Switch("lam", v)
+
+
+# ---- fixed steps
+
+
+@functools.cache
+def _relay_rates() -> Any:
+    def rates(t, x, p):
+        return np.array([p[0] - x[0] / math.sqrt(p[1] * p[1] + x[0] * x[0])])
+
+    return compiled(rates)
+
+
+@functools.cache
+def _relay() -> System:
+    return System({v: F - lam}, parameters={F: 0.0})
+
+
+def layer_steps(fast: bool) -> Hazard:
+    """h/eps against the share of friction that is used."""
+    eps, start = 1e-4, 0.2
+
+    def steps(h: float, force: float) -> int:
+        landing = start / (1 - force)
+        return math.ceil(landing / h) + max(400, math.ceil(40 * eps / (1 - force**2) ** 1.5 / h))
+
+    def judged(speeds: np.ndarray, force: float) -> Finding:
+        rest = eps * force / math.sqrt(1 - force**2)
+        off = float(np.max(np.abs(speeds - rest)) / (eps + rest))
+        return Finding("creep in stick" if not off < 0.01 else "right", off)
+
+    def stepped(method):
+        def trial(ratio: float, force: float) -> Finding:
+            h = ratio * eps
+            n = steps(h, force)
+            x = fixed(method, _relay_rates(), 0.0, (start,), h, n, (force, eps))[:, 0]
+            return judged(x[-100:], force)
+
+        return trial
+
+    def ours(ratio: float, force: float) -> Finding:
+        h = ratio * eps
+        view = _relay().smoothed(eps).with_parameters({F: force})
+        run = functools.partial(solve, view, (0.0, h * steps(h, force)), [start], rtol=1e-6, max_step=h)
+        return attempt(run, lambda s: judged(s["v"][-5:], force))
+
+    return Hazard(
+        "layer-steps",
+        "fixed steps on a smoothed stick",
+        Axis("h/ε", decades(-1, 3, 2 if fast else 8)),
+        Axis("force F/N", (0.0, 0.8) if fast else (0.0, 0.5, 0.8, 0.9)),
+        {m: stepped(m) for m in FIXED} | {"smoothed path": ours},
+        lambda method, force: REAL.get(method, math.inf) / (1 - force**2) ** 1.5,
+        "h/ε = 2/(1 − F²)^{3/2} for Euler, 2.785/(1 − F²)^{3/2} for Runge-Kutta 4",
+        unit="distance from the rest in the layer, over its width",
+    )
+
+
+# ---- kicks
+
+
+def _static() -> System:
+    return System({v: F - lam * (1 + RHO * (1 - lam**2))}, parameters={F: 0.0})
+
+
+def way_out(force: float) -> float:
+    """u_2 - u_1; 0 where the force is below that of slip: every kick is taken back then, in the limit too."""
+    if force <= 1:
+        return 0.0
+    roots = np.roots([-RHO, 0.0, 1 + RHO, -force])
+    inside = sorted(r.real for r in roots if abs(r.imag) < 1e-12 and 0 < r.real < 1)
+    u1, u2 = (r / math.sqrt(1 - r * r) for r in inside)
+    return u2 - u1
+
+
+def noise(fast: bool) -> Hazard:
+    """kappa/eps: kicks against the width of the layer."""
+    eps, every, kicks = 1e-5, 0.01, 100 if fast else 400
+    system = _static()
+    view = system.smoothed(eps)
+
+    def judged(s: Any, force: float) -> Finding:
+        # In the limit eps -> 0 every kick leaves the layer: slip, with kinetic friction 1, begins if F > 1.
+        speed = float(s["v"][-1])
+        slipped = speed > 0.01
+        if slipped == (force > 1):
+            return Finding("right", speed)
+        return Finding("wrong itinerary" if slipped else "missed event", speed)
+
+    def runner(which: System) -> Any:
+        def trial(ratio: float, force: float) -> list[Finding]:
+            found = []
+            for seed in range(2 if fast else 4):
+                hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
+                run = functools.partial(
+                    solve, which, (0.0, every * kicks), [0.0], parameters={F: force}, noise=hits, rtol=1e-6
+                )
+                found.append(attempt(run, lambda s: judged(s, force)))
+            return found
+
+        return trial
+
+    return Hazard(
+        "noise",
+        "kicks and the layer: is the limit ε → 0 met?",
+        Axis("size of the kicks κ/ε", decades(-1, 1, 3 if fast else 8)),
+        Axis("force F/N", (1.2, 1.6) if fast else (0.9, 1.1, 1.2, 1.4, 1.6, 1.7)),
+        {"smoothed path": runner(view), "event-driven": runner(system)},
+        lambda method, force: way_out(force) if method == "smoothed path" else math.nan,
+        "κ/ε = u₂ − u₁, the way from the stick to the unstable balance; smaller kicks stay inside the layer",
+        worse="left",
+        unit="velocity at the end",
+        truth="closed form of the limit eps -> 0: a kicked contact slips if F > N",
+    )
+
+
+# ---- eps/beta
+
+
+@functools.cache
+def _relaxing() -> System:
+    beta = sp.Symbol("beta", positive=True)
+    return System({v: -F - lam * (1 + RHO * z), z: (1 - lam**2 - z) / beta}, parameters={F: 0.0, beta: 1.0})
+
+
+@functools.cache
+def critical_ratio(force: float) -> float:
+    """eps/beta at which F_c reaches the force."""
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda r: capture_threshold(RHO, r) - force, 1e-6, 0.69, xtol=1e-8))
+
+
+def capture_ratio(fast: bool) -> Hazard:
+    """eps/beta across the value at which a landing sticks."""
+    eps = 1e-6
+    system = _relaxing()
+    slaved, two_stage = system.layered({z: sp.oo}), system.layered({z: 0})
+    start, end = 0.2, 0.5
+
+    def judged(ratio: float, force: float, speed: float) -> Finding:
+        captured = speed > -1e-3
+        return Finding("right" if captured == (ratio > critical_ratio(force)) else "wrong itinerary", speed)
+
+    def trial(view_of: Any) -> Any:
+        def tried(ratio: float, force: float) -> Finding:
+            view, values, x0 = view_of(ratio)
+            run = functools.partial(solve, view, (0.0, end), x0, parameters={F: force, **values}, rtol=1e-6)
+            return attempt(run, lambda s: judged(ratio, force, float(s["v"][-1])))
+
+        return tried
+
+    def moreau(ratio: float, force: float) -> Finding:
+        # Linear in lambda: z' takes its value off the surface, so that static friction never builds up.
+        h, n = end / 5000, 5000
+        speed = start
+        for _ in range(n):
+            free = speed - h * force
+            speed = free - max(-h, min(h, free))
+        return judged(ratio, force, speed)
+
+    methods = {
+        "event-driven, layered": trial(lambda r: (system.layered({z: r}), {}, [start])),
+        "smoothed path": trial(lambda r: (system.smoothed(eps), {"beta": eps / r}, [start, 0.0])),
+        "event-driven, slaved": trial(lambda r: (slaved, {}, [start])),
+        "event-driven, two-stage": trial(lambda r: (two_stage, {}, [start])),
+        "Moreau-Jean": moreau,
+    }
+    return Hazard(
+        "capture-ratio",
+        "two small times: does a landing stick?",
+        Axis("ε/β", decades(-3, 0.5, 2 if fast else 8)),
+        Axis("force F/N", (1.1, 1.6) if fast else (1.05, 1.1, 1.2, 1.4, 1.6, 1.7)),
+        methods,
+        lambda method, force: critical_ratio(force),
+        "F = F_c(ε/β), the separatrix of the layer",
+        worse="left",
+        unit="velocity at the end",
+        truth="capture_threshold: separatrix of the layer's own equations",
+    )
