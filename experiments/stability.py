@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import time
 from pathlib import Path
 
 from benchtools import provenance, write_json
@@ -66,6 +65,21 @@ def claims(records):
     return [c.record() for c in found]
 
 
+def content_of(records, versions):
+    """The data file."""
+    ordered = [records[name] for name in HAZARDS if name in records]
+    return {
+        "study": "stability",
+        "question": QUESTION,
+        "expected": EXPECTED,
+        "fast": any(record["fast"] for record in ordered),
+        "data": {"maps": ordered},
+        "claims": claims(ordered),
+        "cpu_seconds": round(sum(record["seconds"] for record in ordered), 1),
+        "provenance": versions,
+    }
+
+
 def write_charts(records, folder):
     """A chart for every hazard and one page of all."""
     maps = [StabilityMap.from_record(record) for record in records]
@@ -96,22 +110,13 @@ def main():
     records = {record["name"]: record for record in old["data"]["maps"]} if old else {}
     if not options.draw:
         for name in options.only or HAZARDS:
-            begin = time.process_time()
             records[name] = stability(name, fast=options.fast).record() | {"fast": options.fast}
-            print(f"{name:20} {time.process_time() - begin:6.1f} s", flush=True)
-    ordered = [records[name] for name in HAZARDS if name in records]
-    content = {
-        "study": "stability",
-        "question": QUESTION,
-        "expected": EXPECTED,
-        "fast": any(record["fast"] for record in ordered),
-        "data": {"maps": ordered},
-        "claims": claims(ordered),
-        "cpu_seconds": round(sum(record["seconds"] for record in ordered), 1),
-        "provenance": old["provenance"] if options.draw else provenance(),
-    }
+            print(f"{name:20} {records[name]['seconds']:6.1f} s", flush=True)
+            # After every hazard: what was computed survives an interruption.
+            write_json(target, content_of(records, provenance()))
+    content = content_of(records, old["provenance"] if options.draw else provenance())
     write_json(target, content)
-    write_charts(ordered, target.parent)
+    write_charts(content["data"]["maps"], target.parent)
     for one in content["claims"]:
         if one["verdict"] != "reproduced":
             print(f"- {one['claim']} found {one['ours']}: {one['verdict']}")

@@ -189,7 +189,7 @@ def several_sliding(fast: bool) -> Hazard:
                 error = np.max(np.abs(s.mult[:, -1] - np.linalg.solve(matrix, drive)))
                 return judged(s.x[:, -1], 0.0, float(error))  # surfaces that are states: exactly 0
 
-            return attempt(lambda: solve(system, (0.0, end), start(int(m)), **options), judge)
+            return attempt(lambda: solve(system, (0.0, end), start(int(m)).tolist(), **options), judge)
 
         return trial
 

@@ -82,7 +82,7 @@ def dai_contact(fast: bool) -> Hazard:
                 (K, beta, gamma, GRAVITY),
             )
             with np.errstate(over="ignore", invalid="ignore"):
-                return _judged(energy(*x.T, gamma))
+                return _judged(energy(x[:, 0], x[:, 1], x[:, 2], gamma))
 
         return trial
 

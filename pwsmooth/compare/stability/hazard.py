@@ -94,7 +94,7 @@ class Hazard:
     truth: str = "closed form"
 
 
-def decades(first: float, last: float, each: int = 1) -> tuple[float, ...]:
+def decades(first: float, last: float, each: float = 1) -> tuple[float, ...]:
     """Powers of ten from 10**first to 10**last, `each` to a decade; rounded, so that files read well."""
     n = int(round(abs(last - first) * each)) + 1
     return tuple(float(f"{10**e:.4g}") for e in np.linspace(first, last, n))

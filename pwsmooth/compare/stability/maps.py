@@ -183,7 +183,7 @@ class StabilityMap:
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> StabilityMap:
         """The map of a data file's `record`."""
-        axes = {
+        axes: dict[str, Any] = {
             k: Axis(record[k]["name"], tuple(record[k]["values"]), tuple(record[k]["words"]))
             for k in ("x", "rows")
         }

@@ -75,7 +75,7 @@ def cvode(
 
 
 @functools.cache
-def _address(rates: Any, n: int, count: int) -> tuple[Any, int]:
+def _address(rates: Any, n: int, count: int) -> tuple[Any, Any]:
     """A C function of a compiled right-hand side that starts at t = 0; the time of the start is the last parameter."""
     from numba import carray, cfunc
     from numbalsoda import lsoda_sig
