@@ -1,7 +1,7 @@
 """Inside the layer: fixed steps on a stick, kicks that throw a contact out of it, and the ratio of two small times.
 
 steps      v' = F - L(v/eps):  at rest in the layer, lambda = F, the rate is (1 - F^2)^{3/2}/eps (algebraic sigmoid)
-kicks      v' = F - L(1 + rho (1 - L^2)):  between the two roots of lambda(4 - 3 lambda^2) = F in (0, 1), lambda_1 and _2,
+kicks      v' = F - L(1 + rho (1 - L^2)):  between lambda_1 and lambda_2, the roots of lambda(4 - 3 lambda^2) = F,
            lies the way out: a kick of v beyond eps (u_2 - u_1) ends the stick, u = lambda/sqrt(1 - lambda^2);
            in the limit eps -> 0 all kicks do, so that smoothing gives another answer for kicks below eps
 ratio      v' = -F - L(1 + rho z), beta z' = 1 - L^2 - z:  captured on arrival if F < F_c(eps/beta)
