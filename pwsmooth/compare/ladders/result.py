@@ -166,8 +166,11 @@ class Ladder:
         from html import escape
 
         def line(row, cell, bold):
-            style = "font-weight:bold" if bold else ""
-            return f"<tr style='{style}'>" + "".join(f"<{cell}>{escape(c)}</{cell}>" for c in row) + "</tr>"
+            weight = "font-weight:bold" if bold else ""
+            aligned = ["left", *["right"] * 5, "left"]
+            style = "padding:0 .6em;text-align"
+            cells = [f"<{cell} style='{style}:{a}'>{escape(c)}</{cell}>" for a, c in zip(aligned, row)]
+            return f"<tr style='{weight}'>{''.join(cells)}</tr>"
 
         head, *rows = self._rows()
         body = line(head, "th", False) + "".join(line(row, "td", row[0] == self.recommended) for row in rows)
