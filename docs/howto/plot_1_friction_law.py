@@ -89,6 +89,14 @@ for share in (0.97, 1.0, 1.03):
     start = {**scene.start, "elongation": 1.01 * steady, "v": V}
     sol = scene.solve(x0=start, t_eval=times)
     ax.plot(times, sol["v"], label=f"k = {share:g} k_c")
+    # sphinx_gallery_start_ignore
+    early, late = (
+        np.ptp(sol["v"][part]) for part in (slice(0, 500), slice(-500, None))
+    )
+    assert {0.97: late > 1.5 * early, 1.03: late < 0.67 * early}.get(
+        share, abs(late / early - 1) < 0.05
+    )
+    # sphinx_gallery_end_ignore
 ax.set(
     xlabel="t (s)",
     ylabel="v (m/s)",

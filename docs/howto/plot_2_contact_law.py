@@ -76,6 +76,9 @@ for ratio in (0.9, 0.5, 0.25, 0.1):
     scene = free_impact(YieldingContact(K_1=1e3, K_2=1e3 / ratio), speed=2.0)
     e = -scene.solve()["v"][-1] / 2.0
     print(f"K_1/K_2 = {ratio:<5} e = {e:.12f}   sqrt(K_1/K_2) = {np.sqrt(ratio):.12f}")
+    # sphinx_gallery_start_ignore
+    assert abs(e - np.sqrt(ratio)) < 1e-9
+    # sphinx_gallery_end_ignore
 
 # %%
 # In a scene: the ground yields at the first impact, is left with a dent, and carries the

@@ -105,6 +105,9 @@ sol = scene.solve(rtol=1e-12)
 swept = np.abs(np.diff(sol["phi"])).sum()
 lost = sol["energy"][0] - sol["energy"][-1]
 print(f"lost {lost:.12f} J, torque times angle {0.1 * 8.0 * swept:.12f} J")
+# sphinx_gallery_start_ignore
+assert abs(lost - 0.1 * 8.0 * swept) < 1e-9
+# sphinx_gallery_end_ignore
 
 # %%
 # From here on it is a scene like the others: ``sweep`` takes it with its start and units.

@@ -65,6 +65,12 @@ plt.show()
 # (shaded); without it, it never sticks at all.
 for name, sol in (("kept", kept), ("dropped", dropped)):
     print(f"{name:8}", " | ".join(sol.itinerary[-5:]))
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+late = [[s.name for s in sol.segments if s.start > last[0]] for sol in (kept, dropped)]
+assert sum("stick" in name for name in late[0]) == 4
+assert not any("stick" in name for name in late[1])
+# sphinx_gallery_end_ignore
 
 # %%
 # What happens inside the surface
@@ -105,6 +111,10 @@ ends = kept.event_times("slip by fold")
 force = np.abs(2.4 * np.sin(ends) + 3.1 * kept(ends, "y"))
 print(f"{len(ends)} sticks ended in a fold, farthest from mu_s by", end=" ")
 print(f"{np.abs(force - 16 / 9).max():.1e}")
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+assert np.abs(force - 16 / 9).max() < 1e-9 and len(ends) > 70
+# sphinx_gallery_end_ignore
 
 # %%
 # How fast does static friction build up?
@@ -137,11 +147,17 @@ views = {
     "slaved": (relaxing.layered({z: sp.oo}), begin),
 }
 print(f"{'':16}sticks a period   their duration")
+counts = []
 for name, (system, at) in views.items():
     sol = solve(system, (0, 60 * PERIOD), at)
     late = [s for s in sol.segments if s.start > 50 * PERIOD]
     sticks = [s.duration for s in late[:-1] if s.name.startswith("stick")]
-    print(f"{name:16}{len(sticks) / 10:10.0f}{sticks[-1]:23.9f}")
+    counts.append(round(len(sticks) / 10))
+    print(f"{name:16}{counts[-1]:10}{sticks[-1]:23.9f}")
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+assert counts == [1, 1, 2, 2]
+# sphinx_gallery_end_ignore
 
 # %%
 # Four views, two kinds of motion: static friction that is slower than the layer captures the

@@ -61,6 +61,10 @@ words, counts = np.unique(found.itinerary.values, return_counts=True)
 for i in np.argsort(-counts)[:6]:
     print(f"{counts[i]:5}  {words[i]}")
 print("failed:", int((found.outcome < 0).sum()), "of", found.outcome.size)
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+assert (found.outcome >= 0).all() and counts.max() > 0.4 * found.outcome.size
+# sphinx_gallery_end_ignore
 
 # %%
 # Measures of your own are functions of the :class:`~pwsmooth.Solution`; they run point by
@@ -116,6 +120,10 @@ with Interrupted(2) as pool:
 
 resumed = sweep(block, axes, **study)
 print("resumed; identical to the undisturbed run:", resumed.identical(found))
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+assert resumed.identical(found) and 0 < missing < found.outcome.size
+# sphinx_gallery_end_ignore
 
 # %%
 # A cluster
@@ -133,6 +141,10 @@ with (
     study["store"] = None
     again = sweep(block, axes, executor=client.get_executor(), **study)
 print("from the cluster; identical:", again.identical(found))
+# sphinx_gallery_start_ignore
+# What the text says, checked.
+assert again.identical(found)
+# sphinx_gallery_end_ignore
 
 # %%
 # ``processes=False`` keeps this page in one process; on a cluster leave it out. The same study
