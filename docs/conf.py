@@ -9,12 +9,16 @@ import sys
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
+import matplotlib
+
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 sys.path[:0] = [str(DOCS), str(DOCS / "_ext"), str(ROOT), str(ROOT / "experiments")]
 # Kernels of the executed pages are processes of their own: they find the checkout as this one does.
 os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-os.environ.setdefault("MPLBACKEND", "Agg")
+# Scripts draw without a display; kernels draw into their pages.
+matplotlib.use("agg")
+os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
 
 project = "pwsmooth"
 author = "the pwsmooth developers"
@@ -74,6 +78,7 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_output_stderr = "show"
+nb_render_markdown_format = "myst"
 
 
 GALLERIES = [name for name in ("tutorials", "howto") if list((DOCS / name).glob("plot_*.py"))]
