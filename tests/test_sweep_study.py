@@ -144,12 +144,12 @@ def test_views_are_named_in_the_study(study):
 
 def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
     page = (Path(__file__).resolve().parent.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    (code,) = re.findall(r"```{code-cell} python\n---\n.*?\n---\n(.*?)```", page, flags=re.DOTALL)
     (text,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     matplotlib.use("Agg")
     names = {}
     # A tenth of the grid in each direction.
-    exec(compile(code.replace("50)", "5)").replace("40)", "4)"), "sweeps.md", "exec"), names)
+    exec(compile(code.replace("36)", "5)").replace("25)", "4)"), "sweeps.md", "exec"), names)
     assert names["found"].sizes == {"k": 5, "sigma": 4} and (names["found"].outcome == 0).all()
     study = tmp_path / "study.toml"
     study.write_text(text)
