@@ -3,14 +3,20 @@
 from pathlib import Path
 
 import api_pages
+import docstring_rules
 import figure_pages
 import study_pages
 from page import AUTO, ROOT, write
 from sphinx.errors import ExtensionError
+from sphinx.util import logging
+
+logger = logging.getLogger(__name__)
 
 
 def generate(app):
     """docs/auto, except what sphinx-gallery writes there."""
+    for text in docstring_rules.every_shortcoming():
+        logger.warning("%s", text, type="docstring")
     api_pages.write_pages()
     study_pages.write_pages()
     try:
