@@ -29,7 +29,7 @@ ARGUMENTS = {"PR01", "PR02", "PR03"}
 QUANTITY = re.compile(r"\b(float|array|array_like|ndarray|number)\b(?! of [A-Z])")
 ARRAY = re.compile(r"\b(array|array_like|ndarray)\b(?! of [A-Z])|sequence of float")
 SHAPE = re.compile(r"\bshapes?\b|\blength\b|\([\w+*/ -]+,[\w+*/, -]*\)")
-WORDS = re.compile(r"\b(dimensionless|units?|radians|coefficients?)\b")
+WORDS = re.compile(r"\b(dimensionless|units?|radians|coefficients?)\b", re.IGNORECASE)
 SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\^\w+)?| [sm])*(?![\w`])")
 
 
@@ -51,21 +51,9 @@ def shortcomings(name: str, value: Any) -> list[str]:
     return [f"{name}{'' if text.startswith('.') else ': '}{text}" for text in missing]
 
 
-# Being rewritten: to be taken out when they are complete.
-PENDING = (
-    "pwsmooth.compare.cases",
-    "pwsmooth.compare.charts",
-    "pwsmooth.compare.ladders",
-    "pwsmooth.compare.measuring",
-    "pwsmooth.compare.methods",
-    "pwsmooth.compare.stability",
-)
-
-
 def every_shortcoming() -> list[str]:
     """Of all public names."""
-    done = {name: value for name, value in public_names().items() if not name.startswith(PENDING)}
-    return [text for name, value in done.items() for text in shortcomings(name, value)]
+    return [text for name, value in public_names().items() for text in shortcomings(name, value)]
 
 
 @functools.cache
@@ -95,7 +83,11 @@ def _lacking(value: Any, property_: bool = False) -> Iterator[str]:
     doc = get_doc_object(value, config={"show_class_members": False})
     codes = set(NUMPYDOC)
     named = _named_fields(value)
-    if named is None and not property_ and not (inspect.isclass(value) and issubclass(value, Exception)):
+    # An exception takes its text, and what a protocol describes is nobody's constructor.
+    plain_class = inspect.isclass(value) and (
+        issubclass(value, Exception) or getattr(value, "_is_protocol", False)
+    )
+    if named is None and not property_ and not plain_class:
         codes |= ARGUMENTS
     if property_:
         codes -= {"RT01"}

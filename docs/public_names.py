@@ -4,6 +4,7 @@ A module that declares `__all__` is public with the names there; one without is 
 A name that several modules list has one home, the shortest path; of equally long ones that where it is defined.
 """
 
+import functools
 import importlib
 import inspect
 import pkgutil
@@ -49,9 +50,12 @@ def public_names() -> dict[str, Any]:
 
 def members(cls: type) -> dict[str, Any]:
     """Public methods and properties that a class of this package defines itself, as they stand in its body."""
-    kinds = (property, classmethod, staticmethod)
+    kinds = (property, functools.cached_property, classmethod, staticmethod)
+    fields = getattr(cls, "__dataclass_fields__", {})  # a function as the default of one is no method
     return {
         name: value
         for name, value in vars(cls).items()
-        if not name.startswith("_") and (inspect.isfunction(value) or isinstance(value, kinds))
+        if not name.startswith("_")
+        and name not in fields
+        and (inspect.isfunction(value) or isinstance(value, kinds))
     }

@@ -8,9 +8,11 @@ import pytest
 from pwsmooth.compare.cases import CASES
 from pwsmooth.compare.charts import plot_work
 from pwsmooth.compare.measuring import work_precision
-from pwsmooth.compare.methods import METHODS, Method, Run, inside_layers, statuses
+from pwsmooth.compare.methods import METHODS, Method, Run
+from pwsmooth.compare.own import inside_layers
 from pwsmooth.compare.plain import plain
 from pwsmooth.compare.restarting import restarted
+from pwsmooth.compare.rivals import statuses
 from pwsmooth.compare.timestepping import bouncing, stepper
 
 

@@ -14,6 +14,8 @@ _HOME = {
     "ladder": "ladders",
 }
 
+__all__ = ["CASES", "METHODS", "Case", "Method", "Point", "WorkPrecision", "case_of", "ladder", "work_precision"]
+
 
 def __getattr__(name):
     if name not in _HOME:

@@ -35,7 +35,34 @@ WORST = 1e-9  # by which the two paths of a reference may differ, in units of th
 
 @dataclass(frozen=True)
 class Reference:
-    """State at the ends asked for, events up to the last, and how they were found."""
+    """The answer of a case: states at the ends asked for, events up to the last, and how they were found.
+
+    Attributes
+    ----------
+    ends : tuple of float, s
+        Times at which states are known.
+    states : ndarray, shape (number of ends, n)
+        In the units of the states.
+    times : ndarray, shape (ne,), s
+        Of the events.
+    kinds : tuple of str
+        Of the events: "crossing", "stick", "slip", "impact".
+    source : str
+        "closed form" or "two paths without common code".
+    uncertainty : float, dimensionless
+        Of states and times, in units of their sizes.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import CASES
+    >>> reference = CASES["relay"].reference
+    >>> reference.kinds, reference.source
+    (('stick',), 'closed form')
+    """
 
     ends: tuple[float, ...]
     states: np.ndarray  # (number of ends, n)
@@ -47,27 +74,40 @@ class Reference:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene for all methods.
+    """A scene for all methods of a comparison.
 
     Parameters
     ----------
     name, title : str
+        For the command line and files, and in words.
     system : System
+        Without noise.
     start : tuple of float
-        Of all states, memories included.
-    t_end : float
-        From t = 0, s. Errors are taken at 0.31, 0.72 and 1 of it: a dissipative system forgets early ones.
+        Of all states, memories included, in their units.
+    t_end : float, s
+        From t = 0. Errors are taken at 0.31, 0.72 and 1 of it: a dissipative system forgets early ones.
     sizes : tuple of float
         Of the states, in their units: errors are in these units, and every method gets them in its `atol`. An error
         above a tenth is a wrong orbit.
-    longest : float
-        Bound on the step that a careful user gives methods whose events can be stepped over, s.
-    restitution : float, optional
+    longest : float, s
+        Bound on the step that a careful user gives methods whose events can be stepped over.
+    restitution : float, dimensionless, optional
         Of the contact, if there is one.
     exact : callable, optional
         t -> exact state; without it two methods have to agree.
     counted : tuple of str
         Kinds of events that make the itinerary.
+
+    Notes
+    -----
+    Source: defined here; what is known of a built-in case stands in its `reference`.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import CASES
+    >>> case = CASES["relay"]
+    >>> case.t_end, [f"{end:.2f}" for end in case.ends]
+    (4.0, ['1.24', '2.88', '4.00'])
     """
 
     name: str
@@ -82,19 +122,53 @@ class Case:
     counted: tuple[str, ...] = KINDS
 
     def tolerances(self, rtol: float) -> dict[str, Any]:
-        """`rtol` and `atol`, the second a hundredth of the first at the states' sizes."""
+        """Tolerances of a method, the absolute one a hundredth of the relative one at the states' sizes.
+
+        Parameters
+        ----------
+        rtol : float, dimensionless
+            Relative tolerance.
+
+        Returns
+        -------
+        dict of str to (float or ndarray, shape (n,))
+            `rtol`, dimensionless, and `atol`, in the units of the states.
+        """
         return {"rtol": rtol, "atol": 1e-2 * rtol * np.array(self.sizes)}
 
     def apart(self, one: np.ndarray, other: np.ndarray) -> float:
-        """Largest difference of two states, or of rows of them, in units of the sizes."""
+        """Largest difference of two states, or of rows of them, in units of the sizes.
+
+        Parameters
+        ----------
+        one, other : ndarray, shape (n,) or (k, n)
+            In the units of the states.
+
+        Returns
+        -------
+        float
+            Dimensionless.
+        """
         return float(np.max(np.abs(np.asarray(one) - other) / np.array(self.sizes)))
 
     def itinerary(self, log: Iterable[tuple[float, str]]) -> list[tuple[float, str]]:
-        """The events that count."""
+        """The events that count.
+
+        Parameters
+        ----------
+        log : iterable of (float, str), s and a word
+            Time and kind of every event.
+
+        Returns
+        -------
+        list of (float, str), s and a word
+            Those whose kind is in `counted`.
+        """
         return [(time, kind) for time, kind in log if kind in self.counted]
 
     @property
     def ends(self) -> tuple[float, ...]:
+        """Times at which errors are taken, s."""
         return tuple(share * self.t_end for share in (0.31, 0.72, 1.0))
 
     @functools.cached_property
@@ -154,19 +228,44 @@ def case_of(
     scene : Scene
         Its span begins at 0.
     exact : callable, optional
-        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two methods that
+        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two
+        methods that
         agree, see `Case.reference`.
-    sizes : sequence of float, optional
-        Of the states; by default the largest values on the motion.
-    longest : float, optional
+    sizes : sequence of float, length n, optional
+        Of the states, in their units; by default the largest values on the motion.
+    longest : float, s, optional
         Bound on the steps of rivals; by default a two-hundredth of the span.
-    restitution, counted, name, title, t_end
-        As in `Case`; the span's end by default.
+    restitution : float, dimensionless, optional
+        Of the contact, if there is one.
+    counted : sequence of str
+        Kinds of events that make the itinerary.
+    name, title : str
+        The scene's by default.
+    t_end : float, s, optional
+        The span's end by default.
+
+    Returns
+    -------
+    Case
+        Its reference is computed when it is asked for.
 
     Raises
     ------
     ValueError
         A span that does not begin at 0.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import case_of
+    >>> from pwsmooth.laws.friction import StaticKinetic
+    >>> from pwsmooth.scenes import block_on_belt
+    >>> case = case_of(block_on_belt(StaticKinetic()), t_end=10.0)
+    >>> case.name, case.longest
+    ('block on a belt, StaticKinetic', 0.05)
     """
     begin, end = scene.t_span
     if begin != 0:
@@ -304,6 +403,7 @@ class _Cases(Mapping[str, Case]):
         return len(self._makers)
 
 
+#: The cases by name, each made when it is asked for.
 CASES = _Cases({
     "crossing": lambda: Case(
         "crossing", "friction oscillator, crossing (ρ = 0)", oscillator(2.4), (0.5, 0.3), 10 * TURN, (1, 1), 0.3

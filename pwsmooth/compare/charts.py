@@ -30,18 +30,38 @@ SHORT = {
 def plot_work(
     points: Sequence[Point], axes: Any, *, work: str = "seconds", methods: Iterable[str] = (), label: bool = True
 ) -> Any:
-    """Error against work for one case, a line a method; returns the Axes.
+    """Error against work for one case, a line a method.
 
     Parameters
     ----------
     points : sequence of Point
         Of one case.
-    axes : matplotlib Axes
+    axes : Axes
+        Where to draw.
     work : {"seconds", "evaluations"}
-    methods : names, optional
+        The horizontal axis.
+    methods : iterable of str, optional
         Those that are drawn; all by default.
     label : bool
         Write its name at the end of each line.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: defined here; open marks are wrong itineraries.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import work_precision
+    >>> from pwsmooth.compare.charts import plot_work
+    >>> from pwsmooth.plotting import new_figure
+    >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
+    >>> plot_work(data, new_figure().subplots()).get_ylabel()
+    'error of the state'
     """
     names = list(methods) or list(dict.fromkeys(p.method for p in points))
     counts: dict[str, int] = {}
@@ -80,7 +100,33 @@ def plot_work(
 
 
 def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
-    """Of the points with a right or no itinerary those that none beats in both error and work; else the least error."""
+    """Of the points with a right or no itinerary those that none beats in both error and work; else the least error.
+
+    Parameters
+    ----------
+    line : sequence of Point
+        Of one method on one case.
+    work : {"seconds", "evaluations"}
+        What is paid.
+
+    Returns
+    -------
+    list of Point
+        Of increasing work and falling error.
+
+    Notes
+    -----
+    Source: the Pareto front.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import work_precision
+    >>> from pwsmooth.compare.charts import envelope
+    >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
+    >>> errors = [point.error for point in envelope(data, "evaluations")]
+    >>> errors == sorted(errors, reverse=True)
+    True
+    """
     good = sorted((p for p in line if p.good), key=lambda p: (getattr(p, work), p.error))
     kept: list[Point] = []
     for p in good:
@@ -113,7 +159,33 @@ def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
 
 
 def plot_orders(points: Sequence[Point], axes: Any) -> Any:
-    """The event-driven path at each order on one case: error against time, the orders from light to dark."""
+    """The event-driven path at each order on one case: error against time, the orders from light to dark.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Of one case.
+    axes : Axes
+        Where to draw.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import work_precision
+    >>> from pwsmooth.compare.charts import plot_orders
+    >>> from pwsmooth.plotting import new_figure
+    >>> data = work_precision("relay", ["event-driven, order 8", "event-driven, order 20"], [1e-9], repeats=1)
+    >>> len(plot_orders(data, new_figure().subplots()).lines)
+    2
+    """
     import matplotlib
 
     names = [n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven")]
@@ -135,7 +207,30 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
 
 
 def best_width(points: Iterable[Point], error: float) -> Point | None:
-    """The smoothed run of least time within an error: its setting is (eps, rtol)."""
+    """The smoothed run of least time within an error: its setting is (eps, rtol).
+
+    Parameters
+    ----------
+    points : iterable of Point
+        Of one case.
+    error : float, dimensionless
+        Of the state, in units of its sizes.
+
+    Returns
+    -------
+    Point or None
+        None if no run is so good.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.charts import best_width
+    >>> best_width([], 1e-3) is None
+    True
+    """
     good = [p for p in points if isinstance(p.setting, (list, tuple)) and p.good and p.error <= error]
     return min(good, key=lambda p: p.seconds, default=None)
 
@@ -143,16 +238,34 @@ def best_width(points: Iterable[Point], error: float) -> Point | None:
 def plot_widths(
     points: Sequence[Point], axes: Any, *, method: str = "smoothed, algebraic", what: str = "eps"
 ) -> Any:
-    """The eps with which the smoothed path is cheapest, against the error asked for, a line a case; returns the Axes.
+    """The eps with which the smoothed path is cheapest, against the error asked for, a line a case.
 
     Parameters
     ----------
     points : sequence of Point
-    axes : matplotlib Axes
+        Of several cases.
+    axes : Axes
+        Where to draw.
     method : str
         A method whose setting is (eps, rtol).
     what : {"eps", "seconds"}
         "seconds" is the time it takes, over that of the event-driven path at the same error.
+
+    Returns
+    -------
+    Axes
+        The same.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.charts import plot_widths
+    >>> from pwsmooth.plotting import new_figure
+    >>> plot_widths([], new_figure().subplots()).get_xlabel()
+    'error asked for'
     """
     cases = list(dict.fromkeys(p.case for p in points if p.method == method and p.good))
     errors = 10.0 ** -np.arange(1, 9)

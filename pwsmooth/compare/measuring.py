@@ -32,21 +32,35 @@ class Point:
 
     Attributes
     ----------
+    case, method, group : str
+        Of the case and the method.
     setting : Any
         Of the method's knob: a tolerance, a share of the longest step, (eps, rtol).
-    error : float
+    error : float, dimensionless
         Of the state, in units of the states' sizes; nan where there is none.
-    event_error : float
-        Largest error of an event time, s; nan without events or with a wrong itinerary.
+    event_error : float, s
+        Largest error of an event time; nan without events or with a wrong itinerary.
     itinerary : str
         "right", "wrong", or "none" for methods that know no events.
-    seconds : float
+    seconds : float, s
         Processor time of a run to the last end, median.
-    first_call : float
-        Processor time of the first call, compilation included, s.
+    first_call : float, s
+        Processor time of the first call, compilation included.
     evaluations : int
+        Of the right-hand side.
     note : str
         Why there is no result: "cannot do: ...", "not installed: ...", or the failure.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import work_precision
+    >>> (point,) = work_precision("relay", ["event-driven"], [1e-9], repeats=1)
+    >>> point.itinerary, point.good
+    ('right', True)
     """
 
     case: str
@@ -63,18 +77,42 @@ class Point:
 
     @property
     def good(self) -> bool:
-        """A result whose itinerary is not wrong."""
+        """Whether there is a result whose itinerary is not wrong."""
         return self.error < np.inf and self.itinerary != "wrong"
 
     def as_dict(self) -> dict[str, Any]:
-        """For a data file."""
+        """The point for a data file.
+
+        Returns
+        -------
+        dict of str to value
+            Its attributes.
+        """
         return asdict(self)
 
 
 class WorkPrecision(list[Point]):
-    """The Points of a comparison, with what is asked of them.
+    """The Points of a comparison, with what is asked of them; a list.
 
-    `references` holds of every case the source of its reference, its uncertainty and its number of events.
+    Parameters
+    ----------
+    points : iterable of Point
+        Measured ones.
+    references : dict of str to dict
+        Of every case the source of its reference, its uncertainty and its number of events.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import work_precision
+    >>> data = work_precision("relay", ["event-driven"], [1e-6, 1e-9], repeats=1)
+    >>> len(data), data.references["relay"]["source"]
+    (2, 'closed form')
+    >>> data.cheapest(1e-5, work="evaluations")["event-driven"].setting
+    1e-06
     """
 
     def __init__(self, points: Iterable[Point] = (), references: dict[str, dict[str, Any]] | None = None) -> None:
@@ -82,7 +120,18 @@ class WorkPrecision(list[Point]):
         self.references = references or {}
 
     def of(self, case: str) -> WorkPrecision:
-        """The points of one case."""
+        """The points of one case.
+
+        Parameters
+        ----------
+        case : str
+            Its name.
+
+        Returns
+        -------
+        WorkPrecision
+            With the same references.
+        """
         return WorkPrecision((p for p in self if p.case == case), self.references)
 
     def cheapest(self, error: float, *, work: str = "seconds") -> dict[str, Point]:
@@ -90,13 +139,15 @@ class WorkPrecision(list[Point]):
 
         Parameters
         ----------
-        error : float
+        error : float, dimensionless
             Of the state, in units of its sizes.
         work : {"seconds", "evaluations"}
+            What is least.
 
         Returns
         -------
         dict of str to Point
+            Name of the method -> its point.
         """
         best: dict[str, Point] = {}
         for p in self:
@@ -106,7 +157,20 @@ class WorkPrecision(list[Point]):
         return dict(sorted(best.items(), key=lambda item: getattr(item[1], work)))
 
     def plot(self, axes: Any = None, *, work: str = "seconds") -> Any:
-        """Error against work, a line a method, of a comparison of one case; returns the Axes."""
+        """Error against work of a comparison of one case, a line a method.
+
+        Parameters
+        ----------
+        axes : Axes, optional
+            Where to draw; of a new figure by default.
+        work : {"seconds", "evaluations"}
+            The horizontal axis.
+
+        Returns
+        -------
+        Axes
+            The same, or the new ones.
+        """
         from ..plotting import new_figure
         from .charts import plot_work
 
@@ -132,16 +196,16 @@ def work_precision(
         A built-in case by name (`CASES` has them), all of them by default, or any Scene that begins at t = 0.
     methods : names, or Methods of one's own
         All built-in ones by default (`METHODS` has them); one whose package is not installed says so in its point.
-    tolerances : sequence of float, optional
+    tolerances : sequence of float, any length, dimensionless, optional
         Relative tolerances, loose to tight, for the methods whose knob is `rtol`; their own by default.
     reference : callable, optional
         t -> exact state of a Scene. Without it two methods without common code have to agree.
-    sizes : sequence of float, optional
+    sizes : sequence of float, length n, optional
         Of a Scene's states, the units of the errors; by default the largest values on the motion.
     repeats : int
         Timed runs of each setting; the methods' rounds are interleaved.
-    longest : float
-        Seconds; a setting whose run took longer is the last of its method on that case.
+    longest : float, s
+        A setting whose run took longer is the last of its method on that case.
     tell : callable, optional
         Called with every Point.
 
@@ -158,6 +222,10 @@ def work_precision(
         A scene of another kind.
     RuntimeError
         The two methods of a reference disagree.
+
+    Notes
+    -----
+    Source: defined here; every case names the source of its answer.
 
     Examples
     --------

@@ -6,14 +6,11 @@ Chain: own.py, rivals.py -> **this file** -> measuring.py, stability.
 from __future__ import annotations
 
 from . import rivals
-from .contract import MOST, CannotDo, Method, Run, Runner
-from .own import event_driven, inside_layers, smoothed
-from .rivals import bounded, event_ignoring, impulses, restarting, statuses, time_stepping
+from .contract import CannotDo, Method, Run
+from .own import event_driven, smoothed
+from .rivals import event_ignoring, restarting, time_stepping
 
-__all__ = [
-    "METHODS", "MOST", "CannotDo", "Method", "Run", "Runner", "bounded", "event_ignoring", "impulses", "inside_layers",
-    "restarting", "statuses", "time_stepping",
-]  # fmt: skip
+__all__ = ["METHODS", "CannotDo", "Method", "Run"]
 
 RTOLS = tuple(10.0**-k for k in range(6, 14))
 LOOSE = tuple(10.0**-k for k in range(3, 13))
@@ -23,6 +20,7 @@ STEPS = tuple(0.5**k for k in range(0, 14, 2))
 WIDTHS = tuple((10.0**-k, 10.0**-j) for k in range(1, 11) for j in (3, 5, 7, 9) if j <= k + 4)
 ORDERS = (8, 12, 16, 20, 24, 28)
 
+#: The methods by name, as `work_precision` takes them.
 METHODS = {
     method.name: method
     for method in (

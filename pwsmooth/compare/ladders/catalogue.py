@@ -24,7 +24,23 @@ _HOME: Mapping[str, tuple[str, str]] = {
 
 
 def scenes() -> tuple[str, ...]:
-    """Names of the built-in settings."""
+    """Names of the built-in settings.
+
+    Returns
+    -------
+    tuple of str
+        As `ladder` takes them.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import scenes
+    >>> "belt" in scenes()
+    True
+    """
     return tuple(_HOME)
 
 
@@ -38,10 +54,30 @@ def _setting(name: str) -> Setting:
 def setting_of(scene: str | Setting) -> Setting:
     """A setting by name, or one's own as it is.
 
+    Parameters
+    ----------
+    scene : str or Setting
+        One of `scenes()`, or a setting of one's own.
+
+    Returns
+    -------
+    Setting
+        Made on first use.
+
     Raises
     ------
     ValueError, TypeError
         An unknown name; something that is neither.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import setting_of
+    >>> setting_of("impact").title
+    'free impact'
     """
     if isinstance(scene, Setting):
         return scene

@@ -11,8 +11,6 @@ import numpy as np
 
 from ...plotting import COLOUR, LINEAR_SHADE, new_figure, style
 
-__all__ = ["VERDICT_COLOUR", "plot_ladder"]
-
 VERDICT_COLOUR = {
     "within": COLOUR["stick"],
     "outside": COLOUR["left"],

@@ -48,13 +48,12 @@ def ladder(
     Parameters
     ----------
     scene : str or Setting
-        One of `pwsmooth.compare.ladders.scenes()`, or a setting of one's own (`friction_setting`, `contact_setting`).
+        One of `pwsmooth.compare.ladders.scenes`, or a setting of one's own (`friction_setting`, `contact_setting`).
     observable : str or Observable
         One of the setting's, or one's own.
-    tolerance : float or str
-        Largest distance from the richest model that is accepted, in the observable's unit; "5%" is relative to the
-        richest model's value.
-    rtol : float
+    tolerance : float or str, in the unit of the observable
+        Largest distance from the richest model that is accepted; "5%" is relative to the richest model's value.
+    rtol : float, dimensionless
         Tolerance of the runs that are reported and timed; their error is judged against runs with `100 rtol`.
     repeats : int
         Timed runs of each rung.
@@ -66,11 +65,16 @@ def ladder(
     Returns
     -------
     Ladder
+        Every rung's value, error, cost and verdict, and the recommendation.
 
     Raises
     ------
     ValueError, TypeError
         An unknown scene or observable, a tolerance that is not positive.
+
+    Notes
+    -----
+    Source: defined here.
 
     Examples
     --------

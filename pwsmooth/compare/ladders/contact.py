@@ -24,8 +24,6 @@ from ...scenes import Scene, falling_ball, free_impact
 from .observables import end_value, peak
 from .rungs import Observable, Rung, Setting
 
-__all__ = ["Impact", "contact_rungs", "contact_setting", "falling", "first_impact", "impact"]
-
 ORDER = ("RigidImpact", "HertzImpact", "LinearResidual", "ResidualIndentation")
 NAMES = {
     "RigidImpact": "rigid impact",
@@ -80,13 +78,32 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
         `HertzImpact`, `LinearResidual` or `ResidualIndentation`.
     build : callable
         Law -> Scene.
-    speed, mass : float
+    speed : float, m/s
         Of the impact at which they are matched, > 0.
+    mass : float, kg
+        Of that impact, > 0.
+
+    Returns
+    -------
+    list of Rung
+        Without the richest itself.
 
     Raises
     ------
     ValueError
         A law that stands on no rung, a speed or mass that is not positive.
+
+    Notes
+    -----
+    Source: defined here: restitution and work of slow loading are those of a free impact of the richest law.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import contact_rungs
+    >>> from pwsmooth.laws.contact import ResidualIndentation
+    >>> from pwsmooth.scenes import falling_ball
+    >>> [rung.name for rung in contact_rungs(ResidualIndentation(), falling_ball, speed=1.0, mass=1.0)]
+    ['rigid impact', 'Hertz with damping', 'linear with residual']
     """
     kind = type(richest).__name__
     if kind not in ORDER[1:]:
@@ -126,15 +143,40 @@ def contact_setting(
     Parameters
     ----------
     name, title : str
+        For the command line, and in words.
     richest : Law
+        `HertzImpact`, `LinearResidual` or `ResidualIndentation`.
     build : callable
         Law -> Scene.
     observables : sequence of Observable
-    speed, mass : float
+        What can be asked for by name.
+    speed : float, m/s
         Of the first impact.
-    window : (float, float)
+    mass : float, kg
+        Of the first impact.
+    window : (float, float), s
+        Span that the observables look at.
     points : int
         Samples of the window.
+
+    Returns
+    -------
+    Setting
+        For `ladder`.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import contact_setting, end_value
+    >>> from pwsmooth.laws.contact import LinearResidual
+    >>> from pwsmooth.scenes import free_impact
+    >>> wall = contact_setting("wall", "a wall", LinearResidual(), lambda law: free_impact(law, t_span=(0, 0.2)),
+    ...                        [end_value("speed", "v", "m/s")], speed=1.0, window=(0.0, 0.2))
+    >>> wall.richest.name, wall.observable("speed").unit
+    ('linear with residual', 'm/s')
     """
     kind = type(richest).__name__
     top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")

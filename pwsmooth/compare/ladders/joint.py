@@ -17,8 +17,6 @@ from .contact import forces
 from .observables import curve, peak
 from .rungs import Rung, Setting
 
-__all__ = ["crank"]
-
 CLEARANCE, C_R, RPM = 5e-4, 0.9, 200.0
 
 

@@ -36,34 +36,190 @@ def _top(motion: Any, window: tuple[float, float], points: int, name: str, sign:
 
 
 def peak(name: str, of: str, unit: str) -> Observable:
-    """Largest value of a quantity."""
+    """Largest value of a quantity.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+
+    Returns
+    -------
+    Observable
+        Between samples it looks closer twice, at values that occur.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import peak
+    >>> round(peak("top", "x", "m").measure(lambda t, name: np.sin(t), (0.0, 3.0), 11), 6)
+    1.0
+    """
     return Observable(name, unit, f"largest {of}", lambda m, w, n: _top(m, w, n, of))
 
 
 def least(name: str, of: str, unit: str) -> Observable:
-    """Smallest value of a quantity."""
+    """Smallest value of a quantity.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+
+    Returns
+    -------
+    Observable
+        Between samples it looks closer twice, at values that occur.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import least
+    >>> round(least("lowest", "x", "m").measure(lambda t, name: np.sin(t), (3.0, 6.0), 11), 6)
+    -1.0
+    """
     return Observable(name, unit, f"smallest {of}", lambda m, w, n: -_top(m, w, n, of, -1))
 
 
 def amplitude(name: str, of: str, unit: str) -> Observable:
-    """Half the range of a quantity."""
+    """Half the range of a quantity.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+
+    Returns
+    -------
+    Observable
+        (largest - smallest)/2.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import amplitude
+    >>> round(amplitude("size", "x", "m").measure(lambda t, name: 3 + np.sin(t), (0.0, 6.0), 101), 6)
+    1.0
+    """
     return Observable(name, unit, f"half the range of {of}",
                       lambda m, w, n: (_top(m, w, n, of) + _top(m, w, n, of, -1)) / 2)  # fmt: skip
 
 
 def centre(name: str, of: str, unit: str) -> Observable:
-    """Middle of the range of a quantity: 0 of a symmetric orbit."""
+    """Distance of the middle of a quantity's range from 0, which it is of a symmetric orbit.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+
+    Returns
+    -------
+    Observable
+        Half the absolute value of largest + smallest.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import centre
+    >>> round(centre("offset", "x", "m").measure(lambda t, name: 3 + np.sin(t), (0.0, 6.0), 101), 6)
+    3.0
+    """
     return Observable(name, unit, f"distance of the middle of {of}'s range from 0",
                       lambda m, w, n: abs(_top(m, w, n, of) - _top(m, w, n, of, -1)) / 2)  # fmt: skip
 
 
 def end_value(name: str, of: str, unit: str) -> Observable:
-    """A quantity at the end of the window."""
+    """A quantity at the end of the window.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+
+    Returns
+    -------
+    Observable
+        One value.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import end_value
+    >>> end_value("end", "x", "m").measure(lambda t, name: 2 * t, (0.0, 3.0), 11)
+    6.0
+    """
     return Observable(name, unit, f"{of} at the end", lambda m, w, n: float(m(w[1], of)))
 
 
 def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
-    """A quantity over the window: the distance of two is the largest one."""
+    """A quantity over the window: the distance of two is the largest one.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    unit : str
+        Of its value.
+    points : int
+        Middles of equal intervals at which it is taken.
+
+    Returns
+    -------
+    Observable
+        Its value has shape (points,).
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import curve
+    >>> curve("whole", "x", "m", points=4).measure(lambda t, name: 2 * t, (0.0, 4.0), 11).tolist()
+    [1.0, 3.0, 5.0, 7.0]
+    """
 
     def measure(motion, window, finer):
         # Middles of equal intervals: the ends, often instants of reversal, are where a switching force has no value.
@@ -86,7 +242,35 @@ def _crossings(motion, window, points, name, level):
 
 
 def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
-    """Mean time between upward passages of a level; nan with fewer than two."""
+    """Mean time between upward passages of a level; nan with fewer than two.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    level : float, in the unit of the quantity
+        Which it passes.
+    unit : str
+        Of time.
+
+    Returns
+    -------
+    Observable
+        The instants are found by bisection.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import period
+    >>> round(period("period", "x", 0.5).measure(lambda t, name: np.sin(t), (0.0, 20.0), 101), 6)
+    6.283185
+    """
 
     def measure(motion, window, points):
         times = _crossings(motion, window, points, of, level)
@@ -96,7 +280,32 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
 
 
 def share_below(name: str, of: str, level: float) -> Observable:
-    """Share of the time in which |quantity| <= level: of sticking, where the level is a small speed."""
+    """Share of the time in which a quantity is small: of sticking, where the level is a small speed.
+
+    Parameters
+    ----------
+    name : str
+        Of the observable.
+    of : str
+        Name of the quantity in the motion.
+    level : float, in the unit of the quantity
+        It is small where its absolute value is at most this.
+
+    Returns
+    -------
+    Observable
+        Between 0 and 1.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import share_below
+    >>> round(share_below("slow", "v", 0.5).measure(lambda t, name: t, (-1.0, 1.0), 101), 6)
+    0.5
+    """
 
     def measure(motion, window, points):
         times, values = _samples(motion, window, points, of)

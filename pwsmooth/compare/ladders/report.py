@@ -11,8 +11,6 @@ from .catalogue import scenes, setting_of
 from .climbing import ladder
 from .result import Ladder
 
-__all__ = ["run", "show_list", "write"]
-
 
 def show_list(scene: str = "") -> None:
     """Prints the scenes, their models and observables; of one scene if it is named."""

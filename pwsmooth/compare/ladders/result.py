@@ -31,19 +31,31 @@ class Step:
     ----------
     name, matched : str
         Of the rung.
-    value : ndarray
-        The observable; nan where the motion does not have it.
-    error, spread : float
+    value : ndarray, shape () or (k,)
+        The observable, in its unit; nan where the motion does not have it.
+    error, spread : float, in the unit of the observable
         Numerical error, and half width of the 95 % interval of a mean over noise.
-    seconds : float
+    seconds : float, s
         Processor time of one run, compilation apart.
     steps : int
+        Of that run.
     failure : str
         Why there is no value.
-    distance, bar : float
+    distance, bar : float, in the unit of the observable
         From the richest rung, and the error bar of that.
     verdict : str
         "within", "outside", "undecided", "failed", or "richest".
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import Step
+    >>> Step("Coulomb", "given", np.array(0.5), error=1e-9, spread=0.0, seconds=1e-3, steps=12).verdict
+    ''
     """
 
     name: str
@@ -60,14 +72,62 @@ class Step:
 
 
 def judge(distance: float, bar: float, tolerance: float) -> str:
-    """Whether a distance known up to its bar lies within a tolerance."""
+    """Whether a distance known up to its bar lies within a tolerance.
+
+    Parameters
+    ----------
+    distance, bar, tolerance : float, in the unit of the observable
+        All three >= 0.
+
+    Returns
+    -------
+    str
+        "within", "outside" or "undecided".
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import judge
+    >>> [judge(distance, 0.1, 1.0) for distance in (0.5, 0.95, 2.0)]
+    ['within', 'undecided', 'outside']
+    """
     if distance + bar <= tolerance:
         return "within"
     return "outside" if distance - bar > tolerance or math.isinf(distance) else "undecided"
 
 
 def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]:
-    """(name of the recommended rung or None, the reason in words) of judged steps, poorest first."""
+    """The recommended one of judged steps, and why.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+        Judged, poorest first, the last the richest.
+    tolerance : float, in the unit of the observable
+        Largest distance that is accepted.
+
+    Returns
+    -------
+    (str or None, str)
+        Name of the rung, None if none can be recommended; the reason in words.
+
+    Notes
+    -----
+    Source: defined here: the cheapest rung that is surely within the tolerance; of rungs that cost the same
+    the poorer one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import Step, recommend
+    >>> cheap = Step("Coulomb", "", np.array(1.0), 0.0, 0.0, seconds=1e-3, steps=9, verdict="within")
+    >>> rich = Step("LuGre", "", np.array(1.0), 0.0, 0.0, seconds=1e-2, steps=90, verdict="richest")
+    >>> recommend([cheap, rich], 0.1)[0]
+    'Coulomb'
+    """
     top = steps[-1]
     if top.failure:
         return None, f"none: the richest rung failed ({top.failure})"
@@ -92,19 +152,33 @@ def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]
 
 @dataclass(frozen=True)
 class Ladder:
-    """An observable on every rung of a ladder, poorest first.
+    """An observable on every rung of a ladder, poorest first; indexing gives a `Step` by its rung's name.
 
     Attributes
     ----------
     scene, title : str
+        Of the setting.
     observable : Observable
-    tolerance : float
-        In the observable's unit.
+        What was looked at.
+    tolerance : float, in the unit of the observable
+        Largest distance that is accepted.
     steps : tuple of Step
+        Poorest first, the last the richest.
     recommended : str or None
         Name of a rung; None if no rung below the richest is within the tolerance, or the richest has no answer.
     reason : str
         The recommendation in words.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare import ladder
+    >>> found = ladder("impact", "restitution", "1%", repeats=1)
+    >>> [step.verdict for step in found.steps]
+    ['within', 'within', 'outside', 'richest']
     """
 
     scene: str
@@ -117,7 +191,24 @@ class Ladder:
 
     @classmethod
     def of(cls, setting: Setting, observable: Observable, tolerance: float, steps: Sequence[Step]) -> Ladder:
-        """Judge measured steps, of which the last is the richest."""
+        """Judge measured steps, of which the last is the richest.
+
+        Parameters
+        ----------
+        setting : Setting
+            Whose name and title it takes.
+        observable : Observable
+            What was looked at.
+        tolerance : float, in the unit of the observable
+            Largest distance that is accepted.
+        steps : sequence of Step
+            Measured, poorest first.
+
+        Returns
+        -------
+        Ladder
+            With verdicts and a recommendation.
+        """
         top = steps[-1]
         judged = []
         for step in steps:
@@ -181,7 +272,13 @@ class Ladder:
         )
 
     def records(self) -> dict[str, Any]:
-        """Plain numbers and words, for a data file; None where there is no finite number."""
+        """Plain numbers and words, for a data file.
+
+        Returns
+        -------
+        dict of str to value
+            None where there is no finite number.
+        """
         return {
             "scene": self.scene,
             "title": self.title,
@@ -196,7 +293,18 @@ class Ladder:
 
     @classmethod
     def from_records(cls, records: dict[str, Any]) -> Ladder:
-        """The Ladder of a data file."""
+        """The Ladder of a data file.
+
+        Parameters
+        ----------
+        records : dict
+            As `records` gives them.
+
+        Returns
+        -------
+        Ladder
+            Its observable can no longer be measured.
+        """
 
         def number(x):
             return math.nan if x is None else x
@@ -211,7 +319,13 @@ class Ladder:
                    records["recommended"], records["reason"])  # fmt: skip
 
     def to_dataset(self) -> xarray.Dataset:
-        """Every number over the dimension `rung`; a curve has a second one, `point`."""
+        """The ladder as a labelled data set.
+
+        Returns
+        -------
+        xarray.Dataset
+            Every number over the dimension `rung`; a curve has a second one, `point`.
+        """
         import xarray
 
         values = np.stack([np.broadcast_to(s.value, self.steps[-1].value.shape) for s in self.steps])
@@ -226,7 +340,18 @@ class Ladder:
         return xarray.Dataset(data, coords={"rung": [s.name for s in self.steps]}, attrs=about)
 
     def chart(self, axes: Any = None) -> Any:
-        """Distance and cost of every rung; two Axes, of a new figure without `axes`."""
+        """Distance and cost of every rung.
+
+        Parameters
+        ----------
+        axes : sequence of two Axes, optional
+            Those of a new figure by default.
+
+        Returns
+        -------
+        sequence of two Axes
+            Distance, and cost.
+        """
         from .chart import plot_ladder
 
         return plot_ladder(self, axes)

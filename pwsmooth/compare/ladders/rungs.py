@@ -21,7 +21,26 @@ __all__ = ["Motion", "Observable", "Rung", "Setting"]
 
 
 class Motion(Protocol):
-    """What observables look at."""
+    """What observables look at: called with times and a name it gives that quantity.
+
+    A `Solution` with dense output is one; so is a model in closed form.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    A closed form as the motion of an observable:
+
+    >>> import numpy as np
+    >>> from pwsmooth.compare.ladders import amplitude
+    >>> class Swing:
+    ...     def __call__(self, t, name=None):
+    ...         return np.cos(t)
+    >>> round(amplitude("amplitude", "x", "m").measure(Swing(), (0.0, 7.0), 101), 6)
+    1.0
+    """
 
     def __call__(self, t: Any, name: Any = None) -> np.ndarray:
         """Values of one quantity at times."""
@@ -34,6 +53,7 @@ class Rung:
     Attributes
     ----------
     name : str
+        As it stands in the table.
     scene : callable
         () -> Scene; or, of a model in closed form, () -> Motion.
     matched : str
@@ -41,6 +61,19 @@ class Rung:
     noise : callable, optional
         Number of a trajectory -> noise of `solve`; the observable is then a mean over `samples` trajectories.
     samples : int
+        Trajectories of a noisy rung.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import Rung
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> from pwsmooth.scenes import block_on_belt
+    >>> Rung("Coulomb", lambda: block_on_belt(Coulomb()), "F_c = 1 N, given").samples
+    1
     """
 
     name: str
@@ -57,9 +90,22 @@ class Observable:
     Attributes
     ----------
     name, unit, meaning : str
+        For the command line, of its value, and in words.
     measure : callable
-        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of samples that
+        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of
+        samples that
         it may take of the window; the ladder asks for twice as many where it wants the error.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import Observable
+    >>> end = Observable("end", "m", "position at the end", lambda motion, window, points: motion(window[1], "x"))
+    >>> end.measure(lambda t, name: 2 * t, (0.0, 3.0), 101)
+    6.0
     """
 
     name: str
@@ -77,14 +123,28 @@ class Setting:
     name, title : str
         For the command line, and in words.
     richest : Rung
+        The most complete model.
     coarser : callable
-        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths, at which
+        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths,
+        at which
         the laws are matched, are read off that motion.
     observables : sequence of Observable
-    window : (float, float)
+        What can be asked for by name.
+    window : (float, float), s
         Span that the observables look at.
     points : int
         Samples of the window for the coarse measurement.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.ladders import setting_of
+    >>> setting = setting_of("impact")
+    >>> [observable.name for observable in setting.observables]
+    ['restitution', 'duration', 'top indentation', 'top force']
     """
 
     name: str
@@ -97,6 +157,16 @@ class Setting:
 
     def observable(self, name: str | Observable) -> Observable:
         """One of its observables by name; an Observable of one's own is taken as it is.
+
+        Parameters
+        ----------
+        name : str or Observable
+            Which.
+
+        Returns
+        -------
+        Observable
+            Of this setting, or one's own.
 
         Raises
         ------

@@ -19,8 +19,6 @@ from .friction import friction_setting
 from .observables import amplitude, centre, curve, end_value, peak, period, share_below
 from .rungs import Observable, Rung, Setting
 
-__all__ = ["belt", "drift", "forced_oscillator", "hidden_oscillator", "presliding", "standard_multistate"]
-
 
 def standard_multistate() -> Law:
     """Ten elements with LuGre's standard sums: 1e5 N/m, sqrt(1e5) N s/m, levels 1 and 1.5 N; stiffness as 1/i."""

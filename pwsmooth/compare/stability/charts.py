@@ -11,8 +11,6 @@ from ...plotting import new_figure
 from .failures import HARMLESS, KINDS
 from .maps import StabilityMap
 
-__all__ = ["legend", "page", "plot_map"]
-
 GAP = 0.18  # between two bands, in bands
 
 

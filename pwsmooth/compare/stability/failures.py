@@ -25,9 +25,7 @@ import numpy as np
 
 from ...records import Outcome
 
-__all__ = ["HARMLESS", "KINDS", "Collapsed", "Finding", "Stalled", "attempt", "held"]
-
-# One colour a way of failing, in every map.
+#: Way of failing -> its colour, in every map.
 KINDS = {
     "right": "#EDEFF2",
     "recorded": "#9BD0F5",
@@ -53,8 +51,23 @@ class Finding:
     ----------
     kind : str
         A key of `KINDS`.
-    size : float
-        The number behind the verdict, in the unit that the hazard names; nan where there is none.
+    size : float, in units that the hazard names
+        The number behind the verdict; nan where there is none.
+
+    Raises
+    ------
+    ValueError
+        A way of failing that is none of `KINDS`.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.stability import Finding
+    >>> Finding("creep in stick", size=1e-3)
+    Finding(kind='creep in stick', size=0.001)
     """
 
     kind: str

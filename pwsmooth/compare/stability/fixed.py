@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["FIXED", "REAL", "compiled", "fixed", "longest_stable"]
-
 # Ends of the intervals of stability on the negative real axis.
 REAL = {"explicit Euler": 2.0, "Runge-Kutta 4": 2.785293563405282, "backward Euler": np.inf}
 FIXED = tuple(REAL)

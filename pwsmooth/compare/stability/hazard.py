@@ -9,8 +9,6 @@ import numpy as np
 
 from .failures import Finding
 
-__all__ = ["GROUPS", "Axis", "Hazard", "Trial", "decades"]
-
 Trial = Callable[[float, float], "Finding | Sequence[Finding]"]
 
 # Methods of one group share a column of the table and a colour in every chart of methods.
@@ -49,7 +47,27 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one coordinate of a map; `words` name them where they are cases and no numbers."""
+    """Values of one coordinate of a map.
+
+    Attributes
+    ----------
+    name : str
+        With its unit.
+    values : tuple of float, in the unit that the name says
+        Numbers, or the numbers of cases.
+    words : tuple of str
+        Names of the values where they are cases and no numbers.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.stability import Axis
+    >>> len(Axis("h (s)", (0.1, 0.2, 0.5)))
+    3
+    """
 
     name: str
     values: tuple[float, ...]
@@ -61,14 +79,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Hazard:
-    """One map to be made.
+    """One map to be made: a plane of situations, the methods that are tried there, the border that theory draws.
 
     Parameters
     ----------
     name, title : str
+        For the command line, and in words.
     x, rows : Axis
         The ratio that decides, and the circumstance: every method is tried at every pair.
-    methods : dict of str to Trial
+    methods : dict of str to callable
         (x, row) -> one Finding, or one for every start tried there.
     border : callable, optional
         (method, row) -> x at which theory has the method fail; nan where it says nothing.
@@ -80,6 +99,20 @@ class Hazard:
         What the size of a finding is.
     truth : str
         Where the right answer comes from.
+
+    Notes
+    -----
+    Source: defined here; each built-in hazard names its own in `truth` and `law`.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.stability import Axis, Finding, Hazard
+    >>> def euler(h, rate):
+    ...     return Finding("right" if abs(1 - h * rate) <= 1 else "blow-up")
+    >>> decay = Hazard("decay", "Euler's method on x' = -rate x", Axis("h (s)", (0.5, 1.5, 2.5)),
+    ...                Axis("rate (1/s)", (1.0, 2.0)), {"explicit Euler": euler}, border=lambda method, rate: 2 / rate)
+    >>> decay.methods["explicit Euler"](2.5, 1.0).kind
+    'blow-up'
     """
 
     name: str

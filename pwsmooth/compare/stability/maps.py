@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
 WORDS = ("name", "title", "law", "unit", "truth", "worse", "seconds")
-__all__ = ["HAZARDS", "StabilityMap", "hazard", "stability"]
-
-# Name -> the file that builds it.
+#: Name of a built-in hazard -> the file that builds it.
 HAZARDS = {
     "lugre": "explicit_friction",
     "dai-friction": "explicit_friction",
@@ -68,16 +66,32 @@ class StabilityMap:
     name, title, law, unit, truth, worse : str
         As in `Hazard`.
     x, rows : Axis
-    counts : dict of str to dict of str to ndarray of int (rows, x)
-        Method -> way of failing -> runs that came to it; ways that never occurred are left out.
-    sizes : dict of str to ndarray (rows, x)
-        Largest number behind the verdicts.
-    border : dict of str to ndarray (rows,)
-        x at which theory has the method fail, nan where it says nothing.
+        The plane of situations.
+    counts : dict of str to dict of str to ndarray of int, shape (rows, x)
+        Method -> way of failing -> runs that came to it, dimensionless; ways that never occurred are left out.
+    sizes : dict of str to ndarray, shape (rows, x)
+        Largest number behind the verdicts, in `unit`.
+    border : dict of str to ndarray, shape (rows,)
+        x at which theory has the method fail, in the unit of x, nan where it says nothing.
     left_out : dict of str to str
         Methods that were not run, and why.
-    seconds : float
+    seconds : float, s
         Processor time.
+
+    Notes
+    -----
+    Source: defined here.
+
+    Examples
+    --------
+    >>> from pwsmooth.compare.stability import Axis, Finding, Hazard, stability
+    >>> def euler(h, rate):
+    ...     return Finding("right" if abs(1 - h * rate) <= 1 else "blow-up")
+    >>> decay = Hazard("decay", "Euler's method on x' = -rate x", Axis("h (s)", (0.5, 1.5, 2.5)),
+    ...                Axis("rate (1/s)", (1.0, 2.0)), {"explicit Euler": euler}, border=lambda method, rate: 2 / rate)
+    >>> found = stability(decay)
+    >>> found.tally("explicit Euler"), found.agreement("explicit Euler")
+    ({'right': 3, 'blow-up': 3}, 1.0)
     """
 
     name: str
@@ -96,23 +110,68 @@ class StabilityMap:
 
     @property
     def methods(self) -> tuple[str, ...]:
+        """Names of the methods that were run."""
         return tuple(self.counts)
 
     def total(self, method: str) -> np.ndarray:
-        """Runs of a method at every (row, x)."""
+        """Runs of a method at every situation.
+
+        Parameters
+        ----------
+        method : str
+            Its name.
+
+        Returns
+        -------
+        ndarray of int, shape (rows, x)
+            Numbers of runs, dimensionless.
+        """
         return sum(self.counts[method].values(), np.zeros((len(self.rows), len(self.x)), int))
 
     def failed(self, method: str) -> np.ndarray:
-        """Runs of a method that failed, at every (row, x)."""
+        """Runs of a method that failed, at every situation.
+
+        Parameters
+        ----------
+        method : str
+            Its name.
+
+        Returns
+        -------
+        ndarray of int, shape (rows, x)
+            Numbers of runs, dimensionless.
+        """
         return self.total(method) - sum(self.counts[method].get(kind, 0) for kind in HARMLESS)
 
     def tally(self, method: str) -> dict[str, int]:
-        """Way of failing -> number of runs, over the whole map; the most frequent first."""
+        """Number of runs for each way of failing, over the whole map.
+
+        Parameters
+        ----------
+        method : str
+            Its name.
+
+        Returns
+        -------
+        dict of str to int
+            The most frequent first.
+        """
         sums = {kind: int(n.sum()) for kind, n in self.counts[method].items()}
         return dict(sorted(sums.items(), key=lambda item: -item[1]))
 
     def agreement(self, method: str) -> float:
-        """Share of the runs on whose side of the border theory is right; nan without a border."""
+        """Share of the runs on whose side of the border theory is right.
+
+        Parameters
+        ----------
+        method : str
+            Its name.
+
+        Returns
+        -------
+        float
+            Between 0 and 1, dimensionless; nan without a border.
+        """
         edge = self.border[method]
         known = np.isfinite(edge) | np.isinf(edge)
         if not known.any():
@@ -151,19 +210,42 @@ class StabilityMap:
         )
 
     def chart(self, axes: Any = None) -> Any:
-        """The map: a band a method, its border over it; returns the Axes."""
+        """The map: a band a method, its border over it.
+
+        Parameters
+        ----------
+        axes : Axes, optional
+            Where to draw; of a new figure by default.
+
+        Returns
+        -------
+        Axes
+            The same, or the new ones.
+        """
         from .charts import plot_map
 
         return plot_map(self, axes)
 
     def table_row(self) -> dict[str, str]:
-        """Method -> what happens to it here, in a few words."""
+        """What happens to each method here, in a few words.
+
+        Returns
+        -------
+        dict of str to str
+            Method -> words.
+        """
         from .tables import what_happens
 
         return {method: what_happens(self, method) for method in self.methods}
 
     def record(self) -> dict[str, Any]:
-        """Plain numbers, lists and dicts, for a data file."""
+        """Plain numbers, lists and dicts, for a data file.
+
+        Returns
+        -------
+        dict of str to value
+            JSON can hold it.
+        """
         return {
             **{word: getattr(self, word) for word in WORDS},
             "x": vars(self.x),
@@ -182,7 +264,18 @@ class StabilityMap:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> StabilityMap:
-        """The map of a data file's `record`."""
+        """The map of a data file.
+
+        Parameters
+        ----------
+        record : mapping
+            As `record` gives it.
+
+        Returns
+        -------
+        StabilityMap
+            Equal to the one that was written, but for the digits of its sizes.
+        """
         axes: dict[str, Any] = {
             k: Axis(record[k]["name"], tuple(record[k]["values"]), tuple(record[k]["words"]))
             for k in ("x", "rows")
@@ -230,18 +323,25 @@ def stability(
     Returns
     -------
     StabilityMap
+        Counts of the ways of failing, their sizes, and theory's border.
 
     Raises
     ------
     ValueError
         Unknown hazard or method.
 
+    Notes
+    -----
+    Source: defined here; each built-in hazard names its own.
+
     Examples
     --------
+    Explicit Euler on LuGre's bristles, whose rate grows with speed:
+
     >>> from pwsmooth.compare.stability import stability
     >>> bristles = stability("lugre", ["explicit Euler"], fast=True)
-    >>> sorted(bristles.tally("explicit Euler"))[-1]
-    'right'
+    >>> list(bristles.tally("explicit Euler"))
+    ['right', 'blow-up', 'energy growth']
     """
     from .maps import hazard as named
 

@@ -16,8 +16,6 @@ import numpy as np
 from .failures import Collapsed
 from .unguarded import quiet
 
-__all__ = ["SEERS", "Motion"]
-
 
 class Motion:
     """x' = rates(t, x) with a surface h(t, x), in Python and for heyoka.

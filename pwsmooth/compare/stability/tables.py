@@ -11,8 +11,6 @@ from .failures import HARMLESS
 from .hazard import GROUPS
 from .maps import StabilityMap
 
-__all__ = ["COLUMNS", "markdown", "table", "what_happens"]
-
 # Groups of methods in the order of the columns, with their headings.
 COLUMNS = {
     "event-driven": "event-driven (this package)",

@@ -18,8 +18,6 @@ import numpy as np
 
 from .failures import Collapsed, Stalled
 
-__all__ = ["SCIPY", "compiled_peer", "cvode", "heyoka_taylor", "scipy_end"]
-
 SCIPY = ("RK45", "DOP853", "Radau", "BDF", "LSODA")
 MOST = 100_000  # evaluations of a right-hand side through Python
 

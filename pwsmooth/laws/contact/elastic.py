@@ -74,9 +74,9 @@ class KelvinVoigt(_Memoryless):
     >>> from pwsmooth.scenes import free_impact
     >>> for release in ("zero indentation", "zero force"):
     ...     force = free_impact(KelvinVoigt(b=0.02, release=release), speed=1.0).solve()["force"]
-    ...     print(f"{release}: starts at {force[0]:.1f} N, lowest {force.min():.1f} N")
-    zero indentation: starts at 20.0 N, lowest -7.0 N
-    zero force: starts at 20.0 N, lowest 0.0 N
+    ...     print(f"{release}: begins with {force[0]:.1f} N, pulls with {max(0.0, -force.min()):.1f} N")
+    zero indentation: begins with 20.0 N, pulls with 7.0 N
+    zero force: begins with 20.0 N, pulls with 0.0 N
     """
 
     source = "X. Xiong's thesis, (5.1)"
