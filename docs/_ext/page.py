@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import statistics
 import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -64,8 +65,12 @@ def number(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}"
+        return f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}"
     if isinstance(value, (list, tuple)):
+        numbers = [v for v in value if isinstance(v, (int, float))]
+        if len(value) > 4 and len(numbers) == len(value):  # rounds of a measurement
+            low, middle, high = min(numbers), statistics.median(numbers), max(numbers)
+            return f"{number(middle)} ({number(low)} to {number(high)}, {len(numbers)} rounds)"
         return ", ".join(number(v) for v in value)
     return str(value)
 

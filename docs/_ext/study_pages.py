@@ -133,42 +133,63 @@ def _write_benchmarks(scripts: list[Path]) -> None:
 
 
 _ASIDE = ("provenance", "options", "about", "config", "all rounds", "rounds")
+_UNNAMED = ("results", "result", "rows")
 
 
 def result_tables(record: dict[str, Any], title: str = "") -> list[str]:
-    """Tables of whatever a benchmark has written: rows of records, named numbers, and groups of these.
+    """Tables of whatever a benchmark has written: named numbers, rows of records, and groups of these.
 
-    Lists of raw rounds stay in the data file.
+    Groups that speak of the same things (time, error, setting of each entrant) are columns of one table; lists of
+    raw rounds stay in the data file.
     """
+    content = {k: v for k, v in record.items() if k not in _ASIDE and not _is_raw(v)}
     parts: list[str] = []
-    scalars = {k: v for k, v in record.items() if k not in _ASIDE and not isinstance(v, (dict, list))}
+    scalars = {k: v for k, v in content.items() if not isinstance(v, dict) and not _is_table(v)}
     if scalars:
         parts += [_heading(title), table(("", "value"), scalars.items())]
-        title = "" if scalars else title
-    for key, value in record.items():
-        if key in _ASIDE:
+    done: set[str] = set()
+    for key, value in content.items():
+        if key in done or key in scalars:
             continue
-        name = f"{title}: {key}" if title and key not in ("results", "result", "rows") else title or key
-        name = "" if name in ("results", "result", "rows") else name
-        if isinstance(value, dict):
-            parts += _of_dict(name, value)
-        elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
+        name = " ".join(word for word in (title, "" if key in _UNNAMED else key) if word)
+        if _is_table(value):
             columns = [k for k in value[0] if not isinstance(value[0][k], (dict, list))]
             parts += [_heading(name), table(columns, ([row.get(c) for c in columns] for row in value))]
+        elif _is_flat(value):
+            group = {k: v for k, v in content.items() if k not in done and _is_flat(v) and _alike(value, v)}
+            done |= set(group)
+            rows = list(dict.fromkeys(row for v in group.values() for row in v))
+            head = ("", *(k if len(group) > 1 else "value" for k in group))
+            parts += [_heading(title if len(group) > 1 else name)]
+            parts += [table(head, ([row, *(v.get(row) for v in group.values())] for row in rows))]
+        elif value and all(map(_is_flat, value.values())) and _all_alike(list(value.values())):
+            columns = list(dict.fromkeys(c for v in value.values() for c in v))
+            rows = ([row, *(v.get(c) for c in columns)] for row, v in value.items())
+            parts += [_heading(name), table(("", *columns), rows)]
+        else:
+            parts += result_tables(value, name)
     return [part for part in parts if part]
 
 
-def _of_dict(name: str, value: dict[str, Any]) -> list[str]:
-    inner = [v for v in value.values() if isinstance(v, dict)]
-    flat = (
-        inner and len(inner) == len(value) and all(not isinstance(x, dict) for v in inner for x in v.values())
-    )
-    if flat:
-        columns = list(dict.fromkeys(k for v in inner for k, x in v.items() if not isinstance(x, list)))
-        if columns:
-            rows = ([row, *(v.get(c) for c in columns)] for row, v in value.items())
-            return [_heading(name), table(("", *columns), rows)]
-    return result_tables(value, name)
+def _is_table(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
+
+
+def _is_raw(value: Any) -> bool:
+    return isinstance(value, list) and any(isinstance(v, list) for v in value)
+
+
+def _is_flat(value: Any) -> bool:
+    return isinstance(value, dict) and bool(value) and not any(isinstance(v, dict) for v in value.values())
+
+
+def _alike(one: dict, other: dict) -> bool:
+    """Whether at least half of the names are common."""
+    return 2 * len(one.keys() & other.keys()) >= min(len(one), len(other))
+
+
+def _all_alike(groups: list[dict]) -> bool:
+    return all(_alike(groups[0], group) for group in groups)
 
 
 def _heading(title: str) -> str:
