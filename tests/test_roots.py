@@ -19,13 +19,14 @@ def first_root():
     x = sp.Symbol("x", real=True)
     problem = compiled_problem(System({x: -Switch("lam", x)}).model)
     unit = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(unit_address("root_unit"))
-    works = {order: problem.work(order) for order in range(7, 29)}
+    works = {order: problem.work(order) for order in range(7, 32)}
 
-    def call(coefficients):
+    def call(coefficients, expected=0.0):
         degree = len(coefficients) - 1
         work = works[degree]
         work.poly[:] = 0
         work.poly[: degree + 1] = coefficients
+        work.answer[4] = expected
         return unit(work.address, degree)
 
     return call
@@ -69,3 +70,30 @@ def test_a_simple_root_is_found_to_rounding(first_root):
         checked += 1
         assert abs(first_root(np.convolve([root, -1], rest)) - root) < 1e-13
     assert checked > 2000
+
+
+@pytest.mark.parametrize("length", [1.0, 3.0, 6.0])
+def test_the_first_zero_of_a_long_wave_is_found_wherever_it_is_expected(first_root, length):
+    # cos(w s) - level over up to six radians: several zeros, none, shallow ones.
+    rng = np.random.default_rng(int(length))
+    k = np.arange(32)
+    factorial = np.cumprod(np.r_[1.0, k[1:]])
+    found = 0
+    for _ in range(1500):
+        phase, level = rng.uniform(-1.5, 1.5), rng.uniform(-1.1, 1.1)
+        a = np.cos(phase + 0.5 * np.pi * k) * length**k / factorial
+        a[0] -= level
+        if a[0] <= 1e-3:
+            continue
+        zeros = [] if abs(level) >= 1 else [(sign * np.arccos(level) - phase) % (2 * np.pi) for sign in (1, -1)]
+        inside = [z / length for z in zeros if z <= length]
+        if abs(abs(level) - 1) < 1e-3 or any(abs(z - length) < 1e-6 for z in zeros):
+            continue  # touching, or at the very end
+        expected = min(inside, default=NO_ROOT)
+        found += expected < NO_ROOT
+        # The series of six radians is cut at 6^32/32! = 3e-11 of the amplitude, and its zero is as uncertain as
+        # the slope there, sqrt(1 - level^2), tells.
+        cut = max(length**32 / factorial[31] / 32, 1e-15) / np.sqrt(abs(1 - level**2)) * 4 + 1e-13
+        for hint in (0.0, expected, rng.uniform(0, 1), 1e-9, 1 - 1e-9):
+            assert first_root(a, hint) == pytest.approx(expected, abs=cut)
+    assert found > 250

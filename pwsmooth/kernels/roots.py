@@ -140,6 +140,9 @@ def _polish(W, degree, lo, hi, s):
             square, was = step * step, before * before
             if square * square * step < 1e-17 * s * (was * was):
                 break
+            # So it would be from a start that near, unless the root has another one beside it.
+            if before == 0.0 and step <= 1e-5 * s and abs(c) * step <= 1e-3 * abs(d) * s:
+                break
             before = step
         else:
             s = 0.5 * (lo + hi)
@@ -305,7 +308,10 @@ def _isolate_short(W, degree):
         negative, undecided, rest = _short_form(W, scaled, degree, b)
         if undecided != 0 or negative == 0 or _sign_changes(negative, SHORT) != 1:
             return -1.0
-    s, d, c = _polish(W, degree, 0.0, end, end * _lone_guess(b, count_bits((negative & -negative) - 1) - 1))
+    guess = W.answer[4]
+    if not 0.0 < guess < end:
+        guess = end * _lone_guess(b, count_bits((negative & -negative) - 1) - 1)
+    s, d, c = _polish(W, degree, 0.0, end, guess)
     # The polynomial differs by `rest` from one with a single root: it has a second one only beside a flat one.
     bend = load8(W.pairing, 0) * abs8(load8(a, 0))
     for k in range(8, degree + 1, 8):

@@ -179,6 +179,8 @@ class Work(Bundle):
     mask: "i8[1]"  # (m,) int64
     rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
     power: "f8[1]"  # (order + PAD,) powers of the step
+    end_power: "f8[1]"  # (order + PAD,) powers of where the step ends
+    rhythm: "f8[2]"  # (3 (m + ne) + 1, 2) see rhythm.py
     poly: "f8[1]"  # (order + PAD,) one scaled polynomial
     counting: "f8[1]"  # (order + PAD,) k
     pairing: "f8[1]"  # (order + PAD,) k (k - 1)

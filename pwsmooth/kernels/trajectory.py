@@ -12,6 +12,7 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import record_ambiguity, record_point
+from .rhythm import expected, forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root, low_bounds, remainder
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
@@ -56,6 +57,9 @@ from .steps import (
 )
 from .twofolds import two_fold
 
+# Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
+# if it is at least this share of what the series allow.
+SHORTEST_AGAIN = 0.6
 _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
 
 
@@ -107,12 +111,13 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
 
 
 @inlined_kernel
-def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
+def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
     """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
     m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
     best = NO_ROOT
     for j in range(m):
         met = NO_ROOT
+        W.answer[4] = expected(W, j, status[j], S.now[0], h)
         if status[j] == SOLVED:
             if kind[j] == CONTACT:
                 met = _meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
@@ -129,6 +134,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, W):
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
+            W.answer[4] = expected(W, i, S.side[i - m], S.now[0], h)
             tau[i] = _meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
     return best
@@ -147,8 +153,8 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
             lo, hi = 0.0, h
             s = 0.5 * h
             for _ in range(100):
-                powers(work.power, s)
-                value = dot(rows[time_row], work.power, K + 1) - want
+                powers(work.end_power, s)
+                value = dot(rows[time_row], work.end_power, K + 1) - want
                 if value > 0.0:
                     hi = s
                 else:
@@ -162,12 +168,12 @@ def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
                 if abs(new - s) <= 1e-16:
                     break
                 s = new
-        powers(work.power, s)
+        powers(work.end_power, s)
         for k in range(P.n):
-            R.x_eval[i, k] = dot(rows[k], work.power, K + 1)
+            R.x_eval[i, k] = dot(rows[k], work.end_power, K + 1)
         for j in range(m):
             solved = S.status[j] == SOLVED
-            R.mult_eval[i, j] = dot(rows[mult_row + j], work.power, K + 1) if solved else S.mult[j]
+            R.mult_eval[i, j] = dot(rows[mult_row + j], work.end_power, K + 1) if solved else S.mult[j]
         S.counts[C_EVAL] += 1
 
 
@@ -226,6 +232,15 @@ def next_stop(C, S):
 
 
 @inlined_kernel
+def after_event(P, S):
+    """Whether the step begins on a surface, behind an event."""
+    for i in range(P.m + P.ne):
+        if S.deflate[i] != 0:
+            return True
+    return False
+
+
+@inlined_kernel
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
@@ -244,6 +259,7 @@ def run(P, C, S, R, W):
         S.counts[C_STARTED] = 1
         W.widest[:] = 0.0
         W.fired[:, :] = 0.0
+        forget_rhythm(S, W)
         W.code[:] = 0
         code = call_unit(P.start_unit, P, C, S, R, W)
         if code != DONE:
@@ -301,14 +317,17 @@ def run(P, C, S, R, W):
                 return NEWTON_FAILED
         t0 = S.now[0]
         stop = next_stop(C, S)
+        if time_row < 0 and not by_pair and SHORTEST_AGAIN * h <= S.now[1] <= h and after_event(P, S):
+            h = S.now[1]
         capped = False
         if time_row < 0 and h >= stop - t0:
             h = stop - t0
             capped = True
         if time_row < 0 and h <= 1e-15 * abs(t0) + 1e-300:
             return UNDERFLOW
-        powers(power, h)
-        best = find_first(P, C, S, rows, power, surface_rows, mult_row, W)
+        if at(power, 1) != h:
+            powers(power, h)
+        best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
         if P.flat and time_row < 0 and not by_pair:
             powers(power, min(best, 1.0) * h)
             for _ in range(_MOST_HALVINGS):
@@ -318,13 +337,14 @@ def run(P, C, S, R, W):
                 capped = False
                 powers(power, h)
                 W.code[8] = 0
-                best = find_first(P, C, S, rows, power, surface_rows, mult_row, W)
+                best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
                 powers(power, min(best, 1.0) * h)
             powers(power, h)
         fraction, folded = 1.0, False
         if time_row >= 0:
             # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
             slope = W.fold_slope
+            W.answer[4] = 0.0
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
             s = _meet(P, slope, power, K - 1, 0, 1.0, W, W.poly)
@@ -353,9 +373,11 @@ def run(P, C, S, R, W):
             if math.isnan(s_end):
                 return NOT_FINITE
             fraction = 0.5  # a new s_end: its powers are to be made
+        final = power
         if fraction < 1.0:
-            powers(power, s_end)
-        t_new = dot(rows[time_row], power, K + 1) if time_row >= 0 else t0 + s_end
+            final = W.end_power
+            powers(final, s_end)
+        t_new = dot(rows[time_row], final, K + 1) if time_row >= 0 else t0 + s_end
         if capped or abs(t_new - stop) <= 4e-16 * abs(stop):
             t_new = stop
         at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
@@ -363,13 +385,14 @@ def run(P, C, S, R, W):
             _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
         if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
             _sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
-            powers(power, s_end)
+            final = W.end_power
+            powers(final, s_end)
         for i in range(n):
-            x[i] = dot(rows[i], power, K + 1)
+            x[i] = dot(rows[i], final, K + 1)
         if any_solved:
             for j in range(m):
                 if S.status[j] == SOLVED:
-                    S.mult[j] = dot(rows[mult_row + j], power, K + 1)
+                    S.mult[j] = dot(rows[mult_row + j], final, K + 1)
         if grazes:
             S.now[0] = t0 + W.answer[6] * h
             record_ambiguity(S, R, W.code[9], AMB_GRAZING, W.code[10])
@@ -397,6 +420,7 @@ def run(P, C, S, R, W):
             W.answer[0] = best if happened else NO_ROOT
             W.answer[1] = h
             W.answer[2] = t_new - t0
+            note_rhythm(P, S, W, best, t_new)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             if code != DONE:
                 return code

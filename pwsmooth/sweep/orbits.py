@@ -94,7 +94,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             segment=np.zeros(_RING, np.int64),
             value=np.zeros((_NODES + 2, nq)),
             at=np.zeros(_NODES + 2),
-            poly=np.zeros(40),  # solve's highest order is 28
+            poly=np.zeros(40),  # solve's highest order is 31
             x=np.zeros(n),
             mult=np.zeros(m),
             out=np.zeros(len(model.outputs)),

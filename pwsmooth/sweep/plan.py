@@ -326,7 +326,7 @@ def _options(system, options):
     checked["max_step"] = checks.longest_step(checked.get("max_step", math.inf))
     checked["max_steps"] = checks.whole(checked.get("max_steps", 10_000_000), "`max_steps`", 1)
     order = checked.pop("order", None)
-    checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 28)
+    checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 31)
     checked.setdefault("method", "auto")
     known = {"rtol", "atol", "max_step", "max_steps", "order", "method"}
     if set(checked) - known:
