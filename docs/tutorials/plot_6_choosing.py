@@ -65,7 +65,7 @@ plt.show()
 # Which model
 # -----------
 # A law of ten states and a law of none may give the same amplitude, or the law of ten states
-# may be the only one that gives the loss. :func:`~pwsmooth.compare.ladder` runs the models of
+# may be the only one that gives the loss. :func:`~pwsmooth.compare.ladders.ladder` runs the models of
 # growing fidelity on a scene, takes the richest as the measure of the others, and names the
 # cheapest that is near enough for *one* observable and tolerance. Poorer models take their
 # parameters from the richest by rules, which it prints; nothing is tuned.
