@@ -136,12 +136,16 @@ class EventDriven:
             "events": len(event_t),
             "layers": int(counts[names.C_LAYERS]),
         }
-        dense = self._dense(kept["dense"], kept["dense_s"]) if self.dense else None
+        dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
         if self.times is not None:
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
             asked, x_asked, mult_asked = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k]
             column = np.clip(np.searchsorted(t, asked, side="right") - 1, 0, len(t) - 1)
+            # At an event the side after it, as the dense output has it.
+            met = t[column] == asked
+            x_asked[met], mult_asked[met] = x[column[met]], mult[column[met]]
+            self._pin(x_asked.T, status[column])
             if outcome is not Outcome.FINISHED and (k == 0 or asked[-1] < t[-1]):
                 # Where and in which state it stopped is the most wanted column of a run that did.
                 asked, column = np.append(asked, t[-1]), np.append(column, len(t) - 1)
@@ -193,9 +197,20 @@ class EventDriven:
                 return False
         return True
 
-    def _dense(self, blocks, lengths) -> Dense:
+    def _pin(self, states, status) -> None:
+        """Zeroes a state that is a surface's h where that surface slides: its polynomial is 0 to rounding only.
+
+        `states` has a row a state and a column an instant or step, `status` a row for each of these.
+        """
+        for j, k in enumerate(self.problem.surface_state):
+            if k >= 0:
+                states[k][status[:, j] == 0] = 0.0
+
+    def _dense(self, blocks, lengths, t, status) -> Dense:
         n = len(self.model.states)
         time = blocks[:, -1]
+        column = np.clip(np.searchsorted(t, time[:, 0], side="right") - 1, 0, len(t) - 1)
+        self._pin(blocks[:, :n].swapaxes(0, 1), status[column])
         ends = np.zeros(len(lengths))
         for k in range(time.shape[1] - 1, -1, -1):
             ends = ends * lengths + time[:, k]

@@ -116,6 +116,10 @@ def _own(model, t_span, start, p, options, max_steps):
         # Wanted times beyond the end of a run that stopped early were never reached.
         reached = ~np.isnan(run.x_eval).any(axis=0)
         t, x = run.t_eval[reached], run.x_eval[:, reached]
+        # At an event the side after it, as the dense output has it.
+        column = np.clip(np.searchsorted(run.t, t, side="right") - 1, 0, None)
+        met = run.t[column] == t
+        x[:, met] = run.x[:, column[met]]
         if outcome is not Outcome.FINISHED and (t.size == 0 or t[-1] < run.t[-1]):
             # Where and in which state it stopped, as the event-driven path gives it.
             t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])

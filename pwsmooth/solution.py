@@ -14,6 +14,7 @@ import numpy as np
 import sympy as sp
 
 from . import looped_outputs
+from .lambdified import numpy_function
 from .model import Model, Select
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
@@ -44,7 +45,7 @@ def _function(arguments: tuple[sp.Symbol, ...], expression: sp.Basic) -> Any:
             lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
             lambda e: piecewise(*e.args),
         )
-    return sp.lambdify(arguments, expression, modules=["scipy", "numpy"], cse=True)
+    return numpy_function(arguments, expression, cse=True)
 
 
 class Solution:
@@ -249,6 +250,9 @@ class Solution:
                 f"{self.t[-1]:.9g}]. Ask within it, or solve further."
             )
         x, mult = self.dense(flat)
+        last = flat == self.t[-1]
+        # No step begins there, but an event may have acted.
+        x[:, last], mult[:, last] = self.x[:, -1:], self.mult[:, -1:]
         if name is None:
             return x[:, 0] if at.ndim == 0 else x.reshape(len(x), *at.shape)
         return self._lookup(name, flat, x, mult).reshape(at.shape)

@@ -58,8 +58,8 @@ def solve(
     atol : float or sequence of float, length n
         Absolute tolerance, in the unit of each state.
     t_eval : array_like, shape (nt,), in the unit of the model's time, optional
-        Times at which the solution is returned, instead of the steps' own; a run that stops before the last of
-        them ends with the state where it stopped.
+        Times at which the solution is returned, instead of the steps' own; at an event the side after it. A run
+        that stops before the last of them ends with the state where it stopped.
     dense_output : bool
         Keep the steps' polynomials, so that `solution(t)` works.
     max_step : float, in units of time

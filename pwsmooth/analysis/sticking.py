@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from ..lambdified import numpy_function
 from .capture import capture_threshold, critical_ratio
 
 __all__ = [
@@ -288,7 +289,7 @@ def _numerical_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
     import numpy as np
     from scipy.optimize import brentq
 
-    function = sp.lambdify(x, slope, modules=["scipy", "numpy"])
+    function = numpy_function(x, slope)
     grid = np.linspace(0, 1, 2001)
     with np.errstate(all="ignore"):
         values = np.array([float(function(g)) for g in grid])

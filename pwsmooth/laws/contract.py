@@ -24,6 +24,7 @@ from typing import Any, ClassVar, dataclass_transform
 import numpy as np
 import sympy as sp
 
+from ..lambdified import numpy_function
 from ..primitives import Algebraic, Event, Unilateral
 from .documenting import documented
 from .joint import Joint
@@ -333,7 +334,7 @@ class Law:
         """
         v = sp.Symbol("v", real=True)
         p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return sp.lambdify(v, sp.sympify(self.steady(v, p)), "numpy")(np.asarray(velocity, float))
+        return numpy_function(v, sp.sympify(self.steady(v, p)))(np.asarray(velocity, float))
 
     @property
     def values(self) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..lambdified import numpy_function
+
 #: Time in every scene, s: drives are expressions of it.
 t = sp.Symbol("t", real=True)
 
@@ -46,7 +48,7 @@ def check_continuous(e: sp.Expr, what: str, t_span: Any, parameters: Mapping[Any
             raise ValueError(remedy.format(where=f" ({e})"))
     values = {str(key): value for key, value in parameters.items()}
     e = e.xreplace({s: sp.Float(values[s.name]) for s in e.free_symbols if s.name in values})
-    f = sp.lambdify(t, e, "numpy")
+    f = numpy_function(t, e)
     grid = np.linspace(t_span[0], t_span[1], 513)
     scale = float(np.max(np.abs(np.broadcast_to(f(grid), grid.shape)))) or 1.0
     for piece in e.atoms(sp.Piecewise):

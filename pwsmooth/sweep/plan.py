@@ -17,6 +17,7 @@ import numpy as np
 import sympy as sp
 
 from .. import checks
+from ..lambdified import numpy_function
 from ..solve import _LOOSEST
 from .axes import Axes, read_axes
 from .contract import Measure, Setting, Variable, Window, alphabet
@@ -144,9 +145,7 @@ def _described(measure: Measure) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
-    # lambdify prints 15 digits of a Float: as a fraction it keeps its bits.
-    expression = expression.xreplace({f: sp.Rational(f) for f in expression.atoms(sp.Float)})
-    return sp.lambdify(symbols, expression, modules="numpy")
+    return numpy_function(symbols, expression)
 
 
 def _flags() -> dict[str, Any]:
