@@ -34,7 +34,9 @@ class RateAndState(Law):
     mu_0: float = parameter(0.6, "1", "friction coefficient at v_0")
     a: float = parameter(0.05, "1", "direct effect")
     b: float = parameter(0.08, "1", "effect of age", "nonnegative")
-    L: float = parameter(1.0, "m", "sliding distance in which contacts are renewed")
+    L: float = parameter(
+        1.0, "m", "sliding distance in which contacts are renewed"
+    )
     v_0: float = parameter(1.0, "m/s", "reference velocity")
 
     def pieces(self, at, p):
@@ -78,7 +80,9 @@ from pwsmooth.scenes import block_on_belt
 friction = RateAndState()
 V, m = 1.0, 0.01
 k_c = (
-    (friction.b - friction.a) / friction.L * (1 + m * V**2 / (friction.a * friction.L))
+    (friction.b - friction.a)
+    / friction.L
+    * (1 + m * V**2 / (friction.a * friction.L))
 )
 times = np.linspace(0, 120, 4001)
 fig, ax = plt.subplots(figsize=(7, 2.8))

@@ -53,7 +53,10 @@ class YieldingContact(Law):
             name=at.label("deepest"),
         )
         return Pieces(
-            force=force, events=(turn,), outputs={"plastic": left}, surfaces=(at.x,)
+            force=force,
+            events=(turn,),
+            outputs={"plastic": left},
+            surfaces=(at.x,),
         )
 
 
@@ -75,7 +78,9 @@ from pwsmooth.scenes import falling_ball, free_impact
 for ratio in (0.9, 0.5, 0.25, 0.1):
     scene = free_impact(YieldingContact(K_1=1e3, K_2=1e3 / ratio), speed=2.0)
     e = -scene.solve()["v"][-1] / 2.0
-    print(f"K_1/K_2 = {ratio:<5} e = {e:.12f}   sqrt(K_1/K_2) = {np.sqrt(ratio):.12f}")
+    print(
+        f"K_1/K_2 = {ratio:<5} e = {e:.12f}   sqrt(K_1/K_2) = {np.sqrt(ratio):.12f}"
+    )
     # sphinx_gallery_start_ignore
     assert abs(e - np.sqrt(ratio)) < 1e-9
     # sphinx_gallery_end_ignore
@@ -88,7 +93,9 @@ sol = scene.solve(dense_output=True)
 times = np.linspace(0, 1.5, 3001)
 fig, (left, right) = plt.subplots(1, 2, figsize=(7.4, 2.9))
 left.plot(times, 1e3 * sol(times, "height"))
-left.set(xlabel="t (s)", ylabel="height (mm)", title="A ball on yielding ground")
+left.set(
+    xlabel="t (s)", ylabel="height (mm)", title="A ball on yielding ground"
+)
 right.plot(1e3 * sol(times, "p"), sol(times, "force"))
 right.set(xlabel="indentation (mm)", ylabel="force (N)", xlim=(-1, None))
 right.set_title("Loading, unloading, reloading")

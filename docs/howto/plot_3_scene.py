@@ -90,8 +90,14 @@ for law in (
     scene = pendulum(law)
     sol = scene.solve(t_eval=times)
     ax.plot(times, sol["phi"], label=type(law).__name__)
-    print(f"{scene.name:28} rest angle {scene.observe(sol)['rest angle']:+.6f} rad")
-ax.set(xlabel="t (s)", ylabel="φ (rad)", title="A pendulum with friction in its pivot")
+    print(
+        f"{scene.name:28} rest angle {scene.observe(sol)['rest angle']:+.6f} rad"
+    )
+ax.set(
+    xlabel="t (s)",
+    ylabel="φ (rad)",
+    title="A pendulum with friction in its pivot",
+)
 ax.legend()
 plt.show()
 
@@ -128,7 +134,9 @@ found = sweep(
 )
 fig, ax = plt.subplots(figsize=(7, 2.6))
 bound = np.arcsin(0.1 * found.F_c / 9.81)
-ax.fill_between(found.F_c, -bound, bound, color="0.9", label="where it can rest")
+ax.fill_between(
+    found.F_c, -bound, bound, color="0.9", label="where it can rest"
+)
 ax.plot(found.F_c, found.rest_angle, ".-", label="where it does")
 ax.set(xlabel="Coulomb force (N)", ylabel="rest angle (rad)")
 ax.set_title("Rest angles")

@@ -110,7 +110,9 @@ for name in ("RK45", "DOP853", "LSODA", "BDF", "Radau"):
         reached, calls, took, end = step_through(getattr(integrate, name))
     print(row(name, calls, took, reached, end))
     # sphinx_gallery_start_ignore
-    assert end != "finished", f"{name} passes the surface: the text says that none does"
+    assert end != "finished", (
+        f"{name} passes the surface: the text says that none does"
+    )
     # sphinx_gallery_end_ignore
 
 # %%
@@ -139,7 +141,9 @@ for value in (2, 3):
     run = solve(fading, (0, 5), {x: 1.5, y: 1}, parameters={a: value})
     print(f"a = {value}: " + ", ".join(str(e) for e in run.events))
     # sphinx_gallery_start_ignore
-    assert abs(run.event_times("slip by tangency")[0] - (value + 3) / 2) < 1e-12
+    assert (
+        abs(run.event_times("slip by tangency")[0] - (value + 3) / 2) < 1e-12
+    )
     # sphinx_gallery_end_ignore
 
 # %%

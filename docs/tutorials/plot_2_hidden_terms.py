@@ -67,7 +67,10 @@ for name, sol in (("kept", kept), ("dropped", dropped)):
     print(f"{name:8}", " | ".join(sol.itinerary[-5:]))
 # sphinx_gallery_start_ignore
 # What the text says, checked.
-late = [[s.name for s in sol.segments if s.start > last[0]] for sol in (kept, dropped)]
+late = [
+    [s.name for s in sol.segments if s.start > last[0]]
+    for sol in (kept, dropped)
+]
 assert sum("stick" in name for name in late[0]) == 4
 assert not any("stick" in name for name in late[1])
 # sphinx_gallery_end_ignore
@@ -166,7 +169,9 @@ assert counts == [1, 1, 2, 2]
 from pwsmooth.analysis.sticking import capture_threshold, critical_ratio
 
 for ratio in (0, 0.01, 0.1, 0.3, 0.6, 1):
-    print(f"eps/beta = {ratio:<5} captured up to F = {capture_threshold(3, ratio):.6f}")
+    print(
+        f"eps/beta = {ratio:<5} captured up to F = {capture_threshold(3, ratio):.6f}"
+    )
 print(f"reaches mu_s = 16/9 at eps/beta = {critical_ratio(3):.4f}")
 
 # %%

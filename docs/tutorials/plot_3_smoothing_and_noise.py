@@ -24,7 +24,9 @@ rho, beta = sp.symbols("rho beta", nonnegative=True)
 lam = Switch("lam", v)
 pull = -2.4 * sp.sin(t) - 3.1 * y - 0.1 * v
 mu = lam * (1 + rho * (1 - lam**2))
-block = System({y: v, v: pull - mu}, time=t, parameters={rho: 3}, outputs={"mu": mu})
+block = System(
+    {y: v, v: pull - mu}, time=t, parameters={rho: 3}, outputs={"mu": mu}
+)
 start = {y: 0.78, v: -1.03}
 
 limit = solve(block, (0, 20), start, rtol=1e-12, atol=1e-14, dense_output=True)
@@ -33,7 +35,9 @@ found = {}
 for sigmoid in ("algebraic", "tanh", "erf"):
     view = block.smoothed(eps=1e-2, sigmoid=sigmoid)
     found[sigmoid] = [
-        solve(view, (0, 20), start, parameters={"eps": eps}, rtol=1e-10)["y"][-1]
+        solve(view, (0, 20), start, parameters={"eps": eps}, rtol=1e-10)["y"][
+            -1
+        ]
         for eps in widths
     ]
 
@@ -57,7 +61,8 @@ for sigmoid, ends in found.items():
     order = np.log10(errors[-2] / errors[-1])
     better = (gain * ends[-1] - ends[-2]) / (gain - 1) - limit["y"][-1]
     print(
-        f"{sigmoid:10} order {order:.3f}; at eps = 1e-6: {abs(errors[-1]):.1e}", end=""
+        f"{sigmoid:10} order {order:.3f}; at eps = 1e-6: {abs(errors[-1]):.1e}",
+        end="",
     )
     print(f", extrapolated: {abs(better):.1e}")
     # sphinx_gallery_start_ignore
@@ -71,8 +76,13 @@ for sigmoid, ends in found.items():
 thin = block.smoothed(eps=1e-4)
 own = solve(thin, (0, 20), start)
 for method in ("Radau", "BDF"):
-    other = solve(thin, (0, 20), start, method=method, rtol=1e-9, max_step=0.01)
-    print(f"{method:6} differs by {abs(other['y'][-1] - own['y'][-1]):.1e}", end="; ")
+    other = solve(
+        thin, (0, 20), start, method=method, rtol=1e-9, max_step=0.01
+    )
+    print(
+        f"{method:6} differs by {abs(other['y'][-1] - own['y'][-1]):.1e}",
+        end="; ",
+    )
     print(f"{other.cost['f_evals']} evaluations, ours {own.cost['f_evals']}")
 
 # %%
@@ -115,7 +125,9 @@ for share in (0, 0.2, 1, 2, 5, 10):
     found = turning_point({}, share * EPS)
     # sphinx_gallery_start_ignore
     above = (found - without) / (1.1614 - without)
-    assert above > 0.9 if share <= 1 else above < 0.5 if share >= 5 else True, above
+    assert (
+        above > 0.9 if share <= 1 else above < 0.5 if share >= 5 else True
+    ), above
     # sphinx_gallery_end_ignore
     print(f"rho = 3, kappa = {share:<3} eps  largest y {found:.4f}")
 

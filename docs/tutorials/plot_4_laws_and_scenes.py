@@ -19,7 +19,9 @@ from pwsmooth.laws.friction import Dahl, LuGre, MaxwellSlip, StaticKinetic
 dahl = Dahl(sigma0=4.0, F_c=1.0)
 print(dahl, "--", Dahl.source)
 for name, unit in Dahl.units().items():
-    print(f"  {name:8} {dahl.values[name]:<6g} {unit:5} {Dahl.meanings()[name]}")
+    print(
+        f"  {name:8} {dahl.values[name]:<6g} {unit:5} {Dahl.meanings()[name]}"
+    )
 
 # %%
 # Units are those of the source and any consistent set will do. In what follows lengths are
@@ -33,14 +35,21 @@ for name, unit in Dahl.units().items():
 # never turned.
 from scipy.optimize import brentq
 
-from pwsmooth.scenes import Table, block_on_belt, falling_ball, prescribed_motion
+from pwsmooth.scenes import (
+    Table,
+    block_on_belt,
+    falling_ball,
+    prescribed_motion,
+)
 
 turns = np.array([0, 1, 0.2, 0.7, -1, 1])
 times = np.concatenate([[0], np.cumsum(np.abs(np.diff(turns)))])
 path = Table(times, turns)  # a spline through the samples
 laws = {
     "Dahl": dahl,
-    "LuGre": LuGre(sigma0=4.0, sigma1=0.05, sigma2=0.0, F_c=1.0, F_s=1.2, v_s=2.0),
+    "LuGre": LuGre(
+        sigma0=4.0, sigma1=0.05, sigma2=0.0, F_c=1.0, F_s=1.2, v_s=2.0
+    ),
     "Maxwell-slip, 4 elements": MaxwellSlip(
         kappa=(1.6, 1.2, 0.8, 0.4), strength=(0.25, 0.25, 0.25, 0.25)
     ),
@@ -52,7 +61,9 @@ def moment_of(loop, name, value, *between):
     return brentq(lambda s: loop(s, name) - value, *between, xtol=1e-15)
 
 
-fig, axes = plt.subplots(1, 3, sharey=True, figsize=(7.8, 2.9), layout="constrained")
+fig, axes = plt.subplots(
+    1, 3, sharey=True, figsize=(7.8, 2.9), layout="constrained"
+)
 moments = np.linspace(0, times[-1], 4001)
 for ax, (name, law) in zip(axes, laws.items()):
     loop = prescribed_motion(law, position=path).solve(dense_output=True)
@@ -77,14 +88,18 @@ plt.show()
 # -------------------------------
 # A block on a moving belt, held by a spring. Static friction above the kinetic one makes it
 # stick and slip.
-fig, axes = plt.subplots(2, 1, sharex=True, figsize=(7, 3.6), layout="constrained")
+fig, axes = plt.subplots(
+    2, 1, sharex=True, figsize=(7, 3.6), layout="constrained"
+)
 for law in (StaticKinetic(), LuGre(F_s=1.5)):
     scene = block_on_belt(law)
     sol = scene.solve(dense_output=True)
     moments = np.linspace(*scene.t_span, 3001)
     for ax, quantity in zip(axes, ("v", "friction")):
         ax.plot(moments, sol(moments, quantity), label=type(law).__name__)
-    print(f"{scene.name:32} {len(sol.events)} events in {sol.cost['steps']} steps")
+    print(
+        f"{scene.name:32} {len(sol.events)} events in {sol.cost['steps']} steps"
+    )
 axes[0].set(ylabel="slip velocity (m/s)", title="Block on a belt")
 axes[1].set(ylabel="friction (N)", xlabel="t (s)")
 axes[0].legend()

@@ -26,7 +26,13 @@ t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
 lam = Switch("lam", v)
 block = System(
-    {y: v, v: -sigma * sp.sin(t) - k * y - v / 10 - lam * (1 + rho * (1 - lam**2))},
+    {
+        y: v,
+        v: -sigma * sp.sin(t)
+        - k * y
+        - v / 10
+        - lam * (1 + rho * (1 - lam**2)),
+    },
     time=t,
     parameters={k: 3.1, sigma: 2.4, rho: 3},
 )
@@ -44,7 +50,9 @@ found
 
 # %%
 fig, panels = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
-found.stick_time.T.plot(ax=panels[0], cbar_kwargs={"label": "time stuck a period"})
+found.stick_time.T.plot(
+    ax=panels[0], cbar_kwargs={"label": "time stuck a period"}
+)
 found.sticks.T.plot(
     ax=panels[1],
     levels=[-0.5, 0.5, 1.5, 2.5],
@@ -75,7 +83,9 @@ from pwsmooth.sweep import Function
 def longest_stick(solution, window):
     """Duration of the longest stick that begins after the transient."""
     late = [s for s in solution.segments if s.start >= window.start]
-    return max((s.duration for s in late if s.name.startswith("stick")), default=0.0)
+    return max(
+        (s.duration for s in late if s.name.startswith("stick")), default=0.0
+    )
 
 
 few = sweep(
@@ -116,7 +126,9 @@ with Interrupted(2) as pool:
     except KeyboardInterrupt:
         half = xarray.open_zarr(store, consolidated=False)
         missing = int((half.outcome == -128).sum())
-        print(f"interrupted: {missing} of {half.outcome.size} points have not run")
+        print(
+            f"interrupted: {missing} of {half.outcome.size} points have not run"
+        )
 
 resumed = sweep(block, axes, **study)
 print("resumed; identical to the undisturbed run:", resumed.identical(found))
@@ -134,7 +146,10 @@ from dask.distributed import Client, LocalCluster
 
 with (
     LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=None,
     ) as cluster,
     Client(cluster) as client,
 ):

@@ -23,18 +23,32 @@ from pwsmooth.compare.charts import plot_work
 
 chosen = {
     "event-driven": (1e-6, 1e-9, 1e-12),
-    "smoothed, algebraic": ((1e-2, 1e-3), (1e-4, 1e-5), (1e-6, 1e-7), (1e-8, 1e-9)),
+    "smoothed, algebraic": (
+        (1e-2, 1e-3),
+        (1e-4, 1e-5),
+        (1e-6, 1e-7),
+        (1e-8, 1e-9),
+    ),
     "DOP853, restarted": (1e-3, 1e-6, 1e-9),
     "DOP853, bare sign": (1e-3,),
 }
-methods = [replace(METHODS[name], settings=few) for name, few in chosen.items()]
+methods = [
+    replace(METHODS[name], settings=few) for name, few in chosen.items()
+]
 points = work_precision(["hidden"], methods, repeats=3)
 row = "{:30}{:>16}{:>10}{:>11}{:>14}  {}".format
 print(row("method", "setting", "error", "ms", "evaluations", "itinerary"))
 for p in points:
     ms = f"{1e3 * p.seconds:.2f}"
     print(
-        row(p.method, str(p.setting), f"{p.error:.1e}", ms, p.evaluations, p.itinerary)
+        row(
+            p.method,
+            str(p.setting),
+            f"{p.error:.1e}",
+            ms,
+            p.evaluations,
+            p.itinerary,
+        )
     )
 
 # sphinx_gallery_start_ignore
@@ -48,7 +62,11 @@ plot_work(points, ax, label=False)
 for name in chosen:
     p = next(p for p in points if p.method == name)
     ax.annotate(
-        name, (p.seconds, p.error), (6, 2), textcoords="offset points", fontsize=8
+        name,
+        (p.seconds, p.error),
+        (6, 2),
+        textcoords="offset points",
+        fontsize=8,
     )
 ax.set_xlim(right=1)
 ax.set_title("Error against processor time; open: wrong itinerary")
@@ -96,7 +114,10 @@ for name, question in questions.items():
     found = ladder(*question)
     print(f"{name:12}", found.reason)
     # sphinx_gallery_start_ignore
-    assert found.recommended == {"oscillator": "Coulomb", "presliding": None}[name]
+    assert (
+        found.recommended
+        == {"oscillator": "Coulomb", "presliding": None}[name]
+    )
     # sphinx_gallery_end_ignore
 
 # %%
