@@ -12,8 +12,6 @@ from typing import Any
 
 import sympy as sp
 
-__all__ = ["numpy_function"]
-
 
 def numpy_function(arguments: sp.Symbol | Sequence[sp.Symbol], expression: Any, *, cse: bool = False) -> Any:
     """A function of numbers or arrays for an expression or a Tuple of them.
