@@ -10,6 +10,7 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
+from .lanes import load8, store8
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import record_ambiguity, record_point
 from .rhythm import expected, forget_rhythm, note_rhythm
@@ -90,7 +91,9 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
     best = NO_ROOT
     if lo - rest > -1.0 and hi + rest < 1.0:
         return best
-    for side in range(1, -2, -2):
+    heading = 1 if at(poly, 1) > 0.0 else -1
+    for turn in range(2):
+        side = heading if turn == 0 else -heading
         drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
         scaled(row, power, poly, degree, drop, -1.0 * side)
         if drop == 0:
@@ -103,9 +106,21 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
                 size += abs(poly[k])
             if size <= C.rtol:
                 continue
+        if best > 1.0:
+            best = first_root(P, W, poly, degree - drop)
+            if best <= 1.0:
+                W.exit_side[j] = side
+            continue
+        # The other bound matters up to there only, and is hardly ever near.
+        powers(W.end_power, best)
+        for k in range(0, degree - drop + 1, 8):
+            store8(poly, k, load8(poly, k) * load8(W.end_power, k))
+        W.answer[4] = 0.0
         s = first_root(P, W, poly, degree - drop)
-        if s < best:
-            best = s
+        if W.code[8] == 1:
+            W.answer[6] *= best
+        if s < 1.0 and best > 0.0:
+            best *= s
             W.exit_side[j] = side
     return best
 

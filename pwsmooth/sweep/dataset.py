@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@functools.cache  # what this process has loaded, whatever becomes of the files
 def version_items() -> dict[str, str]:
     """What computes: two sweeps of equal versions on one kind of processor give equal bits."""
     from importlib.metadata import PackageNotFoundError, version
