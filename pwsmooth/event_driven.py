@@ -12,12 +12,14 @@ from collections.abc import Mapping
 import numpy as np
 import sympy as sp
 
+from . import memory
 from .model import Model
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from .solution import Solution
 
 _LOOP = 40  # events in a row at one instant that make a loop
 _ROOM = 1024  # points that the first buffers hold; every next ones hold four times as many
+_LARGE = 2**27  # bytes, above which they hold twice as many
 
 
 class EventDriven:
@@ -64,8 +66,11 @@ class EventDriven:
         state = self.fresh_state(t0, start)
         record = self._record(_ROOM, None, state.counts)
         while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
-            # Between two visits Ctrl-C works; the room grows geometrically.
-            record = self._record(4 * len(record.t), record, state.counts)
+            # Between two visits Ctrl-C works; the room grows geometrically, more slowly where it is large.
+            factor = 4 if self._bytes(4 * len(record.t)) < _LARGE else 2
+            if not memory.fits(self._bytes(factor * len(record.t))):
+                break
+            record = self._record(factor * len(record.t), record, state.counts)
         self.code, self.state, self.record = code, state, record
 
     def fresh_state(self, t0, start):
@@ -82,19 +87,27 @@ class EventDriven:
             last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
         )
 
-    def _record(self, room, old, counts):
-        """Buffers for `room` points and events, with what `old` holds copied over."""
-        names, n, m = self.names, self.sizes.n, self.sizes.m
+    def _shapes(self, room):
+        """Shapes of the buffers for `room` points and events; eight bytes an entry are enough."""
+        n, m = self.sizes.n, self.sizes.m
         dense = room if self.dense else 0
-        asked = np.empty(0) if self.times is None else self.times
-        shapes = {
+        return {
             "t": (room,), "x": (room, n), "mult": (room, m), "event_t": (room,), "event": (room, 4),
             "ambiguity_t": (room,), "ambiguity": (room, 3), "dense": (dense, n + m + 1, self.order + 1),
             "dense_s": (dense,), "status": (room, m),
         }  # fmt: skip
+
+    def _bytes(self, room):
+        return sum(8 * math.prod(shape) for shape in self._shapes(room).values())
+
+    def _record(self, room, old, counts):
+        """Buffers for `room` points and events, with what `old` holds copied over."""
+        names, n, m = self.names, self.sizes.n, self.sizes.m
+        asked = np.empty(0) if self.times is None else self.times
+        shapes = self._shapes(room)
         dtypes = {"event": np.int64, "ambiguity": np.int64, "status": np.int8}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
-        arena = np.empty(sum(8 * math.prod(shape) for shape in shapes.values()), np.uint8)
+        arena = np.empty(self._bytes(room), np.uint8)
         buffers, start = {}, 0
         for name, shape in shapes.items():
             dtype = np.dtype(dtypes.get(name, float))
@@ -275,6 +288,7 @@ def _outcomes(names) -> dict[int, Outcome]:
         names.NEWTON_FAILED: Outcome.SINGULAR,
         names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
         names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+        names.FULL: Outcome.OUT_OF_MEMORY,
     }
 
 

@@ -48,6 +48,8 @@ class Outcome(IntEnum):
         The layer system neither settled nor left.
     DETERMINACY_LOST
         A two-fold, from which many solutions leave.
+    OUT_OF_MEMORY
+        The steps that are kept no longer fit into memory.
 
     Notes
     -----
@@ -76,6 +78,7 @@ class Outcome(IntEnum):
     SINGULAR = -9
     LAYER_UNSETTLED = -11
     DETERMINACY_LOST = -12
+    OUT_OF_MEMORY = -13
 
     @property
     def text(self) -> str:
@@ -115,6 +118,8 @@ _TEXTS = {
     "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
     Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none "
     "is distinguished: see `ambiguities`; a smoothed view decides for one.",
+    Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
+    "without `dense_output`, go in several spans, or see why the steps are so short.",
 }
 
 

@@ -105,6 +105,7 @@ def _own(model, t_span, start, p, options, max_steps):
         S.UNDERFLOW: Outcome.STEP_UNDERFLOW,
         S.TOO_MANY: Outcome.TOO_MANY_STEPS,
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
+        S.FULL: Outcome.OUT_OF_MEMORY,
     }[run.status]
     events = [
         EventRecord(when, model.events[i].name, "terminal" if model.events[i].terminal else "reset")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pwsmooth import memory
 from pwsmooth.kernels import stiff_state as S
 from pwsmooth.model import Model
 from pwsmooth.stiff_run import core
@@ -188,6 +189,9 @@ def integrate(
             for i in range(cnt[S.N_RECORDS])
         ]
         if status != S.FULL:
+            break
+        # The Solution will hold the polynomials once more, of degree 16 at most.
+        if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break
     counters = {
         "steps": int(cnt[S.STEPS]),

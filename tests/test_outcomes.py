@@ -255,3 +255,35 @@ def test_rest_under_exactly_the_largest_friction_is_rest(side):
     solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: side, v: 0})
     assert solution.success and solution.x[:, -1].tolist() == [side, 0.0]
     assert solution["sgn(v)"][-1] == -side
+
+
+# ---- the machine's memory
+
+
+@pytest.mark.parametrize(
+    ("system", "end", "begin"),
+    [
+        (System({x: v, v: -x - sp.sign(v + 3) / 8}), 2e4, {x: 1, v: 0}),
+        (System({x: v, v: -x - sp.sign(v)}).smoothed(eps=1.0), 1e6, {x: 1, v: 0}),
+    ],
+    ids=["event-driven", "smoothed"],
+)
+def test_steps_that_do_not_fit_into_memory_end_the_run(system, end, begin, monkeypatch):
+    from pwsmooth import memory
+
+    monkeypatch.setattr(memory, "_SMALL", 0)
+    monkeypatch.setattr(memory, "available", lambda: 4e6)
+    solution = stopped(
+        solve(system, (0, end), begin, dense_output=True, max_step=0.01, max_steps=200_000), Outcome.OUT_OF_MEMORY
+    )
+    # The first buffers, of 1024 points with those of events, are there without asking.
+    assert 9.0 < solution.t[-1] < 0.99 * 0.01 * 200_000
+    # What was kept is whole.
+    assert np.isfinite(solution(np.linspace(0, solution.t[-1], 100))).all()
+
+
+def test_available_memory_is_what_the_system_says():
+    from pwsmooth import memory
+
+    assert memory.available() > 2**20
+    assert memory.fits(1.0) and (memory.available() == math.inf or not memory.fits(1e18))
