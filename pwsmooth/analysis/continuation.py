@@ -135,6 +135,10 @@ def follow(
 
     Notes
     -----
+    A period is shot over in one piece: where the largest multiplier m has grown so far that m times the rounding of
+    a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and
+    `end` says so; the orbit may well go on.
+
     Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Kowalczyk,
     Nordmark, Int. J.
     Bifurcation Chaos 12 (2002) 2917.
