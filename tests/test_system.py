@@ -126,6 +126,13 @@ def test_the_repr_lists_hidden_terms_and_classes():
     assert "-lam**2/beta + 1/beta   in z'" in text
 
 
+def test_the_repr_says_so_where_filippovs_convention_stands_in_place_of_hidden_terms():
+    lam = Switch("lam", x)
+    rates = {x: -lam * (2 - lam**2)}
+    assert "convex combination" in repr(System(rates, convention="filippov"))
+    assert "convex combination" not in repr(System(rates)) and "hidden terms" in repr(System(rates))
+
+
 def test_filippovs_convention_takes_the_convex_combination():
     hidden = Switch("lam", x)
     rates = {x: -hidden, y: 2 * hidden**2 - 1}
