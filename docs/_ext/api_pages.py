@@ -32,9 +32,6 @@ def write_pages() -> None:
         by_module[module][name] = value
     for module, names in by_module.items():
         write(API / f"{module}.rst", _module_page(module, names))
-    for old in API.glob("pwsmooth*.rst"):
-        if old.stem not in by_module:
-            old.unlink()
     write(API / "index.rst", _index(by_module))
 
 

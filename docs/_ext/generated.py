@@ -6,7 +6,7 @@ import api_pages
 import docstring_rules
 import figure_pages
 import study_pages
-from page import AUTO, ROOT, write
+from page import AUTO, ROOT, forget_old_pages, write
 from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
@@ -23,6 +23,7 @@ def generate(app):
         figure_pages.write_pages(Path(app.config.pwsmooth_figures))
     except FileNotFoundError as error:
         raise ExtensionError(str(error)) from error
+    forget_old_pages(api_pages.API, figure_pages.GALLERY, study_pages.STUDIES)
     for name in ("CHANGELOG", "CONTRIBUTING"):
         source = ROOT / f"{name}.md"
         if source.is_file():

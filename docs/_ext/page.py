@@ -164,11 +164,23 @@ def provenance_text(record: dict[str, Any]) -> str:
     return plain(f"{versions}; {', '.join(rest)}" if versions else ", ".join(rest))
 
 
+_written: set[Path] = set()
+
+
 def write(path: Path, text: str) -> None:
-    """Write a page if it says something new, so that Sphinx reads again only what changed."""
+    """Write a page if it says something new."""
+    _written.add(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
+
+
+def forget_old_pages(*folders: Path) -> None:
+    """Remove pages of earlier builds, whose figure, experiment or module is gone."""
+    for folder in folders:
+        for path in [*folder.rglob("*.md"), *folder.rglob("*.rst")]:
+            if path not in _written:
+                path.unlink()
 
 
 def picture(source: Path, target: Path, *, thumbnail: int = 480) -> None:
