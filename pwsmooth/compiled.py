@@ -120,7 +120,20 @@ class CompiledProblem:
         )
 
     def problem(self, p: np.ndarray, runge_kutta: bool = False):
-        """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair."""
+        """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair.
+
+        This thread's last one is kept: some forty arrays, half of the cost of a short run, depend on p alone.
+        """
+        kept = self._scratch.__dict__.setdefault("problems", {})
+        known, made = kept.get(runge_kutta, (None, None))
+        if known != p.tobytes():
+            made = self.new_problem(p.copy(), runge_kutta)
+            kept[runge_kutta] = p.tobytes(), made
+        made.p[:] = p  # a sweep writes each orbit's values there
+        return made
+
+    def new_problem(self, p: np.ndarray, runge_kutta: bool = False):
+        """A Problem that nobody else has."""
         fixed = self.fixed
         if runge_kutta or self.singular:
             fixed = fixed | dict(rk_unit=unit_address("rk_unit"))

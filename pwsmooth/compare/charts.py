@@ -88,7 +88,8 @@ def plot_work(
                 markerfacecolor="white" if wrong else colour, label=None if wrong else name,
             )  # fmt: skip
         if x:
-            ends.append((x[-1], y[-1], SHORT.get(name, name), colour))
+            # Where a line turns back, its name stands beside it, not on it.
+            ends.append((max(x) if x[-1] > 0.2 * max(x) else x[-1], y[-1], SHORT.get(name, name), colour))
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(min(1e-15, axes.get_ylim()[0]), min(axes.get_ylim()[1], 1e1))

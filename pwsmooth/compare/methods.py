@@ -18,6 +18,7 @@ COARSE = LOOSE[:7]  # of methods that ignore events: tighter tolerances only tak
 STEPS = tuple(0.5**k for k in range(0, 14, 2))
 # eps is an accuracy knob of its own: which tolerance goes with which eps is for the measurement to say.
 WIDTHS = tuple((10.0**-k, 10.0**-j) for k in range(1, 11) for j in (3, 5, 7, 9) if j <= k + 4)
+NARROW = tuple((10.0**-k, 10.0 ** -(k + 2)) for k in range(1, 8))  # tighter ones only take longer
 ORDERS = (8, 12, 16, 20, 24, 28)
 
 #: The methods by name, as `work_precision` takes them.
@@ -41,7 +42,7 @@ METHODS = {
         Method("Moreau-Jean", "time stepping", "step", STEPS, time_stepping, options="theta = 1/2, compiled"),
         Method("heyoka, events", "heyoka", "rtol", LOOSE[2:], rivals.heyoka_events, "heyoka",
                "terminal events, one compiled integrator a mode, sides as parameters, fast_math"),
-        Method("heyoka, smoothed", "heyoka", "(eps, rtol)", WIDTHS, rivals.heyoka_smoothed, "heyoka",
+        Method("heyoka, smoothed", "heyoka", "(eps, rtol)", NARROW, rivals.heyoka_smoothed, "heyoka",
                "algebraic sigmoid, fast_math"),
         Method("CVODE, events", "CVODE", "rtol", LOOSE, rivals.cvode_events("Adams"), "scikit-sundae",
                "Adams, root finding, restarted, longest step bounded"),
