@@ -1,22 +1,27 @@
 """Work against precision: references of two paths, baselines, and points that are judged rightly."""
 
 import math
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy as sp
 
+from pwsmooth import System
 from pwsmooth.compare.cases import CASES
-from pwsmooth.compare.charts import plot_work
-from pwsmooth.compare.measuring import work_precision
+from pwsmooth.compare.charts import best_width, envelope, plot_work
+from pwsmooth.compare.measuring import Point, WorkPrecision, work_precision
 from pwsmooth.compare.methods import METHODS, Method, Run
 from pwsmooth.compare.own import inside_layers
 from pwsmooth.compare.plain import plain
 from pwsmooth.compare.restarting import restarted
 from pwsmooth.compare.rivals import statuses
 from pwsmooth.compare.timestepping import bouncing, stepper
+from pwsmooth.scenes import Scene
 
 
-@pytest.mark.parametrize("name", ["sticking", "hidden", "relay", "belt", "chain", "ball"])
+@pytest.mark.parametrize("name", [name for name in CASES if name != "crossing"])  # as "sticking", and longer
 def test_two_paths_without_common_code_agree(name):
     # `reference` raises where they differ by more than 1e-9 or in their events
     assert CASES[name].reference.uncertainty < 1e-9
@@ -100,9 +105,83 @@ def _axes():
     return Figure().subplots()
 
 
+def test_a_scene_of_ones_own_is_measured_against_its_reference():
+    x, v = sp.symbols("x v", real=True)
+    # x'' = -sign(x'), from rest at 1 under x'' = -sign v - x/2: sticks at once, |x/2| < 1
+    scene = Scene("block", System({x: v, v: -x / 2 - sp.sign(v)}), {"x": 1.0, "v": 1.0}, (0, 6))
+
+    def exact(time):
+        # -x'' = 1 + x/2 until v = 0: x + 2 = A cos(w s) + B sin(w s), w^2 = 1/2; then it sticks where |x| <= 2
+        w = math.sqrt(0.5)
+        stop = math.atan2(1 / w, 3.0) / w
+        s = min(time, stop)
+        speed = math.cos(w * s) - 3 * w * math.sin(w * s)
+        return 3 * math.cos(w * s) + math.sin(w * s) / w - 2, speed if time < stop else 0.0
+
+    data = work_precision(scene, ["event-driven", "DOP853, restarted"], [1e-6, 1e-9], reference=exact, repeats=1)
+    assert [p.setting for p in data] == [1e-6, 1e-9, 1e-6, 1e-9]
+    assert data.references["block"]["source"] == "closed form" and data.references["block"]["events"] == 1
+    # ten times the tolerance: the error of a step is kept, not that of the run
+    assert all(p.itinerary == "right" and p.error < 10 * p.setting for p in data)
+    assert list(data.cheapest(1e-8))[0] == "event-driven" and len(data.plot().lines) >= 4
+
+
+def test_what_is_cheapest_counts_only_right_itineraries():
+    def point(method, error, seconds, itinerary="right"):
+        return Point("case", method, "smoothed", (error, 1e-3), error, 0.0, itinerary, seconds, 0.0, 1)
+
+    data = WorkPrecision([point("a", 1e-5, 3.0), point("a", 1e-7, 5.0), point("a", 1e-2, 1.0), point("b", 1e-6, 2.0),
+                          point("c", 1e-9, 0.1, "wrong")])  # fmt: skip
+    assert {name: p.seconds for name, p in data.cheapest(1e-4).items()} == {"b": 2.0, "a": 3.0}
+    assert [p.error for p in envelope([*data, point("a", 1e-3, 4.0)])] == [1e-2, 1e-6, 1e-7]
+    assert best_width(data, 1e-6).setting == (1e-6, 1e-3) and best_width(data, 1e-8) is None
+
+
+def test_a_peer_that_is_not_installed_is_listed_as_absent(monkeypatch):
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    (point,) = work_precision("relay", ["heyoka, events"], [1e-7], repeats=1)
+    assert point.note == "not installed: heyoka" and math.isnan(point.error)
+
+
 @pytest.mark.parametrize(
-    ("options", "message"), [({"scene": ["balls"]}, "`scene`"), ({"methods": ["rk"]}, "`methods`")]
+    ("package", "method"),
+    [("heyoka", "heyoka, events"), ("sksundae", "CVODE, events"), ("numbalsoda", "numbalsoda DOP853, events"),
+     ("diffrax", "diffrax, events"), ("nosnoc", "nosnoc, 4 stages"), ("solve_nivp", "solve_nivp")],
+)  # fmt: skip
+def test_a_peer_that_is_installed_slides(package, method):
+    pytest.importorskip(package)
+    (point,) = work_precision("relay", [replace(METHODS[method], settings=METHODS[method].settings[1:2])], repeats=1)
+    # the tolerances there are 1e-4 or less, of solve_nivp's second-order method too
+    assert point.error < 1e-3 and point.itinerary != "wrong"
+
+
+def test_events_with_memories_are_followed_without_the_kernels():
+    case = CASES["slider-crank"]
+    functions = plain(case.system)
+    # touch-down, slow touch-down and lift-off lie on the wall's surface: one wall, three events
+    assert [k for k, _, _ in functions.events] == [0, 0, 0] and [d for _, d, _ in functions.events] == [1, 1, -1]
+    # in flight the force, and with it the second switch, plays no part
+    assert functions.matters((-1, 1)) == (True, False) and functions.matters((1, 1)) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"scene": ["balls"]}, "`scene`"),
+        ({"methods": ["rk"]}, "`methods`"),
+        ({"scene": "ball", "tolerances": [0.0]}, "`tolerances`"),
+        ({"scene": "ball", "reference": lambda t: (0.0, 0.0)}, "`reference`"),
+    ],
 )
 def test_unknown_names_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         work_precision(**options)
+
+
+def test_a_scene_that_begins_late_and_no_scene_are_refused():
+    x = sp.Symbol("x", real=True)
+    late = Scene("late", System({x: -sp.sign(x)}), {"x": 1.0}, (1, 2))
+    with pytest.raises(ValueError, match="begins at t = 1"):
+        work_precision(late, ["event-driven"])
+    with pytest.raises(TypeError, match="`scene` is 3"):
+        work_precision(3, ["event-driven"])

@@ -75,8 +75,8 @@ class Run:
         return self.events() if callable(self.events) else self.events
 
 
-MOST = 100_000  # evaluations of a right-hand side through Python
-MANY = 2_000_000  # the same for compiled ones
+MOST = 50_000  # evaluations of a right-hand side through Python
+MANY = 500_000  # the same for compiled ones
 Runner = Callable[[float], Run]
 
 

@@ -220,10 +220,10 @@ def diffrax_events(case: Case, rtol: float) -> Runner:
     from .peers.diffrax import modes
 
     options = case.tolerances(rtol)
-    made = modes(case.system, plain(case.system), rtol, tuple(options["atol"].tolist()), case.longest, MANY // 13)
+    made = modes(case.system, plain(case.system), case.longest, MANY // 13)
 
     def run(t_end: float) -> Run:
-        return Run(*made.run(t_end, np.array(case.start, float)))
+        return Run(*made.run(t_end, np.array(case.start, float), **options))
 
     return run
 

@@ -42,8 +42,7 @@ def function(expressions: Any, model: Model, numbers: dict) -> Any:
 class Modes:
     """One compiled solve for all modes of a model."""
 
-    def __init__(self, model: Model, values: Any, functions: Plain, rtol: float, atol: tuple, longest: float,
-                 most: int) -> None:  # fmt: skip
+    def __init__(self, model: Model, values: Any, functions: Plain, longest: float, most: int) -> None:
         import diffrax as dfx
         import jax
         import optimistix as optx
@@ -83,10 +82,10 @@ class Modes:
 
         term = dfx.ODETerm(lambda t, x, args: rates(t, x, multipliers(t, x, args[0])))
         event = dfx.Event([margin(k) for k in range(nw)], optx.Newton(1e-13, 1e-13, optx.rms_norm), direction=False)
-        scale = jnp.array(atol)
-        control = dfx.PIDController(rtol=rtol, atol=scale, dtmax=longest)
 
-        def run(t, end, x, status, watched):
+        # Tolerances are arguments, so that one compilation serves all.
+        def run(t, end, x, status, watched, rtol, atol):
+            control = dfx.PIDController(rtol=rtol, atol=atol, dtmax=longest)
             out = dfx.diffeqsolve(
                 term, dfx.Dopri8(), t, end, None, x, (status, t, watched), stepsize_controller=control, event=event,
                 max_steps=most, throw=False, saveat=dfx.SaveAt(t1=True),
@@ -95,31 +94,32 @@ class Modes:
 
         self.solve = jax.jit(run)
 
-    def advance(self, t, end, x, status, watched):
-        """For `follow`."""
+    def advance(self, rtol, atol, t, end, x, status, watched):
+        """For `follow`, at given tolerances."""
         seen = np.zeros(self.functions.n_walls, bool)
         seen[list(watched)] = True
-        now, y, mask, steps = self.solve(t, end, x, status.astype(float), seen)
+        now, y, mask, steps = self.solve(t, end, x, status.astype(float), seen, rtol, atol)
         mask = np.asarray(mask)
         if not mask.any() and float(now) < end:
             raise RuntimeError("diffrax did not reach the end")
         # Dopri8 has 14 stages, the first of which is the last of the step before.
         return Strike(float(now), np.array(y), int(np.argmax(mask)) if mask.any() else None, 13 * int(steps))
 
-    def run(self, t_end: float, x0: np.ndarray) -> Any:
+    def run(self, t_end: float, x0: np.ndarray, rtol: float, atol: np.ndarray) -> Any:
         """(state at the end, events, evaluations)"""
-        return follow(self.rules, self.advance, (0.0, t_end), x0, most=2000)
+        advance = functools.partial(self.advance, rtol, atol)
+        return follow(self.rules, advance, (0.0, t_end), x0, most=2000)
 
 
 @functools.lru_cache(maxsize=256)
-def modes(system: Any, functions: Plain, rtol: float, atol: tuple, longest: float, most: int) -> Modes:
+def modes(system: Any, functions: Plain, longest: float, most: int) -> Modes:
     """Kept: compilation is no part of a run."""
-    return Modes(system.model, tuple(map(float, system.parameter_values)), functions, rtol, atol, longest, most)
+    return Modes(system.model, tuple(map(float, system.parameter_values)), functions, longest, most)
 
 
 @functools.lru_cache(maxsize=256)
-def ignoring(system: Any, rtol: float, atol: tuple, most: int) -> Any:
-    """A compiled Dopri8 on the right-hand side with its bare sign: (x0, t_end) -> x, steps."""
+def ignoring(system: Any, most: int) -> Any:
+    """A compiled Dopri8 on the right-hand side with its bare sign: (x0, t_end, rtol, atol) -> x, steps, success."""
     import diffrax as dfx
     import jax
 
@@ -136,9 +136,8 @@ def ignoring(system: Any, rtol: float, atol: tuple, most: int) -> Any:
             lam = lam.at[j].set(jnp.sign(surfaces(t, x, lam)[j]))
         return rates(t, x, lam)
 
-    control = dfx.PIDController(rtol=rtol, atol=jnp.array(atol))
-
-    def run(x0, t_end):
+    def run(x0, t_end, rtol, atol):
+        control = dfx.PIDController(rtol=rtol, atol=atol)
         out = dfx.diffeqsolve(
             dfx.ODETerm(bare), dfx.Dopri8(), 0.0, t_end, None, x0, stepsize_controller=control, max_steps=most,
             throw=False, saveat=dfx.SaveAt(t1=True),
@@ -150,7 +149,7 @@ def ignoring(system: Any, rtol: float, atol: tuple, most: int) -> Any:
 
 def solve_ignoring(system: Any, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int) -> Any:
     """(state at the end, evaluations); RuntimeError where the steps do not suffice."""
-    x, steps, ok = ignoring(system, rtol, tuple(atol.tolist()), most // 13)(x0, t_end)
+    x, steps, ok = ignoring(system, most // 13)(x0, t_end, rtol, atol)
     if not ok:
         raise RuntimeError(f"diffrax needs more than {most // 13} steps")
     return np.array(x), 13 * int(steps)
