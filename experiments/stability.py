@@ -1,7 +1,7 @@
 """Where does each method break, and how? Maps of hazards, with the border that theory draws over the measured one.
 
 Every hazard is a plane: the ratio that decides (a step, a tolerance, a distance) against a circumstance. A method is
-run at every point, and each run is put into one way of failing by the rules of pwsmooth/compare/stability/failures.py.
+run at every point, and each run is put into one way of failing by the rules of pwsmooth/compare/hazards/failures.py.
 Runs are bounded in evaluations, so that a stall is seen as one.
 
 Expected: explicit steps fail at the border of linear theory; error control alone steps over layers that are thinner
@@ -24,8 +24,8 @@ from benchtools import provenance, write_json
 from studytools import RESULTS, claim
 
 from pwsmooth import plotting
-from pwsmooth.compare.stability import HAZARDS, StabilityMap, stability
-from pwsmooth.compare.stability.charts import page
+from pwsmooth.compare.hazards import HAZARDS, StabilityMap, stability
+from pwsmooth.compare.hazards.charts import page
 from pwsmooth.figures import write_whole
 
 QUESTION = "Where does each method break on nonsmooth systems, and how?"

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from pwsmooth.compare.stability import HAZARDS, Axis, Finding, Hazard, stability
-from pwsmooth.compare.stability.charts import page, plot_map
-from pwsmooth.compare.stability.failures import Collapsed, Stalled, attempt, held
-from pwsmooth.compare.stability.fixed import compiled, fixed, longest_stable
-from pwsmooth.compare.stability.maps import StabilityMap, hazard
-from pwsmooth.compare.stability.tables import markdown, what_happens
+from pwsmooth.compare.hazards import HAZARDS, Axis, Finding, Hazard, stability
+from pwsmooth.compare.hazards.charts import page, plot_map
+from pwsmooth.compare.hazards.failures import Collapsed, Stalled, attempt, held
+from pwsmooth.compare.hazards.fixed import compiled, fixed, longest_stable
+from pwsmooth.compare.hazards.maps import StabilityMap, built_in
+from pwsmooth.compare.hazards.tables import markdown, what_happens
 
 
 def made(methods=None, worse="right"):
@@ -115,7 +115,7 @@ def test_explicit_steps_fail_where_theory_says(name):
 
 @pytest.mark.parametrize("name", list(HAZARDS))
 def test_every_hazard_says_what_it_is(name):
-    one = hazard(name, fast=True)
+    one = built_in(name, fast=True)
     assert one.name == name and one.title and one.truth and len(one.x) > 1
     assert not one.rows.words or len(one.rows.words) == len(one.rows)
     assert any(m.startswith(("event-driven", "smoothed path")) for m in one.methods)
@@ -126,7 +126,7 @@ def test_every_hazard_says_what_it_is(name):
 OWN = [
     (name, method)
     for name in HAZARDS
-    for method in hazard(name, fast=True).methods
+    for method in built_in(name, fast=True).methods
     if method in ("event-driven", "event-driven, layered", "smoothed path")
 ]
 # A smoothed contact creeps, follows its folds with delay and holds small kicks: another answer than the limit's.
@@ -161,12 +161,12 @@ def test_the_smoothed_stand_in_leaves_the_limit_where_theory_says(name):
 
 def test_sticks_of_a_thousand_cycles_are_exactly_at_rest():
     # size is the largest |x| and |v|
-    assert hazard("long-stick").methods["event-driven"](1000.0, 0.99) == Finding("right", 0.0)
+    assert built_in("long-stick").methods["event-driven"](1000.0, 0.99) == Finding("right", 0.0)
 
 
 @pytest.mark.parametrize("distance", [10.0**-k for k in range(3, 13)])
 def test_grazing_is_decided_down_to_1e_12(distance):
-    one = hazard("grazing")
+    one = built_in("grazing")
     for row in one.rows.values:
         found = one.methods["event-driven"](distance, row)
         assert found.kind == "right" or (found.kind == "recorded" and distance < 1e-11)
@@ -174,7 +174,7 @@ def test_grazing_is_decided_down_to_1e_12(distance):
 
 def test_the_pair_holds_its_surfaces_together():
     # z counts how long both slid: arrivals between 1e-16 and 0.1 apart
-    one = hazard("simultaneous")
+    one = built_in("simultaneous")
     for separation in one.x.values:
         for row in one.rows.values:
             assert one.methods["event-driven"](separation, row).kind == "right"

@@ -12,6 +12,7 @@ _HOME = {
     "WorkPrecision": "measuring",
     "work_precision": "measuring",
     "ladder": "ladders",
+    "stability": "hazards",
 }
 
 __all__ = ["CASES", "METHODS", "Case", "Method", "Point", "WorkPrecision", "case_of", "ladder", "work_precision"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,14 +47,14 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Axis:
-    """Values of one coordinate of a map.
+    """One coordinate of a map.
 
-    Attributes
+    Parameters
     ----------
     name : str
         With its unit.
-    values : tuple of float, in the unit that the name says
-        Numbers, or the numbers of cases.
+    values : tuple of float
+        In order, all positive or evenly spaced, in the unit that the name says.
     words : tuple of str
         Names of the values where they are cases and no numbers.
 
@@ -64,8 +64,8 @@ class Axis:
 
     Examples
     --------
-    >>> from pwsmooth.compare.stability import Axis
-    >>> len(Axis("h (s)", (0.1, 0.2, 0.5)))
+    >>> from pwsmooth.compare.hazards import Axis
+    >>> len(Axis("step h (s)", (1e-3, 1e-2, 1e-1)))
     3
     """
 
@@ -79,18 +79,18 @@ class Axis:
 
 @dataclass(frozen=True)
 class Hazard:
-    """One map to be made: a plane of situations, the methods that are tried there, the border that theory draws.
+    """One map to be made.
 
     Parameters
     ----------
     name, title : str
-        For the command line, and in words.
+        For data files, and for readers.
     x, rows : Axis
         The ratio that decides, and the circumstance: every method is tried at every pair.
-    methods : dict of str to callable
+    methods : dict of str to Trial
         (x, row) -> one Finding, or one for every start tried there.
     border : callable, optional
-        (method, row) -> x at which theory has the method fail; nan where it says nothing.
+        (method, row) -> x at which theory has the method fail; nan where it says nothing, as everywhere without it.
     law : str
         The border in words.
     worse : {"right", "left"}
@@ -102,17 +102,20 @@ class Hazard:
 
     Notes
     -----
-    Source: defined here; each built-in hazard names its own in `truth` and `law`.
+    Source: defined here.
 
     Examples
     --------
-    >>> from pwsmooth.compare.stability import Axis, Finding, Hazard
-    >>> def euler(h, rate):
-    ...     return Finding("right" if abs(1 - h * rate) <= 1 else "blow-up")
-    >>> decay = Hazard("decay", "Euler's method on x' = -rate x", Axis("h (s)", (0.5, 1.5, 2.5)),
-    ...                Axis("rate (1/s)", (1.0, 2.0)), {"explicit Euler": euler}, border=lambda method, rate: 2 / rate)
-    >>> decay.methods["explicit Euler"](2.5, 1.0).kind
-    'blow-up'
+    A hazard of one's own: Euler's method on x' = -100 x.
+
+    >>> from pwsmooth.compare import stability
+    >>> from pwsmooth.compare.hazards import Axis, Finding, Hazard
+    >>> def euler(h, row):
+    ...     return Finding("energy growth" if abs(1 - 100 * h) > 1 else "right")
+    >>> mine = Hazard("decay", "x' = -100 x", Axis("h (s)", (0.005, 0.01, 0.05)), Axis("", (0.0,)),
+    ...               {"explicit Euler": euler}, border=lambda method, row: 0.02, law="h = 2/100")
+    >>> stability(mine).table_row()
+    {'explicit Euler': "energy growth 33 %, at theory's border"}
     """
 
     name: str
@@ -120,7 +123,7 @@ class Hazard:
     x: Axis
     rows: Axis
     methods: dict[str, Trial]
-    border: Callable[[str, float], float] = field(default=lambda method, row: float("nan"))
+    border: Callable[[str, float], float] | None = None
     law: str = ""
     worse: str = "right"
     unit: str = ""

@@ -36,10 +36,10 @@ def _exact(name: str) -> np.ndarray:
 
 
 def judged(case: Case, state: np.ndarray, rtol: float) -> Finding:
-    off = float(np.max(np.abs(state - _exact(case.name))))
+    off = case.apart(state, _exact(case.name))
     if not np.isfinite(off):
         return Finding("blow-up")
-    if off > 0.1 * case.scale:
+    if off > 0.1:
         return Finding("wrong itinerary", off)
     # A thousand tolerances, of events that are met without being located.
     return Finding("inaccurate" if off > max(1e3 * rtol, 1e-6) else "right", off)

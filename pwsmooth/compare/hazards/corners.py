@@ -100,7 +100,7 @@ def accumulation(fast: bool) -> Hazard:
     def scipy(q: float, row: float) -> Finding:
         system, end, start = problem(q, row)
         return attempt(
-            lambda: stopped(system, (0.0, end), start, max_step=end / 100, restitution=q),
+            lambda: stopped(system, (0.0, end), start, max_step=end / 100),
             lambda state: judged(state, row, 1e-6),
         )
 

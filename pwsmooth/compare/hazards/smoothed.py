@@ -3,9 +3,9 @@
     y' = v,  v' = -sigma sin t - k y - c v - N L(v/eps)(1 + rho z),  beta z' = 1 - L(v/eps)^2 - z
 
 A step that passes the layer |v| < eps at once sees none of it: the run goes on as if there were no friction change,
-and reports success. The error test sees the layer only where rtol |v| is below its width: rtol < eps for starts at
-random, about eps/100 where v dips into it tangentially (measured). Beyond the layer the tails of tanh and erf
-underflow, so that a method that looks at derivatives, however high, is blind to them at any tolerance.
+and reports success. The error test sees the layer only where rtol |v| is below its width, rtol < eps; where v dips
+into it tangentially the shorter stay asks for more, the more so the higher the order. Outside of the layer the tails
+of tanh and erf underflow, so that a method that looks at derivatives, however high, is blind to them at any tolerance.
 A run is wrong where its state after 1.5 periods is off by more than 0.05: another decision between crossing and
 sticking.
 """
@@ -243,8 +243,8 @@ def smoothed_grazing(fast: bool) -> Hazard:
         Axis("rtol = atol", decades(-9, -2, 0.5 if fast else 1)),
         Axis("width ε = β", decades(-6, -2, 0.5 if fast else 1)),
         _trials(lambda eps: ("algebraic", eps, eps, grazing_starts(count, eps))),
-        lambda method, eps: math.inf if method == "smoothed path" else eps / 100,
-        "rtol = ε/100, the measured rule for tangential entry",
+        lambda method, eps: math.inf if method == "smoothed path" else eps,
+        "rtol = ε: the layer is below what the error test sees",
         unit="error of the state",
         truth=TRUTH,
     )

@@ -25,10 +25,10 @@ import numpy as np
 
 from ...records import Outcome
 
-#: Way of failing -> its colour, in every map.
+#: Ways a run can end -> their colours, the same in every map.
 KINDS = {
     "right": "#EDEFF2",
-    "recorded": "#9BD0F5",
+    "recorded": "#BFE5C0",
     "inaccurate": "#B8B8A0",
     "missed event": "#E69F00",
     "wrong itinerary": "#D62728",
@@ -47,17 +47,17 @@ MILLION = 1e6
 class Finding:
     """What one run came to.
 
-    Attributes
+    Parameters
     ----------
     kind : str
         A key of `KINDS`.
-    size : float, in units that the hazard names
-        The number behind the verdict; nan where there is none.
+    size : float
+        The number behind the verdict, in the unit that the hazard names; nan where there is none.
 
     Raises
     ------
     ValueError
-        A way of failing that is none of `KINDS`.
+        `kind` is none of `KINDS`.
 
     Notes
     -----
@@ -65,9 +65,9 @@ class Finding:
 
     Examples
     --------
-    >>> from pwsmooth.compare.stability import Finding
-    >>> Finding("creep in stick", size=1e-3)
-    Finding(kind='creep in stick', size=0.001)
+    >>> from pwsmooth.compare.hazards import Finding
+    >>> Finding("drift", 1e-3).kind
+    'drift'
     """
 
     kind: str
