@@ -9,7 +9,7 @@ can be measured, on your scene, before the study.
 # %%
 # Which method
 # ------------
-# :func:`~pwsmooth.compare.measuring.work_precision` runs methods on scenes whose answer is
+# :func:`~pwsmooth.compare.work_precision` runs methods on scenes whose answer is
 # known by an independent path and reports error against work. Besides the package's own paths
 # there are SciPy's integrators, restarted at located events as a careful user would or stepping
 # through the switch with a bare ``sign``, time stepping, and others where they are installed.
@@ -83,7 +83,7 @@ plt.show()
 # Which model
 # -----------
 # A law of ten states and a law of none may give the same amplitude, or the law of ten states
-# may be the only one that gives the loss. :func:`~pwsmooth.compare.ladders.ladder` runs the models of
+# may be the only one that gives the loss. :func:`~pwsmooth.compare.ladder` runs the models of
 # growing fidelity on a scene, takes the richest as the measure of the others, and names the
 # cheapest that is near enough for *one* observable and tolerance. Poorer models take their
 # parameters from the richest by rules, which it prints; nothing is tuned.
