@@ -16,7 +16,8 @@ from .codegen.units import UNITS, unit_address
 from .folds import fold_model
 from .kernels import state
 from .kernels.tables import bernstein_tables, halving_tables, short_tables
-from .model import Model, Multiplier
+from .model import EventSpec, Model, Multiplier
+from .pointwise import fingerprint
 
 _FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
@@ -106,6 +107,7 @@ class CompiledProblem:
             surface_state=surface_state,
             direction=numbers("events", [e.direction for e in text.events]),
             terminal=numbers("events", [int(e.terminal) for e in text.events]),
+            twin=numbers("events", [_twin(text, e) for e in text.events] if not loops else [0] * len(text.events)),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
@@ -268,6 +270,21 @@ def _kind(mu: Multiplier) -> int:
     if mu.kind == "switch":
         return {"kink": state.KINK, "sliding": state.SLIDING, "crossing": state.CROSSING}[mu.regularity]
     return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
+
+
+def _twin(model: Model, event: EventSpec) -> int:
+    """j + 1 with the factor's sign where the event's surface is that of switch j up to a factor; else 0."""
+    if event.surface is None:
+        return 0
+    fixed = frozenset(model.parameters)
+    key, _ = fingerprint(event.surface, fixed)
+    for j, mu in enumerate(model.multipliers):
+        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, fixed)[0] == key:
+            factor = sp.cancel(event.surface / mu.surface)
+            # One whose sign depends on the parameters' values tells no side.
+            if factor.free_symbols <= fixed and (factor.is_positive or factor.is_negative):
+                return j + 1 if factor.is_positive else -j - 1
+    return 0
 
 
 def _nested(mu: Multiplier, lams: set[sp.Symbol]) -> int:

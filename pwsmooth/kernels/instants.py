@@ -208,6 +208,11 @@ def at_instant(P, C, S, R, W):
         W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= _AT_ONCE * max(abs(t), h)
         if not W.hit[i] and elapsed > 1e-12 * (1.0 + abs(t)):
             S.deflate[i] = 0
+    for i in range(ne):
+        # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
+        j = abs(P.twin[i]) - 1
+        if j >= 0 and W.hit[m + i] != W.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+            W.hit[m + i] = W.hit[j] = True
     if fold >= 0:
         W.hit[fold] = False
     for j in range(m):
