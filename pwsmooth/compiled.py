@@ -107,7 +107,9 @@ class CompiledProblem:
             surface_state=surface_state,
             direction=numbers("events", [e.direction for e in text.events]),
             terminal=numbers("events", [int(e.terminal) for e in text.events]),
-            twin=numbers("events", [_twin(text, e) for e in text.events] if not loops else [0] * len(text.events)),
+            twin=numbers(
+                "events", [_twin(text, e) for e in text.events] if not loops else [0] * len(text.events)
+            ),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.

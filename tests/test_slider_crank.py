@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from pwsmooth.laws.contact import (
     Hertz,
@@ -14,7 +15,7 @@ from pwsmooth.laws.contact import (
     composite_modulus,
     journal_stiffness,
 )
-from pwsmooth.laws.friction import ModifiedCoulomb
+from pwsmooth.laws.friction import BoucWen, Coulomb, Dahl, LuGre, ModifiedCoulomb
 from pwsmooth.scenes import IdealSliderCrank, slider_crank
 
 E = composite_modulus(207e9, 0.3)
@@ -143,6 +144,38 @@ def test_the_rigid_law_meets_the_wall_at_the_same_instant_and_comes_to_rest_on_i
     assert solution["indentation"].max() < 1e-12
 
 
+def test_a_hundred_revolutions_at_a_loose_tolerance_lose_no_lift_off():
+    """A lift-off is the event's, the flag's and the force's at once, also where their series differ by a rounding."""
+    for order in (9, 16):
+        solution = joint(0.5e-3).solve((0, 30), rtol=1e-6, order=order)
+        assert solution.success
+        down, up = (solution.event_times("reset", name) for name in ("touch-down", "lift-off"))
+        assert len(down) > 3000
+        assert 0 <= len(down) - len(up) <= 1 and np.all(up >= down[: len(up)])
+
+
+@pytest.mark.parametrize("law", [LuGre(F_c=0.1, F_s=0.15), Dahl(F_c=0.1)])
+def test_bristles_act_in_the_joint(law):
+    scene = slider_crank(tangential=law)
+    runs = [scene.solve((0, 0.1), rtol=rtol) for rtol in (1e-9, 1e-11)]
+    assert all(run.success for run in runs)
+    first, second = (touch_downs(run)[0] for run in runs)
+    assert len(first) == len(second) > 10
+    assert first[:5] == pytest.approx(second[:5], abs=1e-8)
+    # Per unit of load: no bristle force without contact.
+    assert np.all(runs[0]["friction"][runs[0]["normal"] == 0] == 0)
+    assert np.abs(runs[0]["friction"]).max() > 1.0
+
+
+def test_rigid_impacts_with_coulomb_friction_are_no_hundred_thousand_terms():
+    scene = slider_crank(RigidImpact(e=0.5), Coulomb(F_c=0.01))
+    impact = next(m.impact for m in scene.system.model.multipliers if m.kind == "contact")
+    assert sum(sp.count_ops(e) for e in impact) < 2000
+    solution = scene.solve((0, 0.03), rtol=1e-10)
+    assert solution.event_times("impact")[0] == pytest.approx(FIRST[0.5e-3][0], abs=1e-13)
+    assert np.abs(solution["indentation"]).max() < 2 * 0.5e-3 and solution["indentation"].max() < 1e-12
+
+
 def test_residual_indentation_comes_back_to_a_wall_that_its_force_begins_at():
     """p* has decayed to 1e-17 m by the next touch-down: wall, force and its event lie within roundings."""
     solution = slider_crank(ResidualIndentation(K=5e10, beta=1e-5, gamma=1e6)).solve((0, 0.1), rtol=1e-8)
@@ -164,6 +197,7 @@ def test_residual_indentation_comes_back_to_a_wall_that_its_force_begins_at():
         (dict(rod=0.05), "longer than crank"),
         (dict(normal=LiuImpact(clearance=1e-3)), "the joint 0.0005"),
         (dict(tangential="coulomb"), "give a friction law"),
+        (dict(tangential=BoucWen()), "needs the position"),
     ],
 )
 def test_bad_input_is_refused_at_the_door(options, text):

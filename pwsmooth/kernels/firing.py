@@ -4,6 +4,8 @@ All events whose `when` holds fire from the values before, repeated until none n
 met rebound, close or open.
 """
 
+import math
+
 from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
@@ -41,7 +43,7 @@ def _meet_event(P, S, W, i):
 def _fire_events(P, C, S, R, W):
     """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5].
 
-    Keeps in W.tau the event surfaces before each update.
+    Keeps in W.tau the event surfaces before each update, and the switches' before the first.
     """
     m, n, ne = P.m, P.n, P.ne
     code = DONE
@@ -52,7 +54,7 @@ def _fire_events(P, C, S, R, W):
             W.before[k] = S.x[k]
             W.after[k] = S.x[k]
         call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
-        for i in range(m, m + ne):
+        for i in range(m if fired > 0 else 0, m + ne):
             W.tau[i] = W.h[i]
         for i in range(ne):
             if W.pending[i] == 1 and call_act(P.act, i, S.now[0], W.before, S.mult, P.p, W.after) != 0:
@@ -93,6 +95,8 @@ def _fire_events(P, C, S, R, W):
 def events(P, C, S, R, W):
     """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
     some = False
+    for j in range(P.m):
+        W.tau[j] = math.nan
     for i in range(P.ne):
         W.pending[i] = 0
         if W.hit[P.m + i]:
@@ -179,6 +183,8 @@ def sides_after_jump(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] >= CONTACT or S.status[j] == HELD:
             continue
+        if W.hit[j] and W.h[j] == W.tau[j]:
+            continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
             W.hit[j] = True  # still, or now, on its surface
             continue

@@ -97,6 +97,11 @@ def clearance_joint(
     name : str
         Put behind the names of the joint's symbols.
 
+    Raises
+    ------
+    ValueError
+        A friction law that needs more than the slip velocity.
+
     Returns
     -------
     ClearanceJoint
@@ -118,6 +123,11 @@ def clearance_joint(
     >>> [event.name for event in joint.pieces[0].events]
     ['touch-down', 'lift-off']
     """
+    if tangential is not None and tangential.needs:
+        raise ValueError(
+            f"`tangential` is {type(tangential).__name__}, which needs the {' and '.join(tangential.needs)} of its "
+            "joint; a journal only has a slip velocity. Give a law of that, such as Coulomb, Dahl or LuGre."
+        )
     ex, ey = e
     square = ex**2 + ey**2
     touching = Memory(f"touching_{name}" if name else "touching", 0)
