@@ -216,7 +216,9 @@ class EventLog(Sequence):
         """
         if not len(self):
             return np.empty(0)
-        _, first, which = np.unique(self.codes[:, :2], axis=0, return_index=True, return_inverse=True)
+        # One number for surface and kind: rows sort ten times slower.
+        key = self.codes[:, 0] * (1 + self.codes[:, 1].max()) + self.codes[:, 1]
+        _, first, which = np.unique(key, return_index=True, return_inverse=True)
         accepted = np.array([wanted(self[int(i)]) for i in first])
         return self.times[accepted[which.ravel()]].astype(float)
 
