@@ -81,12 +81,9 @@ def content_of(records, versions):
 
 
 def write_charts(records, folder):
-    """A chart for every hazard and one page of all."""
+    """One page of all maps; `StabilityMap.chart` draws each from the data."""
     maps = [StabilityMap.from_record(record) for record in records]
-    (folder / "stability").mkdir(exist_ok=True)
     with plotting.style():
-        for one in maps:
-            save(one.chart().figure, folder / "stability" / f"{one.name}.png")
         save(page(maps), folder / "stability.png")
 
 

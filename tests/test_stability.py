@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -178,3 +179,20 @@ def test_the_pair_holds_its_surfaces_together():
     for separation in one.x.values:
         for row in one.rows.values:
             assert one.methods["event-driven"](separation, row).kind == "right"
+
+
+# ---- the kept data
+
+KEPT = Path(__file__).resolve().parent.parent / "experiments" / "results" / "stability.json"
+
+
+def test_the_kept_maps_are_those_of_the_present_hazards():
+    kept = {record["name"]: record for record in json.loads(KEPT.read_text(encoding="utf-8"))["data"]["maps"]}
+    assert list(kept) == list(HAZARDS)
+    for name, record in kept.items():
+        found, one = StabilityMap.from_record(record), built_in(name)
+        assert not record["fast"] and (found.x, found.rows, found.law) == (one.x, one.rows, one.law)
+        assert set(found.methods) | set(found.left_out) == set(one.methods)
+        for method in found.methods:
+            border = [one.border(method, row) if one.border else math.nan for row in one.rows.values]
+            assert found.border[method] == pytest.approx(border, rel=1e-6, nan_ok=True)
