@@ -20,6 +20,7 @@ from .state import SLIDING, SOLVED, Problem, State, Work
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
 SETTLED, OSCILLATES, LOST = range(3)
+_SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
 _SCAN = 48  # intervals over [-1, 1] in which the first zero of a hidden g is sought
 
 
@@ -295,32 +296,61 @@ def _root_along(P, S, W, j):
 def _relax(P, S, W, j, along):
     """Lets the layered states run to rest at fixed lambda_j, or along the root of g_j (two-stage layer).
 
-    Overwrites W.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest.
+    Overwrites W.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest. The pair
+    5(4), so that rest is reached in some sixty steps; a root is lost only on a step so short that a stage does not
+    jump over it.
     """
-    z, q, z0, k = W.z, W.q, W.layer_new, W.layer_k
-    dt = 0.02
+    z, q, z0, k, nz = W.z, W.q, W.layer_new, W.layer_k, P.nz
+    dt, lam = _SURE_STEP, S.mult[j]
+    for i in range(nz):
+        z0[i] = z[i]
     for _ in range(100000):
-        for i in range(P.nz):
-            z0[i] = z[i]
-        for s in range(4):
-            part = 0.0 if s == 0 else (1.0 if s == 3 else 0.5)
-            for i in range(P.nz):
-                z[i] = z0[i] + (part * dt * k[s - 1, i] if s > 0 else 0.0)
+        left, error, speed = 0, 0.0, 0.0
+        for s in range(7):
+            for i in range(nz):
+                total = 0.0
+                for r in range(s):
+                    total += _A[s, r] * k[r, i]
+                z[i] = z0[i] + dt * total
             if along:
                 was = S.mult[j]
                 if not _root_along(P, S, W, j):
-                    return 1 if was > 0.0 else -1
-                if abs(S.mult[j]) >= 1.0:
-                    return 1 if S.mult[j] > 0.0 else -1
+                    left = 1 if was > 0.0 else -1
+                elif abs(S.mult[j]) >= 1.0:
+                    left = 1 if S.mult[j] > 0.0 else -1
+                if left != 0:
+                    break
             call_layer(P.layer, S.now[0], S.x, S.mult, z, P.p, W.g, q)
-            for i in range(P.nz):
+            for i in range(nz):
                 k[s, i] = q[i]
-        speed = 0.0
-        for i in range(P.nz):
-            z[i] = z0[i] + dt / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
-            speed = max(speed, abs(k[0, i]))
+                if s == 0:
+                    speed = max(speed, abs(q[i]))
+        if left != 0:
+            if dt <= _SURE_STEP:
+                return left
+            dt = max(0.25 * dt, _SURE_STEP)
+            S.mult[j] = lam
+            continue
+        for i in range(nz):
+            total = 0.0
+            for r in range(7):
+                total += _E[r] * k[r, i]
+            # Relative to what is left to go as well: at rest nothing must keep it moving.
+            error = max(error, abs(dt * total) / (min(1e-10, 1e-4 * dt * speed) + 1e-18))
+        if not error < math.inf:
+            error = math.inf
+        factor = 0.9 * (error + 1e-12) ** -0.2
+        if error > 1.0 and dt > _SURE_STEP:
+            dt = max(dt * max(0.2, factor), _SURE_STEP)
+            S.mult[j] = lam
+            continue
+        # The last stage stands at the step's end.
+        for i in range(nz):
+            z0[i] = z[i]
+        lam = S.mult[j]
         if speed < 1e-14:
             break
+        dt = max(dt * min(5.0, factor), _SURE_STEP)
     return 0
 
 
