@@ -279,7 +279,7 @@ def plot_widths(
             least = min((p.seconds for p in exact if p.error <= error), default=None)
             if found and (what == "eps" or least):
                 x.append(error)
-                y.append(found.setting[0] if what == "eps" else found.seconds / least)
+                y.append(found.setting[0] if what == "eps" or not least else found.seconds / least)
         axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=case)
     axes.set_xscale("log")
     axes.set_yscale("log")

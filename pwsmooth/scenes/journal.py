@@ -97,15 +97,15 @@ def clearance_joint(
     name : str
         Put behind the names of the joint's symbols.
 
-    Raises
-    ------
-    ValueError
-        A friction law that needs more than the slip velocity.
-
     Returns
     -------
     ClearanceJoint
         Forces, moments, and what the laws bring.
+
+    Raises
+    ------
+    ValueError
+        A friction law that needs more than the slip velocity.
 
     Notes
     -----
