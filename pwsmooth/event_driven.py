@@ -327,7 +327,7 @@ def _events_in_words(names, model: Model, times, codes) -> EventLog:
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
         contact = multipliers[index].kind == "contact"
         return EventRecord(
-            t, multipliers[index].symbol.name, kinds[kind], "" if contact else f"{came:+d} to {went:+d}"
+            t, multipliers[index].symbol.name, kinds[kind], "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
         )
 
     return EventLog(times, codes, words)

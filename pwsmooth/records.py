@@ -149,7 +149,7 @@ class EventRecord:
     >>> from pwsmooth import System, solve
     >>> x = sp.Symbol("x", real=True)
     >>> print(solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}).events[0])
-    t = 0.5: stick [sgn(x)] (+1 to +0)
+    t = 0.5: stick [sgn(x)] (+1 to 0)
     """
 
     time: float

@@ -182,3 +182,21 @@ def test_taylor_keeps_its_declared_order_through_the_crossing(order, steps):
 
 def test_the_runge_kutta_pair_keeps_its_order_eight_through_the_crossing():
     assert observed_order((32, 45, 64), method="rk") == pytest.approx(8, abs=0.5)
+
+
+@pytest.mark.parametrize("push", [0.9, 0.9999])
+def test_the_pair_sees_how_fast_a_stick_nears_its_bound(push):
+    # States at rest have no error: without a look at lambda itself the steps grow until a whole cycle is missed.
+    t, x, v = sp.symbols("t x v", real=True)
+    system = System({x: v, v: push * (1 + sp.sin(t)) / 2 - Switch("lam", v)}, time=t)
+    sol = solve(system, (0, 60 * math.pi), (0, 0), method="rk")
+    assert sol.success and not sol.events and np.all(sol.x == 0)
+
+
+def test_the_pair_does_not_step_over_a_fold():
+    # The stick ends where the force passes the fold's height 16/9; the pair says that it cannot go on from there.
+    t, v = sp.symbols("t v", real=True)
+    lam = Switch("lam", v)
+    system = System({v: 16 / 9 * (1 + 1e-4) * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t)
+    sol = solve(system, (0, math.pi), [0], method="rk")
+    assert not sol.success and abs(sol.t[-1] - math.asin(1 / (1 + 1e-4))) < 1e-6

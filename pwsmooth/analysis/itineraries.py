@@ -52,7 +52,7 @@ class Letter:
         return self.switch, self.kind, self.came, self.went
 
     def __str__(self) -> str:
-        sides = f" {self.came:+d} to {self.went:+d}" if self.came or self.went else ""
+        sides = f" {self.came:+d} to {self.went:+d}".replace("+0", "0") if self.came or self.went else ""
         return f"{self.kind}{sides} [{self.switch}]"
 
 

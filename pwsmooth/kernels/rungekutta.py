@@ -34,6 +34,7 @@ def _basis():
 
 _BASIS = _basis()
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_BETWEEN = 0.5 - 0.5 * math.cos(math.pi * (_DEGREE - 0.5) / _DEGREE)  # between the last two: the fit is worst there
 _FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
 
 
@@ -155,6 +156,34 @@ def _polynomials(P, S, W, h):
 
 
 @kernel
+def _misfit(P, C, S, W, h):
+    """How far multipliers and surfaces are from their polynomials between two nodes, in units of the tolerance.
+
+    In a stick the states may be constant, and their error says nothing of how fast lambda goes to its bound.
+    """
+    n, m, rows, s = P.n, P.m, W.rows, _BETWEEN * h
+    for i in range(n):
+        S.x[i] = _value(rows[i], s)
+    worst = 0.0 if _rate(P, S, W, S.now[0] + s, W.rk_k, 0) else math.inf
+    for r in range(n, n + m + m + P.ne):
+        now = S.mult[r - n] if r < n + m else W.h[r - n - m]
+        size = 1.0 if r < n + m else max(abs(rows[r, 0]), abs(h * rows[r, 1]))
+        if r >= n + m or S.status[r - n] == SOLVED:
+            worst = max(worst, abs(now - _value(rows[r], s)) / (10.0 * C.rtol * (size + abs(now)) + 1e-14))
+    _restore(P, S, W)
+    return worst
+
+
+@kernel
+def _value(row, s):
+    """A polynomial of the step at s."""
+    value = row[_DEGREE]
+    for c in range(_DEGREE - 1, -1, -1):
+        value = value * s + row[c]
+    return value
+
+
+@kernel
 def _linear_terms(P, S, W):
     """Overwrites W.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
     call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
@@ -201,10 +230,16 @@ def rk_step(P, C, S, W, h, refine):
                 # The next step's size, kept in S by the caller.
                 W.answer[5] = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
                 W.answer[7] = W.answer[5]
+                misfit = math.inf
                 if _polynomials(P, S, W, h):
+                    misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
+                if misfit <= 1.0:
+                    if P.pair:
+                        W.answer[5] = min(W.answer[5], h * 0.9 * max(misfit, 1e-12) ** -0.125)
                     return h
+                _restore(P, S, W)
                 _rate(P, S, W, S.now[0], W.rk_k, 0)
-                h *= 0.25
+                h *= max(0.25, 0.9 * misfit**-0.125)
             else:
                 h *= max(least, 0.9 * error**power)
             if h <= 1e-15 * abs(S.now[0]) + 1e-300:

@@ -70,13 +70,13 @@ def _meet(P, row, power, degree, drop, sign, W, poly):
     if drop == 2 and sign * at(row, 1) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         drop = 1  # a surface that is an algebraic unknown is left with a slope, not tangentially
     scaled(row, power, poly, degree, drop, sign)
-    if poly[0] <= 0.0 and drop < 3:
+    if poly[0] <= SURFACE_ROUNDING and drop < 3:
         size = 0.0
         for k in range(degree - drop + 1):
             size += abs(poly[k])
         if size <= SURFACE_ROUNDING:
             return NO_ROOT  # it rests where it is
-        if abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
+        if poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             drop += 1
             scaled(row, power, poly, degree, drop, sign)
     return first_root(P, W, poly, degree - drop)
