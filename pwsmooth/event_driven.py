@@ -326,9 +326,8 @@ def _events_in_words(names, model: Model, times, codes) -> EventLog:
                 return EventRecord(t, event.name, kinds[kind])
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
         contact = multipliers[index].kind == "contact"
-        return EventRecord(
-            t, multipliers[index].symbol.name, kinds[kind], "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
-        )
+        note = "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
+        return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
 
     return EventLog(times, codes, words)
 
