@@ -34,7 +34,9 @@ def provenance():
 
 
 def write_json(path, data):
-    """Write whole or not at all."""
+    """Write whole or not at all; where it was written to is no part of a result."""
+    if "options" in data:
+        data = data | {"options": {name: value for name, value in data["options"].items() if name != "out"}}
     target = Path(path)
     part = target.with_name(target.name + ".part")
     part.write_text(json.dumps(data, indent=1, default=float) + "\n")
