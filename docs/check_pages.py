@@ -29,6 +29,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 WIDTHS = {"desktop": (1280, 900), "phone": (390, 844)}
+LEFT = "net::ERR_ABORTED"  # the next page was opened before the icon came; what is not there has a status instead
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 # Folded parts are opened and lazy pictures loaded, so that nothing escapes; then mathematics and pictures are awaited.
@@ -174,7 +175,7 @@ def looked_at(
         said: list[str] = []
         tab.on("console", lambda m: said.append(f"console: {m.text}") if m.type == "error" else None)
         tab.on("pageerror", lambda e: said.append(f"script error: {e}"))
-        tab.on("requestfailed", lambda r: said.append(f"not loaded: {r.url} ({r.failure})"))
+        tab.on("requestfailed", lambda r: said.append(f"not loaded: {r.url} ({r.failure})") if r.failure != LEFT else None)
         tab.on("response", lambda r: said.append(f"missing: {r.url} ({r.status})") if r.status >= 400 else None)
         for page in pages:
             said.clear()
