@@ -175,7 +175,10 @@ def looked_at(
         said: list[str] = []
         tab.on("console", lambda m: said.append(f"console: {m.text}") if m.type == "error" else None)
         tab.on("pageerror", lambda e: said.append(f"script error: {e}"))
-        tab.on("requestfailed", lambda r: said.append(f"not loaded: {r.url} ({r.failure})") if r.failure != LEFT else None)
+        tab.on(
+            "requestfailed",
+            lambda r: said.append(f"not loaded: {r.url} ({r.failure})") if r.failure != LEFT else None,
+        )
         tab.on("response", lambda r: said.append(f"missing: {r.url} ({r.status})") if r.status >= 400 else None)
         for page in pages:
             said.clear()
