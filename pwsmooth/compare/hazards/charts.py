@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,7 +63,8 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
         axes.set_xticks(found.x.values, found.x.words)
     if n_rows > 1:
         names = found.rows.words or tuple(f"{v:.3g}" for v in found.rows.values)
-        axes.set_xlabel(f"{found.x.name};  up: {found.rows.name}, {names[0]} to {names[-1]}", fontsize=size)
+        told = f"{found.x.name};  up: {found.rows.name}, {names[0]} to {names[-1]}"
+        axes.set_xlabel(textwrap.fill(told, 64), fontsize=size)
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)
     return axes
