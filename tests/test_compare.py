@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System
+from pwsmooth import System, Unilateral
 from pwsmooth.compare.cases import CASES
 from pwsmooth.compare.charts import best_width, envelope, plot_work
 from pwsmooth.compare.measuring import Point, WorkPrecision, work_precision
 from pwsmooth.compare.methods import METHODS, Method, Run
 from pwsmooth.compare.own import inside_layers
-from pwsmooth.compare.plain import plain
+from pwsmooth.compare.plain import elimination, plain
 from pwsmooth.compare.restarting import restarted
 from pwsmooth.compare.rivals import statuses
 from pwsmooth.compare.timestepping import bouncing, stepper
@@ -62,6 +62,33 @@ def test_an_implicit_relay_slides_exactly():
     start = case.reference.times[0]
     stuck = np.linspace(0, 4, 1001) > start + 0.01
     assert np.max(np.abs(x[stuck].sum(axis=1))) < 1e-12 and np.all(np.abs(lam[stuck]) < 1)
+
+
+def test_parameters_that_stay_open_are_states_of_rate_zero():
+    x, v, F, q = sp.symbols("x v F q")
+    floor = Unilateral(x, restitution=q)
+    ball = System({x: v, v: -F + floor.reaction}, parameters={F: 9.0, q: 0.5})
+    numbers, one = plain(ball.with_parameters({q: 0.3})), plain(ball, ("q",))
+    assert (numbers.n, one.n) == (2, 3)
+    for e in (0.3, 0.8):
+        # From height 1 under F = 9 the floor is met at sqrt(2/9) with speed sqrt(18), and again 2 e/sqrt(9/2) later.
+        end, log, _ = restarted(one, (0, 0.6), np.array([1.0, 0.0, e]), rtol=1e-10, atol=1e-12, max_step=0.05)
+        rise, since = e * math.sqrt(18), 0.6 - math.sqrt(2 / 9)
+        assert [kind for _, kind in log] == ["impact"]
+        assert end == pytest.approx([rise * since - 4.5 * since**2, rise - 9 * since, e], abs=1e-9)
+    with pytest.raises(ValueError, match="`varied` names 'w'; the parameters are F, q"):
+        plain(ball, ("w",))
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_elimination_solves_with_rows_exchanged(size):
+    rng = np.random.default_rng(size)
+    a, b = rng.normal(size=(size, size)), rng.normal(size=(size, 3))
+    a[0, 0] = 0.0 if size > 1 else a[0, 0]
+    x = b.copy()
+    elimination()(a.copy(), x)
+    # Its errors are those of numbers that are not small, times the condition.
+    assert a @ x == pytest.approx(b, abs=100 * np.finfo(float).eps * np.linalg.cond(a))
 
 
 def test_events_are_read_from_multipliers_and_layers():

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from .plain import Plain
+from .plain import Plain, elimination
 
 KINDS = ("", "crossing", "stick", "slip", "impact", "reset")
 NOTHING, CROSSING, STICK, SLIP, IMPACT, RESET = range(6)
@@ -68,27 +68,7 @@ def automaton(functions: Plain) -> Automaton:
     slide = any(not contact and not kink for contact, kink in zip(functions.contacts, functions.kinks))
     gradients = functions.gradients if slide else residuals  # without a switch that slides nobody calls it
     n_contacts = max(1, int(contacts.sum()))
-
-    @njit(error_model="numpy")
-    def eliminate(a, b):
-        """b <- a^-1 b; compiles in a fraction of what LAPACK's wrapper takes."""
-        size = len(b)
-        for k in range(size):
-            best = k
-            for i in range(k + 1, size):
-                if abs(a[i, k]) > abs(a[best, k]):
-                    best = i
-            for j in range(size):
-                a[k, j], a[best, j] = a[best, j], a[k, j]
-            b[k], b[best] = b[best], b[k]
-            for i in range(size):
-                if i != k:
-                    share = a[i, k] / a[k, k]
-                    for j in range(k, size):
-                        a[i, j] -= share * a[k, j]
-                    b[i] -= share * b[k]
-        for k in range(size):
-            b[k] /= a[k, k]
+    eliminate = elimination()
 
     @njit(error_model="numpy")
     def multipliers(t, x, status, lam):
@@ -112,17 +92,17 @@ def automaton(functions: Plain) -> Automaton:
             residuals(t, x, lam, g)
             lam[j] = -at_zero[j] / (g[j] - at_zero[j])
             return
-        matrix, right = np.empty((slides, slides)), np.empty(slides)
+        matrix, right = np.empty((slides, slides)), np.empty((slides, 1))
         for column in range(slides):
             lam[which[column]] = 1.0
             residuals(t, x, lam, g)
             lam[which[column]] = 0.0
             for row in range(slides):
                 matrix[row, column] = g[which[row]] - at_zero[which[row]]
-            right[column] = -at_zero[which[column]]
+            right[column, 0] = -at_zero[which[column]]
         eliminate(matrix, right)
         for k in range(slides):
-            lam[which[k]] = right[k]
+            lam[which[k]] = right[k, 0]
 
     @njit(error_model="numpy")
     def field(t, x, status, out):
@@ -180,7 +160,9 @@ def automaton(functions: Plain) -> Automaton:
             row = 0
             for j in range(k):
                 row += contacts[j]
-            x[:] = after[row]
+            # In components: an assignment of arrays compiles the text of its error message.
+            for i in range(n):
+                x[i] = after[row, i]
             return IMPACT
         if k < m and status[k] == 0:
             status[k] = 1 if lam[k] > 0.0 else -1
@@ -217,7 +199,8 @@ def automaton(functions: Plain) -> Automaton:
 
     @njit(error_model="numpy")
     def begin(t, x, status):
-        status[:] = 1
+        for k in range(nw):
+            status[k] = 1
         sides(t, x, status)
         lam, level = np.ones(m), np.empty(nw)
         walls(t, x, lam, level)

@@ -59,15 +59,28 @@ class Plain:
         return self.late("gradients")
 
 
-def plain(system: Any) -> Plain:
+def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
     """The functions of a system; compiled once for each model and its values.
+
+    Parameters
+    ----------
+    system : System
+        Whose parameters become numbers.
+    varied : tuple of str
+        Parameters that stay open, for many values of one compiled model: states of rate 0, after all others.
 
     Raises
     ------
     ValueError
         A model with algebraic unknowns or events at given instants, which no plain function of (t, x) can hold.
     """
-    return _compiled(system.model, tuple(map(float, system.parameter_values)))
+    model = system.model
+    names = [str(p) for p in model.parameters]
+    unknown = [name for name in varied if name not in names]
+    if unknown:
+        raise ValueError(f"`varied` names {unknown[0]!r}; the parameters are {', '.join(names) or 'none'}.")
+    values = (None if name in varied else float(v) for name, v in zip(names, system.parameter_values))
+    return _compiled(model, tuple(values))
 
 
 def ordinary(e: sp.Expr) -> sp.Expr:
@@ -95,7 +108,7 @@ def real(e: sp.Expr) -> sp.Expr:
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(model: Model, values: tuple[float, ...]) -> Plain:
+def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     from numba import njit
 
     if any(event.surface is None for event in model.events) or any(
@@ -104,28 +117,30 @@ def _compiled(model: Model, values: tuple[float, ...]) -> Plain:
         raise ValueError(
             "algebraic unknowns and events at given instants have no form as plain functions of (t, x)."
         )
-    n, m = len(model.states), len(model.multipliers)
-    numbers = dict(zip(model.parameters, map(sp.Float, values)))
+    varied = [p for p, value in zip(model.parameters, values) if value is None]
+    states = [*model.states, *varied]
+    n, m = len(states), len(model.multipliers)
+    numbers = {p: sp.Float(value) for p, value in zip(model.parameters, values) if value is not None}
     rhs = [*model.rhs, *[sp.S.Zero] * (n - len(model.rhs))]
     lams = [mu.symbol for mu in model.multipliers]
     surfaces = [mu.surface for mu in model.multipliers]
     # Nobody solves for the multiplier of a kink.
     residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
-    impacts = [e for mu in model.multipliers if mu.impact for e in mu.impact]
+    impacts = [e for mu in model.multipliers if mu.impact for e in (*mu.impact, *varied)]
     walls, events = _walls(model, surfaces, numbers)
     whens = [sp.Piecewise((1, e.when.xreplace(numbers)), (0, True)) for e in model.events]
-    updates = [dict(e.update).get(i, x) for e in model.events for i, x in enumerate(model.states)]
+    updates = [dict(e.update).get(i, x) for e in model.events for i, x in enumerate(states)]
 
     def function(name, expressions, shape):
         text = _text(
-            name, [real(ordinary(e).xreplace(numbers)) for e in expressions], model.time, model.states, lams, shape
+            name, [real(ordinary(e).xreplace(numbers)) for e in expressions], model.time, states, lams, shape
         )
         return njit(error_model="numpy")(_made(name, text))
 
     @functools.cache
     def late(name):
         of = {"jacobian": rhs, "gradients": surfaces}[name]
-        return function(name, [e.diff(x) for e in of for x in model.states], (len(of), n))
+        return function(name, [e.diff(x) for e in of for x in states], (len(of), n))
 
     @functools.cache
     def matters(sides):
@@ -143,10 +158,9 @@ def _compiled(model: Model, values: tuple[float, ...]) -> Plain:
 
     @njit(error_model="numpy")
     def bare(t, x):
-        lam, out = np.ones(m), np.empty(n)
+        lam, out, levels = np.ones(m), np.empty(n), np.empty(m)
         # A surface may depend on the multipliers before it.
         for j in range(m):
-            levels = np.empty(m)
             h(t, x, lam, levels)
             lam[j] = np.sign(levels[j])
         rates(t, x, lam, out)
@@ -210,3 +224,38 @@ def _made(name, text):
 
 def _power(base, exponent):
     return base**exponent if base > 0.0 else 0.0
+
+
+@functools.cache
+def elimination() -> Callable[..., None]:
+    """Compiled (a, b): b <- a^-1 b for a matrix b, a is overwritten; Gauss-Jordan with pivots.
+
+    For the few unknowns of these models it takes a fraction of LAPACK's call, and of the time to compile it.
+    """
+    from numba import njit
+
+    @njit(error_model="numpy")
+    def eliminate(a, b):
+        size, columns = b.shape
+        for k in range(size):
+            best = k
+            for i in range(k + 1, size):
+                if abs(a[i, k]) > abs(a[best, k]):
+                    best = i
+            if best != k:
+                for j in range(size):
+                    a[k, j], a[best, j] = a[best, j], a[k, j]
+                for j in range(columns):
+                    b[k, j], b[best, j] = b[best, j], b[k, j]
+            for i in range(size):
+                if i != k:
+                    share = a[i, k] / a[k, k]
+                    for j in range(k, size):
+                        a[i, j] -= share * a[k, j]
+                    for j in range(columns):
+                        b[i, j] -= share * b[k, j]
+        for k in range(size):
+            for j in range(columns):
+                b[k, j] /= a[k, k]
+
+    return eliminate

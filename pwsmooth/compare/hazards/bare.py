@@ -79,7 +79,7 @@ def bare_sign(fast: bool) -> Hazard:
     return Hazard(
         "bare-sign",
         "a bare sign in the right-hand side",
-        Axis("rtol", decades(-9, -3, 1 / 3 if fast else 0.5)),
+        Axis("rtol", decades(-9, -3, 1 / 6 if fast else 0.5)),
         Axis("scene", tuple(map(float, range(len(names)))), names),
         {m: unguarded(m) for m in (*SCIPY, "CVODE")} | {"event-driven": ours},
         unit="error of the state",

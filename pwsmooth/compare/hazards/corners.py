@@ -18,7 +18,7 @@ import sympy as sp
 from ...primitives import Switch, Unilateral
 from ...solve import solve
 from ...system import System
-from ..plain import plain
+from ..plain import Plain, plain
 from ..restarting import restarted
 from ..timestepping import bouncing, stepper
 from .failures import Collapsed, Finding, Stalled, attempt
@@ -27,10 +27,11 @@ from .unguarded import quiet, scipy_end
 
 GRAVITY = 9.81
 x, y, z = sp.symbols("x y z", real=True)
+Q = sp.Symbol("q", positive=True)
 l1, l2 = Switch("l1", x), Switch("l2", y)
 
 
-def stopped(system: System, span: tuple[float, float], start: Any, **options: Any) -> np.ndarray:
+def stopped(functions: Plain, span: tuple[float, float], start: Any, **options: Any) -> np.ndarray:
     """The state at the end by SciPy's DOP853, stopped at every event and started anew."""
     import warnings
 
@@ -38,7 +39,7 @@ def stopped(system: System, span: tuple[float, float], start: Any, **options: An
         with quiet(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return restarted(
-                plain(system), span, np.array(start, float), rtol=1e-10, atol=1e-12, most=500,
+                functions, span, np.array(start, float), rtol=1e-10, atol=1e-12, most=500,
                 most_evaluations=50_000, **options,
             )[0]  # fmt: skip
     except RuntimeError as error:
@@ -50,14 +51,16 @@ def stopped(system: System, span: tuple[float, float], start: Any, **options: An
 # ---- accumulation
 
 
-def _ball(q: float) -> System:
-    contact = Unilateral(x, restitution=sp.Float(q), name="R")
-    return System({x: y, y: -GRAVITY + contact.reaction})
+@functools.cache
+def _ball() -> System:
+    contact = Unilateral(x, restitution=Q, name="R")
+    return System({x: y, y: -GRAVITY + contact.reaction}, parameters={Q: 0.5})
 
 
-def _spiral(q: float) -> System:
-    a = sp.Float((1 + q) / (1 - q))
-    return System({x: -a * l2 - l1, y: a * l1 - l2})
+@functools.cache
+def _spiral() -> System:
+    a = (1 + Q) / (1 - Q)
+    return System({x: -a * l2 - l1, y: a * l1 - l2}, parameters={Q: 0.5})
 
 
 def spiral_limit(q: float) -> float:
@@ -78,8 +81,8 @@ def accumulation(fast: bool) -> Hazard:
 
     def problem(q: float, row: float) -> tuple[System, float, tuple[float, float]]:
         if row:
-            return _spiral(q), 1.5 * spiral_limit(q), (0.5, 0.5)
-        return _ball(q), 1.5 * ball_limit(q), (1.0, 0.0)
+            return _spiral(), 1.5 * spiral_limit(q), (0.5, 0.5)
+        return _ball(), 1.5 * ball_limit(q), (1.0, 0.0)
 
     def judged(end: np.ndarray, row: float, bound: float) -> Finding:
         off = float(np.max(np.abs(end)))
@@ -91,26 +94,23 @@ def accumulation(fast: bool) -> Hazard:
         def trial(q: float, row: float) -> Finding:
             system, end, start = problem(q, row)
             # At rest after the limit: a billionth of the start, rtol.
-            return attempt(
-                lambda: solve(system, (0.0, end), start, **options), lambda s: judged(s.x[:, -1], row, 1e-9)
-            )
+            run = functools.partial(solve, system, (0.0, end), start, parameters={Q: q}, **options)
+            return attempt(run, lambda s: judged(s.x[:, -1], row, 1e-9))
 
         return trial
 
     def scipy(q: float, row: float) -> Finding:
         system, end, start = problem(q, row)
         return attempt(
-            lambda: stopped(system, (0.0, end), start, max_step=end / 100),
-            lambda state: judged(state, row, 1e-6),
+            lambda: stopped(plain(system, ("q",)), (0.0, end), (*start, q), max_step=end / 100),
+            lambda state: judged(state[:2], row, 1e-6),
         )
 
-    def moreau(q: float, row: float) -> Finding | list[Finding]:
-        if fast and q < 0.5:
-            return []  # every system is compiled anew
+    def moreau(q: float, row: float) -> Finding:
         system, end, start = problem(q, row)
-        advance = (stepper if row else bouncing)(plain(system))
+        advance = (stepper if row else bouncing)(plain(system, ("q",)))
         steps = 20_000
-        state = advance(0.0, end, np.array(start), steps, 0.5 if row else q)[0][-1]
+        state = advance(0.0, end, np.array([*start, q]), steps, 0.5 if row else q)[0][-1, :2]
         # Of first order: ten steps' worth of the motion.
         return judged(state, row, 10 * end / steps * 10)
 
@@ -193,13 +193,18 @@ def several_sliding(fast: bool) -> Hazard:
 
         return trial
 
-    def scipy(m: float, c: float) -> Finding:
+    # In fast maps the rivals get the largest number only: every number of switches is compiled anew.
+    def scipy(m: float, c: float) -> Finding | list[Finding]:
+        if fast and m == 1:
+            return []
         system, _, _ = built(int(m), c)
         return attempt(
-            lambda: stopped(system, (0.0, end), start(int(m)), max_step=0.1), lambda s: judged(s, 1e-6)
+            lambda: stopped(plain(system), (0.0, end), start(int(m)), max_step=0.1), lambda s: judged(s, 1e-6)
         )
 
-    def moreau(m: float, c: float) -> Finding:
+    def moreau(m: float, c: float) -> Finding | list[Finding]:
+        if fast and m == 1:
+            return []
         system, _, _ = built(int(m), c)
         state = stepper(plain(system))(0.0, end, start(int(m)), 2000, 0.5)[0][-1]
         return judged(state, 1e-6)
@@ -288,7 +293,8 @@ def simultaneous(fast: bool) -> Hazard:
     def scipy(separation: float, row: float) -> Finding:
         s = signed(separation, row)
         return attempt(
-            lambda: stopped(system, (0.0, 2.0), start(s), max_step=0.1), lambda state: judged(state, s, 1e-6)
+            lambda: stopped(plain(system), (0.0, 2.0), start(s), max_step=0.1),
+            lambda state: judged(state, s, 1e-6),
         )
 
     def moreau(separation: float, row: float) -> Finding:

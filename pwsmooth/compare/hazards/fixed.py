@@ -8,6 +8,7 @@ On a real negative lambda the explicit ones are stable for h |lambda| <= 2 and 2
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -54,40 +55,58 @@ def longest_stable(method: str, jacobian: np.ndarray) -> float:
 
 @functools.cache
 def _steps(method: str) -> Callable[..., Any]:
-    """run(rates, t0, x0, h, steps, p) compiled once for all right-hand sides, which it takes as an argument."""
-    from numba import njit
+    """run(rates, t0, x0, h, steps, p), compiled once for all right-hand sides, which are arguments of one type.
+
+    Loops over the components, since every assignment between arrays compiles the text of its error message.
+    """
+    from numba import njit, types
 
     if method == "explicit Euler":
 
         @njit(error_model="numpy")
-        def advance(rates, t, x, h, p):
-            return x + h * rates(t, x, p)
+        def advance(rates, t, x, h, p, new):
+            k = rates(t, x, p)
+            for i in range(len(x)):
+                new[i] = x[i] + h * k[i]
 
     elif method == "Runge-Kutta 4":
 
         @njit(error_model="numpy")
-        def advance(rates, t, x, h, p):
+        def advance(rates, t, x, h, p, new):
+            n, stage = len(x), np.empty(len(x))
             k1 = rates(t, x, p)
-            k2 = rates(t + h / 2, x + h / 2 * k1, p)
-            k3 = rates(t + h / 2, x + h / 2 * k2, p)
-            k4 = rates(t + h, x + h * k3, p)
-            return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            for i in range(n):
+                stage[i] = x[i] + h / 2 * k1[i]
+            k2 = rates(t + h / 2, stage, p)
+            for i in range(n):
+                stage[i] = x[i] + h / 2 * k2[i]
+            k3 = rates(t + h / 2, stage, p)
+            for i in range(n):
+                stage[i] = x[i] + h * k3[i]
+            k4 = rates(t + h, stage, p)
+            for i in range(n):
+                new[i] = x[i] + h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
 
     elif method == "backward Euler":
 
         @njit(error_model="numpy")
-        def advance(rates, t, x, h, p):
+        def advance(rates, t, x, h, p, new):
             n = len(x)
-            new = x.copy()
-            matrix = np.empty((n, n))
+            change, moved, matrix = np.empty(n), np.empty(n), np.empty((n, n))
+            for i in range(n):
+                new[i] = x[i]
             for _ in range(50):
                 f = rates(t + h, new, p)
-                change = new - x - h * f
+                for i in range(n):
+                    change[i] = new[i] - x[i] - h * f[i]
+                    moved[i] = new[i]
                 for j in range(n):
-                    moved = new.copy()
-                    d = 1e-7 * max(abs(moved[j]), 1e-6)
-                    moved[j] += d
-                    matrix[:, j] = -h * (rates(t + h, moved, p) - f) / d
+                    d = 1e-7 * max(abs(new[j]), 1e-6)
+                    moved[j] = new[j] + d
+                    beside = rates(t + h, moved, p)
+                    moved[j] = new[j]
+                    for i in range(n):
+                        matrix[i, j] = -h * (beside[i] - f[i]) / d
                     matrix[j, j] += 1.0
                 # Gauss elimination: n is 1 to 3, and dense rows are exchanged for size.
                 for j in range(n):
@@ -108,33 +127,50 @@ def _steps(method: str) -> Callable[..., Any]:
                     for k in range(j + 1, n):
                         change[j] -= matrix[j, k] * change[k]
                     change[j] /= matrix[j, j]
-                new -= change
-                # Written so that nan ends the iteration too.
-                if not np.max(np.abs(change)) > 1e-13 * (1e-6 + np.max(np.abs(new))):
+                largest = size = 0.0
+                finite = True
+                for i in range(n):
+                    new[i] -= change[i]
+                    largest, size = max(largest, abs(change[i])), max(size, abs(new[i]))
+                    finite = finite and math.isfinite(change[i])
+                if not finite or largest <= 1e-13 * (1e-6 + size):
                     break
-            return new
 
     else:
         raise ValueError(f"`method` is {method!r}; choose from {', '.join(FIXED)}.")
 
-    @njit(error_model="numpy")
+    vector = types.float64[::1]
+    of = types.float64[:, ::1](_type(), types.float64, vector, types.float64, types.int64, vector)
+
+    @njit(of, error_model="numpy")
     def run(rates, t0, x0, h, steps, p):
-        out = np.empty((steps + 1, len(x0)))
-        out[0] = x0
-        x = x0.copy()
+        n = len(x0)
+        out, x, new = np.empty((steps + 1, n)), x0.copy(), np.empty(n)
+        for i in range(n):
+            out[0, i] = x[i]
         for k in range(steps):
-            x = advance(rates, t0 + k * h, x, h, p)
-            out[k + 1] = x
+            advance(rates, t0 + k * h, x, h, p, new)
+            for i in range(n):
+                x[i] = out[k + 1, i] = new[i]
         return out
 
     return run
+
+
+@functools.cache
+def _type() -> Any:
+    """rates(t, x, p) as numba's function type: without it every function is a type of its own."""
+    from numba import types
+
+    vector = types.float64[::1]
+    return types.FunctionType(vector(types.float64, vector, vector))
 
 
 def compiled(rates: Callable[..., Any]) -> Any:
     """rates(t, x, p) -> dx/dt as a compiled function of one type, so that the methods compile once for all."""
     from numba import njit
 
-    return njit("float64[::1](float64, float64[::1], float64[::1])", error_model="numpy")(rates)
+    return njit(_type().signature, error_model="numpy")(rates)
 
 
 def fixed(method: str, rates: Any, t0: float, x0: Any, h: float, steps: int, p: Any) -> np.ndarray:

@@ -224,7 +224,7 @@ def smoothed_random(fast: bool) -> Hazard:
     return Hazard(
         "smoothed-random",
         "smoothed, algebraic sigmoid: starts at random",
-        Axis("rtol = atol", decades(-6, -2, 1 if fast else 2)),
+        Axis("rtol = atol", decades(-6, -2, 0.5 if fast else 2)),
         Axis("width ε = β", decades(-6, -1, 0.4 if fast else 1)),
         _trials(lambda eps: ("algebraic", eps, eps, starts)),
         lambda method, eps: math.inf if method == "smoothed path" else eps,

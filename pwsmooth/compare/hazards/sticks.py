@@ -68,17 +68,15 @@ def long_stick(fast: bool) -> Hazard:
         return attempt(run, lambda s: judged(s.x, BOUND))
 
     def scipy(cycles: float, share: float) -> Finding:
-        system = _block().with_parameters({A: share})
+        functions, span = plain(_block(), ("A",)), (0.0, 2 * math.pi * cycles)
         return attempt(
-            lambda: stopped(
-                system, (0.0, 2 * math.pi * cycles), (0.0, 0.0), max_step=0.5 if cycles < 300 else 2.0
-            ),
+            lambda: stopped(functions, span, (0.0, 0.0, share), max_step=0.5 if cycles < 300 else 2.0),
             lambda state: judged(np.array([[state[0]]]), BOUND),
         )
 
     def moreau(cycles: float, share: float) -> Finding:
-        functions = plain(_block().with_parameters({A: share}))
-        states = stepper(functions)(0.0, 2 * math.pi * cycles, np.zeros(2), int(100 * cycles), 0.5)[0]
+        advance, start = stepper(plain(_block(), ("A",))), np.array([0.0, 0.0, share])
+        states = advance(0.0, 2 * math.pi * cycles, start, int(100 * cycles), 0.5)[0]
         return judged(states.T, BOUND)
 
     def bare(method: str) -> Any:

@@ -81,8 +81,9 @@ def _address(rates: Any, n: int, count: int) -> tuple[Any, Any]:
     @cfunc(lsoda_sig)
     def f(t, x, out, p):
         numbers = carray(p, (count + 1,))
-        out_ = carray(out, (n,))
-        out_[:] = rates(t + numbers[count], carray(x, (n,)).copy(), numbers[:count].copy())
+        change = rates(t + numbers[count], carray(x, (n,)), numbers[:count])
+        for i in range(n):
+            out[i] = change[i]
 
     return f, f.address
 
