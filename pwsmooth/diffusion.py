@@ -69,8 +69,8 @@ class Diffusion:
     sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
     such an end are seen depends on `step` and `finest`.
 
-    Source: Roessler, SIAM J. Numer. Anal. 48 (2010) for SRA1; Milstein 1974; the orders across a switch were measured
-    here.
+    Source: Roessler, SIAM J. Numer. Anal. 48 (2010) 922-952 for SRA1; Milstein, Theory Probab. Appl. 19 (1974) 557-562;
+    the orders across a switch were measured here.
 
     Examples
     --------

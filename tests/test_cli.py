@@ -60,3 +60,13 @@ def test_help_imports_neither_numba_nor_matplotlib_nor_sympy():
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip().endswith("[]")
+
+
+@pytest.mark.parametrize("arguments, code", [(["--version"], 0), (["figures", "99"], 2)])
+def test_python_minus_m_is_the_same_command(run, arguments, code):
+    here = run(*arguments)
+    result = subprocess.run(
+        [sys.executable, "-m", "pwsmooth", *arguments], capture_output=True, text=True, check=False
+    )
+    assert (result.returncode, result.stdout) == (here.exit_code, here.stdout)
+    assert result.returncode == code and result.stderr == here.stderr

@@ -139,9 +139,8 @@ def follow(
     a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and
     `end` says so; the orbit may well go on.
 
-    Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Kowalczyk,
-    Nordmark, Int. J.
-    Bifurcation Chaos 12 (2002) 2917.
+    Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
+    Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """Changes of itinerary along a branch of periodic orbits, located and named.
 
 Two orbits on both sides of the change differ in a few events, which come together there. What they are says what
-happened (di Bernardo, Kowalczyk & Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917), for a switch met from side s:
+happened (di Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008), for a switch met from
+side s:
 
     nothing          <->  stick, slip to s                      grazing-sliding
     crossing         <->  stick, slip to -s                     crossing-sliding
@@ -73,8 +74,8 @@ class Change:
 
     Notes
     -----
-    Source: di Bernardo, Kowalczyk, Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917, for the sliding
-    bifurcations.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the
+    sliding bifurcations.
 
     Examples
     --------
@@ -161,8 +162,8 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
 
     Notes
     -----
-    Source: di Bernardo, Kowalczyk, Nordmark, Int. J. Bifurcation Chaos 12 (2002) 2917, for the sliding
-    bifurcations.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the
+    sliding bifurcations.
 
     Examples
     --------

@@ -3,7 +3,7 @@
     q_k+1 r_k = F_k q_k     (QR decompositions),     exponent_i = lim sum_k log|r_k,ii| / time
 
 with the factors F of variations.py: transition matrices of the steps and saltation matrices (P. C. Mueller, Chaos,
-Solitons & Fractals 5 (1995) 1671). A stick annihilates a direction: its exponent is -inf, and that is the truth.
+Solitons & Fractals, 1995). A stick annihilates a direction: its exponent is -inf, and that is the truth.
 On a periodic orbit the exponents are log|multiplier|/period.
 
 Chain: variations.py -> **lyapunov**.
@@ -47,7 +47,7 @@ class LyapunovExponents:
 
     Notes
     -----
-    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+    Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
 
     Notes
     -----
-    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+    Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def lyapunov_exponents(
     The run is solved in pieces, so that memory does not grow with its length. A piece ends where nothing slides:
     a restart would have to choose anew between several roots of the layer.
 
-    Source: Mueller, Chaos, Solitons & Fractals 5 (1995) 1671.
+    Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
     Examples
     --------

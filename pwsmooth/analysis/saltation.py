@@ -4,7 +4,7 @@ At the zero of H(t, x) with a jump x+ = R(t, x-) (identity at a switching), a de
 
     S w = R_w w + (R_x f- + R_t - f+) dt,      dt = -H_w w/(H_t + H_x f-)
 
-(di Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5). H is
+(di Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008). H is
 
     crossing, stick     the switching surface h           (a stick drops the rank: grad h S = 0)
     slip by tangency    lambda -+ 1: the field is continuous there, so S = 1
@@ -50,7 +50,7 @@ class Saltation:
 
     Notes
     -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
 
     Examples
     --------
@@ -92,9 +92,8 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
 
     Notes
     -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5; at a
-    fold the
-    instant follows from the left null vector of the layer's Jacobian, derived here.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
+    the instant follows from the left null vector of the layer's Jacobian, derived here.
 
     Examples
     --------

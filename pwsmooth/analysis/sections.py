@@ -194,7 +194,7 @@ class Stroboscopic(_Map):
     Notes
     -----
     Source: the stroboscopic map of Poincare; the half-period map as in Swift, Wiesenfeld, Phys. Rev. Lett. 52
-    (1984) 705.
+    (1984) 705-708.
 
     Examples
     --------

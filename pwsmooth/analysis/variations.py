@@ -54,9 +54,8 @@ class Variations:
 
     Notes
     -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5;
-    collocation as in
-    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008;
+    collocation as in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
 
     Examples
     --------
@@ -146,9 +145,8 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     Where the start slides, it is moved along the surface only: the columns of the fundamental matrix across it
     are zero, as a stick makes them.
 
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, sec. 2.5;
-    collocation as in
-    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008;
+    collocation as in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.7.
 
     Examples
     --------

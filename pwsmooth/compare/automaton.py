@@ -8,7 +8,7 @@ rivals and compiled, so that none of them pays for Python at its events:
     at h = 0          0 where both fields point to the surface, else the side to which the flow goes
 
 It shares no code with the kernels, so that it also serves as an independent reference.
-A. F. Filippov, Differential Equations with Discontinuous Righthand Sides (1988), ch. 2.
+A. F. Filippov, Differential Equations with Discontinuous Righthand Sides (1988).
 Chain: plain.py -> **this file** -> restarting.py, peers.
 """
 

@@ -8,7 +8,7 @@ the inclusion being linearised in x and solved by projected Gauss-Seidel. What i
 chord, as in every scheme that is linear in the multiplier: hidden terms are lost. Contacts at the level of
 velocities: a gap that is closed at the midpoint prediction gets the impulse P >= 0 that is complementary to h'_{k+1}
 + e h'_k >= 0.
-V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 10.
+V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), on time stepping.
 """
 
 from __future__ import annotations

@@ -190,7 +190,7 @@ def impact_oscillator(
 
     Notes
     -----
-    Source: the impact oscillator of Shaw and Holmes, J. Sound Vib. 90 (1983) 129-155; the law has its own.
+    Source: the impact oscillator of Shaw and Holmes, J. Sound Vib., 1983; the law has its own.
 
     Examples
     --------

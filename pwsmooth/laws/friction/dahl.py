@@ -29,7 +29,7 @@ class Dahl(Law):
     1.928055 1.928055
     """
 
-    source = "Dahl 1968, The Aerospace Corp. TOR-158(3107-18)"
+    source = "Dahl 1968, The Aerospace Corp. TOR-0158(3107-18)-1"
     sigma0: float = parameter(1e5, "N/m", "stiffness at zero force")
     F_c: float = parameter(1.0, "N", "Coulomb force")
     alpha: float = parameter(1.0, "1", "exponent", structural=True)
