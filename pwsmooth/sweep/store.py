@@ -35,7 +35,7 @@ class Store:
         try:
             import zarr
         except ImportError as error:
-            raise ImportError("`store` needs zarr: pip install 'pwsmooth[store]'.") from error
+            raise ImportError("`store` needs zarr, 3.1 or newer: pip install 'zarr>=3.1'.") from error
         self.path, self.plan, self.axes = Path(path), plan, axes
         self.group: Any
         if (self.path / "zarr.json").exists():
