@@ -4,7 +4,7 @@
 
 A page is wrong if it has an error in the console, a file that is missing or asked from another host, a link or
 anchor that leads nowhere, a picture that is not there or not visible, a formula that is not set, text wider
-than the screen, or no heading. `--install` brings Chromium where it is missing (Debian's package; as root).
+than the screen or cut off at its edge, a figure's name in place of the figure, or no heading. `--install` brings Chromium where it is missing (Debian's package; as root).
 `--self-test` looks at pages with one such fault each and fails if a fault is overlooked.
 """
 
@@ -55,6 +55,16 @@ LOOK = """() => {
       if (getComputedStyle(p).overflowX !== 'visible') return true;
     return false;
   };
+  const text = e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+  const cut = e => { // past the edge, where nothing scrolls
+    for (let p = e.parentElement; p && p !== page; p = p.parentElement) {
+      const how = getComputedStyle(p).overflowX;
+      if (how === 'auto' || how === 'scroll') return false;
+      if (how === 'hidden' || how === 'clip') return p.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
+    }
+    return false;
+  };
+  const main = document.querySelector('.bd-main') || document.body;
   const wide = page.scrollWidth <= page.clientWidth ? [] :
     [...document.body.querySelectorAll('*')].filter(
       e => e.getBoundingClientRect().right > page.clientWidth + 1 && seen(e) && !inside(e)).slice(-3).map(tell);
@@ -66,6 +76,9 @@ LOOK = """() => {
       m => ![...m.querySelectorAll('mjx-container')].some(seen)).map(tell),
     badmath: [...document.querySelectorAll('mjx-merror, [data-mjx-error]')].map(tell),
     overflow: page.scrollWidth - page.clientWidth,
+    cut: [...main.querySelectorAll('*')].filter(
+      e => text(e) && seen(e) && !e.closest('mjx-container') && cut(e)).map(tell),
+    undrawn: [...main.querySelectorAll('pre')].filter(e => /<Figure size \\d/.test(e.textContent)).map(tell),
     wide,
     formulas: document.querySelectorAll('mjx-container').length,
     images: wanted.length,
@@ -209,6 +222,8 @@ def faults_of(seen: dict) -> list[str]:
     found += [f"formula with an error: {text}" for text in seen["badmath"]]
     if seen["overflow"] > 0:
         found.append(f"{seen['overflow']} px wider than the screen: {'; '.join(seen['wide'])}")
+    found += [f"cut off at the edge: {text}" for text in seen["cut"]]
+    found += [f"a figure's name in place of the figure: {text}" for text in seen["undrawn"]]
     return found
 
 
@@ -244,6 +259,8 @@ FAULTY = {
     "formula is not set": "<h1>a</h1><span class='math'>\\(x\\)</span>",
     "formula with an error": "<h1>a</h1><mjx-container>x<mjx-merror>e</mjx-merror></mjx-container>",
     "wider than the screen": "<h1>a</h1><div style='width:3000px'>long</div>",
+    "cut off at the edge": "<h1>a</h1><div style='overflow:hidden'><p style='width:3000px'>long</p></div>",
+    "a figure's name": "<h1>a</h1><pre>&lt;Figure size 720x300 with 1 Axes&gt;</pre>",
     "link to no.html": "<h1>a</h1><a href='no.html'>x</a>",
     "no such anchor": "<h1 id='a'>a</h1><a href='#b'>x</a>",
 }

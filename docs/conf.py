@@ -19,6 +19,14 @@ os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ
 # Scripts draw without a display; kernels draw into their pages.
 matplotlib.use("agg")
 os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+# In the kernels every matplotlib figure shows as a picture, pyplot imported or not, and sharp at any size.
+profile = DOCS / "_build" / "ipython" / "profile_default"
+profile.mkdir(parents=True, exist_ok=True)
+(profile / "ipython_kernel_config.py").write_text(
+    "c = get_config()\nc.IPKernelApp.matplotlib = 'inline'\nc.InlineBackend.figure_formats = {'svg'}\n",
+    encoding="utf-8",
+)
+os.environ["IPYTHONDIR"] = str(profile.parent)
 
 project = "pwsmooth"
 author = "the pwsmooth developers"
@@ -111,6 +119,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "min_reported_time": 5,
     "doc_module": (),
+    "image_srcset": ["2x"],  # sharp on a phone
     "capture_repr": ("_repr_html_", "__repr__"),
     "plot_gallery": True,
 }
@@ -121,6 +130,7 @@ templates_path = ["_templates"]
 html_favicon = "_static/favicon.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["pictures.js"]
 html_show_sourcelink = False
 html_show_copyright = False
 html_context = {"default_mode": "auto"}

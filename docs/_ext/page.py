@@ -23,6 +23,7 @@ _SYMBOL = re.compile(
     rf"(?<![\w.])(?<!--)(?P<base>{_LETTER}|[A-Za-z](?=_))(?:_(?P<sub>[A-Za-z0-9]{{1,3}}))?(?![\w_]|\.\w)"
 )
 _POWER = re.compile(r"(?:\^|\*\*)(?:\((?P<long>[^()]+)\)|(?P<short>-?\d+(?:\.\d+)?|[A-Za-z]))")
+_CODE = re.compile(r"`+([^`|]+)`+")
 _SIGNS = (("+-", "±"), ("<=", "≤"), (">=", "≥"), ("->", "→"), (" - ", " − "))
 _NEGATIVE = re.compile(r"(?<![\w.\]})])-(?=\d)")
 
@@ -45,6 +46,7 @@ def shown(text: Any) -> str:
         return letter + (kept(f"{{sub}}`{match['sub']}`") if match["sub"] else "")
 
     line = " ".join(str(text).split())
+    line = _CODE.sub(lambda m: kept(f"`{m[1]}`"), line)
     line = _SYMBOL.sub(symbol, line)
     line = _POWER.sub(lambda m: kept(f"{{sup}}`{m['long'] or m['short']}`"), line)
     for typed, sign in _SIGNS:
