@@ -3,9 +3,10 @@
     python docs/check_pages.py [DIR] [--shots DIR] [--install] [--self-test]
 
 A page is wrong if it has an error in the console, a file that is missing or asked from another host, a link or
-anchor that leads nowhere, a picture that is not there or not visible, a formula that is not set, text wider
-than the screen or cut off at its edge, a figure's name in place of the figure, or no heading. `--install` brings Chromium where it is missing (Debian's package; as root).
-`--self-test` looks at pages with one such fault each and fails if a fault is overlooked.
+anchor that leads nowhere, a picture that is not there or not visible, a figure's name in place of the figure, a
+formula that is not set, text wider than the screen or cut off at its edge, or no heading. `--install` brings
+Chromium where it is missing (Debian's package; as root). `--self-test` looks at pages with one such fault each and
+fails if a fault is overlooked.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 WIDTHS = {"desktop": (1280, 900), "phone": (390, 844)}
-LEFT = "net::ERR_ABORTED"  # the next page was opened before the icon came; what is not there has a status instead
+LEFT = (
+    "net::ERR_ABORTED"  # the next page was opened before the icon came; what is not there has a status instead
+)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 # Folded parts are opened and lazy pictures loaded, so that nothing escapes; then mathematics and pictures are awaited.
@@ -60,7 +63,8 @@ LOOK = """() => {
     for (let p = e.parentElement; p && p !== page; p = p.parentElement) {
       const how = getComputedStyle(p).overflowX;
       if (how === 'auto' || how === 'scroll') return false;
-      if (how === 'hidden' || how === 'clip') return p.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
+      if (how === 'hidden' || how === 'clip')
+        return p.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
     }
     return false;
   };

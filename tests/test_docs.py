@@ -122,3 +122,8 @@ def test_the_code_of_a_page_runs_as_it_stands(path):
     names = {}
     for block in blocks:
         exec(compile(block, str(path), "exec"), names)
+
+
+def test_code_in_a_docstring_is_set_as_code(page):
+    assert page.shown("`lam_s` and ``x <= 1``") == "`lam_s` and `x <= 1`"
+    assert page.shown("`a | b`").count("`") == page.shown("`a | b`").count("\\`")  # would end the cell of a table

@@ -4,11 +4,11 @@ Add a friction law
 
 Rocks and rubber remember how long their contacts have been at rest. The law of Dieterich and Ruina, in
 the form that stays finite at :math:`v = 0`, has one internal state :math:`\theta`, the age of the
-contacts,
+contacts; per unit of normal load
 
 .. math::
 
-    f = N a \operatorname{arsinh}\!\left[\frac{v}{2 v_0}
+    f = a \operatorname{arsinh}\!\left[\frac{v}{2 v_0}
         \exp\frac{\mu_0 + b \ln (v_0 \theta/L)}{a}\right],
     \qquad \dot\theta = 1 - \frac{|v|\,\theta}{L}.
 

@@ -10,7 +10,8 @@ A first switching system: it just slides
 
 Two lines, and most solvers hang on them. On both sides of :math:`x = y` the motion points at :math:`x = y`: the
 solution arrives there and stays, and a method that steps through the surface jumps back and forth across it for ever.
-Ten minutes with this page bring you from the two lines to the exact solution.
+Ten minutes with this page bring you from the two lines to the exact solution. Type it into a notebook, or run the
+file at the foot of the page; a script shows what stands alone in a line only with ``print(...)``.
 """
 
 # %%
@@ -124,7 +125,7 @@ for name in ("RK45", "DOP853", "LSODA", "BDF", "Radau"):
 #
 # Change something
 # ----------------
-# Numbers belong into ``parameters``, so that nothing is derived or compiled again. Here the
+# Numbers belong in ``parameters``, so that nothing is derived or compiled again. Here the
 # pull :math:`a` to the right, left of the surface, fades in time, and sliding has an end: where
 # :math:`\lambda` reaches -1 the field on that side has become tangent to the surface, and then
 # leads away from it.
