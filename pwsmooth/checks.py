@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 
@@ -120,8 +121,17 @@ def number(value, what):
 
 def fits(symbol, value):
     """Whether a finite number has the properties that the symbol is declared to have."""
+    for holds, wanted in _declared(symbol):
+        if holds(value) != wanted:
+            return False
+    return True
+
+
+@functools.lru_cache(maxsize=4096)
+def _declared(symbol):
+    """(predicate, whether it is declared to hold) of a symbol."""
     declared = symbol._assumptions_orig.items()
-    return all(_PREDICATES[name](value) == wanted for name, wanted in declared if name in _PREDICATES)
+    return tuple((_PREDICATES[name], wanted) for name, wanted in declared if name in _PREDICATES)
 
 
 def parameter_value(symbol, value):
@@ -224,6 +234,8 @@ def ratio(value, what):
 
 def initial_value(symbol, value):
     """The initial value of a state as a float that fits the symbol's assumptions: sympy has simplified by them."""
+    if type(value) is float and math.isfinite(value) and fits(symbol, value):
+        return value  # the common case, without words that nobody reads
     what = f"`x0`, value of {symbol.name!r}"
     result = number(value, what)
     if not fits(symbol, result):
@@ -283,7 +295,8 @@ def initial_state(x0, states, initial_memory, gone):
 def span(t_span):
     """`t_span` as two finite, increasing floats."""
     try:
-        t0, t1 = (float(t) for t in t_span)
+        start, end = t_span
+        t0, t1 = float(start), float(end)
     except (TypeError, ValueError):
         raise TypeError(f"`t_span` is {t_span!r}; give two numbers, (start, end).") from None
     if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
@@ -366,3 +379,10 @@ def whole(value, what, low, high=2**62):
     if not (low <= result <= high and result == math.floor(result)):
         raise ValueError(f"{what} is {value!r}; {wanted}.")
     return int(value)
+
+
+def flag(value, what):
+    """`value`, which has to be True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{what} is {value!r}; give True or False.")
+    return bool(value)

@@ -123,12 +123,16 @@ class CompiledProblem:
             code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0
         )
 
+    def kept(self, what: str) -> dict:
+        """What this thread keeps for its next run."""
+        return self._scratch.__dict__.setdefault(what, {})
+
     def problem(self, p: np.ndarray, runge_kutta: bool = False):
         """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair.
 
         This thread's last one is kept: some forty arrays, half of the cost of a short run, depend on p alone.
         """
-        kept = self._scratch.__dict__.setdefault("problems", {})
+        kept = self.kept("problems")
         known, made = kept.get(runge_kutta, (None, None))
         if known != p.tobytes():
             made = self.new_problem(p.copy(), runge_kutta)
@@ -156,7 +160,7 @@ class CompiledProblem:
 
     def work(self, order: int):
         """Scratch arrays for one run: those of this thread's last run of the order, which no run leaves in use."""
-        kept = self._scratch.__dict__.setdefault("works", {})
+        kept = self.kept("works")
         if order not in kept:
             kept[order] = self.new_work(order)
         return kept[order]

@@ -17,8 +17,7 @@ import sympy as sp
 
 from . import checks
 from .diffusion import Diffusion, lower, meaning, split
-from .event_driven import EventDriven
-from .noise import rebundled
+from .event_driven import EventDriven, Options
 
 _LONGEST_GRID = 2**31  # intervals
 
@@ -126,9 +125,7 @@ class DiffusionRun:
             raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
         for t in () if times is None else times:
             self.interval(t, "an entry of `t_eval`")
-        run = Path(self, first * self.noise.step, last * self.noise.step, times, max_steps, strict)
-        run.advance(first, last, start)
-        return run.solution()
+        return Path(self, max_steps, strict).solve(first, last, start, times)
 
     def bundle(self, problem, starts=None, snapshots=None, grid=None):
         """The kernel's Diffused; without an ensemble its arrays are empty."""
@@ -182,74 +179,45 @@ def _free(problem, lowered):
     for j, noisy in enumerate(lowered.noisy[: len(kind)]):
         if noisy and kind[j] in (state.SLIDING, state.CROSSING):
             kind[j] = state.KINK
-    return rebundled(problem, kind=kind)
+    return problem.changed(kind=kind)
 
 
 class Path(EventDriven):
     """One trajectory: the event-driven run with the stochastic loop in the place of its own."""
 
-    def __init__(self, run: DiffusionRun, t0, t1, times, max_steps, strict):
-        view = run._view
-        p = np.array(view.parameter_values, float)
+    def __init__(self, run: DiffusionRun, max_steps, strict):
+        view, noise = run._view, run.noise
         n = len(view.model.states)
         super().__init__(
-            view,
-            run.values,
-            p,
-            1e-9,
-            np.full(n, 1e-12),
-            t1,
-            times,
-            False,
-            math.inf,
-            max_steps,
-            None,
-            strict,
-            "auto",
+            view.model, Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
         )
-        self.owner, self.t0, self.t1 = run, t0, t1
-        self.problem = _free(self.problem, run.lowered)
-        noise = run.noise
+        self.owner = run
+        self.problem = _free(self.parts.problem(np.array(view.parameter_values, float)), run.lowered)
         self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
                            "finest": noise.finest}  # fmt: skip
 
-    def control_and_state(self, start):
-        """The kernel's Control and State at the start."""
-        names = self.names
-        m, ne = len(self.model.multipliers), len(self.model.events)
-        control = names.Control(**self.control, clock=np.empty(0), clock_event=np.empty(0, np.int64))
-        state = names.State(
-            now=np.array([self.t0, 1e-3]), x=start, mult=np.zeros(m), status=np.zeros(m), deflate=np.zeros(m + ne),
-            side=np.ones(ne), counts=np.zeros(names.N_COUNTS), last=np.tile([self.t0, 0.0, 0.0, 0.0], (m, 1)),
-        )  # fmt: skip
-        return control, state
-
-    def advance(self, first, last, start):
-        """Runs the kernel to its end."""
+    def solve(self, first, last, start, times):
+        """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
         from .kernels import noise_state as names
+        from .kernels.state import C_STEPS, FULL
 
-        control, state = self.control_and_state(start)
-        noise = self.owner.bundle(self.problem)
+        owner = self.owner
+        step = owner.noise.step
+        control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
+        noise = owner.bundle(self.problem)
         noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 1
-        noise.place[names.TRAJECTORY] = self.owner.noise.trajectory
+        noise.place[names.TRAJECTORY] = owner.noise.trajectory
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
-        record = self._record(1024, None, state.counts)
+        record = self.first_record(times)
         while True:
             bundles = (self.problem, control, state, record, self.work, noise)
-            self.code = diffuse(*(bundle.address for bundle in bundles))
-            if self.code != self.names.FULL:
+            code = diffuse(*(bundle.address for bundle in bundles))
+            if code != FULL:
                 break
             record = self._record(max(4 * len(record.t), 65536), record, state.counts)
-        self.state, self.record, self.place = state, record, noise.place
-
-    def solution(self):
-        """The Solution, of the system as it was given."""
-        from .kernels import noise_state as names
-
-        solution = self.finish()
-        solution.system = self.owner.system
-        solution.noise = self.owner.noise
-        solution.cost = {"steps": int(self.state.counts[self.names.C_STEPS]),
-                         "refused": int(self.place[names.REJECTED]), "events": len(solution.events)}  # fmt: skip
+        solution = self.finish(owner.system, code, self.problem, state, record, times)
+        solution.noise = owner.noise
+        solution.cost = {"steps": int(state.counts[C_STEPS]),
+                         "refused": int(noise.place[names.REJECTED]), "events": len(solution.events)}  # fmt: skip
         return solution

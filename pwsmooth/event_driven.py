@@ -5,101 +5,199 @@ Chain: solve -> **this file** -> kernels/trajectory.py, the loop that reads like
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 
-from . import memory
+from . import checks, memory
+from .compiled import compiled_problem
+from .kernels import state as names
 from .model import Model
-from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome
+from .records import Dense, EventLog, Outcome
 from .solution import Solution
+from .words import OUTCOMES, ambiguities_in_words, event_words
 
 _LOOP = 40  # events in a row at one instant that make a loop
-_ROOM = 1024  # points that the first buffers hold
-_LARGE = 2**27  # bytes, above which the next ones hold twice as many at most
+_ROOM, _LEAST_ROOM = 1024, 64  # points that the first buffers hold: the fewer, the larger the system
+_KEPT_BYTES = 2**21  # of first buffers, which the next run finds again
+_KEPT = 16  # choices of options that a thread keeps of a model
+_LARGE = 2**27  # bytes, above which the next buffers hold twice as many at most
+LOOSEST = 1e-6  # looser tolerances were seen to take wrong turns
 
 
-def _next_room(room: int, t0: float, t: float, t_end: float) -> int:
+def _next_room(room: int, first: int, t0: float, t: float, t_end: float) -> int:
     """Points of the next buffers: as many as the whole span takes at the rate so far, within bounds.
 
     Copies of what is full, by fours, cost a quarter of a run over thousands of periods.
     """
     reached = (t - t0) / (t_end - t0)
-    return int(min(max(1.1, 2.0 * reached) / max(reached, 1e-3), 64.0 if room == _ROOM else 8.0) * room)
+    return int(min(max(1.1, 2.0 * reached) / max(reached, 1e-3), 64.0 if room == first else 8.0) * room)
+
+
+class Options(NamedTuple):
+    """What of solve()'s options an event-driven run depends on, as given: `checked` looks at them once."""
+
+    method: str
+    rtol: float
+    atol: Any
+    dense: bool
+    max_step: float
+    max_steps: int
+    order: int | None
+    strict: bool
+
+    def checked(self, model: Model) -> Options:
+        """With numbers in the place of what stands for them.
+
+        Raises
+        ------
+        ValueError, TypeError
+            An option that no event-driven run has.
+        """
+        if self.method not in ("auto", "taylor", "rk"):
+            raise ValueError(
+                f"`method` is {self.method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
+                "(the others are for `system.smoothed(...)`)."
+            )
+        order = self.order
+        if order is not None:
+            order = checks.whole(order, "`order`", 8, 31)
+            if self.method == "rk":
+                raise ValueError(
+                    f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'."
+                )
+        return Options(
+            self.method,
+            min(checks.relative_tolerance(self.rtol), LOOSEST),
+            checks.absolute_tolerance(self.atol, model.states),
+            checks.flag(self.dense, "`dense_output`"),
+            checks.longest_step(self.max_step),
+            checks.whole(self.max_steps, "`max_steps`", 1),
+            order,
+            checks.flag(self.strict, "`strict`"),
+        )
+
+
+def ready(model: Model, options: Options) -> EventDriven:
+    """This thread's EventDriven of a model with these options, made at their first use.
+
+    A short run would spend most of its time on arrays and checks that are the same in the next one.
+    """
+    kept = compiled_problem(model).kept("runs")
+    atol = options.atol
+    if isinstance(atol, np.ndarray):
+        atol = atol.dtype.str, atol.shape, atol.tobytes()
+    elif isinstance(atol, list):
+        atol = tuple(atol)
+    # True is 1 to a dict, but not at the door.
+    key = (atol, *options[:2], *options[3:], *map(type, options))
+    try:
+        run = kept.get(key)
+    except TypeError:  # no hash, which tells nothing about whether it is fit
+        return EventDriven(model, options.checked(model))
+    if run is None:
+        run = EventDriven(model, options.checked(model))
+        if len(kept) >= _KEPT:
+            kept.pop(next(iter(kept)))
+        kept[key] = run
+    return run
 
 
 class EventDriven:
-    """One event-driven run: the arrays that the kernel works on, and what it recorded."""
+    """A model with options, ready to run: the arrays that the kernel works on.
 
-    def __init__(
-        self, system, values, p, rtol, atol, t1, times, dense, max_step, max_steps, order, strict, method
-    ):
+    Nothing of a run stays in them that the next one would see.
+    """
+
+    def __init__(self, model: Model, options: Options):
         from .codegen.units import trajectory_loop
-        from .compiled import compiled_problem
-        from .kernels import state
 
-        self.system, self.values, self.times, self.dense = system, values, times, dense
-        self.run = trajectory_loop()
-        self.names = state
-        model = self.model = system.model
-        parts = compiled_problem(model)
+        self.model, self.dense = model, options.dense
+        self.loop = trajectory_loop()
+        self.parts = parts = compiled_problem(model)
         self.sizes = parts.code
-        if method == "taylor" and not parts.has_jets:
+        if options.method == "taylor" and not parts.has_jets:
             raise ValueError(
                 "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
             )
-        pair = method == "rk" or not parts.has_jets
+        self.pair = options.method == "rk" or not parts.has_jets
+        rtol, atol = options.rtol, options.atol
         # The pair's interpolant has degree 7.
-        self.order = 7 if pair else order or _order_for(rtol, parts.code.by_responses)
+        self.order = 7 if self.pair else options.order or _order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
-        self.problem = parts.problem(p, pair)
         self.work = parts.work(self.order)
-        self.control = dict(
-            order=self.order,
-            rtol=rtol,
-            atol=np.maximum(atol, 1e-300),
-            max_step=float(max_step),
-            t_end=t1,
-            max_steps=int(max_steps),
-            strict=int(strict),
-        )
+        self.words = event_words(model)
+        self.max_steps = options.max_steps
+        self.first_step = min(1e-3, options.max_step)
+        self.limits = dict(
+            order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), max_step=options.max_step, t_end=0.0,
+            max_steps=options.max_steps, strict=int(options.strict),
+        )  # fmt: skip
+        self.clocked = any(event.every is not None or event.at for event in model.events)
+        self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
+        self.t_end = self.control.scalar("t_end")
+        m, ne = len(model.multipliers), len(model.events)
+        shapes = {"now": 2, "x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne,
+                  "counts": names.N_COUNTS}  # fmt: skip
+        self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 4)})
+        self.state.block[:] = 0
+        self.state.side[:] = 1
+        self.blank = self.state.block.copy()
+        self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
 
-    def begin(self, t0, start):
-        """Runs the kernel to its end, emptying its buffers as they fill."""
-        names, model = self.names, self.model
-        clock, which = _clock(model, self.values, t0, self.control["t_end"], self.control["max_steps"])
-        control = names.Control(**self.control, clock=clock, clock_event=which)
-        state = self.fresh_state(t0, start)
-        record = self._record(_ROOM, None, state.counts)
-        while (code := self.run(self.problem, control, state, record, self.work)) == names.FULL:
+    def _keep(self, room: int) -> None:
+        """First buffers of runs to come; what a large system records is given back after every run."""
+        self.room, self.record = room, self._record(room) if self._bytes(room) <= _KEPT_BYTES else None
+
+    def begin(self, t0: float, start: Any) -> Any:
+        """The kernel's State before its first step (kernels/ensemble.py makes the same one for every orbit)."""
+        state = self.state
+        state.block[:] = self.blank
+        state.now[0], state.now[1] = t0, self.first_step
+        state.x[:] = start
+        state.last[:, 0] = t0
+        return state
+
+    def timed(self, t0: float, t1: float, values: Mapping[sp.Symbol, float]) -> Any:
+        """The kernel's Control for a span."""
+        if self.clocked:
+            clock, which = _clock(self.model, values, t0, t1, self.max_steps)
+            return names.Control(**self.limits | {"t_end": t1}, clock=clock, clock_event=which)
+        self.t_end[0] = t1
+        return self.control
+
+    def solve(self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, kicks: Any = None):
+        """The Solution of one run: the kernel runs to its end, its buffers emptied as they fill.
+
+        `p` has one value per symbol of model.parameters, `times` are the wanted ones or None.
+        """
+        problem = self.parts.problem(p, self.pair)
+        if kicks is not None:
+            problem = kicks.problem(problem)
+        control, state = self.timed(t0, t1, system.parameters), self.begin(t0, start)
+        record = self.first_record(times)
+        while (code := self.loop(problem, control, state, record, self.work)) == names.FULL:
             # Between two visits Ctrl-C works; the room grows geometrically, more slowly where it is large.
-            room = _next_room(len(record.t), t0, state.now[0], control.t_end)
+            room = _next_room(len(record.t), self.room, t0, state.now[0], t1)
             if self._bytes(room) >= _LARGE:
                 room = min(room, 2 * len(record.t))
             if not memory.fits(self._bytes(room)):
                 break
             record = self._record(room, record, state.counts)
-        self.code, self.state, self.record = code, state, record
+        solution = self.finish(system, code, problem, state, record, times)
+        if len(record.t) == self.room:
+            return solution
+        filled = [names.C_POINTS, names.C_EVENTS, names.C_AMBIGUITIES, names.C_DENSE]
+        room = int(1.1 * state.counts[filled].max())
+        if room > self.room and self._bytes(room) <= _KEPT_BYTES:
+            self._keep(room)
+        return solution
 
-    def fresh_state(self, t0, start):
-        """The kernel's State before its first step (kernels/ensemble.py makes the same one for every orbit)."""
-        m, ne = len(self.model.multipliers), len(self.model.events)
-        return self.names.State(
-            now=np.array([t0, min(1e-3, self.control["max_step"])]),
-            x=start,
-            mult=np.zeros(m),
-            status=np.zeros(m),
-            deflate=np.zeros(m + ne),
-            side=np.ones(ne),
-            counts=np.zeros(self.names.N_COUNTS),
-            last=np.tile([t0, 0.0, 0.0, 0.0], (m, 1)),
-        )
-
-    def _shapes(self, room):
-        """Shapes of the buffers for `room` points and events; eight bytes an entry are enough."""
+    def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
+        """Shapes of the buffers for `room` points and events."""
         n, m = self.sizes.n, self.sizes.m
         dense = room if self.dense else 0
         return {
@@ -108,63 +206,74 @@ class EventDriven:
             "dense_s": (dense,), "status": (room, m),
         }  # fmt: skip
 
-    def _bytes(self, room):
+    def _bytes(self, room: int) -> int:
         return sum(8 * math.prod(shape) for shape in self._shapes(room).values())
 
-    def _record(self, room, old, counts):
+    def _record(self, room: int, old: Any = None, counts: Any = None) -> Any:
         """Buffers for `room` points and events, with what `old` holds copied over."""
-        names, n, m = self.names, self.sizes.n, self.sizes.m
-        asked = np.empty(0) if self.times is None else self.times
-        shapes = self._shapes(room)
-        dtypes = {"event": np.int64, "ambiguity": np.int64, "status": np.int8}
+        n, m = self.sizes.n, self.sizes.m
+        asked = {"t_eval": np.empty(0), "x_eval": np.empty((0, n)), "mult_eval": np.empty((0, m))}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
-        arena = np.empty(max(self._bytes(room), 1 << 22 if old else 0), np.uint8)
-        buffers, start = {}, 0
-        for name, shape in shapes.items():
-            dtype = np.dtype(dtypes.get(name, float))
-            size = math.prod(shape) * dtype.itemsize
-            buffers[name] = arena[start : start + size].view(dtype).reshape(shape)
-            start += size
-        new = names.Record(
-            t_eval=asked, x_eval=old.x_eval if old else np.empty((len(asked), n)),
-            mult_eval=old.mult_eval if old else np.empty((len(asked), m)), **buffers,
-        )  # fmt: skip
+        new = names.Record.in_one_block(
+            self._shapes(room), 1 << 22 if old else 0, **{k: getattr(old, k, empty) for k, empty in asked.items()}
+        )
         if old:
-            for name, count in self._counted(counts):
-                getattr(new, name)[:count] = getattr(old, name)[:count]
+            for name, part in self._parts(old, counts.tolist()).items():
+                getattr(new, name)[: len(part)] = part
         return new
 
-    def _counted(self, counts):
-        """Every buffer with the number of its entries."""
-        names = self.names
-        for count, buffers in (
-            (names.C_POINTS, ("t", "x", "mult", "status")),
-            (names.C_EVENTS, ("event_t", "event")),
-            (names.C_AMBIGUITIES, ("ambiguity_t", "ambiguity")),
-            (names.C_DENSE, ("dense", "dense_s")),
-        ):
-            for name in buffers:
-                yield name, int(counts[count])
+    def recording(self, room: int, times: np.ndarray) -> Any:
+        """Buffers for `room` points and events, and for the wanted times."""
+        return self._asked(self._record(room), times)
 
-    def finish(self) -> Solution:
-        """The Solution, in words."""
-        names, model, counts = self.names, self.model, self.state.counts
-        kept = {name: getattr(self.record, name)[:count] for name, count in self._counted(counts)}
+    def first_record(self, times: np.ndarray | None = None) -> Any:
+        """The buffers at the start of a run that is asked for these times, or for none."""
+        record = self.record or self._record(self.room)
+        return record if times is None else self._asked(record, times)
+
+    def _asked(self, record: Any, times: np.ndarray) -> Any:
+        k = len(times)
+        return record.changed(
+            t_eval=times, x_eval=np.empty((k, self.sizes.n)), mult_eval=np.empty((k, self.sizes.m))
+        )
+
+    def _parts(self, record: Any, counts: list[int]) -> dict[str, np.ndarray]:
+        """What the buffers hold."""
+        points, events = counts[names.C_POINTS], counts[names.C_EVENTS]
+        parts = {
+            "t": record.t[:points], "x": record.x[:points], "mult": record.mult[:points],
+            "status": record.status[:points], "event_t": record.event_t[:events], "event": record.event[:events],
+        }  # fmt: skip
+        if ambiguities := counts[names.C_AMBIGUITIES]:
+            parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
+        if self.dense:
+            steps = counts[names.C_DENSE]
+            parts |= {name: getattr(record, name)[:steps] for name in ("dense", "dense_s")}
+        return parts
+
+    def finish(
+        self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None
+    ) -> Solution:
+        """The Solution of a run that ended with this code, in words."""
+        counts = state.counts.tolist()
+        kept = self._parts(record, counts)
+        if self.record is not None and record.t is self.record.t:
+            kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
         status[status == names.HELD] = 0
         event_t = kept["event_t"]
-        outcome = self._outcome(event_t, kept["event"])
+        outcome = self._outcome(code, problem, state, event_t, kept["event"])
         cost = {
-            "steps": int(counts[names.C_STEPS]),
-            "jets": int(counts[names.C_JETS]),
+            "steps": counts[names.C_STEPS],
+            "jets": counts[names.C_JETS],
             "events": len(event_t),
-            "layers": int(counts[names.C_LAYERS]),
+            "layers": counts[names.C_LAYERS],
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
-        if self.times is not None:
+        if times is not None:
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
-            asked, x_asked, mult_asked = self.times[:k], self.record.x_eval[:k], self.record.mult_eval[:k]
+            asked, x_asked, mult_asked = times[:k], record.x_eval[:k], record.mult_eval[:k]
             column = np.clip(np.searchsorted(t, asked, side="right") - 1, 0, len(t) - 1)
             # At an event the side after it, as the dense output has it.
             met = t[column] == asked
@@ -176,42 +285,43 @@ class EventDriven:
                 x_asked, mult_asked = np.vstack([x_asked, x[-1:]]), np.vstack([mult_asked, mult[-1:]])
             t, x, mult, status = asked, x_asked, mult_asked, status[column]
         return Solution(
-            self.system,
+            system,
             t,
             x.T,
             mult.T,
             status.T,
-            _events_in_words(names, model, event_t, kept["event"]),
+            EventLog(event_t, kept["event"], self.words),
             dense,
             outcome,
             cost,
             self.tolerances,
-            _ambiguities_in_words(names, model, kept["ambiguity_t"], kept["ambiguity"]),
-            self.values,
+            ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
+            if "ambiguity" in kept
+            else [],
+            system.parameters,
         )
 
-    def _outcome(self, event_t, events) -> Outcome:
+    def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:
         """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""
-        names = self.names
-        outcome = _outcomes(names)[self.code]
+        outcome = OUTCOMES[code]
         last = events[-_LOOP:]
         if outcome is Outcome.CHATTERING and len(last) == _LOOP:
             if np.all(last[:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
                 return Outcome.EVENT_LOOP
         if outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE):
             # Near a pole the coefficients overflow before the step does: what tells is the right-hand side itself.
-            return Outcome.STEP_UNDERFLOW if self._defined() else Outcome.NOT_FINITE
+            return Outcome.STEP_UNDERFLOW if self._defined(problem, state) else Outcome.NOT_FINITE
         return outcome
 
-    def _defined(self) -> bool:
+    def _defined(self, problem: Any, state: Any) -> bool:
         """Whether the right-hand side is finite where the run stopped, and just ahead of it."""
         import ctypes
 
         n, m, ne = len(self.model.states), len(self.model.multipliers), len(self.model.events)
         double = ctypes.POINTER(ctypes.c_double)
-        fields = ctypes.CFUNCTYPE(None, ctypes.c_double, *6 * [double])(int(self.problem.fields))
-        t, x, rates = self.state.now[0], np.append(self.state.x, 0.0), np.zeros(n)
-        others = [np.append(a, 0.0) for a in (self.state.mult, self.problem.p)]
+        fields = ctypes.CFUNCTYPE(None, ctypes.c_double, *6 * [double])(int(problem.fields))
+        t, x, rates = state.now[0], np.append(state.x, 0.0), np.zeros(n)
+        others = [np.append(a, 0.0) for a in (state.mult, problem.p)]
         arrays = [x, *others, rates, np.zeros(m + ne + 1), np.zeros(m + 1)]
         ahead = 1e-8 * (1 + abs(t))
         for step in (0.0, ahead):
@@ -226,7 +336,7 @@ class EventDriven:
 
         `states` has a row a state and a column an instant or step, `status` a row for each of these.
         """
-        for j, k in enumerate(self.problem.surface_state):
+        for j, k in enumerate(self.parts.fixed["surface_state"]):
             if k >= 0:
                 states[k][status[:, j] == 0] = 0.0
 
@@ -282,78 +392,3 @@ def _clock(
         first = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
         when = when[first]
     return when, which
-
-
-@functools.cache
-def _outcomes(names) -> dict[int, Outcome]:
-    return {
-        names.DONE: Outcome.FINISHED,
-        names.TERMINAL: Outcome.TERMINATED,
-        names.NOT_FINITE: Outcome.NOT_FINITE,
-        names.UNDERFLOW: Outcome.STEP_UNDERFLOW,
-        names.CHATTERING: Outcome.CHATTERING,
-        names.NO_ROOT_FOUND: Outcome.NO_ROOT,
-        names.HIDDEN_OSCILLATION: Outcome.LAYER_UNSETTLED,
-        names.MAX_STEPS: Outcome.TOO_MANY_STEPS,
-        names.STRICT: Outcome.AMBIGUITY,
-        names.NEWTON_FAILED: Outcome.SINGULAR,
-        names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
-        names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
-        names.FULL: Outcome.OUT_OF_MEMORY,
-    }
-
-
-def _events_in_words(names, model: Model, times, codes) -> EventLog:
-    kinds = {
-        names.EV_CROSSING: "crossing",
-        names.EV_STICK: "stick",
-        names.EV_TANGENCY: "slip by tangency",
-        names.EV_FOLD: "slip by fold",
-        names.EV_FOLD_TO_SLIDING: "sliding to sliding",
-        names.EV_EVENT: "reset",
-        names.EV_IMPACT: "impact",
-        names.EV_CLOSED: "closed contact",
-        names.EV_OPENING: "opening",
-        names.EV_ACCUMULATION: "accumulation",
-        names.EV_RESET: "slip by reset",
-    }
-    multipliers = model.multipliers
-
-    def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
-        if index >= len(multipliers):
-            event = model.events[index - len(multipliers)]
-            if kind == names.EV_ACCUMULATION:
-                return EventRecord(t, event.name, kinds[kind])
-            return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
-        contact = multipliers[index].kind == "contact"
-        note = "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
-        return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
-
-    return EventLog(times, codes, words)
-
-
-def _ambiguities_in_words(names, model: Model, times, records) -> list[Ambiguity]:
-    words = {
-        names.AMB_REPELLING: ("repelling sliding", ("leave to +1", "leave to -1", "stay on the surface")),
-        names.AMB_SEVERAL_ROOTS: (
-            "several attracting states of the layer",
-            ("from lam = 0", "from -1", "from +1"),
-        ),
-        names.AMB_TWO_FOLD: ("two-fold", ("leave to +1", "leave to -1", "stay on the surface")),
-        names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
-        names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
-        names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
-    }
-    found = []
-    for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
-        name, continuations = words[kind]
-        if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
-            choice = "stopped"
-        elif kind == names.AMB_GRAZING:
-            choice = continuations[taken]
-        elif kind == names.AMB_REPELLING:
-            choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
-        else:
-            choice = continuations[0]
-        found.append(Ambiguity(t, str(model.multipliers[index].symbol), name, choice, continuations))
-    return found

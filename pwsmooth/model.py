@@ -14,8 +14,9 @@ Chain: System (notation) -> Model (this file) -> codegen (compiled addresses) ->
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+import functools
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
@@ -126,3 +127,14 @@ class Model:
             # A model that was changed (`dataclasses.replace`) is no longer what its template says.
             for name, value in written_out(self).items():
                 object.__setattr__(self, name, value)
+
+    @functools.cached_property
+    def _hash(self) -> int:
+        return hash(tuple(getattr(self, f.name) for f in fields(self)))
+
+    def __hash__(self) -> int:
+        return self._hash  # every solve() looks for what it keeps of a model
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Another process has other hashes.
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}

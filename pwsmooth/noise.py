@@ -134,11 +134,6 @@ def _names(on: Any) -> tuple[str, ...]:
     return tuple(str(s) for s in on)
 
 
-def rebundled(bundle: Any, **changes: Any) -> Any:
-    """A Bundle with some fields replaced."""
-    return type(bundle)(**{name: getattr(bundle, name) for name, _ in type(bundle).fields} | changes)
-
-
 def _size(value: Any, name: str) -> float:
     size = checks.number(value, f"`size` of {name!r}")
     if not 0 <= size < math.inf:
@@ -224,7 +219,7 @@ class KickedRun:
         """The event-driven path's Problem with kicks in it."""
         from .codegen.units import unit_address
 
-        return rebundled(problem, p=self._headed(problem.act, problem.p), act=unit_address("kick_act"))
+        return problem.changed(p=self._headed(problem.act, problem.p), act=unit_address("kick_act"))
 
     def smooth(self, addresses: np.ndarray, act: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(addresses, parameters) of the smoothed path with kicks in them; `act` is the place of its `act`."""

@@ -182,15 +182,15 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
 def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
     """`count` trajectories in one compiled loop; starts (1 or count, n)."""
     from .codegen.units import unit_address
-    from .event_driven import _outcomes
     from .kernels import noise_state as names
+    from .words import OUTCOMES
 
     first, last = (run.interval(t, "`t_span`") for t in t_span)
     asked = np.empty(0) if times is None else times
     grid = np.array([run.interval(t, "an entry of `t_eval`") for t in asked], np.int64)
     step, n = run.noise.step, starts.shape[1]
-    path = Path(run, first * step, last * step, None, max_steps, False)
-    control, state = path.control_and_state(starts[0].copy())
+    path = Path(run, max_steps, False)
+    control, state = path.timed(first * step, last * step, run.values), path.begin(first * step, starts[0])
     begun = np.column_stack([starts, np.full(len(starts), first * step)])
     noise = run.bundle(path.problem, begun, np.empty((count, len(grid), n)), grid)
     noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 0
@@ -198,18 +198,17 @@ def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
     loop = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 6)(
         unit_address("diffuse_many")
     )
-    bundles = (path.problem, control, state, path._record(1024, None, state.counts), path.work, noise)
+    bundles = (path.problem, control, state, path.first_record(), path.work, noise)
     one = unit_address("diffuse")
     for row in range(0, count, _ROWS):
         # Between two visits Ctrl-C works.
         loop(one, row, min(row + _ROWS, count), *(bundle.address for bundle in bundles))
-    words = _outcomes(path.names)
     return Ensemble(
         grid * step,
         noise.snapshots.transpose(0, 2, 1).copy(),
         noise.ends[:, 0].copy(),
         noise.ends[:, 1:].copy(),
-        tuple(words[code] for code in noise.codes[:, 0].tolist()),
+        tuple(OUTCOMES[code] for code in noise.codes[:, 0].tolist()),
         noise.codes[:, 1].copy(),
         tuple(str(s) for s in run.system.states),
     )

@@ -74,6 +74,7 @@ def solve_smoothed(
         raise ValueError(
             f"`method` is {method!r}, which no smoothed view has; choose one of {', '.join(known)}."
         )
+    rtol = min(rtol, stiff.LOOSEST_RTOL)
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
     common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
     if method in stiff.SCIPY_METHODS:

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from . import checks
+from .event_driven import Options, ready
 from .solution import Solution
-
-_LOOSEST = {"event-driven": 1e-6, "smoothed": 1e-3}  # looser ones were seen to take wrong turns
 
 
 def solve(
@@ -113,54 +112,30 @@ def solve(
 
         kicks = prepared(system, noise, method)
         system = kicks.system if kicks else system
-    model, values = system.model, system.parameters
+    model = system.model
     t0, t1 = checks.span(t_span)
-    start = np.array(system.initial_state(x0), float)
+    start = system.initial_state(x0)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
-    smoothed = bool(model.smoothing) and not model.multipliers
-    rtol = checks.relative_tolerance(rtol)
-    absolute = checks.absolute_tolerance(atol, model.states)
-    max_step = checks.longest_step(max_step)
-    max_steps = checks.whole(max_steps, "`max_steps`", 1)
-    for name, flag in (("strict", strict), ("dense_output", dense_output)):
-        if not isinstance(flag, (bool, np.bool_)):
-            raise TypeError(f"`{name}` is {flag!r}; give True or False.")
-    if hasattr(kicks, "solve"):
-        return kicks.solve((t0, t1), start, times, max_steps, strict, max_step, dense_output, order)
-    rtol = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
-    if smoothed:
-        from .smooth_path import solve_smoothed
-
-        if order is not None or strict:
-            raise ValueError(
-                "`order` and `strict` belong to event-driven systems; leave them out for a smoothed view."
-            )
-        solution = solve_smoothed(
-            system, (t0, t1), start, p, values, method, rtol, absolute, times, dense_output, max_step, max_steps,
-            kicks,
-        )  # fmt: skip
+    diffuses = hasattr(kicks, "solve")
+    if not diffuses and not (model.smoothing and not model.multipliers):
+        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict)
+        solution = ready(model, options).solve(system, p, t0, t1, start, times, kicks)
         solution.noise = noise
         return solution
-    if method not in ("auto", "taylor", "rk"):
-        raise ValueError(
-            f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
-            "(the others are for `system.smoothed(...)`)."
-        )
-    if order is not None:
-        order = checks.whole(order, "`order`", 8, 31)
-        if method == "rk":
-            raise ValueError(
-                f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'."
-            )
-    from .event_driven import EventDriven
+    initial = np.array(start)
+    rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
+    max_step, max_steps = checks.longest_step(max_step), checks.whole(max_steps, "`max_steps`", 1)
+    strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")
+    if diffuses:
+        return kicks.solve((t0, t1), initial, times, max_steps, strict, max_step, dense, order)
+    if order is not None or strict:
+        raise ValueError("`order` and `strict` belong to event-driven systems; leave them out for a smoothed view.")
+    from .smooth_path import solve_smoothed
 
-    run = EventDriven(
-        system, values, p, rtol, absolute, t1, times, dense_output, max_step, max_steps, order, strict, method
-    )
-    if kicks:
-        run.problem = kicks.problem(run.problem)
-    run.begin(t0, start)
-    solution = run.finish()
+    solution = solve_smoothed(
+        system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, max_steps,
+        kicks,
+    )  # fmt: skip
     solution.noise = noise
     return solution

@@ -163,7 +163,7 @@ class System:
             self.parameters, self.model = self.definition.parameters, lower(self._field)
         self._check_values()
         self._notes: tuple[str, ...] = ()
-        self._cache: dict = {}  # of views: their fields and models
+        self._cache: dict = {}  # of views: their fields and models; what their initial states are read by
 
     # ---- what a system knows
 
@@ -232,11 +232,14 @@ class System:
         ValueError, TypeError
             Names that this view does not have, missing states, wrong length, nan or infinity.
         """
-        memory = {plain(m): m.initial for m in (self._element or self.definition).memories}
-        gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
+        if "start" not in self._cache:
+            memory = {plain(m): m.initial for m in (self._element or self.definition).memories}
+            gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
+            self._cache["start"] = self.states[: len(self.states) - len(memory)], memory, gone
+        states, memory, gone = self._cache["start"]
         if isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
-        return checks.initial_state(x0, self.states[: len(self.states) - len(memory)], memory, gone)
+        return checks.initial_state(x0, states, memory, gone)
 
     def with_parameters(self, parameters):
         """The same view with other values of some parameters; nothing is derived or compiled anew.

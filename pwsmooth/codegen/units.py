@@ -120,7 +120,7 @@ def trajectory_loop():
     """kernels.trajectory.run as a Python function of five Bundles."""
     prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
     run = prototype(unit_address("run"))
-    return lambda *bundles: run(*(bundle.address for bundle in bundles))
+    return lambda P, C, S, R, W: run(P.address, C.address, S.address, R.address, W.address)
 
 
 @cache

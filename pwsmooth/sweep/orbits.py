@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..event_driven import EventDriven, _clock
+from ..event_driven import EventDriven, Options
 from ..records import Outcome
 from .measures import Itinerary
 from .plan import REFUSED, Plan
@@ -33,10 +33,13 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     strobes = setting.periods + 1
     base = np.array(system.parameter_values, float)
     run = EventDriven(
-        system, system.parameters, base, options["rtol"], np.array(options["atol"]), 1.0, np.zeros(strobes),
-        bool(setting.quantities), options["max_step"], options["max_steps"], options["order"], False,
-        options["method"],
+        model,
+        Options(
+            options["method"], options["rtol"], np.array(options["atol"]), bool(setting.quantities),
+            options["max_step"], options["max_steps"], options["order"], False,
+        ),
     )  # fmt: skip
+    problem = run.parts.problem(base, run.pair)
     n, m, ne = len(model.states), len(model.multipliers), len(model.events)
     p = np.tile(base, (count, 1))
     x0 = np.tile(np.array(plan.start, float), (count, 1))
@@ -47,8 +50,8 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             x0[:, setting.states.index(name)] = columns[name]
     quantities, outputs = _quantities(plan, n, m)
     # The buffers are emptied when full: small ones stay in the cache.
-    now = run.fresh_state(0.0, np.zeros(n))
-    record = run._record(max(512, 4 * (2 * m + 3 * ne + 64)), None, now.counts)
+    now = run.begin(0.0, 0.0)
+    record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(strobes))
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     nq, most = len(quantities), Itinerary.most
     digits = np.zeros(m, np.int64)
@@ -75,9 +78,9 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             outputs=run.sizes.outputs if outputs else 0,
             longest=setting.period_detector.longest if setting.forced else 0,
             period_tol=setting.period_detector.tol,
-            t_end=_cell(control, "t_end"),
+            t_end=control.scalar("t_end"),
             p=p,
-            ratio=_ratios(plan, columns, run.problem.ratio, count),
+            ratio=_ratios(plan, columns, problem.ratio, count),
             x0=x0,
             t0=np.ascontiguousarray(t0),
             period=np.ascontiguousarray(period),
@@ -100,34 +103,22 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             out=np.zeros(len(model.outputs)),
             **vars(orbits),
         )
-        bundles = (run.problem, control, now, record, run.work, many)
+        bundles = (problem, control, now, record, run.work, many)
         call(*(bundle.address for bundle in bundles), first, stop)
 
-    if any(event.every is not None or event.at for event in model.events):
+    if run.clocked:
         # The instants of time events depend on the parameters and the span: one orbit a call.
         for i in range(count):
             values = system.parameters | {s: v for s, v in zip(model.parameters, p[i].tolist())}
-            clock, which = _clock(model, values, t0[i], end[i], options["max_steps"])
-            go(state.Control(**run.control, clock=clock, clock_event=which), i, i + 1)
+            go(run.timed(t0[i], end[i], values), i, i + 1)
     else:
-        nothing = np.empty(0)
-        go(state.Control(**run.control, clock=nothing, clock_event=nothing), 0, count)
+        go(run.control, 0, count)
     orbits.code_done = orbits.code == state.DONE
     orbits.ok = orbits.code_done | (orbits.code == state.TERMINAL)
     orbits.outcome = np.where(orbits.code_done, int(Outcome.FINISHED), int(Outcome.TERMINATED))
     for i in np.flatnonzero(~orbits.ok).tolist():
         orbits.outcome[i] = _outcome(plan, columns, i)
     return orbits
-
-
-def _cell(bundle, name):
-    """A scalar of a Bundle as an array of one element on its own memory."""
-    at = 0
-    for field, code in type(bundle).fields:
-        if field == name:
-            return bundle.cells[at : at + 1].view(np.float64)
-        at += 1 if code in ("int", "float") else 1 + int(code[3])
-    raise KeyError(name)
 
 
 def _ratios(plan, columns, fixed, count):

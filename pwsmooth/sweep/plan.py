@@ -17,8 +17,9 @@ import numpy as np
 import sympy as sp
 
 from .. import checks
+from ..event_driven import LOOSEST
 from ..lambdified import numpy_function
-from ..solve import _LOOSEST
+from ..stiff import LOOSEST_RTOL
 from .axes import Axes, read_axes
 from .contract import Measure, Setting, Variable, Window, alphabet
 from .measures import Function, Period, measure_from_text
@@ -319,7 +320,7 @@ def _options(system, options):
     smoothed = bool(model.smoothing) and not model.multipliers
     checked = dict(options)
     rtol = checks.relative_tolerance(checked.get("rtol", _RTOL))
-    checked["rtol"] = min(rtol, _LOOSEST["smoothed" if smoothed else "event-driven"])
+    checked["rtol"] = min(rtol, LOOSEST_RTOL if smoothed else LOOSEST)
     atol = checked.get("atol", _ATOL)
     checked["atol"] = tuple(checks.absolute_tolerance(atol, model.states).tolist())
     checked["max_step"] = checks.longest_step(checked.get("max_step", math.inf))

@@ -1,0 +1,87 @@
+"""The event-driven kernels' integers in words: outcomes, events, ambiguities.
+
+Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .kernels import state as names
+from .model import Model
+from .records import Ambiguity, EventRecord, Outcome
+
+OUTCOMES = {
+    names.DONE: Outcome.FINISHED,
+    names.TERMINAL: Outcome.TERMINATED,
+    names.NOT_FINITE: Outcome.NOT_FINITE,
+    names.UNDERFLOW: Outcome.STEP_UNDERFLOW,
+    names.CHATTERING: Outcome.CHATTERING,
+    names.NO_ROOT_FOUND: Outcome.NO_ROOT,
+    names.HIDDEN_OSCILLATION: Outcome.LAYER_UNSETTLED,
+    names.MAX_STEPS: Outcome.TOO_MANY_STEPS,
+    names.STRICT: Outcome.AMBIGUITY,
+    names.NEWTON_FAILED: Outcome.SINGULAR,
+    names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
+    names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+    names.FULL: Outcome.OUT_OF_MEMORY,
+}
+
+
+def event_words(model: Model) -> Any:
+    """(time, an event's record) -> EventRecord."""
+    kinds = {
+        names.EV_CROSSING: "crossing",
+        names.EV_STICK: "stick",
+        names.EV_TANGENCY: "slip by tangency",
+        names.EV_FOLD: "slip by fold",
+        names.EV_FOLD_TO_SLIDING: "sliding to sliding",
+        names.EV_EVENT: "reset",
+        names.EV_IMPACT: "impact",
+        names.EV_CLOSED: "closed contact",
+        names.EV_OPENING: "opening",
+        names.EV_ACCUMULATION: "accumulation",
+        names.EV_RESET: "slip by reset",
+    }
+    multipliers = model.multipliers
+
+    def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
+        if index >= len(multipliers):
+            event = model.events[index - len(multipliers)]
+            if kind == names.EV_ACCUMULATION:
+                return EventRecord(t, event.name, kinds[kind])
+            return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
+        contact = multipliers[index].kind == "contact"
+        note = "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
+        return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
+
+    return words
+
+
+def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -> list[Ambiguity]:
+    words = {
+        names.AMB_REPELLING: ("repelling sliding", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_SEVERAL_ROOTS: (
+            "several attracting states of the layer",
+            ("from lam = 0", "from -1", "from +1"),
+        ),
+        names.AMB_TWO_FOLD: ("two-fold", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
+        names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
+        names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
+    }
+    found = []
+    for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
+        name, continuations = words[kind]
+        if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
+            choice = "stopped"
+        elif kind == names.AMB_GRAZING:
+            choice = continuations[taken]
+        elif kind == names.AMB_REPELLING:
+            choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
+        else:
+            choice = continuations[0]
+        found.append(Ambiguity(t, str(model.multipliers[index].symbol), name, choice, continuations))
+    return found
