@@ -162,6 +162,7 @@ def claims(data: dict) -> list[Claim]:
 
 def draw(data: dict):
     from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     fig = new_figure(7.4, 4.4)
@@ -179,6 +180,9 @@ def draw(data: dict):
         ax.set(title=name.replace("rho", "ρ"), xlabel="drive frequency ω", xlim=(omegas[0], omegas[-1]))
     axes[0].set(ylabel="drive amplitude σ", ylim=(sigmas[0], sigmas[-1]))
     handles = [Patch(color=c, label=label) for i, (label, c) in enumerate(NAMED.values()) if i in seen]
+    # White lines in the maps, grey here to be seen on paper.
+    handles.append(Line2D([], [], color="#999999", linewidth=1.2, linestyle=(0, (4, 2)), label="σ = N μₛ"))
+    handles.append(Line2D([], [], color="#999999", linewidth=0.8, linestyle=":", label="resonance, ω = √k"))
     fig.legend(handles=handles, loc="outside lower center", ncols=3, handlelength=1.2)
     return fig
 

@@ -94,7 +94,8 @@ def draw(data):
             axes.set_visible(True)
         one.chart(pair)
     marks = [Line2D([], [], color=VERDICT_COLOUR[v], marker="o", linestyle="", markersize=5) for v in WORDS]
-    figure.legend(marks, WORDS.values(), loc="outside lower center", ncols=len(WORDS))
+    marks.append(Line2D([], [], color=VERDICT_COLOUR["within"], marker="D", linestyle="", markersize=6))
+    figure.legend(marks, [*WORDS.values(), "recommended"], loc="outside lower center", ncols=len(WORDS) + 1)
     return figure
 
 

@@ -146,7 +146,7 @@ def draw(data):
     )
     left.plot(pair["sigma"], pair["multiplier"], color=COLOUR["right"], label="asymmetric pair")
     left.axhline(1, color=COLOUR["mark"], linewidth=0.7)
-    left.axvline(at, color=COLOUR["mark"], linewidth=0.7, linestyle=":")
+    left.axvline(at, ymax=0.8, color=COLOUR["mark"], linewidth=0.7, linestyle=":")  # ends below the legend
     left.annotate(f"$\\sigma^*$ = {at:.5f}", (at, 1), (-6, 8), textcoords="offset points", ha="right")
     left.set(xlabel="drive amplitude $\\sigma$", ylabel="largest Floquet multiplier", title="Stability")
     left.legend(loc="upper left")

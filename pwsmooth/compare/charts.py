@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..plotting import COLOUR
+from .cases import CASES
 from .measuring import Point
 
 __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
@@ -141,22 +142,48 @@ def _colour(group: str) -> str:
 
 
 def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
-    """Names at the right of the lines' ends, moved apart until none lies on another."""
+    """Names at the right of the lines' ends, off one another and, where there is room nearby, off the lines."""
+    from matplotlib.patheffects import withStroke
+
     left, right = axes.get_xlim()
     axes.set_xlim(left, right * (right / left) ** 0.42)
     low, high = (math.log10(y) for y in axes.get_ylim())
     begin, end = (math.log10(x) for x in axes.get_xlim())
     height, width = 0.052 * (high - low), 0.021 * (end - begin)  # of a line of text, and of a letter
+    drawn = _traced(axes.lines)
     placed: list[tuple[float, float, float]] = []
     for x, y, text, colour in sorted(ends, key=lambda e: e[1]):
-        at, across = max(math.log10(y), low + height / 2), math.log10(x) + 0.6 * width
-        long = width * len(text)
-        for _ in range(60):
-            if not any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed):
-                break
-            at += height / 4
-        placed.append((across, at, long))
-        axes.annotate(text, (x, y), (10**across, 10**at), color=colour, fontsize=6.2, va="center", zorder=5)
+        across, wanted, long = math.log10(x) + 0.6 * width, math.log10(y), width * len(text)
+        best, least = wanted, math.inf
+        for shift in sorted(range(-24, 25), key=abs):
+            at = wanted + shift * height / 3
+            if not low + height / 2 <= at <= high - height / 2:
+                continue
+            taken = any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed)
+            inside = (np.abs(drawn[1] - at) < 0.4 * height) & (across < drawn[0]) & (drawn[0] < across + long)
+            # A name on a name is not read at all; on a line it is, so that it stays within a few lines of its own.
+            cost = 1e3 * taken + abs(shift) + min(6.0, 0.5 * int(inside.sum()))
+            if cost < least:
+                best, least = at, cost
+        placed.append((across, best, long))
+        # Over the lines and under the marks: no point is hidden.
+        axes.annotate(
+            text, (x, y), (10**across, 10**best), color=colour, fontsize=6.2, va="center", zorder=3.5,
+            path_effects=[withStroke(linewidth=1.6, foreground="white")],
+        )  # fmt: skip
+
+
+def _traced(lines: Iterable[Any]) -> np.ndarray:
+    """log10 of points along all lines, shape (2, points)."""
+    found = [np.empty((2, 0))]
+    for line in lines:
+        x, y = (np.log10(np.asarray(values, float)) for values in line.get_data())
+        if line.get_linestyle() == "None":
+            found.append(np.array([x, y]))
+        elif len(x) > 1:
+            steps = np.linspace(0, len(x) - 1, 12 * len(x))
+            found.append(np.array([np.interp(steps, np.arange(len(x)), values) for values in (x, y)]))
+    return np.concatenate(found, axis=1)
 
 
 def plot_orders(points: Sequence[Point], axes: Any) -> Any:
@@ -188,7 +215,7 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     2
     """
     import matplotlib
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     names = [n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven")]
     orders = [n for n in names if ", order" in n]
@@ -203,9 +230,14 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
-    # A panel spans less than a decade: plain numbers at 1, 2, 5 fit, powers of ten at every minor tick do not.
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    # Plain numbers: at 1, 2, 5 where a panel spans a decade or so, else at equal distances; powers of ten at every
+    # minor tick do not fit.
+    left, right = axes.get_xlim()
+    narrow = right < 4 * left
+    axes.xaxis.set_major_locator(MaxNLocator(3) if narrow else LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    if narrow:
+        axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("processor time (ms)")
     axes.set_ylabel("error of the state")
@@ -285,7 +317,8 @@ def plot_widths(
             if found and (what == "eps" or least):
                 x.append(error)
                 y.append(found.setting[0] if what == "eps" or not least else found.seconds / least)
-        axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=case)
+        title = CASES[case].title if case in CASES else case
+        axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=title)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.invert_xaxis()

@@ -63,7 +63,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
         axes.set_xticks(found.x.values, found.x.words)
     if n_rows > 1:
         names = found.rows.words or tuple(f"{v:.3g}" for v in found.rows.values)
-        told = f"{found.x.name};  up: {found.rows.name}, {names[0]} to {names[-1]}"
+        told = f"{found.x.name};  up, {found.rows.name}: {names[0]} … {names[-1]}"
         axes.set_xlabel(textwrap.fill(told, 64), fontsize=size)
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)

@@ -308,7 +308,7 @@ def simultaneous(fast: bool) -> Hazard:
         "simultaneous",
         "two arrivals at one instant",
         Axis("time between them (s)", decades(-16, -1, 1 / 3 if fast else 1)),
-        Axis("first", (0.0, 1.0), ("the one that holds the other", "the other")),
+        Axis("first to arrive", (0.0, 1.0), ("the one that holds the other", "the other")),
         {
             "event-driven": ours(),
             "event-driven, 8(5,3) pair": ours(method="rk"),

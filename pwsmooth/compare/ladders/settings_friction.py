@@ -82,8 +82,8 @@ def presliding() -> Setting:
         return float(motion(window[0] + end, "work") - motion(window[0] + begin, "work"))
 
     observables = (
-        Observable("loss", "uN m", "work of friction in one cycle", loss),
-        Observable("loss of the small loop", "uN m", "work from leaving the large loop to being back", loss_of_small),
+        Observable("loss", "µN m", "work of friction in one cycle", loss),
+        Observable("loss of the small loop", "µN m", "work from leaving the large loop to being back", loss_of_small),
         peak("top force", "force", "N"),
         curve("force", "force", "N"),
     )
