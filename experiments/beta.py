@@ -235,8 +235,8 @@ def draw(data: dict):
     for r in data["predicted"].values():
         right.axvline(r, ymax=0.76, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
     right.set(xscale="log", xlabel="r = ε/β", title="sticks a period", yticks=[0, 1, 2], ylim=(-0.3, 2.9))
-    right.legend(loc="upper left", ncols=3, columnspacing=0.4, handletextpad=0.0, borderpad=0.0, title="open: from two sticks, "
-                 "full: from one", title_fontsize=7)  # fmt: skip
+    right.legend(loc="upper left", ncols=3, columnspacing=0.4, handletextpad=0.0, borderpad=0.0,
+                 title="open: from two sticks, full: from one", title_fontsize=7)  # fmt: skip
     return fig
 
 

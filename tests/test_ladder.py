@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,7 +53,18 @@ def test_the_cheapest_rung_within_is_recommended_also_above_a_poorer_one():
 
 def test_of_rungs_of_one_cost_the_poorer_is_recommended():
     steps = [step("poor", "within", 1.2), step("middle", "within", 1.0), step("rich", "richest", 9.0)]
-    assert recommend(steps, 0.1)[0] == "poor"
+    name, reason = recommend(steps, 0.1)
+    assert name == "poor" and "as good as equal" in reason
+
+
+@pytest.mark.parametrize(
+    ("seconds", "steps", "chosen"),
+    [(9e-4, 2, "poor"), (9e-4, 30, "middle"), (3e-3, 2, "middle")],
+)
+def test_in_runs_of_a_millisecond_steps_decide(seconds, steps, chosen):
+    rungs = [step("poor", "within", seconds), step("middle", "within", 5e-4), step("rich", "richest", 9.0)]
+    rungs = [replace(rung, steps=n) for rung, n in zip(rungs, (steps, 18, 21))]
+    assert recommend(rungs, 0.1)[0] == chosen
 
 
 def test_the_richest_is_recommended_where_nothing_coarser_is_cheaper():
@@ -331,6 +343,7 @@ def test_the_command_prints_and_writes(tmp_path):
     shown = run("impact", "--observable", "duration", "--tolerance", "3%", "--out", str(tmp_path / "new"))
     assert shown.exit_code == 0, shown.output
     assert "recommended: none is" in shown.output
+    assert ", 3 % of the richest rung's value" in shown.output and "surely so" in shown.output
     data = json.loads((tmp_path / "new" / "ladder_impact_duration.json").read_text())
     assert data["recommended"] is None and data["provenance"]["pwsmooth"]
     assert (tmp_path / "new" / "ladder_impact_duration.png").stat().st_size > 10_000

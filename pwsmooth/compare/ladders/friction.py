@@ -69,13 +69,17 @@ def _each(values):
     return tuple(float(x) for x in values)
 
 
+def _typical(r):
+    return f"the steady force at the slip speed {r.speed:.3g}"
+
+
 def _Coulomb(r):
-    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, the steady force at {r.speed:.3g}"
+    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, {_typical(r)}"
 
 
 def _StaticKinetic(r):
     return laws.StaticKinetic(F_c=r.level, F_s=r.F_s), (
-        f"kinetic level {r.level:.5g}, the steady force at {r.speed:.3g}; static level {r.F_s:.5g}, that at rest"
+        f"kinetic level {r.level:.5g}, {_typical(r)}; static level {r.F_s:.5g}, that at rest"
     )
 
 
@@ -85,7 +89,7 @@ def _StribeckFriction(r):
 
 def _Dahl(r):
     return laws.Dahl(sigma0=r.stiffness, F_c=r.level), (
-        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, the steady force at {r.speed:.3g}"
+        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, {_typical(r)}"
     )
 
 
@@ -117,7 +121,7 @@ def _XKY(r):
 
 def _MaxwellSlip(r):
     return laws.MaxwellSlip(kappa=_each(r.kappa), strength=_each(r.share * r.level)), (
-        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, the steady force at {r.speed:.3g}"
+        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, {_typical(r)}"
     )
 
 

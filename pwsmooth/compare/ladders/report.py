@@ -13,7 +13,7 @@ from .result import Ladder
 
 
 def show_list(scene: str = "") -> None:
-    """Prints the scenes, their models and observables; of one scene if it is named."""
+    """Prints the scenes and their observables; of one scene if it is named."""
     for name in (scene,) if scene else scenes():
         setting = setting_of(name)
         print(f"{setting.name}: {setting.title}")
@@ -30,7 +30,11 @@ def run(scene: str, observable: str, tolerance: str, out: Path | None) -> Ladder
     if not observable:
         names = ", ".join(o.name for o in setting_of(scene).observables)
         raise ValueError(f"no observable is named; choose one of {names} with --observable.")
-    found = ladder(scene, observable, tolerance)
+    from rich.console import Console
+
+    # Shown on a terminal only, and gone afterwards.
+    with Console(stderr=True).status(f"running every model of {scene!r} at two tolerances, and timing it ..."):
+        found = ladder(scene, observable, tolerance)
     print(found)
     if out is not None:
         print(f"\nwritten to {', '.join(str(path) for path in write(found, out))}")

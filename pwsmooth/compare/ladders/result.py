@@ -1,6 +1,7 @@
 """What a ladder says: a table, a chart, a data set, and one recommendation.
 
 The recommendation is the cheapest rung that is surely within the tolerance; of rungs that cost the same the poorer one.
+Times within a quarter are the same, and within a millisecond if the poorer rung takes no more steps.
 Chain: climbing.py -> **result** -> the command, docs, experiments.
 """
 
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Ladder", "Step", "judge", "recommend"]
 
+READ = "distance: from the richest rung; error bar: what the runs' own errors make of it; within, outside: surely so"
 SAME_COST = 1.25  # processor times of one run on a shared machine differ by this: no reason to climb
+CALL = 1e-3  # s; below it the time is that of the call and of the machine's other work: fewer steps decide
 
 
 @dataclass(frozen=True)
@@ -143,11 +146,21 @@ def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]
     doubt = f"; undecided: {', '.join(doubtful)}" if doubtful else ""
     if good == [top]:
         return None, f"none is: no rung below {top.name} is surely within the tolerance{doubt}"
-    least = min(step.seconds for step in good)
-    chosen = next(step for step in good if step.seconds <= SAME_COST * least)
+    fastest = min(good, key=lambda step: step.seconds)
+    least = fastest.seconds
+
+    def as_cheap(step: Step) -> bool:
+        if step.seconds <= SAME_COST * least:
+            return True
+        return step.seconds <= least + CALL and step.steps <= fastest.steps
+
+    chosen = next(step for step in good if as_cheap(step))
     if chosen is top:
         return top.name, f"{top.name}: within the tolerance by itself, and no coarser rung costs less{doubt}"
-    return chosen.name, f"{chosen.name}: the cheapest rung within the tolerance{doubt}"
+    cheapest = "the cheapest rung within the tolerance"
+    if chosen.seconds > least:
+        cheapest = "the poorest of the rungs within the tolerance whose times are as good as equal"
+    return chosen.name, f"{chosen.name}: {cheapest}{doubt}"
 
 
 @dataclass(frozen=True)
@@ -235,7 +248,10 @@ class Ladder:
 
     def __repr__(self) -> str:
         unit = f" {self.observable.unit}" if self.observable.unit != "1" else ""
-        head = f"{self.title}: {self.observable.name}, {self.observable.meaning}; tolerance {self.tolerance:.3g}{unit}"
+        head = f"{self.title}: {self.observable.name}, {self.observable.meaning}"
+        size = float(np.max(np.abs(self.steps[-1].value)))
+        share = f", {100 * self.tolerance / size:.2g} % of the richest rung's value" if size > 0 else ""
+        head += f"\ntolerance {self.tolerance:.3g}{unit}{share}"
         rows = self._rows()
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
@@ -243,11 +259,12 @@ class Ladder:
             for row in rows
         ]
         matched = [f"  {s.name}: {s.failure or s.matched}" for s in self.steps]
-        return "\n".join([head, "", *lines, "", f"recommended: {self.reason}", "", "parameters:", *matched])
+        said = [f"recommended: {self.reason}", "", READ, "", "where the parameters come from:"]
+        return "\n".join([head, "", *lines, "", *said, *matched])
 
     def _rows(self) -> list[tuple[str, ...]]:
         unit = f" ({self.observable.unit})" if self.observable.unit != "1" else ""
-        rows = [("rung", f"value{unit}", "distance", "error bar", "time", "steps", "")]
+        rows = [("rung", f"value{unit}", "distance", "error bar", "time a run", "steps", "")]
         return rows + [
             (s.name, _value(s.value), _number(s.distance), _number(s.bar), _seconds(s.seconds),
              str(s.steps) if s.steps else "-", s.verdict) for s in self.steps
