@@ -1,6 +1,6 @@
 """What does accuracy cost? Every method on scenes with known answers: error against time and evaluations.
 
-Errors are taken against references from an independent path (pwsmooth/compare/cases.py), at three ends of the span, in
+Errors are taken against references from an independent path (pwsmooth/compare/case.py), at three ends of the span, in
 units of the states' sizes; open marks are runs with a wrong itinerary, another sequence of crossings, sticks, slips or
 impacts. Rivals get the same right-hand side compiled, rules at their events that are compiled too, a bound on the step
 that keeps their events from being stepped over, and their best tolerance at every error; compilation is not counted.
@@ -30,8 +30,9 @@ from work_precision_reading import OURS, behind, write_reading
 
 from pwsmooth.compare.cases import CASES
 from pwsmooth.compare.charts import plot_orders, plot_widths, plot_work
-from pwsmooth.compare.measuring import Point, WorkPrecision, work_precision
+from pwsmooth.compare.measuring import work_precision
 from pwsmooth.compare.methods import METHODS
+from pwsmooth.compare.points import Point, WorkPrecision
 from pwsmooth.plotting import new_figure
 
 STICKING = ("sticking", "hidden", "relay", "belt", "chain")

@@ -13,7 +13,7 @@ import numpy as np
 from studytools import RESULTS
 
 from pwsmooth.compare.charts import best_width
-from pwsmooth.compare.measuring import Point, WorkPrecision
+from pwsmooth.compare.points import Point, WorkPrecision
 
 OURS = "event-driven"
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "methods.md"

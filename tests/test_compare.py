@@ -11,10 +11,11 @@ import sympy as sp
 from pwsmooth import System, Unilateral
 from pwsmooth.compare.cases import CASES
 from pwsmooth.compare.charts import best_width, envelope, plot_work
-from pwsmooth.compare.measuring import Point, WorkPrecision, work_precision
+from pwsmooth.compare.measuring import work_precision
 from pwsmooth.compare.methods import METHODS, Method, Run
 from pwsmooth.compare.own import inside_layers
 from pwsmooth.compare.plain import elimination, plain
+from pwsmooth.compare.points import Point, WorkPrecision
 from pwsmooth.compare.restarting import restarted
 from pwsmooth.compare.rivals import statuses
 from pwsmooth.compare.timestepping import bouncing, stepper

@@ -11,7 +11,8 @@ from pwsmooth.compare.hazards import HAZARDS, Axis, Finding, Hazard, stability
 from pwsmooth.compare.hazards.charts import page, plot_map
 from pwsmooth.compare.hazards.failures import Collapsed, Stalled, attempt, held
 from pwsmooth.compare.hazards.fixed import compiled, fixed, longest_stable
-from pwsmooth.compare.hazards.maps import StabilityMap, built_in
+from pwsmooth.compare.hazards.maps import built_in
+from pwsmooth.compare.hazards.stability_map import StabilityMap
 from pwsmooth.compare.hazards.tables import markdown, what_happens
 
 

@@ -4,18 +4,19 @@ import importlib
 
 _HOME = {
     "CASES": "cases",
-    "Case": "cases",
-    "case_of": "cases",
+    "Case": "case",
+    "case_of": "case",
     "METHODS": "methods",
     "Method": "methods",
-    "Point": "measuring",
-    "WorkPrecision": "measuring",
+    "Point": "points",
+    "WorkPrecision": "points",
     "work_precision": "measuring",
     "ladder": "ladders",
     "stability": "hazards",
 }
 
-__all__ = ["CASES", "METHODS", "Case", "Method", "Point", "WorkPrecision", "case_of", "ladder", "work_precision"]
+__all__ = ["CASES", "METHODS", "Case", "Method", "Point", "WorkPrecision", "case_of", "ladder", "stability",
+           "work_precision"]  # fmt: skip
 
 
 def __getattr__(name):

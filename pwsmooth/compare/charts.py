@@ -14,7 +14,7 @@ import numpy as np
 
 from ..plotting import COLOUR
 from .cases import CASES
-from .measuring import Point
+from .points import Point
 
 __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
 

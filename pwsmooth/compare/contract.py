@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .cases import Case
+from .case import Case
 
 
 class CannotDo(Exception):

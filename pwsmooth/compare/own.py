@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..solve import solve
-from .cases import Case, basic
+from .case import Case, basic
 from .contract import CannotDo, Run, Runner
 from .plain import plain
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .cases import Case
+from .case import Case
 from .contract import MANY, MOST, CannotDo, Run, Runner
 from .plain import plain
 from .restarting import restarted

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...solve import solve
-from ..cases import CASES, Case
+from ..case import Case
+from ..cases import CASES
 from ..plain import plain
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard, decades

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...plotting import new_figure
 from .failures import HARMLESS, KINDS
-from .maps import StabilityMap
+from .stability_map import StabilityMap
 
 GAP = 0.18  # between two bands, in bands
 

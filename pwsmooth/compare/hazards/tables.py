@@ -9,7 +9,7 @@ import numpy as np
 
 from .failures import HARMLESS
 from .hazard import GROUPS
-from .maps import StabilityMap
+from .stability_map import StabilityMap
 
 # Groups of methods in the order of the columns, with their headings.
 COLUMNS = {

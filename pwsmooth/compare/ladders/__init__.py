@@ -7,8 +7,9 @@ from .catalogue import scenes, setting_of
 from .climbing import ladder
 from .contact import contact_rungs, contact_setting
 from .friction import friction_rungs, friction_setting
+from .judging import Step, judge, recommend
 from .observables import amplitude, centre, curve, end_value, least, peak, period, share_below
-from .result import Ladder, Step, judge, recommend
+from .result import Ladder
 from .rungs import Motion, Observable, Rung, Setting
 
 __all__ = [

@@ -21,7 +21,8 @@ from ... import checks
 from ...scenes import Scene
 from ...scenes.scene import ATOL
 from .catalogue import setting_of
-from .result import Ladder, Step
+from .judging import Step
+from .result import Ladder
 from .rungs import Observable, Rung, Setting
 
 __all__ = ["ladder"]

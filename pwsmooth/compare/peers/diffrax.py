@@ -53,7 +53,7 @@ class Modes:
         rhs = [*model.rhs, *[sp.S.Zero] * (len(model.states) - len(model.rhs))]
         rates = function(rhs, model, numbers)
         slide = [mu.kind == "switch" and mu.regularity != "kink" for mu in model.multipliers]
-        parts = model.multipliers
+        parts: tuple[Any, ...] = tuple(model.multipliers)
         residuals = function([mu.residual if s else sp.S.Zero for mu, s in zip(parts, slide)], model, numbers)
         surfaces = function([part.surface for part in (*parts, *model.events)], model, numbers)
         m, nw = functions.m, functions.n_walls
