@@ -196,7 +196,7 @@ class Path(EventDriven):
         self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
                            "finest": noise.finest}  # fmt: skip
 
-    def solve(self, first, last, start, times):
+    def solve(self, first, last, start, times):  # type: ignore[override]  # intervals, not times
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
         from .kernels import noise_state as names
