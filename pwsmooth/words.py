@@ -71,13 +71,14 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
         names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
         names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
+        names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
         name, continuations = words[kind]
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"
-        elif kind == names.AMB_GRAZING:
+        elif kind in (names.AMB_GRAZING, names.AMB_FOLD):
             choice = continuations[taken]
         elif kind == names.AMB_REPELLING:
             choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"

@@ -148,7 +148,6 @@ def test_our_methods_are_right_or_say_that_they_cannot_decide(name, method):
     assert int(failed.sum()) == 0, found.tally(method)
 
 
-@pytest.mark.xfail(strict=True, reason="a fold touched within 1e-14 is passed onto the repelling branch")
 def test_folds_nearer_than_rounding_are_recorded():
     found = stability("near-fold", ["event-driven"])
     assert int(found.failed("event-driven").sum()) == 0

@@ -24,7 +24,15 @@ SOLVED, HELD = 0, 2
 ) = range(11)
 
 # Records of non-uniqueness.
-(AMB_REPELLING, AMB_SEVERAL_ROOTS, AMB_TWO_FOLD, AMB_CORNER, AMB_GRAZING, AMB_HIDDEN_OSCILLATION) = range(6)
+(
+    AMB_REPELLING,
+    AMB_SEVERAL_ROOTS,
+    AMB_TWO_FOLD,
+    AMB_CORNER,
+    AMB_GRAZING,
+    AMB_HIDDEN_OSCILLATION,
+    AMB_FOLD,
+) = range(7)
 
 # Why the loop returned.
 (

@@ -56,6 +56,16 @@ from .steps import (
     take_jet,
     taylor_step_size,
 )
+from .touching import (
+    HOPPED,
+    LEFT,
+    PASSED,
+    SHARE_TO_A_FOLD,
+    SHORTEST_HOP,
+    lost_at_a_fold,
+    touch,
+    where_attraction_ends,
+)
 from .twofolds import two_fold
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
@@ -290,8 +300,17 @@ def run(P, C, S, R, W):
                 any_solved = True
         if any_solved:
             mask_solved(P, S, W)
-            if W.code[11] == 0 and not follow(P, S, W):
-                return NEWTON_FAILED
+            if W.code[11] == 0:
+                if P.jet_fold != 0:
+                    for j in range(m):
+                        W.rest_mult[j] = S.mult[j]
+                if not follow(P, S, W):
+                    code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
+                    if code == -1:
+                        code = call_unit(P.instant_unit, P, C, S, R, W)
+                    if code != DONE:
+                        return code
+                    continue
             W.code[11] = 0
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
@@ -388,6 +407,20 @@ def run(P, C, S, R, W):
             if math.isnan(s_end):
                 return NOT_FINITE
             fraction = 0.5  # a new s_end: its powers are to be made
+        touched, t_touch = LEFT if folded else 0, t0
+        if any_solved and P.jet_fold != 0 and time_row < 0 and not by_pair:
+            end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
+            hop = W.answer[3]
+            if end < 0.0:
+                touched, t_touch = PASSED, t0 + s_end
+            elif end < s_end:
+                hop = min(hop, s_end - end)
+                if end <= W.answer[3] and hop >= SHORTEST_HOP * W.answer[3]:
+                    touched, t_touch, s_end = HOPPED, t0 + end, end + hop
+                    toward = 1 if rows[mult_row + W.code[0], 1] > 0.0 else -1
+                else:
+                    s_end = SHARE_TO_A_FOLD * end
+                fraction, happened, capped, grazes = 0.5, False, False, False
         final = power
         if fraction < 1.0:
             final = W.end_power
@@ -428,6 +461,17 @@ def run(P, C, S, R, W):
             if two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                 record_point(P, S, R)
                 return W.code[0]
+        if touched != 0:
+            if touched == LEFT:
+                W.code[0], t_touch = fold, t_new
+            code = touch(P, C, S, R, touched, t_touch, toward, W)
+            if code == -1:
+                code = call_unit(P.instant_unit, P, C, S, R, W)
+                if code == DONE:
+                    continue
+            if code != DONE:
+                record_point(P, S, R)
+                return code
         if happened or at_clock:
             W.code[1] = fold if folded else -1
             W.code[2] = toward

@@ -1,0 +1,83 @@
+"""Folds of a sliding root that are touched, just missed or just passed: right, or recorded; never silently wrong.
+
+    v' = A w - lambda (1 + rho (1 - lambda^2)),   w = sin t
+
+The largest hold is mu_s = (2/3)(1 + rho) sqrt((1 + rho)/(3 rho)), so that A breaks the stick if and only if
+A^2 > (4/9)(1 + rho)^3/(3 rho): decided here in exact fractions.
+"""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Outcome, Switch, System, solve
+
+t, v, w, A, rho = sp.symbols("t v w A rho", real=True)
+lam = Switch("lam", v)
+hold = lam * (1 + rho * (1 - lam**2))
+FORCED = System({v: A * sp.sin(t) - hold}, time=t, parameters={A: 1.0, rho: 3.0})
+THROUGH_A_STATE = System({v: A * w - hold, w: sp.cos(t)}, time=t, parameters={A: 1.0, rho: 3.0})
+RESOLVED = 1e-13  # relative; rounding of A w and of the hold are 1e-15
+
+
+def breaks(force, strength):
+    f, r = Fraction(force), Fraction(strength)
+    return f * f > Fraction(4, 9) * (1 + r) ** 3 / (3 * r)
+
+
+def largest_hold(strength):
+    return 2 / 3 * (1 + strength) * math.sqrt((1 + strength) / (3 * strength))
+
+
+# At rtol 1e-6 lambda is known to 1e-8, and the excess over the fold to the square of that.
+@pytest.mark.parametrize(("rtol", "nearest"), [(1e-12, -17), (1e-9, -17), (1e-6, -15)])
+def test_a_stick_near_its_fold_is_right_or_recorded(rtol, nearest):
+    draw, counts = np.random.default_rng(5), {"recorded": 0, "broken": 0, "held": 0}
+    for _ in range(150):
+        strength, side, distance = draw.uniform(1, 6), draw.choice([-1, 1]), 10 ** draw.uniform(nearest, -6)
+        force = largest_hold(strength) * (1 + side * distance)
+        solution = solve(FORCED, (0, math.pi), [0.0], parameters={A: force, rho: strength}, rtol=rtol, atol=1e-14)
+        slips, folds = solution.event_times("slip"), [a for a in solution.ambiguities if a.kind == "fold"]
+        if folds:
+            counts["recorded"] += 1
+            assert distance < RESOLVED
+        else:
+            counts["broken" if breaks(force, strength) else "held"] += 1
+            assert solution.success and len(slips) == breaks(force, strength)
+        # The excess A sin t - mu_s is positive for |t - pi/2| < sqrt(2 d) only.
+        for time in (*slips, *(a.time for a in folds)):
+            assert abs(time - math.pi / 2) < 1.01 * math.sqrt(2 * distance) + 1e-6
+    assert min(counts.values()) > 5, counts
+
+
+def test_the_stick_beyond_a_touch_is_on_the_attracting_branch():
+    # lambda retraces its way: lambda(pi - t) = lambda(t)
+    force = largest_hold(3.0)
+    solution = solve(FORCED, (0, math.pi), [0.0], parameters={A: force * (1 - 4e-16)}, t_eval=[1.0, math.pi - 1.0])
+    assert [a.kind for a in solution.ambiguities] == ["fold"] and solution.success
+    assert solution.ambiguities[0].taken == "touch and stay on the surface"
+    assert solution["lam"][1] == pytest.approx(solution["lam"][0], abs=1e-9)
+    # its root of A sin 1 = lambda (4 - 3 lambda^2) below the fold at 2/3
+    roots = np.roots([-3, 0, 4, -force * math.sin(1.0)])
+    assert np.min(np.abs(roots - solution["lam"][0])) < 1e-9 and 0 < solution["lam"][0] < 2 / 3
+
+
+def test_strict_stops_at_a_touched_fold():
+    force = largest_hold(3.0)
+    solution = solve(FORCED, (0, math.pi), [0.0], parameters={A: force}, strict=True)
+    assert solution.outcome is Outcome.AMBIGUITY
+    assert solution.t[-1] == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_forces_known_through_a_state_are_decided_down_to_their_accuracy():
+    # at rtol 1e-12 the state w is sin t to some 1e-15
+    draw = np.random.default_rng(6)
+    for _ in range(60):
+        side, distance = draw.choice([-1, 1]), 10 ** draw.uniform(-14, -8)
+        force = largest_hold(3.0) * (1 + side * distance)
+        solution = solve(THROUGH_A_STATE, (0, math.pi), [0.0, 0.0], parameters={A: force}, rtol=1e-12, atol=1e-14)
+        broken = len(solution.event_times("slip"))
+        assert solution.ambiguities or broken == breaks(force, 3.0), distance
