@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 PACKAGES = ("pwsmooth", "numpy", "scipy", "sympy", "numba", "llvmlite", "heyoka", "numbalsoda", "scikit-sundae",
-            "diffrax", "jax", "nosnoc", "casadi", "solve_nivp")
+            "diffrax", "jax", "nosnoc", "casadi", "solve_nivp")  # fmt: skip
 
 
 def provenance():

@@ -83,7 +83,9 @@ def draw(data):
     from matplotlib.lines import Line2D
 
     found = list(ladders(data).values())
-    heights = [0.9 + 0.26 * max(len(one.steps) for one in found[row : row + 2]) for row in range(0, len(found), 2)]
+    heights = [
+        0.9 + 0.26 * max(len(one.steps) for one in found[row : row + 2]) for row in range(0, len(found), 2)
+    ]
     figure = new_figure(13.0, sum(heights) + 0.4)
     grid = figure.subplots(len(heights), 4, squeeze=False, width_ratios=(3, 2, 3, 2), height_ratios=heights)
     for axes in grid.flat:

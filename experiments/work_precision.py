@@ -102,7 +102,9 @@ def claims(data):
     wrong = [p for p in ours if p.itinerary != "right"]
     found.append(claim("The event-driven itineraries are right at every tolerance from 1e-6 down.", "none wrong",
                        f"{len(wrong)} of {len(ours)} wrong", not wrong, "see the chart"))  # fmt: skip
-    bare = [p for p in points if "bare sign" in p.method and p.case in STICKING and "not installed" not in p.note]
+    bare = [
+        p for p in points if "bare sign" in p.method and p.case in STICKING and "not installed" not in p.note
+    ]
     if bare:
         right = sum(np.isfinite(p.error) and p.error < 1e-4 for p in bare)
         found.append(claim("A bare sign gets no error below 1e-4 where the orbit sticks.", "no run does",

@@ -185,9 +185,16 @@ def sentences(reading):
             "orbit.")  # fmt: skip
     for name, label, use in (
         ("heyoka, events", "heyoka", "is the peer to beat"),
-        ("numbalsoda DOP853, events", "A compiled DOP853 with a compiled loop over events (numbalsoda)",
-         "is the next best"),
-        ("DOP853, restarted", "SciPy's DOP853, restarted at its events,", "is an independent reference, not a tool"),
+        (
+            "numbalsoda DOP853, events",
+            "A compiled DOP853 with a compiled loop over events (numbalsoda)",
+            "is the next best",
+        ),
+        (
+            "DOP853, restarted",
+            "SciPy's DOP853, restarted at its events,",
+            "is an independent reference, not a tool",
+        ),
         ("CVODE, events", "CVODE with its root finding", "pays for callbacks through Python"),
         ("diffrax, events", "diffrax with its event", "pays for every restart of a compiled solve"),
         ("solve_nivp", "solve_nivp", "is of second order at most, for loose errors"),
@@ -227,7 +234,9 @@ def sentences(reading):
             lost.setdefault(f"{case} ({COLUMNS.get(name, name)})", []).append(f"{share:.2g} at {power(e)}")
     least = min(p.seconds for p in r.points if p.method == OURS)
     text = "**Where a method is faster than the event-driven path**, and the share of its time that it takes: "
-    text += "; ".join(f"{where} {', '.join(shares)}" for where, shares in lost.items()) if lost else "nowhere here"
+    text += (
+        "; ".join(f"{where} {', '.join(shares)}" for where, shares in lost.items()) if lost else "nowhere here"
+    )
     said.append(
         f"{text}. The least time of any event-driven run here, {milliseconds(least)} ms, is mostly what a call costs "
         "before its first step: runs of a few steps are made of that, while heyoka's integrator is an object that is "

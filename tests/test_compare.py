@@ -146,7 +146,9 @@ def test_a_scene_of_ones_own_is_measured_against_its_reference():
         speed = math.cos(w * s) - 3 * w * math.sin(w * s)
         return 3 * math.cos(w * s) + math.sin(w * s) / w - 2, speed if time < stop else 0.0
 
-    data = work_precision(scene, ["event-driven", "DOP853, restarted"], [1e-6, 1e-9], reference=exact, repeats=1)
+    data = work_precision(
+        scene, ["event-driven", "DOP853, restarted"], [1e-6, 1e-9], reference=exact, repeats=1
+    )
     assert [p.setting for p in data] == [1e-6, 1e-9, 1e-6, 1e-9]
     assert data.references["block"]["source"] == "closed form" and data.references["block"]["events"] == 1
     # ten times the tolerance: the error of a step is kept, not that of the run
@@ -178,7 +180,9 @@ def test_a_peer_that_is_not_installed_is_listed_as_absent(monkeypatch):
 )  # fmt: skip
 def test_a_peer_that_is_installed_slides(package, method):
     pytest.importorskip(package)
-    (point,) = work_precision("relay", [replace(METHODS[method], settings=METHODS[method].settings[1:2])], repeats=1)
+    (point,) = work_precision(
+        "relay", [replace(METHODS[method], settings=METHODS[method].settings[1:2])], repeats=1
+    )
     # the tolerances there are 1e-4 or less, of solve_nivp's second-order method too
     assert point.error < 1e-3 and point.itinerary != "wrong"
 
@@ -187,7 +191,8 @@ def test_events_with_memories_are_followed_without_the_kernels():
     case = CASES["slider-crank"]
     functions = plain(case.system)
     # touch-down, slow touch-down and lift-off lie on the wall's surface: one wall, three events
-    assert [k for k, _, _ in functions.events] == [0, 0, 0] and [d for _, d, _ in functions.events] == [1, 1, -1]
+    assert [k for k, _, _ in functions.events] == [0, 0, 0]
+    assert [d for _, d, _ in functions.events] == [1, 1, -1]
     # in flight the force, and with it the second switch, plays no part
     assert functions.matters((-1, 1)) == (True, False) and functions.matters((1, 1)) == (True, True)
 

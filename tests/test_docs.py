@@ -126,4 +126,5 @@ def test_the_code_of_a_page_runs_as_it_stands(path):
 
 def test_code_in_a_docstring_is_set_as_code(page):
     assert page.shown("`lam_s` and ``x <= 1``") == "`lam_s` and `x <= 1`"
-    assert page.shown("`a | b`").count("`") == page.shown("`a | b`").count("\\`")  # would end the cell of a table
+    shown = page.shown("`a | b`")
+    assert shown.count("`") == shown.count("\\`")  # would end the cell of a table

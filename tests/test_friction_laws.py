@@ -74,7 +74,10 @@ def test_a_position_that_jumps_is_refused():
 
 
 def test_motions_are_given_once():
-    for motion, said in (({}, "neither `position` nor"), ({"position": t, "velocity": 1}, "`velocity` are both given")):
+    for motion, said in (
+        ({}, "neither `position` nor"),
+        ({"position": t, "velocity": 1}, "`velocity` are both given"),
+    ):
         with pytest.raises(ValueError, match=said):
             prescribed_motion(friction.Dahl(), **motion)
     with pytest.raises(TypeError, match="`velocity` is 'fast'"):

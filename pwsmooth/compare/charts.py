@@ -29,7 +29,12 @@ SHORT = {
 
 
 def plot_work(
-    points: Sequence[Point], axes: Any, *, work: str = "seconds", methods: Iterable[str] = (), label: bool = True
+    points: Sequence[Point],
+    axes: Any,
+    *,
+    work: str = "seconds",
+    methods: Iterable[str] = (),
+    label: bool = True,
 ) -> Any:
     """Error against work for one case, a line a method.
 
@@ -222,7 +227,9 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     shades = matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1, max(1, len(orders))))
     for name in names:
         line = [p for p in points if p.method == name and np.isfinite(p.error)]
-        colour = shades[orders.index(name)] if name in orders else "black" if name == "event-driven" else "#999999"
+        colour = (
+            shades[orders.index(name)] if name in orders else "black" if name == "event-driven" else "#999999"
+        )
         axes.plot(
             [1e3 * p.seconds for p in line], [max(p.error, FLOOR) for p in line], "-o", color=colour, markersize=2.5,
             linewidth=2.2 if name == "event-driven" else 0.9, label=name.removeprefix("event-driven, ") or name,

@@ -106,7 +106,9 @@ class WorkPrecision(list[Point]):
     1e-06
     """
 
-    def __init__(self, points: Iterable[Point] = (), references: dict[str, dict[str, Any]] | None = None) -> None:
+    def __init__(
+        self, points: Iterable[Point] = (), references: dict[str, dict[str, Any]] | None = None
+    ) -> None:
         super().__init__(points)
         self.references = references or {}
 

@@ -56,7 +56,14 @@ def restarted(
             return margin
 
         run = solve_ivp(
-            rhs, (t, end), x, method, events=[event(k) for k in watched], rtol=rtol, atol=atol, max_step=max_step
+            rhs,
+            (t, end),
+            x,
+            method,
+            events=[event(k) for k in watched],
+            rtol=rtol,
+            atol=atol,
+            max_step=max_step,
         )
         if run.status < 0:
             raise RuntimeError(run.message)

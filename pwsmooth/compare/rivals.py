@@ -178,7 +178,12 @@ def cvode_ignoring(method: str) -> Callable[[Case, float], Runner]:
 
         def run(t_end: float) -> Run:
             x, work = ignoring(
-                plain(case.system), np.array(case.start, float), t_end, MOST, method=method, **case.tolerances(rtol)
+                plain(case.system),
+                np.array(case.start, float),
+                t_end,
+                MOST,
+                method=method,
+                **case.tolerances(rtol),
             )
             return Run(x, None, work)
 
@@ -234,7 +239,9 @@ def diffrax_ignoring(case: Case, rtol: float) -> Runner:
     from .peers.diffrax import solve_ignoring
 
     def run(t_end: float) -> Run:
-        x, work = solve_ignoring(case.system, np.array(case.start, float), t_end, **case.tolerances(rtol), most=MANY)
+        x, work = solve_ignoring(
+            case.system, np.array(case.start, float), t_end, **case.tolerances(rtol), most=MANY
+        )
         return Run(x, None, work)
 
     return run

@@ -58,7 +58,9 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
                       clip_on=False)  # fmt: skip
         if step.seconds > 0:
             chosen = step.name == ladder.recommended
-            right.plot(step.seconds * 1e3, row, "D" if chosen else "o", color=colour, markersize=6 if chosen else 5)
+            right.plot(
+                step.seconds * 1e3, row, "D" if chosen else "o", color=colour, markersize=6 if chosen else 5
+            )
     left.text(ladder.tolerance, len(ladder.steps) - 0.55, "tolerance ", ha="right", va="top", fontsize=7,
               color=COLOUR["mark"])  # fmt: skip
     names = [s.name for s in ladder.steps]

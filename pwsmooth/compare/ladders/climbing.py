@@ -188,5 +188,3 @@ def _gap(a, b):
         return 0.0
     distance = np.abs(a - b)
     return float(np.max(np.where(np.isnan(distance), np.inf, distance)))
-
-

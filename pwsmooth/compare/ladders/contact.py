@@ -221,7 +221,9 @@ def impact() -> Setting:
         return free_impact(law, speed=1.0, approach=0.01, t_span=(0.0, 0.1))
 
     observables = (
-        Observable("restitution", "1", "speed off the wall over that towards it", lambda m, w, n: -float(m(w[1], "v"))),
+        Observable(
+            "restitution", "1", "speed off the wall over that towards it", lambda m, w, n: -float(m(w[1], "v"))
+        ),
         Observable("duration", "s", "time in contact", _duration),
         peak("top indentation", "p", "m"),
         forces(peak("top force", "force", "N")),

@@ -317,5 +317,3 @@ def share_below(name: str, of: str, level: float) -> Observable:
         return float(np.mean(part))
 
     return Observable(name, "1", f"share of the time with |{of}| <= {level:g}", measure)
-
-

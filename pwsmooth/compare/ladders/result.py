@@ -115,7 +115,9 @@ class Ladder:
         rows = self._rows()
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
-            "  ".join(c.ljust(w) if k in (0, 6) else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths))).rstrip()
+            "  ".join(
+                c.ljust(w) if k in (0, 6) else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths))
+            ).rstrip()
             for row in rows
         ]
         matched = [f"  {s.name}: {s.failure or s.matched}" for s in self.steps]
@@ -144,9 +146,7 @@ class Ladder:
         body = line(head, "th", False) + "".join(line(row, "td", row[0] == self.recommended) for row in rows)
         unit = f" {self.observable.unit}" if self.observable.unit != "1" else ""
         caption = f"{self.title}: {self.observable.meaning}; tolerance {self.tolerance:.3g}{unit}"
-        return (
-            f"<table><caption>{escape(caption)}</caption>{body}</table><p>recommended: {escape(self.reason)}</p>"
-        )
+        return f"<table><caption>{escape(caption)}</caption>{body}</table><p>recommended: {escape(self.reason)}</p>"
 
     def records(self) -> dict[str, Any]:
         """Plain numbers and words, for a data file.

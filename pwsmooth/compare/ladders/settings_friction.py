@@ -83,7 +83,9 @@ def presliding() -> Setting:
 
     observables = (
         Observable("loss", "µN m", "work of friction in one cycle", loss),
-        Observable("loss of the small loop", "µN m", "work from leaving the large loop to being back", loss_of_small),
+        Observable(
+            "loss of the small loop", "µN m", "work from leaving the large loop to being back", loss_of_small
+        ),
         peak("top force", "force", "N"),
         curve("force", "force", "N"),
     )

@@ -36,7 +36,9 @@ def function(expressions: Any, model: Model, numbers: dict) -> Any:
     # Both branches of a selection are evaluated: the broken power is finite on either side.
     broken = {"broken": lambda base, power: jnp.where(base > 0, jnp.where(base > 0, base, 1.0) ** power, 0.0)}
     made = sp.lambdify([model.time, list(model.states), lams], bodies, modules=[broken, "jax"], cse=True)
-    return lambda t, x, lam: jnp.array(jnp.broadcast_arrays(*made(t, list(x), list(lam)))) if bodies else jnp.zeros(0)
+    return lambda t, x, lam: (
+        jnp.array(jnp.broadcast_arrays(*made(t, list(x), list(lam)))) if bodies else jnp.zeros(0)
+    )
 
 
 class Modes:
@@ -81,7 +83,9 @@ class Modes:
             return of
 
         term = dfx.ODETerm(lambda t, x, args: rates(t, x, multipliers(t, x, args[0])))
-        event = dfx.Event([margin(k) for k in range(nw)], optx.Newton(1e-13, 1e-13, optx.rms_norm), direction=False)
+        event = dfx.Event(
+            [margin(k) for k in range(nw)], optx.Newton(1e-13, 1e-13, optx.rms_norm), direction=False
+        )
 
         # Tolerances are arguments, so that one compilation serves all.
         def run(t, end, x, status, watched, rtol, atol):

@@ -98,7 +98,9 @@ def with_events(functions: Plain) -> Any:
     return run, rhs, events
 
 
-def solve_ignoring(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int) -> Any:
+def solve_ignoring(
+    functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int
+) -> Any:
     """(state at the end, evaluations).
 
     Raises
@@ -112,7 +114,9 @@ def solve_ignoring(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, 
     return x, int(calls)
 
 
-def solve_events(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, longest: float) -> Any:
+def solve_events(
+    functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, longest: float
+) -> Any:
     """(state at the end, events, evaluations); raises RuntimeError as well."""
     run = with_events(functions)[0]
     x, times, codes, evaluations, ok = run(x0, t_end, rtol, float(atol.min()), longest, 2000)
