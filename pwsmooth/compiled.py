@@ -19,7 +19,7 @@ from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
 
-_FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
+FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
 
 
@@ -65,7 +65,7 @@ class CompiledProblem:
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
         surfaces = (part.surface for part in (*model.multipliers, *model.events) if part.surface is not None)
-        flat = any(e.has(*_FLAT) for e in (*expressions, *surfaces))
+        flat = any(e.has(*FLAT) for e in (*expressions, *surfaces))
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()

@@ -125,7 +125,7 @@ class DiffusionRun:
             raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
         for t in () if times is None else times:
             self.interval(t, "an entry of `t_eval`")
-        return Path(self, max_steps, strict).solve(first, last, start, times)
+        return Path(self, max_steps, strict).diffuse(first, last, start, times)
 
     def bundle(self, problem, starts=None, snapshots=None, grid=None):
         """The kernel's Diffused; without an ensemble its arrays are empty."""
@@ -196,7 +196,7 @@ class Path(EventDriven):
         self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
                            "finest": noise.finest}  # fmt: skip
 
-    def solve(self, first, last, start, times):  # type: ignore[override]  # intervals, not times
+    def diffuse(self, first, last, start, times):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
         from .kernels import noise_state as names

@@ -59,7 +59,7 @@ class Options(NamedTuple):
         """
         if self.method not in ("auto", "taylor", "rk"):
             raise ValueError(
-                f"`method` is {self.method!r}, which no event-driven run has; choose 'auto', 'taylor' or 'rk' "
+                f"`method` is {self.method!r}, which no event-driven run has; choose 'auto', 'taylor', 'rk' or 'stiff' "
                 "(the others are for `system.smoothed(...)`)."
             )
         order = self.order
@@ -389,6 +389,6 @@ def _clock(
     if when.size:
         # 3*0.1 and 0.3 are one instant; several roundings apart they are two.
         near = np.diff(when) <= 4 * np.spacing(np.abs(when[1:]))
-        first = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
-        when = when[first]
+        merged = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
+        when = when[merged]
     return when, which

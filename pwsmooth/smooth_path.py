@@ -81,20 +81,24 @@ def solve_smoothed(
         options = dict(common, method=method, dense=dense_output, max_steps=max_steps)
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
-        pieces = _own(
-            system.model,
-            t_span,
-            start,
-            p,
-            dict(common, method=method, dense=dense_output, kicks=kicks),
-            max_steps,
-        )
+        options = dict(common, method=method, dense=dense_output, kicks=kicks)
+        pieces = own(system.model, t_span, start, p, options, max_steps)
     t, x, events, dense, outcome, cost = pieces
     none = np.zeros((0, len(t)))
     return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, [], values)
 
 
-def _own(model, t_span, start, p, options, max_steps):
+def of_event(model, i):
+    """Name, kind and note of the model's event i."""
+    event = model.events[i]
+    return event.name, "terminal" if event.terminal else "reset", ""
+
+
+def own(model, t_span, start, p, options, max_steps, words=None):
+    """Times, states, events, dense output, outcome and cost of a run of the package's own integrator.
+
+    `words` gives name, kind and note of an event by its index.
+    """
     from . import stiff
     from .kernels import stiff_state as S
 
@@ -109,8 +113,7 @@ def _own(model, t_span, start, p, options, max_steps):
         S.FULL: Outcome.OUT_OF_MEMORY,
     }[run.status]
     events = [
-        EventRecord(when, model.events[i].name, "terminal" if model.events[i].terminal else "reset")
-        for when, i, *_ in run.events
+        EventRecord(when, *(words(i) if words else of_event(model, i))) for when, i, *_ in run.events
     ]
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x

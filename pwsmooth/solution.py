@@ -111,7 +111,7 @@ class Solution:
         mult: np.ndarray,
         status: np.ndarray,
         events: Sequence[EventRecord],
-        dense: Dense | None,
+        dense: Any,
         outcome: Outcome,
         cost: Mapping[str, Any],
         tolerances: Mapping[str, Any],

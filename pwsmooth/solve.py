@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
-from .event_driven import Options, ready
+from .event_driven import LOOSEST, Options, ready
 from .solution import Solution
 
 
@@ -50,7 +50,8 @@ def solve(
         may be left
         at their initial value.
     method : str
-        "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative); smoothed: "radau5",
+        "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative), and "stiff" (implicit
+        steps, for bristle laws and the like, whose switches are passed and never slid on); smoothed: "radau5",
         "radau9", "radau13", "taylor", and SciPy's "Radau", "BDF", "LSODA", "DOP853" as an independent cross-check.
     rtol : float, dimensionless
         Relative tolerance; looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
@@ -117,8 +118,9 @@ def solve(
     start = system.initial_state(x0)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
-    diffuses = hasattr(kicks, "solve")
-    if not diffuses and not (model.smoothing and not model.multipliers):
+    diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
+    stiff = method == "stiff" and not smoothed
+    if not (diffuses or smoothed or stiff):
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict)
         solution = ready(model, options).solve(system, p, t0, t1, start, times, kicks)
         solution.noise = noise
@@ -130,7 +132,18 @@ def solve(
     if diffuses:
         return kicks.solve((t0, t1), initial, times, max_steps, strict, max_step, dense, order)
     if order is not None or strict:
-        raise ValueError("`order` and `strict` belong to event-driven systems; leave them out for a smoothed view.")
+        raise ValueError(
+            "`order` and `strict` belong to Taylor steps and the pair; leave them out for a smoothed view and with "
+            "method='stiff'."
+        )
+    if stiff:
+        from .stiff_switching import solve_stiff
+
+        if kicks is not None:
+            raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
+        return solve_stiff(
+            system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, max_steps
+        )
     from .smooth_path import solve_smoothed
 
     solution = solve_smoothed(

@@ -191,7 +191,7 @@ def test_a_flag_that_is_no_truth_value_is_refused(flag, value):
 
 @pytest.mark.parametrize("method", ["RK45", "radau5", "Taylor", "", None, 3, ["rk"]])
 def test_a_method_that_an_event_driven_run_does_not_have_is_refused(method):
-    refused(ValueError, f"`method` is {method!r}", "choose 'auto', 'taylor' or 'rk'", method=method)
+    refused(ValueError, f"`method` is {method!r}", "choose 'auto', 'taylor', 'rk' or 'stiff'", method=method)
 
 
 @pytest.mark.parametrize("method", ["rk", "RK45", None])
@@ -214,7 +214,7 @@ def test_taylor_for_a_function_without_a_recurrence_is_refused_with_the_other_me
 
 @pytest.mark.parametrize("option", [{"order": 12}, {"strict": True}])
 def test_options_of_the_event_driven_path_are_refused_for_a_smoothed_view(option):
-    with pytest.raises(ValueError, match="`order` and `strict` belong to event-driven systems; leave them out"):
+    with pytest.raises(ValueError, match="`order` and `strict` belong to Taylor steps and the pair; leave them out for"):
         solve(block().smoothed(1e-2), (0, 1), START, **option)
 
 

@@ -21,7 +21,8 @@ __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
 MARKS = "os^Dv<>P"
 FLOOR = 1e-16  # an error of nothing is drawn here
 SHORT = {
-    "event-driven, 8(5,3) pair": "our 8(5,3) pair", "numbalsoda DOP853, events": "numbalsoda DOP853",
+    "event-driven, 8(5,3) pair": "our 8(5,3) pair", "event-driven, stiff": "our stiff steps",
+    "numbalsoda DOP853, events": "numbalsoda DOP853",
     "numbalsoda LSODA, bare sign": "LSODA, bare sign", "heyoka, events": "heyoka", "CVODE, events": "CVODE",
     "diffrax, events": "diffrax", "DOP853, restarted": "SciPy DOP853", "Radau, restarted": "SciPy Radau",
     "RK45, restarted": "SciPy RK45", "smoothed, algebraic": "smoothed", "smoothed, tanh": "smoothed, tanh",

@@ -31,6 +31,8 @@ METHODS = {
             for k in ORDERS
         ),
         Method("event-driven, 8(5,3) pair", "event-driven", "rtol", RTOLS, event_driven(method="rk")),
+        Method("event-driven, stiff", "event-driven", "rtol", RTOLS, event_driven(method="stiff"),
+               options="implicit steps, where no switch slides"),
         Method("smoothed, algebraic", "smoothed", "(eps, rtol)", WIDTHS, smoothed()),
         Method("smoothed, tanh", "smoothed", "(eps, rtol)", WIDTHS, smoothed("tanh")),
         Method("DOP853, restarted", "SciPy", "rtol", LOOSE, restarting("DOP853"),

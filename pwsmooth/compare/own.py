@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..solve import solve
+from ..stiff_switching import switched_by_events
 from .case import Case, basic
 from .contract import CannotDo, Run, Runner
 from .plain import plain
@@ -30,6 +31,11 @@ def event_driven(**options: Any) -> Callable[[Case, float], Runner]:
     """This package's event-driven path as a user calls it."""
 
     def runner(case: Case, rtol: float) -> Runner:
+        if options.get("method") == "stiff":
+            try:
+                switched_by_events(case.system.model)
+            except ValueError as error:
+                raise CannotDo("stiff steps know no switch that can slide, and no contact") from error
         solved = _solved(case.system, case, **case.tolerances(rtol), **options)
 
         def run(t_end: float) -> Run:
@@ -38,9 +44,10 @@ def event_driven(**options: Any) -> Callable[[Case, float], Runner]:
             def log():
                 return [(event.time, basic(event.kind)) for event in solution.events]
 
+            if "f_evals" in solution.cost:
+                return Run(solution.x[:, -1], log, solution.cost["f_evals"])
             order = 11 if options.get("method") == "rk" else solution.tolerances["order"]
-            work = (order + 1) * solution.cost["jets"]
-            return Run(solution.x[:, -1], log, work)
+            return Run(solution.x[:, -1], log, (order + 1) * solution.cost["jets"])
 
         return run
 

@@ -108,7 +108,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
         s.found[j] = NONE
         if s.kind[j] == S.TIMED or s.side[j] == 0.0:
             if s.kind[j] != S.TIMED:
-                s.side[j] = _sign(s.values[8 * j + 7])
+                s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
         for _ in range(8):

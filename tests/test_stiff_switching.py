@@ -1,0 +1,121 @@
+"""method="stiff": systems whose switches are passed and never slid on, by implicit steps between exact events."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve
+from pwsmooth.compare.cases import CASES
+
+t, x, v, z = sp.symbols("t x v z", real=True)
+
+
+def both(system, span, start, *, rtol=1e-10, atol=1e-14, **options):
+    """The stiff run, and the explicit one at a tolerance near rounding."""
+    return (
+        solve(system, span, start, method="stiff", rtol=rtol, atol=atol, **options),
+        solve(system, span, start, rtol=1e-13, atol=1e-16, **options),
+    )
+
+
+@pytest.mark.parametrize("name, bound", [("lugre", 1e-9), ("dahl", 1e-11), ("multistate", 1e-11)])
+def test_friction_laws_with_inner_states_end_where_explicit_steps_do(name, bound):
+    case = CASES[name]
+    stiff, explicit = both(case.system, (0, case.t_end), case.start, rtol=1e-9, atol=1e-9 * np.array(case.sizes) / 1e2)
+    assert stiff.outcome is Outcome.FINISHED
+    assert np.max(np.abs(stiff.x[:, -1] - explicit.x[:, -1]) / case.sizes) < bound
+    assert [(e.switch, e.kind, e.note) for e in stiff.events] == [(e.switch, e.kind, e.note) for e in explicit.events]
+    assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-8)
+    assert stiff.itinerary == explicit.itinerary
+
+
+def test_lugre_costs_a_tenth_of_the_explicit_steps():
+    case = CASES["lugre"]
+    stiff, explicit = both(case.system, (0, case.t_end), case.start)
+    assert 10 * stiff.cost["steps"] < explicit.cost["steps"]
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-7, 1e-8, 1e-9])
+def test_no_step_passes_over_the_strip_where_friction_rises(rtol):
+    """exp(-(v/v_s)^2) is flat above: without a look at the strip the last slip ended 1.8 ms late, at any tolerance."""
+    case = CASES["lugre"]
+    stiff, explicit = both(case.system, (0, case.t_end), case.start, **case.tolerances(rtol))
+    assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-5)
+
+
+def test_dense_output_wanted_times_and_outputs():
+    system = System({x: v, v: sp.cos(t) - x - 1000 * (v + sp.Abs(v) / 2)}, time=t, outputs={"drag": v + sp.Abs(v) / 2})
+    stiff, explicit = both(system, (0, 9), (1.0, 0.5), dense_output=True)
+    at = np.linspace(0, 9, 77)
+    assert np.allclose(stiff(at), explicit(at), rtol=0, atol=1e-8)
+    assert np.allclose(stiff(at, "drag"), explicit(at, "drag"), rtol=0, atol=1e-8)
+    wanted = solve(system, (0, 9), (1.0, 0.5), method="stiff", rtol=1e-10, atol=1e-14, t_eval=at)
+    assert np.array_equal(wanted.t, at) and np.allclose(wanted.x, explicit(at), rtol=0, atol=1e-8)
+    assert set(np.unique(stiff.mult)) == {-1.0, 1.0} and np.array_equal(stiff.status, stiff.mult)
+
+
+def test_the_side_is_that_of_the_surface_all_along():
+    case = CASES["dahl"]
+    run = solve(case.system, (0, case.t_end), case.start, method="stiff", dense_output=True)
+    h = sp.lambdify(case.system.model.time, case.system.model.multipliers[0].surface)
+    inside = np.setdiff1d(np.linspace(*run.t[[0, -1]], 999), run.event_times())
+    _, side = run.dense(inside)
+    assert np.array_equal(side[0], np.sign(h(inside)))
+
+
+def test_events_memories_and_branches_of_the_model_act():
+    low = Memory("low", 0)
+    system = System(
+        {x: v, v: sp.Piecewise((-4 * x, x > 0), (-x, True)) - sp.Rational(1, 10) * v},
+        time=t,
+        events=[Event(v, direction=-1, update={low: low + 1}), Event(every=1, update={v: 2 * v}),
+                Event(x + 5, name="far", terminal=True)],
+    )  # fmt: skip
+    stiff, explicit = both(system, (0, 40), (1.0, 0.0))
+    assert stiff.outcome is explicit.outcome is Outcome.TERMINATED
+    assert np.allclose(stiff.x[:, -1], explicit.x[:, -1], rtol=0, atol=1e-7)
+    assert [e.switch for e in stiff.events] == [e.switch for e in explicit.events]
+    assert {"far", "low"} <= {e.switch for e in stiff.events} | {str(s) for s in stiff.states}
+
+
+@pytest.mark.parametrize("start, first", [((0.0, 0.0), 1.0), ((0.0, -1e-9), -1.0), ((1.0, 0.0), -1.0)])
+def test_a_start_on_the_surface_goes_on_where_the_motion_does(start, first):
+    system = System({x: v, v: t - x - sp.Abs(v)}, time=t)
+    stiff, explicit = both(system, (0, 8), start)
+    assert stiff.mult[0, 0] == first
+    assert np.allclose(stiff.x[:, -1], explicit.x[:, -1], rtol=0, atol=1e-8)
+    assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-8)
+
+
+def test_a_surface_that_a_run_starts_on_at_rest_is_watched_from_the_first_step_on():
+    """v = t^2 - t^3 leaves 0 without a slope: the smoothed path took it for one that stays there."""
+    system = System({x: -sp.sign(x), v: 2 * t - 3 * t**2}, time=t, events=[Event(v, name="back")])
+    run = solve(system.smoothed(1e-2), (0, 2), (1.0, 0.0))
+    assert run.event_times(switch="back").tolist() == pytest.approx([1.0], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "system, what",
+    [
+        (System({x: -sp.sign(x)}), "can slide"),
+        (System({x: v, v: Unilateral(x).reaction - 1}, contacts=[Unilateral(x)]), "is a contact"),
+    ],
+)
+def test_what_slides_or_rests_is_refused_with_the_remedy(system, what):
+    with pytest.raises(ValueError, match=what):
+        solve(system, (0, 1), [1.0] * len(system.states), method="stiff")
+
+
+def test_noise_order_and_strict_are_refused():
+    system = System({x: v, v: -x - sp.Abs(v)})
+    with pytest.raises(ValueError, match="noise"):
+        solve(system, (0, 1), (1.0, 0.0), method="stiff", noise=Kicks(on="v", size=0.1, every=0.1, seed=1))
+    for option in ({"order": 12}, {"strict": True}):
+        with pytest.raises(ValueError, match="order.*strict"):
+            solve(system, (0, 1), (1.0, 0.0), method="stiff", **option)
+
+
+def test_a_bound_on_steps_is_an_outcome():
+    case = CASES["lugre"]
+    run = solve(case.system, (0, case.t_end), case.start, method="stiff", max_steps=20)
+    assert run.outcome is Outcome.TOO_MANY_STEPS and 0 < run.t[-1] < case.t_end
