@@ -166,7 +166,7 @@ def sentences(reading):
         wins = ", ".join(f"{c} ({times(ratios[c])})" for c in sorted(ratios, key=ratios.get) if ratios[c] < 1)
         said.append(
             '**Stiff steps (`method="stiff"`) are for bristle laws at speed**: the same exact events with implicit '
-            f"steps between them, on the {scenes(len(ratios))} where no switch slides; at 1e-8 they are the faster ones on "
+            f"steps between them, on the {scenes(len(ratios))} where no switch slides; at 1e-8 they are faster on "
             f"{wins or 'none'}.")  # fmt: skip
     name = "smoothed, algebraic"
     if loose := r.ratios(name, 1e-2):

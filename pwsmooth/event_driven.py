@@ -169,7 +169,9 @@ class EventDriven:
         self.t_end[0] = t1
         return self.control
 
-    def solve(self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, kicks: Any = None):
+    def solve(
+        self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, kicks: Any = None
+    ):
         """The Solution of one run: the kernel runs to its end, its buffers emptied as they fill.
 
         `p` has one value per symbol of model.parameters, `times` are the wanted ones or None.
@@ -215,7 +217,9 @@ class EventDriven:
         asked = {"t_eval": np.empty(0), "x_eval": np.empty((0, n)), "mult_eval": np.empty((0, m))}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
         new = names.Record.in_one_block(
-            self._shapes(room), 1 << 22 if old else 0, **{k: getattr(old, k, empty) for k, empty in asked.items()}
+            self._shapes(room),
+            1 << 22 if old else 0,
+            **{k: getattr(old, k, empty) for k, empty in asked.items()},
         )
         if old:
             for name, part in self._parts(old, counts.tolist()).items():

@@ -112,9 +112,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
         S.FULL: Outcome.OUT_OF_MEMORY,
     }[run.status]
-    events = [
-        EventRecord(when, *(words(i) if words else of_event(model, i))) for when, i, *_ in run.events
-    ]
+    events = [EventRecord(when, *(words(i) if words else of_event(model, i))) for when, i, *_ in run.events]
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x
     if run.t_eval is not None and run.x_eval is not None:

@@ -53,7 +53,9 @@ def switched_by_events(model: Model) -> Model:
     """
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
-            what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(mu.kind, "is an algebraic unknown")
+            what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(
+                mu.kind, "is an algebraic unknown"
+            )
             raise ValueError(
                 f"`method` is 'stiff', but {mu.symbol} {what}; stiff steps know switches that the motion only passes. "
                 "Use 'auto', or the smoothed view."
@@ -86,7 +88,9 @@ def switched_by_events(model: Model) -> Model:
         multipliers=(),
         events=tuple(map(selected, (*model.events, *events))),
         outputs=(),
-        smoothing=tuple((mu.surface, width) for mu, width in zip(model.multipliers, widths) if width is not None),
+        smoothing=tuple(
+            (mu.surface, width) for mu, width in zip(model.multipliers, widths) if width is not None
+        ),
         n_memory=model.n_memory + len(zeros),
         eps_ratio=(),
         layer_states=(),

@@ -21,10 +21,14 @@ def both(system, span, start, *, rtol=1e-10, atol=1e-14, **options):
 @pytest.mark.parametrize("name, bound", [("lugre", 1e-9), ("dahl", 1e-11), ("multistate", 1e-11)])
 def test_friction_laws_with_inner_states_end_where_explicit_steps_do(name, bound):
     case = CASES[name]
-    stiff, explicit = both(case.system, (0, case.t_end), case.start, rtol=1e-9, atol=1e-9 * np.array(case.sizes) / 1e2)
+    stiff, explicit = both(
+        case.system, (0, case.t_end), case.start, rtol=1e-9, atol=1e-9 * np.array(case.sizes) / 1e2
+    )
     assert stiff.outcome is Outcome.FINISHED
     assert np.max(np.abs(stiff.x[:, -1] - explicit.x[:, -1]) / case.sizes) < bound
-    assert [(e.switch, e.kind, e.note) for e in stiff.events] == [(e.switch, e.kind, e.note) for e in explicit.events]
+    assert [(e.switch, e.kind, e.note) for e in stiff.events] == [
+        (e.switch, e.kind, e.note) for e in explicit.events
+    ]
     assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-8)
     assert stiff.itinerary == explicit.itinerary
 
@@ -44,7 +48,9 @@ def test_no_step_passes_over_the_strip_where_friction_rises(rtol):
 
 
 def test_dense_output_wanted_times_and_outputs():
-    system = System({x: v, v: sp.cos(t) - x - 1000 * (v + sp.Abs(v) / 2)}, time=t, outputs={"drag": v + sp.Abs(v) / 2})
+    system = System(
+        {x: v, v: sp.cos(t) - x - 1000 * (v + sp.Abs(v) / 2)}, time=t, outputs={"drag": v + sp.Abs(v) / 2}
+    )
     stiff, explicit = both(system, (0, 9), (1.0, 0.5), dense_output=True)
     at = np.linspace(0, 9, 77)
     assert np.allclose(stiff(at), explicit(at), rtol=0, atol=1e-8)
