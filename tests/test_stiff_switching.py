@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve
+from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
 from pwsmooth.compare.cases import CASES
 
 t, x, v, z = sp.symbols("t x v z", real=True)
@@ -119,6 +119,23 @@ def test_noise_order_and_strict_are_refused():
     for option in ({"order": 12}, {"strict": True}):
         with pytest.raises(ValueError, match="order.*strict"):
             solve(system, (0, 1), (1.0, 0.0), method="stiff", **option)
+
+
+def test_a_sweep_takes_stiff_steps():
+    """The largest friction of LuGre's block in stick-slip, over its mass, as by explicit steps."""
+    case = CASES["lugre"]
+    (mass,) = (p for p in case.system.parameters if p.name == "mass")
+    found = [
+        sweep(case.system, {mass: [0.5, 1.0]}, start=case.start, period=case.t_end, transient=0, periods=1,
+              measures=["extremes(friction)", "counts"], method=method)
+        for method in ("stiff", "auto")
+    ]  # fmt: skip
+    stiff, explicit = (np.asarray(f["friction_max"]) for f in found)
+    assert np.allclose(stiff, explicit, rtol=1e-6) and stiff[0] != stiff[1]
+    assert 10 * int(found[0].steps.sum()) < int(found[1].steps.sum())
+    with pytest.raises(ValueError, match="can slide"):
+        sweep(System({x: -sp.sign(x)}), {x: [1.0, 2.0]},  period=1, transient=0, periods=1, measures=["counts"],
+              method="stiff")  # fmt: skip
 
 
 def test_a_bound_on_steps_is_an_outcome():

@@ -52,7 +52,7 @@ def sweep(
     axes: Mapping[Any, Sequence[float]] | None = None,
     *,
     points: Mapping[Any, Sequence[float]] | None = None,
-    start: Mapping[Any, float] | None = None,
+    start: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
     period: Any = None,
     transient: int = 100,
@@ -86,7 +86,7 @@ def sweep(
         A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at
         every point
         of the list.
-    start : mapping of state to float
+    start : mapping of state to float, or sequence of float, length n
         Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable
         Names ("sticks", "itinerary", "period", "amplitude(y)", "extremes(y)", "statistics(mu)", "points(y, v)",

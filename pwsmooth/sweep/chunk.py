@@ -1,7 +1,7 @@
 """The value of a chunk of points: what a worker does, in whichever thread, process or machine.
 
-Event-driven systems run as a compiled ensemble (orbits.py), smoothed and noisy ones and users' functions through
-solve(), point by point. Both give the same bits wherever a point is computed.
+Event-driven systems run as a compiled ensemble (orbits.py), smoothed and noisy ones, stiff steps and users' functions
+through solve(), point by point. Both give the same bits wherever a point is computed.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ def run_chunk(plan: Plan, columns: Mapping[str, np.ndarray]) -> dict[str, np.nda
 
 
 def goes_as_ensemble(plan: Plan) -> bool:
-    """Whether the measures run in compiled code: event-driven, without noise."""
+    """Whether the measures run in compiled code: event-driven, by explicit steps, without noise."""
     model = plan.system.model
-    return plan.noise is None and not (model.smoothing and not model.multipliers)
+    smoothed = model.smoothing and not model.multipliers
+    return not (plan.noise or smoothed or dict(plan.options)["method"] == "stiff")
 
 
 def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool) -> tuple[Any, Any]:

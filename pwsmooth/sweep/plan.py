@@ -20,6 +20,7 @@ from .. import checks
 from ..event_driven import LOOSEST
 from ..lambdified import numpy_function
 from ..stiff import LOOSEST_RTOL
+from ..stiff_switching import switched_by_events
 from .axes import Axes, read_axes
 from .contract import Measure, Setting, Variable, Window, alphabet
 from .measures import Function, Period, measure_from_text
@@ -184,6 +185,8 @@ def make_plan(
         raise TypeError(f"`system` is {system!r}; give a System, one of its views, or a scene.")
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
+    if start is not None and not isinstance(start, Mapping):
+        start = dict(zip(system.states, system.initial_state(start), strict=True))
     given = {str(k): v for k, v in (start or {}).items()}
     swept = {name for name, kind in where.kinds.items() if kind == "state"}
     initial = system.initial_state(given | {name: float(first[name][0]) for name in swept})
@@ -301,7 +304,9 @@ def _setting(system, measures, periods, forced, units):
             "measure with a function of the Solution."
         )
     if "Sticks" in kinds and not sticking:
-        raise ValueError("`measures` asks for sticks, but nothing in this system can stick (slide); leave it out.")
+        raise ValueError(
+            "`measures` asks for sticks, but nothing in this system can stick (slide); leave it out."
+        )
     if "Itinerary" in kinds and not 0 < len(words) <= 36:
         raise ValueError(
             f"`measures` asks for the itinerary, a word of 1 to 36 multipliers; this system has {len(words)}. Leave it "
@@ -335,9 +340,13 @@ def _options(system, options):
         )
     if smoothed and order is not None:
         raise ValueError("`order` belongs to event-driven systems; leave it out for a smoothed view.")
-    if not smoothed and checked["method"] not in ("auto", "taylor", "rk"):
+    if not smoothed and checked["method"] == "stiff":
+        switched_by_events(model)  # refuses what slides
+        if order is not None:
+            raise ValueError("`order` belongs to Taylor steps; leave it out with method='stiff'.")
+    elif not smoothed and checked["method"] not in ("auto", "taylor", "rk"):
         raise ValueError(
-            f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor' and 'rk'."
+            f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor', 'rk' and 'stiff'."
         )
     return tuple(sorted(checked.items()))
 
