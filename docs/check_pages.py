@@ -59,14 +59,18 @@ LOOK = """() => {
     return false;
   };
   const text = e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
-  const cut = e => { // past the edge, where nothing scrolls
-    for (let p = e.parentElement; p && p !== page; p = p.parentElement) {
-      const how = getComputedStyle(p).overflowX;
-      if (how === 'auto' || how === 'scroll') return false;
-      if (how === 'hidden' || how === 'clip')
-        return p.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
+  const clippers = new Map(); // what cuts off the children of an element: a box, or nothing, or they scroll
+  const clipper = e => {
+    if (!e || e === page) return null;
+    if (!clippers.has(e)) {
+      const how = getComputedStyle(e).overflowX;
+      clippers.set(e, /auto|scroll/.test(how) ? null : /hidden|clip/.test(how) ? e : clipper(e.parentElement));
     }
-    return false;
+    return clippers.get(e);
+  };
+  const cut = e => {
+    const box = clipper(e.parentElement);
+    return box && box.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
   };
   const main = document.querySelector('.bd-main') || document.body;
   const wide = page.scrollWidth <= page.clientWidth ? [] :
@@ -81,7 +85,7 @@ LOOK = """() => {
     badmath: [...document.querySelectorAll('mjx-merror, [data-mjx-error]')].map(tell),
     overflow: page.scrollWidth - page.clientWidth,
     cut: [...main.querySelectorAll('*')].filter(
-      e => text(e) && seen(e) && !e.closest('mjx-container') && cut(e)).map(tell),
+      e => text(e) && !e.closest('pre, mjx-container') && seen(e) && cut(e)).map(tell),
     undrawn: [...main.querySelectorAll('pre')].filter(e => /<Figure size \\d/.test(e.textContent)).map(tell),
     wide,
     formulas: document.querySelectorAll('mjx-container').length,

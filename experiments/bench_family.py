@@ -150,7 +150,16 @@ def main():
                   f"{1e9 * r['rhs'] / n:10.2f}{1e6 * r['jet'] / n:10.3f}{1e6 * r['step'] / n:11.3f}"
                   f"{1e3 * r['period']:11.2f}{r['steps']:7d}{r['events']:8d}", flush=True)  # fmt: skip
     if arguments.out:
-        write_json(arguments.out, {"provenance": provenance(), "results": results})
+        rows = [
+            {
+                "model": r["model"], "n": r["n"], "form": "written out" if r["written out"] else "looped",
+                "setup (s)": r["setup"], "lines": r["lines"], "rhs/n (ns)": 1e9 * r["rhs"] / r["n"],
+                "jet/n (µs)": 1e6 * r["jet"] / r["n"], "step/n (µs)": 1e6 * r["step"] / r["n"],
+                "period (ms)": 1e3 * r["period"], "steps": r["steps"], "events": r["events"], "outcome": r["outcome"],
+            }
+            for r in results
+        ]  # fmt: skip
+        write_json(arguments.out, {"options": vars(arguments), "provenance": provenance(), "results": rows})
 
 
 if __name__ == "__main__":

@@ -18,12 +18,11 @@ Run: python experiments/bench_smoothed.py [--out FILE] [--rounds N] [--eps EPS .
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import statistics
 import time
 
 import numpy as np
+from benchtools import provenance, write_json
 
 PERIOD = 2 * np.pi
 ENDS = PERIOD * np.array([9.13, 9.37, 9.61, 9.87, 10.0])
@@ -213,10 +212,8 @@ def main():
                              "tol": tol,
                              "error": error})  # fmt: skip
     if arguments.out:
-        about = {"python": platform.python_version(), "machine": platform.machine(), "rounds": arguments.rounds,
-                 "periods": PERIODS, "constants": CONSTANTS, "start": START}  # fmt: skip
-        with open(arguments.out, "w", encoding="utf-8") as stream:
-            json.dump({"about": about, "rows": rows}, stream, indent=1)
+        setting = {"periods": PERIODS, **CONSTANTS, "start": START}
+        write_json(arguments.out, {"options": vars(arguments) | setting, "rows": rows, "provenance": provenance()})
 
 
 if __name__ == "__main__":

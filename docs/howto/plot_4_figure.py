@@ -91,7 +91,7 @@ def draw(fast):
 # Run it
 # ------
 # ``pwsmooth figures den-hartog`` would draw it into a folder, with the table of claims. What
-# that command does:
+# that command does is below; ``figure.savefig("den-hartog.png")`` writes what is shown here.
 from pwsmooth.plotting import style
 
 with style():
