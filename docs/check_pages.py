@@ -3,7 +3,7 @@
     python docs/check_pages.py [DIR] [--shots DIR] [--install] [--self-test]
 
 A page is wrong if it has an error in the console, a file that is missing or asked from another host, a link or
-anchor that leads nowhere, a picture that is not there or not visible, a figure's name in place of the figure, a
+anchor that leads nowhere, a picture that is not there or not visible, a figure's or an object's internal name in its place, a
 formula that is not set, text wider than the screen or cut off at its edge, or no heading. `--install` brings
 Chromium where it is missing (Debian's package; as root). `--self-test` looks at pages with one such fault each and
 fails if a fault is overlooked.
@@ -70,7 +70,10 @@ LOOK = """() => {
   };
   const cut = e => {
     const box = clipper(e.parentElement);
-    return box && box.getBoundingClientRect().right < e.getBoundingClientRect().right - 1;
+    if (box && box.getBoundingClientRect().right < e.getBoundingClientRect().right - 1) return true;
+    // A long word that leaves its own box: prose does not scroll, whatever is around it.
+    return e.matches('h1, h2, h3, h4, p, dt') && !e.closest('table, .cell_output, .xr-wrap')
+      && e.getBoundingClientRect().left + e.scrollWidth > page.clientWidth + 1;
   };
   const main = document.querySelector('.bd-main') || document.body;
   const wide = page.scrollWidth <= page.clientWidth ? [] :
@@ -86,7 +89,8 @@ LOOK = """() => {
     overflow: page.scrollWidth - page.clientWidth,
     cut: [...main.querySelectorAll('*')].filter(
       e => text(e) && !e.closest('pre, mjx-container') && seen(e) && cut(e)).map(tell),
-    undrawn: [...main.querySelectorAll('pre')].filter(e => /<Figure size \\d/.test(e.textContent)).map(tell),
+    marks: [...main.querySelectorAll('pre')].filter(
+      e => /<Figure size \\d|!! processed by|object at 0x/.test(e.textContent)).map(tell),
     wide,
     formulas: document.querySelectorAll('mjx-container').length,
     images: wanted.length,
@@ -231,7 +235,7 @@ def faults_of(seen: dict) -> list[str]:
     if seen["overflow"] > 0:
         found.append(f"{seen['overflow']} px wider than the screen: {'; '.join(seen['wide'])}")
     found += [f"cut off at the edge: {text}" for text in seen["cut"]]
-    found += [f"a figure's name in place of the figure: {text}" for text in seen["undrawn"]]
+    found += [f"not for readers: {text}" for text in seen["marks"]]
     return found
 
 
@@ -268,7 +272,8 @@ FAULTY = {
     "formula with an error": "<h1>a</h1><mjx-container>x<mjx-merror>e</mjx-merror></mjx-container>",
     "wider than the screen": "<h1>a</h1><div style='width:3000px'>long</div>",
     "cut off at the edge": "<h1>a</h1><div style='overflow:hidden'><p style='width:3000px'>long</p></div>",
-    "a figure's name": "<h1>a</h1><pre>&lt;Figure size 720x300 with 1 Axes&gt;</pre>",
+    "cut off at the edge: H1": "<div style='overflow-x:auto'><h1>" + 99 * "a" + "</h1></div>",
+    "not for readers": "<h1>a</h1><pre>&lt;Figure size 720x300 with 1 Axes&gt;</pre>",
     "link to no.html": "<h1>a</h1><a href='no.html'>x</a>",
     "no such anchor": "<h1 id='a'>a</h1><a href='#b'>x</a>",
 }

@@ -34,6 +34,8 @@ def typed(app, what, name, obj, options, lines):
         return
     result, inside = [], False
     for line in lines:
+        if line.strip() == "..":  # the mark that numpydoc leaves at the end
+            break
         if line.strip() and line.startswith(" ") != inside:
             inside = not inside
             result += ["", "::", ""] if inside else [""]
