@@ -14,8 +14,9 @@ implicit        an algebraic unknown and a sliding switch an element, and an unk
 
 Columns: `setup` from the equations to machine code, without the kernels, which all models share (processor time, no
 cache); `lines` of the generated text; `rhs` and `jet` (order 16) one call of the compiled function, the crossing from
-Python taken off (nothing stands where the call is lost in it); `step` a step without an event (short steps over a stretch that has few); `period` one period of the
-drive with all its steps and events, or the whole span. Times are medians over rounds.
+Python taken off (nothing stands where the call is lost in it); `step` a step without an event (short steps over a
+stretch that has few); `period` one period of the drive with all its steps and events, or the whole span. Times are
+medians over rounds.
 
 Usage: python experiments/bench_family.py [--n 10 100 1000] [--rounds 5] [--copies 10 40] [--out FILE.json]
 """
@@ -153,7 +154,8 @@ def main():
         rows = [
             {
                 "model": r["model"], "n": r["n"], "form": "written out" if r["written out"] else "looped",
-                "setup (s)": r["setup"], "lines": r["lines"], "rhs/n (ns)": 1e9 * r["rhs"] / r["n"] if r["rhs"] > 0 else None,
+                "setup (s)": r["setup"], "lines": r["lines"],
+                "rhs/n (ns)": 1e9 * r["rhs"] / r["n"] if r["rhs"] > 0 else None,
                 "jet/n (µs)": 1e6 * r["jet"] / r["n"], "step/n (µs)": 1e6 * r["step"] / r["n"],
                 "period (ms)": 1e3 * r["period"], "steps": r["steps"], "events": r["events"], "outcome": r["outcome"],
             }
