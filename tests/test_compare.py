@@ -10,7 +10,7 @@ import sympy as sp
 
 from pwsmooth import System, Unilateral
 from pwsmooth.compare.cases import CASES
-from pwsmooth.compare.charts import best_width, envelope, plot_work
+from pwsmooth.compare.charts import best_width, envelope, plot_orders, plot_work
 from pwsmooth.compare.measuring import work_precision
 from pwsmooth.compare.methods import METHODS, Method, Run
 from pwsmooth.compare.own import inside_layers
@@ -165,6 +165,49 @@ def test_what_is_cheapest_counts_only_right_itineraries():
     assert {name: p.seconds for name, p in data.cheapest(1e-4).items()} == {"b": 2.0, "a": 3.0}
     assert [p.error for p in envelope([*data, point("a", 1e-3, 4.0)])] == [1e-2, 1e-6, 1e-7]
     assert best_width(data, 1e-6).setting == (1e-6, 1e-3) and best_width(data, 1e-8) is None
+
+
+def drawn(plot, points, width):
+    """A panel as wide as those of the page, with its renderer."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from pwsmooth.plotting import new_figure, style
+
+    with style():
+        figure = new_figure(width, 3.0)
+        axes = plot(points, figure.subplots())
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+    return axes, canvas.get_renderer()
+
+
+def overlap(boxes):
+    return [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if a.overlaps(b)]
+
+
+def test_names_of_lines_that_end_together_are_apart():
+    ends = {"event-driven": 1e-4, "heyoka, events": 1.1e-4, "CVODE, events": 2e-4, "diffrax, events": 1e-4,
+            "numbalsoda DOP853, events": 1.3e-4, "Moreau-Jean": 1e-1}  # fmt: skip
+    points = [
+        Point("case", name, METHODS[name].group, rtol, rtol, 0.0, "right", end * share, 0.0, 100)
+        for name, end in ends.items() for rtol, share in ((1e-4, 0.7), (1e-9, 1.0))
+    ]  # fmt: skip
+    axes, renderer = drawn(plot_work, points, 4.1)
+    boxes = [text.get_window_extent(renderer) for text in axes.texts]
+    assert len(boxes) == len(ends) and not overlap(boxes)
+
+
+@pytest.mark.parametrize("span", [1.15, 1.9, 2.2, 3.0, 6.0, 30.0])
+def test_ticks_of_a_narrow_panel_are_apart(span):
+    points = [
+        Point("case", "event-driven", "event-driven", rtol, rtol, 0.0, "right", seconds, 0.0, 100)
+        for rtol, seconds in ((1e-4, 1.6e-4), (1e-9, 1.6e-4 * span))
+    ]
+    axes, renderer = drawn(plot_orders, points, 3.0)
+    left, right = axes.get_xlim()
+    shown = [tick for tick in axes.xaxis.get_ticklabels(which="both") if tick.get_text()]
+    shown = [tick for tick in shown if left <= tick.get_position()[0] <= right]
+    assert len(shown) >= 2 and not overlap([tick.get_window_extent(renderer) for tick in shown])
 
 
 def test_a_peer_that_is_not_installed_is_listed_as_absent(monkeypatch):
