@@ -45,7 +45,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
         places.append(low + 0.5)
         if not small and n_rows > 1:
             for row in (0, n_rows - 1):
-                name = found.rows.words[row] if found.rows.words else f"{found.rows.values[row]:.3g}"
+                name = found.rows.words[row] if found.rows.words else f"{found.rows.values[row]:.5g}"
                 axes.annotate(
                     name, (1.0, low + (row + 0.5) / n_rows), xycoords=("axes fraction", "data"), va="center",
                     xytext=(3, 0), textcoords="offset points", fontsize=6.5, color="#555555",
@@ -62,7 +62,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
     if found.x.words:
         axes.set_xticks(found.x.values, found.x.words)
     if n_rows > 1:
-        names = found.rows.words or tuple(f"{v:.3g}" for v in found.rows.values)
+        names = found.rows.words or tuple(f"{v:.5g}" for v in found.rows.values)
         told = f"{found.x.name};  up, {found.rows.name}: {names[0]} … {names[-1]}"
         axes.set_xlabel(textwrap.fill(told, 64), fontsize=size)
     for side in ("left", "bottom"):
