@@ -7,6 +7,7 @@ switches of higher relative degree are held at lambda = 0, the others settled by
 import math
 
 from .compiling import kernel
+from .pointers import call_fields
 from .records import record_event
 from .settling import close_contact, settle_at_rest, stop_normal_speed
 from .sliding import keep_on_surface
@@ -23,7 +24,9 @@ from .state import (
     SOLVED,
 )
 
-WITHIN_ROUNDING = 1e-11  # an accumulation point this close (relative to the time) is passed
+AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
+WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
+_SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
 
 
@@ -35,6 +38,13 @@ def time_left(S, j):
     if not (0.0 < q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
         return math.inf
     return S.last[j, 1] * q / (1.0 - q)
+
+
+@kernel
+def is_passed(S, j):
+    """Whether the accumulation point of surface j is as near as its intervals let it come."""
+    span, left = 1.0 + abs(S.now[0]), time_left(S, j)
+    return left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
 
 
 @kernel
@@ -78,7 +88,7 @@ def pass_accumulation(P, C, S, R, W):
             estimate = time_left(S, j)
             if estimate < left:
                 leader, left = j, estimate
-    if leader < 0 or left > WITHIN_ROUNDING * (1.0 + abs(t)):
+    if leader < 0 or not is_passed(S, leader):
         return -1
     S.now[0] = t + left
     interval = S.last[leader, 1]
@@ -102,4 +112,13 @@ def pass_accumulation(P, C, S, R, W):
         else:
             W.active[size] = j
             size += 1
-    return settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    if code == DONE:
+        # What is left of the way, with the field that the switchings come to on average.
+        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            S.x[i] += left * W.dx[i]
+        for j in range(P.m):
+            if S.status[j] == HELD or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC):
+                keep_on_surface(P, S, j, W)
+    return code

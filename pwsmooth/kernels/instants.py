@@ -7,15 +7,23 @@ field has jumped is settled again.
 
 from numba import types
 
-from .accumulation import WITHIN_ROUNDING, pass_accumulation, time_left
+from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
 from .firing import MOST_AT_ONCE, events, impacts, sides_after_crossing, sides_after_jump, step_inside
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
 from .records import record_ambiguity, record_event, record_point
-from .settling import layer_code, leading_order, note_interval, resettle, settle_arrivals, settle_at_rest
-from .sliding import keep_on_surface
+from .settling import (
+    evaluate_surfaces,
+    layer_code,
+    leading_order,
+    note_interval,
+    resettle,
+    settle_arrivals,
+    settle_at_rest,
+)
+from .sliding import keep_on_surface, surface_rounding
 from .sparse import couples
 from .state import (
     ACCUMULATED,
@@ -44,8 +52,6 @@ from .state import (
     State,
     Work,
 )
-
-_AT_ONCE = 1e-13  # instants closer than this (relative) are one instant
 
 
 @kernel
@@ -191,6 +197,13 @@ def _everything(P, C, S, R, W, fold, fold_way):
     return stop, switched
 
 
+@kernel
+def _left_behind(P, S, W, i):
+    """Whether surface i, met at the last instant, has since changed by more than rounding."""
+    evaluate_surfaces(P, S, W)
+    return abs(W.h[i]) > surface_rounding(P, S, i, W)
+
+
 @unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
@@ -205,8 +218,8 @@ def at_instant(P, C, S, R, W):
     W.code[5] = 0  # x has jumped
     W.code[6] = 0  # several coupled switches arrive at once
     for i in range(m + ne):
-        W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= _AT_ONCE * max(abs(t), h)
-        if not W.hit[i] and elapsed > 1e-12 * (1.0 + abs(t)):
+        W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= AT_ONCE * max(abs(t), elapsed)
+        if not W.hit[i] and S.deflate[i] != 0 and (elapsed > 1e-12 * (1.0 + abs(t)) or _left_behind(P, S, W, i)):
             S.deflate[i] = 0
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
@@ -229,7 +242,7 @@ def at_instant(P, C, S, R, W):
     only = only_one(P, S, W) if fold < 0 and W.code[4] == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
-        if code != -1 and (code != DONE or time_left(S, only) > WITHIN_ROUNDING * (1.0 + abs(t))):
+        if code != -1 and (code != DONE or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         only = code
