@@ -13,7 +13,8 @@ import sympy as sp
 from pwsmooth import Outcome, System, solve
 
 x, y, z, a = sp.symbols("x y z a", real=True)
-SPIRAL = System({x: -a * sp.sign(y) - sp.sign(x), y: a * sp.sign(x) - sp.sign(y), z: sp.Integer(1)}, parameters={a: 3.0})
+TURNS = {x: -a * sp.sign(y) - sp.sign(x), y: a * sp.sign(x) - sp.sign(y)}
+SPIRAL = System(TURNS | {z: sp.Integer(1)}, parameters={a: 3.0})
 
 
 def spiral(q, **options):
