@@ -3,10 +3,10 @@
     python docs/check_pages.py [DIR] [--shots DIR] [--install] [--self-test]
 
 A page is wrong if it has an error in the console, a file that is missing or asked from another host, a link or
-anchor that leads nowhere, a picture that is not there or not visible, a figure's or an object's internal name in its place, a
-formula that is not set, text wider than the screen or cut off at its edge, or no heading. `--install` brings
-Chromium where it is missing (Debian's package; as root). `--self-test` looks at pages with one such fault each and
-fails if a fault is overlooked.
+anchor that leads nowhere, a picture that is not there or not visible, an internal name of a figure or an object in
+its place, a formula that is not set, text wider than the screen or cut off at its edge, or no heading. `--install`
+brings Chromium where it is missing (Debian's package; as root). `--self-test` looks at pages with one such fault
+each and fails if a fault is overlooked.
 """
 
 from __future__ import annotations
