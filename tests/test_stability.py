@@ -93,6 +93,9 @@ def test_charts_and_the_table_show_every_method():
     found = stability(made())
     assert [label.get_text() for label in plot_map(found).get_yticklabels()] == ["event-driven"]
     assert len(page([found] * 4).axes) >= 4
+    partly = stability(made({"event-driven": lambda x, row: [] if x > 1 else Finding("right")}))
+    words = [[text.get_text() for text in page([one]).legends[0].texts] for one in (found, partly)]
+    assert words == [["right", "stall", "border by theory"], ["right", "not run", "border by theory"]]
     text = markdown({"data": {"maps": [found.record()]}})
     assert text.splitlines()[2] == "| a made one | event-driven: stall 50 %, at theory's border |"
 

@@ -71,7 +71,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
 
 
 def legend(figure: Any, maps: Sequence[StabilityMap]) -> None:
-    """One entry for every way of failing that occurs in the maps, and one for the border."""
+    """One entry for every way of failing that occurs in the maps, one for what was not run, and one for the border."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -81,6 +81,8 @@ def legend(figure: Any, maps: Sequence[StabilityMap]) -> None:
         for kind, colour in KINDS.items()
         if kind in seen
     ]
+    if any((found.total(method) == 0).any() for found in maps for method in found.methods):
+        handles.append(Patch(facecolor="white", edgecolor="#999999", linewidth=0.4, label="not run"))
     if any(np.isfinite(edge).any() for found in maps for edge in found.border.values()):
         handles.append(Line2D([], [], color="black", linewidth=1.4, label="border by theory"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7.5)
