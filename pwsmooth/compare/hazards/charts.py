@@ -64,7 +64,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
     if n_rows > 1:
         names = found.rows.words or tuple(f"{v:.5g}" for v in found.rows.values)
         told = f"{found.x.name};  up, {found.rows.name}: {names[0]} … {names[-1]}"
-        axes.set_xlabel(textwrap.fill(told, 64), fontsize=size)
+        axes.set_xlabel(textwrap.fill(told, 56 if small else 64), fontsize=size)
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)
     return axes

@@ -77,7 +77,7 @@ def ball_limit(q: float) -> float:
 
 
 def accumulation(fast: bool) -> Hazard:
-    """The ratio of successive intervals."""
+    """How much successive intervals shrink, 1 - q."""
 
     def problem(q: float, row: float) -> tuple[System, float, tuple[float, float]]:
         if row:
@@ -91,7 +91,8 @@ def accumulation(fast: bool) -> Hazard:
         return Finding("right" if off <= bound else "drift", off)
 
     def ours(**options: Any) -> Any:
-        def trial(q: float, row: float) -> Finding:
+        def trial(shrink: float, row: float) -> Finding:
+            q = 1 - shrink
             system, end, start = problem(q, row)
             # At rest after the limit: a billionth of the start, rtol.
             run = functools.partial(solve, system, (0.0, end), start, parameters={Q: q}, **options)
@@ -99,25 +100,29 @@ def accumulation(fast: bool) -> Hazard:
 
         return trial
 
-    def scipy(q: float, row: float) -> Finding:
+    def scipy(shrink: float, row: float) -> Finding:
+        q = 1 - shrink
         system, end, start = problem(q, row)
         return attempt(
             lambda: stopped(plain(system, ("q",)), (0.0, end), (*start, q), max_step=end / 100),
             lambda state: judged(state[:2], row, 1e-6),
         )
 
-    def moreau(q: float, row: float) -> Finding:
+    def moreau(shrink: float, row: float) -> Finding:
+        q = 1 - shrink
         system, end, start = problem(q, row)
         advance = (stepper if row else bouncing)(plain(system, ("q",)))
         steps = 20_000
         state = advance(0.0, end, np.array([*start, q]), steps, 0.5 if row else q)[0][-1, :2]
-        # Of first order: ten steps' worth of the motion.
-        return judged(state, row, 10 * end / steps * 10)
+        # Of first order: ten steps at the largest speed of the motion, but no more than a hundredth of the start.
+        speed = 2 / shrink if row else GRAVITY * math.sqrt(2 / GRAVITY)
+        return judged(state, row, min(10 * end / steps * speed, 0.01))
 
     def bare(method: str) -> Any:
-        def trial(q: float, row: float) -> Finding | list[Finding]:
+        def trial(shrink: float, row: float) -> Finding | list[Finding]:
             if not row:
                 return []  # an impact is no term of a right-hand side
+            q = 1 - shrink
             a = (1 + q) / (1 - q)
 
             def rates(t: float, s: np.ndarray) -> list[float]:
@@ -135,7 +140,10 @@ def accumulation(fast: bool) -> Hazard:
     return Hazard(
         "accumulation",
         "infinitely many events in finite time",
-        Axis("ratio q of successive intervals", (0.3, 0.9) if fast else (0.1, 0.3, 0.5, 0.7, 0.9, 0.97)),
+        Axis(
+            "by how much intervals shrink, 1 − q",
+            (0.1, 0.7) if fast else (1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 0.7, 0.9),
+        ),
         Axis("system", (0.0, 1.0), ("bouncing ball", "spiral into a corner")),
         {
             "event-driven": ours(),
