@@ -200,7 +200,7 @@ class CompiledProblem:
             border=np.zeros((m, hubs)),
             place=np.zeros(m),
             code=np.zeros(12),
-            answer=np.zeros(8),
+            answer=np.zeros(9),
             **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
             **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},

@@ -81,3 +81,26 @@ def test_forces_known_through_a_state_are_decided_down_to_their_accuracy():
         solution = solve(THROUGH_A_STATE, (0, math.pi), [0.0, 0.0], parameters={A: force}, rtol=1e-12, atol=1e-14)
         broken = len(solution.event_times("slip"))
         assert solution.ambiguities or broken == breaks(force, 3.0), distance
+
+
+def test_a_root_is_followed_from_and_through_its_inflection():
+    # lambda^3 = sin(t)/2: dlambda/dt is infinite at t = 0, pi, 2 pi, and the run begins at the first
+    x, total = sp.symbols("x total", real=True)
+    mu = Switch("mu", x)
+    cubic = System({x: sp.sin(t) / 2 - mu**3, total: mu}, time=t)
+    solution = solve(cubic, (0, 7.0), [0.0, 0.0], t_eval=[1.0, 2.0, 4.0, 6.0, 7.0])
+    assert solution.success and not solution.events and np.all(solution["x"] == 0.0)
+    assert solution["mu"] == pytest.approx(np.cbrt(np.sin(solution.t) / 2), abs=1e-9)
+    # integral of sin^(1/3) over a half wave, by the beta function: sqrt(pi) Gamma(2/3)/Gamma(7/6)
+    half = solve(cubic, (0, math.pi), [0.0, 0.0])["total"][-1]
+    assert half == pytest.approx(math.sqrt(math.pi) * math.gamma(2 / 3) / math.gamma(7 / 6) / 2 ** (1 / 3), abs=1e-9)
+
+
+def test_a_fold_at_the_bound_is_left():
+    # F_s = F_c: lambda (3 - lambda^2)/2 has its fold at lambda = 1 itself, where the force is 1
+    x = sp.Symbol("x", real=True)
+    mu = Switch("mu", x)
+    block = System({x: t / 10 - mu * (3 - mu**2) / 2}, time=t)
+    solution = solve(block, (0, 20), [0.0])
+    assert solution.success and solution["x"][-1] == pytest.approx(5.0, abs=1e-8)  # (t - 10)^2/20
+    assert [e.time for e in solution.events] == pytest.approx([10.0], abs=1e-8)

@@ -1,5 +1,7 @@
 """Grazing: a trajectory that touches a surface is decided down to 1e-12 of its scale, and recorded below."""
 
+import math
+
 import pytest
 import sympy as sp
 
@@ -34,3 +36,20 @@ def test_exact_grazing_is_recorded_and_stops_a_strict_run(dip):
     assert solution.ambiguities[0].taken == ("cross" if len(solution.events) else "touch and stay on this side")
     stopped = solve(system, (0, 2), {x: 1 + dip}, strict=True)
     assert stopped.outcome.name == "AMBIGUITY" and stopped.t[-1] == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_dip_within_rounding_is_recorded_by_both_methods(method, side):
+    # h = cos t + 1 +- d, whose least value is +- d at t = pi; size 2
+    y, w, s, d = sp.symbols("y w s d", real=True)
+    system = System({y: w, w: -(y - 1), s: sp.sign(y + d)}, parameters={d: 0.0})
+    for k in (14, 15, 16):
+        got = solve(system, (0, 5), [2.0, 0.0, 0.0], parameters={d: side * 10.0**-k}, method=method,
+                    rtol=1e-12, atol=1e-14)  # fmt: skip
+        assert [a.kind for a in got.ambiguities] == ["grazing"]
+        assert got.ambiguities[0].time == pytest.approx(math.pi, abs=1e-5)
+    for k in (5, 7):
+        got = solve(system, (0, 5), [2.0, 0.0, 0.0], parameters={d: side * 10.0**-k}, method=method,
+                    rtol=1e-12, atol=1e-14)  # fmt: skip
+        assert not got.ambiguities and len(got.event_times("crossing")) == (0 if side > 0 else 2)

@@ -182,11 +182,13 @@ def _everything(P, C, S, R, W, fold, fold_way):
                 step_inside(P, S, j, W)
     if fold >= 0:
         S.counts[C_LAYERS] += 1
+        at_fold = mult[fold]
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
         code = layer_code(P, S, R, fold, outcome)
         if code != DONE:
             return code, True
-        S.deflate[fold] = 1
+        # A fold at the bound is left as a tangency is: the field does not jump.
+        S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
         record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
         switched = True
     if size > 0:

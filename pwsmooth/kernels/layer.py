@@ -431,6 +431,11 @@ def _leave_fold(P, S, W, j, toward):
             W.group[size] = i
             size += 1
     fold = S.mult[j]
+    if size == 1 and P.nz == 0 and toward * fold >= 1.0 - 1e-6:
+        # A fold at the bound itself, where a tangency would be: no lambda is left to go on to.
+        S.status[j] = toward
+        S.mult[j] = float(toward)
+        return _close(P, S, W)
     if size == 1 and P.nz == 0:
         _prepare(P, S, W, j)
         # g vanishes to second order here: start where it pushes clearly.

@@ -152,7 +152,7 @@ def _polish(W, degree, lo, hi, s):
 
 @kernel
 def _note_shallow(W, s, d, c):
-    if c > 0.0 and 0.5 * d * d < GRAZING * c * at(W.poly, 0):
+    if c > 0.0 and 0.5 * d * d < GRAZING * c * max(at(W.poly, 0), W.answer[8]):
         _note_grazing(W, s, 1)  # it turns back after a dip that shallow
 
 
@@ -238,7 +238,7 @@ def _subdivide(W, degree, stride, negative):
                     degree if left + size >= 1.0 else degree + 1
                 )  # the step's end is the next step's business
                 for k in range(1, last):
-                    if c[k] < GRAZING * a[0]:
+                    if c[k] < GRAZING * max(a[0], W.answer[8]):
                         _note_grazing(W, left + size * k / degree, 0)
         elif depth < _DEEPEST:
             lowest = c[0]

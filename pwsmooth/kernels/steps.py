@@ -242,5 +242,6 @@ def fold_step_size(P, C, S, rows, W):
             e1 = max(e1, abs(rows[i, K]) * weight)
             finite += rows[i, K] * 0.0
         h = step_within(e0 + finite, e1, C, W, 0.5)  # at most a quarter of the multiplier's whole range
-        tolerance = min(tolerance, max(1e-3 * C.rtol, 1e-12) * h * abs(rows[n, 1]) + 1e-300)
+        passed = max(h * abs(rows[n, 1]), max(h * h * abs(rows[n, 2]), h * h * h * abs(rows[n, 3])))
+        tolerance = min(tolerance, max(1e-3 * C.rtol, 1e-12) * passed + 1e-300)
     return h

@@ -11,7 +11,7 @@ import math
 
 from .compiling import kernel
 from .layer import FIRST_ZERO
-from .pointers import at, call_fields, call_layer_unit, call_linear
+from .pointers import at, call_fields, call_fold, call_layer_unit, call_linear
 from .records import record_ambiguity
 from .roots import NO_ROOT
 from .sliding import follow, mask_solved
@@ -23,6 +23,7 @@ HOPPED, PASSED, LEFT = range(1, 4)
 SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
 SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
 _HOP = 3e-7  # of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root
+_TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less than it is known to
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
 
@@ -219,3 +220,54 @@ def lost_at_a_fold(P, C, S, R, W):
             _leave(W, 1 if slope * bend < 0.0 else -1)
             return STRICT if C.strict else -1
     return NEWTON_FAILED
+
+
+# ---- inflections: lambda^3 = t has no Taylor series at 0, but t(lambda) has
+
+
+@kernel
+def flattest(P, S, W):
+    """The hidden switch whose residual depends least on its own multiplier, or -1."""
+    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    best, least = -1, math.inf
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.hidden[j] and P.kind[j] == SLIDING and abs(W.G[P.g_diagonal[j]]) < least:
+            best, least = j, abs(W.G[P.g_diagonal[j]])
+    return best
+
+
+@kernel
+def known_zeros(row):
+    """How many of the first terms of a series are nothing but rounding."""
+    for k in range(4):
+        if abs(row[k]) > 1e-12:
+            return k
+    return 0
+
+
+@kernel
+def way_of_time(P, C, S, W, j):
+    """The direction of lambda_j in which time goes on from a point where dt/dlambda_j = 0; 0 where none does."""
+    for toward in range(1, -2, -2):
+        if call_fold(P.fold_unit, P, C, S, W, j, toward):
+            row = W.rows[P.n]
+            for k in range(1, 5):
+                if abs(row[k]) > 1e-12:
+                    if row[k] > 0.0:
+                        return toward
+                    break
+    return 0
+
+
+@kernel
+def turns_back(slope, s, h, count):
+    """Whether dt/ds, zero at s on an arc of length h, becomes negative there by more than rounding: a fold."""
+    first, second, size, s_k, h_k = 0.0, 0.0, abs(slope[0]), 1.0, h
+    for k in range(1, count):
+        first += k * slope[k] * s_k
+        size += abs(slope[k]) * h_k
+        if k + 1 < count:
+            second += (k + 1.0) * k * slope[k + 1] * s_k
+        s_k *= s
+        h_k *= h
+    return not (second > 0.0 and 0.5 * first * first < _TURN * second * size)

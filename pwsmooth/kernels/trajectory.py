@@ -62,8 +62,12 @@ from .touching import (
     PASSED,
     SHARE_TO_A_FOLD,
     SHORTEST_HOP,
+    flattest,
+    known_zeros,
     lost_at_a_fold,
     touch,
+    turns_back,
+    way_of_time,
     where_attraction_ends,
 )
 from .twofolds import two_fold
@@ -136,6 +140,17 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
 
 
 @inlined_kernel
+def _note_size(P, W, i, row, drop):
+    """Leaves in W.answer[8] the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
+
+    A jet's step goes from afar to a tangency; the pair's last ones begin close to it.
+    """
+    if P.pair:
+        W.widest[i] = max(W.widest[i], abs(at(row, 0)))
+        W.answer[8] = W.widest[i] if drop == 0 else 0.0
+
+
+@inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
     """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
     m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
@@ -150,7 +165,9 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
             elif kind[j] != ALGEBRAIC:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W, poly)
         elif surface_rows[j] >= 0 and status[j] != HELD:
+            _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
             met = _meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
+        W.answer[8] = 0.0
         tau[j] = met
         best = min(best, met)
         if W.code[8] == 1:
@@ -160,8 +177,10 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
             W.answer[4] = expected(W, i, S.side[i - m], S.now[0], h)
+            _note_size(P, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = _meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
+        W.answer[8] = 0.0
     return best
 
 
@@ -314,14 +333,17 @@ def run(P, C, S, R, W):
             W.code[11] = 0
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
-        by_pair = P.pair != 0
+        by_pair, singular = P.pair != 0, False
         h = math.nan
         if not by_pair:
             mult_row = take_jet(P, C, S, any_solved, W)
-            if mult_row < 0:
+            singular = mult_row < 0
+            if singular and P.jet_fold == 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if any_solved else P.rows_slip
-            h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W)
+            h = S.now[1]
+            if not singular:
+                h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W)
         if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
@@ -335,11 +357,16 @@ def run(P, C, S, R, W):
             h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
         fold = -1
         if any_solved and P.jet_fold != 0 and not by_pair:
-            fold = near_fold(P, S, rows, mult_row, h)
+            fold = flattest(P, S, W) if singular else near_fold(P, S, rows, mult_row, h)
         toward, time_row = 0, -1
+        if singular and fold < 0:
+            return NEWTON_FAILED
         if fold >= 0:
-            toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
-            if call_fold(P.fold_unit, P, C, S, W, fold, toward):
+            if singular:
+                toward = way_of_time(P, C, S, W, fold)
+            else:
+                toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
+            if toward != 0 and call_fold(P.fold_unit, P, C, S, W, fold, toward):
                 S.counts[C_JETS] += 1
                 time_row = n
                 mult_row = n + 1
@@ -381,14 +408,19 @@ def run(P, C, S, R, W):
             W.answer[4] = 0.0
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
-            s = _meet(P, slope, power, K - 1, 0, 1.0, W, W.poly)
-            if s < best:
+            s = _meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
+            if s <= 1.0 and not turns_back(slope, s * h, h, K):
+                # lambda^3 = t: dt/dlambda vanishes, but time goes on. Not where the step ends: the next has no series.
+                if s > 0.8:
+                    fraction = 0.5 * s
+                s = NO_ROOT
+            if s < best and s <= fraction:
                 folded, best = True, s
             for k in range(K + 1):
                 W.poly[k] = -rows[time_row, k] * power[k]
             W.poly[0] += stop
             s = first_root(P, W, W.poly, K)
-            if s < min(best, 1.0):
+            if s < min(best, fraction):
                 fraction, folded, capped = s, False, True
         happened = best <= fraction
         if happened:
