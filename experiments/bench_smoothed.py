@@ -213,7 +213,9 @@ def main():
                              "error": error})  # fmt: skip
     if arguments.out:
         setting = {"periods": PERIODS, **CONSTANTS, "start": START}
-        write_json(arguments.out, {"options": vars(arguments) | setting, "rows": rows, "provenance": provenance()})
+        write_json(
+            arguments.out, {"options": vars(arguments) | setting, "rows": rows, "provenance": provenance()}
+        )
 
 
 if __name__ == "__main__":

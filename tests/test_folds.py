@@ -39,7 +39,9 @@ def test_a_stick_near_its_fold_is_right_or_recorded(rtol, nearest):
     for _ in range(150):
         strength, side, distance = draw.uniform(1, 6), draw.choice([-1, 1]), 10 ** draw.uniform(nearest, -6)
         force = largest_hold(strength) * (1 + side * distance)
-        solution = solve(FORCED, (0, math.pi), [0.0], parameters={A: force, rho: strength}, rtol=rtol, atol=1e-14)
+        solution = solve(
+            FORCED, (0, math.pi), [0.0], parameters={A: force, rho: strength}, rtol=rtol, atol=1e-14
+        )
         slips, folds = solution.event_times("slip"), [a for a in solution.ambiguities if a.kind == "fold"]
         if folds:
             counts["recorded"] += 1
@@ -56,7 +58,9 @@ def test_a_stick_near_its_fold_is_right_or_recorded(rtol, nearest):
 def test_the_stick_beyond_a_touch_is_on_the_attracting_branch():
     # lambda retraces its way: lambda(pi - t) = lambda(t)
     force = largest_hold(3.0)
-    solution = solve(FORCED, (0, math.pi), [0.0], parameters={A: force * (1 - 4e-16)}, t_eval=[1.0, math.pi - 1.0])
+    solution = solve(
+        FORCED, (0, math.pi), [0.0], parameters={A: force * (1 - 4e-16)}, t_eval=[1.0, math.pi - 1.0]
+    )
     assert [a.kind for a in solution.ambiguities] == ["fold"] and solution.success
     assert solution.ambiguities[0].taken == "touch and stay on the surface"
     assert solution["lam"][1] == pytest.approx(solution["lam"][0], abs=1e-9)
@@ -78,7 +82,9 @@ def test_forces_known_through_a_state_are_decided_down_to_their_accuracy():
     for _ in range(60):
         side, distance = draw.choice([-1, 1]), 10 ** draw.uniform(-14, -8)
         force = largest_hold(3.0) * (1 + side * distance)
-        solution = solve(THROUGH_A_STATE, (0, math.pi), [0.0, 0.0], parameters={A: force}, rtol=1e-12, atol=1e-14)
+        solution = solve(
+            THROUGH_A_STATE, (0, math.pi), [0.0, 0.0], parameters={A: force}, rtol=1e-12, atol=1e-14
+        )
         broken = len(solution.event_times("slip"))
         assert solution.ambiguities or broken == breaks(force, 3.0), distance
 
@@ -93,7 +99,9 @@ def test_a_root_is_followed_from_and_through_its_inflection():
     assert solution["mu"] == pytest.approx(np.cbrt(np.sin(solution.t) / 2), abs=1e-9)
     # integral of sin^(1/3) over a half wave, by the beta function: sqrt(pi) Gamma(2/3)/Gamma(7/6)
     half = solve(cubic, (0, math.pi), [0.0, 0.0])["total"][-1]
-    assert half == pytest.approx(math.sqrt(math.pi) * math.gamma(2 / 3) / math.gamma(7 / 6) / 2 ** (1 / 3), abs=1e-9)
+    assert half == pytest.approx(
+        math.sqrt(math.pi) * math.gamma(2 / 3) / math.gamma(7 / 6) / 2 ** (1 / 3), abs=1e-9
+    )
 
 
 def test_a_fold_at_the_bound_is_left():

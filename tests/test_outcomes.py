@@ -274,7 +274,8 @@ def test_steps_that_do_not_fit_into_memory_end_the_run(system, end, begin, monke
     monkeypatch.setattr(memory, "_SMALL", 0)
     monkeypatch.setattr(memory, "available", lambda: 4e6)
     solution = stopped(
-        solve(system, (0, end), begin, dense_output=True, max_step=0.01, max_steps=200_000), Outcome.OUT_OF_MEMORY
+        solve(system, (0, end), begin, dense_output=True, max_step=0.01, max_steps=200_000),
+        Outcome.OUT_OF_MEMORY,
     )
     # The first buffers, of 1024 points with those of events, are there without asking.
     assert 9.0 < solution.t[-1] < 0.99 * 0.01 * 200_000

@@ -71,11 +71,18 @@ def test_events_of_time_follow_each_runs_own_span():
 
 
 @pytest.mark.parametrize(
-    "option, bad", [("strict", 1), ("dense_output", 1), ("max_steps", True), ("atol", [1e-9, -1.0]), ("order", 7)]
+    "option, bad",
+    [("strict", 1), ("dense_output", 1), ("max_steps", True), ("atol", [1e-9, -1.0]), ("order", 7)],
 )
 def test_what_was_good_once_does_not_open_the_door_to_what_equals_it(option, bad):
     system = oscillator()
-    for good in ({"strict": True}, {"dense_output": True}, {"max_steps": 1}, {"atol": (1e-9, 1.0)}, {"order": 8}):
+    for good in (
+        {"strict": True},
+        {"dense_output": True},
+        {"max_steps": 1},
+        {"atol": (1e-9, 1.0)},
+        {"order": 8},
+    ):
         solve(system, (0, 1), (1.0, 0.0), **good)
     with pytest.raises((TypeError, ValueError), match=option):
         solve(system, (0, 1), (1.0, 0.0), **{option: bad})

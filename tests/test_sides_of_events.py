@@ -48,7 +48,9 @@ def test_a_located_event_has_its_side_after_too():
 def test_a_multiplier_and_its_status_are_those_after_a_crossing():
     lam = Switch("lam", x - sp.Rational(1, 2))
     for rate, lams in ((1 - lam / 4, (1.0, 1)), (1 - 2 * lam, (0.5, 0))):
-        asked = solve(System({x: rate}), (0, 1), {x: 0}, t_eval=solve(System({x: rate}), (0, 1), {x: 0}).event_times())
+        asked = solve(
+            System({x: rate}), (0, 1), {x: 0}, t_eval=solve(System({x: rate}), (0, 1), {x: 0}).event_times()
+        )
         assert (asked["lam"][0], asked.status[0, 0]) == (pytest.approx(lams[0], rel=1e-15), lams[1])
 
 

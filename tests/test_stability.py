@@ -132,11 +132,12 @@ OWN = [
     (name, method)
     for name in HAZARDS
     for method in built_in(name, fast=True).methods
-    if method in ("event-driven", "event-driven, layered", "smoothed path")
+    if method in ("event-driven", "event-driven, layered", "event-driven, 8(5,3) pair", "smoothed path")
+    # The pair's error test shortens its steps for ever at a fold: it ends there, which the page of hazards says.
+    and (name, method) != ("near-fold", "event-driven, 8(5,3) pair")
 ]
 # A smoothed contact creeps, follows its folds with delay and holds small kicks: another answer than the limit's.
 STAND_IN = {"near-fold", "noise", "long-stick"}
-DECIDABLE = 1e-12  # relative; below it the distance to a fold is within the errors of its location
 
 
 @pytest.mark.parametrize(
@@ -145,8 +146,6 @@ DECIDABLE = 1e-12  # relative; below it the distance to a fold is within the err
 def test_our_methods_are_right_or_say_that_they_cannot_decide(name, method):
     found = stability(name, [method], fast=True)
     failed = found.failed(method)
-    if name == "near-fold":
-        failed = failed[:, np.array(found.x.values) >= DECIDABLE]
     assert int(found.total(method).sum()) > 0
     assert int(failed.sum()) == 0, found.tally(method)
 
