@@ -221,7 +221,12 @@ def at_instant(P, C, S, R, W):
     W.code[6] = 0  # several coupled switches arrive at once
     for i in range(m + ne):
         W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= AT_ONCE * max(abs(t), elapsed)
-        if not W.hit[i] and S.deflate[i] != 0 and (elapsed > 1e-12 * (1.0 + abs(t)) or _left_behind(P, S, W, i)):
+        # Not of events: a latch at its own threshold is left and met again within rounding.
+        if (
+            not W.hit[i]
+            and S.deflate[i] != 0
+            and (elapsed > 1e-12 * (1.0 + abs(t)) or (i < m and _left_behind(P, S, W, i)))
+        ):
             S.deflate[i] = 0
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
