@@ -309,7 +309,7 @@ def wanted_times(t_eval, t0, t1):
     if t_eval is None:
         return None
     try:
-        times = np.asarray(t_eval, float)
+        times = np.array(t_eval, float)  # the solution keeps it
     except (TypeError, ValueError):
         raise TypeError(f"`t_eval` is {t_eval!r}; give a sequence of times.") from None
     if times.ndim != 1 or times.size == 0:

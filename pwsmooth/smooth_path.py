@@ -97,7 +97,7 @@ def of_event(model, i):
 def own(model, t_span, start, p, options, max_steps, words=None):
     """Times, states, events, dense output, outcome and cost of a run of the package's own integrator.
 
-    `words` gives name, kind and note of an event by its index.
+    `words` gives name, kind and note of an event by its index and the state before it.
     """
     from . import stiff
     from .kernels import stiff_state as S
@@ -112,7 +112,10 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
         S.FULL: Outcome.OUT_OF_MEMORY,
     }[run.status]
-    events = [EventRecord(when, *(words(i) if words else of_event(model, i))) for when, i, *_ in run.events]
+    events = [
+        EventRecord(when, *(words(i, before) if words else of_event(model, i)))
+        for when, i, before, _ in run.events
+    ]
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x
     if run.t_eval is not None and run.x_eval is not None:

@@ -73,7 +73,7 @@ def internal_tolerances(rtol: float, method: str, exact: bool) -> tuple[int, int
 
 def integrate(
     model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf,
-    max_steps=10_000_000, method="auto", dense=False, t_eval=None, kicks=None,
+    max_steps=10_000_000, method="auto", dense=False, t_eval=None, kicks=None, remembers=None,
 ) -> StiffResult:  # fmt: skip
     """Integrate a smoothed model over `t_span`.
 
@@ -101,6 +101,8 @@ def integrate(
         Ascending times within the span.
     kicks : KickedRun, optional
         Random kicks at one of the model's time events (noise.py).
+    remembers : sequence of int, one of each event, optional
+        Index of the memory that keeps the side of the event's surface (stiff_switching.py), or -1.
 
     Returns
     -------
@@ -155,6 +157,7 @@ def integrate(
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
     run.stops[:] = [event.terminal for event in model.events]
+    run.remembers[:] = -1 if remembers is None else remembers
 
     num, cnt = run.num, run.cnt
     num[S.T], num[S.T_END] = t0, t1

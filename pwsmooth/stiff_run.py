@@ -18,15 +18,16 @@ from .kernels import stiff_state as S
 _kept = threading.local()
 _MOST_KEPT = 2**20  # words
 # What Python writes before a run or reads after it.
-_SEEN = ("cnt", "num", "kind", "stops", "x", "power", "degree", "event_index", "t", "states", "length", "event_t",
-         "event_x", "coefficients")  # fmt: skip
+_SEEN = ("cnt", "num", "kind", "stops", "remembers", "x", "power", "degree", "event_index", "t", "states", "length",
+         "event_t", "event_x", "coefficients")  # fmt: skip
 
 
 @functools.lru_cache(maxsize=64)
 def _layout(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slots: int, dense: bool):
     """Words to be zeroed, words in all, offset in bytes of every field of a Core, and the arrays that Python sees."""
     shapes = {
-        "cnt": (S.SINCE_MARK + 1,), "num": (S.LEAST_ADVANCE + 1,), "kind": (e,), "stops": (e,), "due": (e,),
+        "cnt": (S.SINCE_MARK + 1,), "num": (S.LEAST_ADVANCE + 1,), "kind": (e,), "stops": (e,), "remembers": (e,),
+        "due": (e,),
         "x": (n,), "f": (n,), "start": (n,), "poly": (n, 8), "rows": (2, n + q, S.STRIDE), "power": (n,),
         "surf": (q, n + 3), "J": (n, n), "lu": (slots or n * n + n, 8), "Z": (n, 8), "W": (n, 8), "X": (n, 8),
         "F": (n, 8), "R": (n, 8), "hoisted": (hoisted, 8), "values": (max(q, e), 8), "weight": (n,),

@@ -44,13 +44,14 @@ def strip(mu: Any, expressions: Any) -> sp.Expr | None:
 
 @functools.lru_cache(maxsize=64)
 def switched_by_events(model: Model) -> Model:
-    """The model with its switches as memories, behind the others, and two events for each behind its own.
+    """The model with its switches as memories, behind the others, and an event for each behind its own.
 
     Raises
     ------
     ValueError
         A switch that can slide, a contact or an algebraic unknown: these need a multiplier that is solved for.
     """
+    model = replace(model, outputs=())  # changed, so that the copies of families are written out
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
             what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(
@@ -60,14 +61,11 @@ def switched_by_events(model: Model) -> Model:
                 f"`method` is 'stiff', but {mu.symbol} {what}; stiff steps know switches that the motion only passes. "
                 "Use 'auto', or the smoothed view."
             )
-    first, events, zeros = len(model.states), [], []
-    for j, mu in enumerate(model.multipliers):
-        for side in (-1, 1):
-            events.append(
-                EventSpec(str(mu.symbol), mu.surface, direction=side, update=((first + j, sp.Integer(side)),))
-            )
-        zeros.append(sp.Integer(0))
-
+    first = len(model.states)
+    events = tuple(
+        EventSpec(str(mu.symbol), mu.surface, update=((first + j, -mu.symbol),))
+        for j, mu in enumerate(model.multipliers)
+    )
     widths = [strip(mu, model.rhs) for mu in model.multipliers]
 
     def selecting(e: Any) -> Any:
@@ -84,18 +82,16 @@ def switched_by_events(model: Model) -> Model:
     return replace(
         model,
         states=(*model.states, *(mu.symbol for mu in model.multipliers)),
-        rhs=(*map(selecting, model.rhs), *zeros),
+        rhs=(*map(selecting, model.rhs), *(sp.Integer(0) for _ in events)),
         multipliers=(),
         events=tuple(map(selected, (*model.events, *events))),
-        outputs=(),
         smoothing=tuple(
             (mu.surface, width) for mu, width in zip(model.multipliers, widths) if width is not None
         ),
-        n_memory=model.n_memory + len(zeros),
+        n_memory=model.n_memory + len(events),
         eps_ratio=(),
         layer_states=(),
         layer_residuals=(),
-        loops=None,
     )
 
 
@@ -135,14 +131,15 @@ def solve_stiff(
     if not moved.size:
         return begun  # it stopped where it began, and says why
 
-    def words(i: int) -> tuple[str, str, str]:
+    def words(i: int, before: np.ndarray) -> tuple[str, str, str]:
         if i < given:
             return of_event(view, i)
-        side = view.events[i].direction
-        return view.events[i].name, "crossing", f"{-side:+d} to {side:+d}"
+        came = int(before[n + i - given])
+        return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
 
+    remembers = [*(-1 for _ in range(given)), *range(n, n + m)]
     options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
-                   dense=dense, kicks=None)  # fmt: skip
+                   dense=dense, kicks=None, remembers=remembers)  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
     t, x, events, pieces, outcome, cost = own(view, t_span, both, p, options, max_steps, words)
     side = x[n:]

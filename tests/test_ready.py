@@ -96,6 +96,13 @@ def test_tolerances_of_every_form_are_kept_apart():
     assert same[0] == same[1] != same[2] == same[3] != same[4] == same[5]
 
 
+def test_wanted_times_are_the_solutions_own():
+    times = np.linspace(0, 9, 20)
+    solution = solve(oscillator(), (0, 9), (1.0, 0.0), t_eval=times)
+    times[:] = -1
+    assert solution.t[0] == 0 and solution.t[-1] == 9
+
+
 def test_threads_do_not_share():
     system, found = oscillator(), {}
     starts = [(0.1 * k, 0.0) for k in range(8)]

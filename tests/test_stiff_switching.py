@@ -6,6 +6,8 @@ import sympy as sp
 
 from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
 from pwsmooth.compare.cases import CASES
+from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
+from pwsmooth.scenes import block_on_belt
 
 t, x, v, z = sp.symbols("t x v z", real=True)
 
@@ -31,6 +33,46 @@ def test_friction_laws_with_inner_states_end_where_explicit_steps_do(name, bound
     ]
     assert np.allclose(stiff.event_times(), explicit.event_times(), rtol=0, atol=1e-8)
     assert stiff.itinerary == explicit.itinerary
+
+
+@pytest.mark.parametrize("law, bound", [(Elastoplastic, 1e-8), (ElastoplasticFixed, 1e-9), (ModifiedCoulomb, 1e-8),
+                                        (GMS, 1e-8)])  # fmt: skip
+def test_blocks_on_a_belt_have_the_events_of_explicit_steps(law, bound):
+    """Elastoplastic's bristle comes to its steady state from below and stays within rounding of it: a switch there must
+    not be left on the wrong side. ModifiedCoulomb's velocity dips under its bound for a millisecond in long steps."""
+    scene = block_on_belt(law())
+    stiff, explicit = scene.solve(method="stiff"), scene.solve()
+    size = np.max(np.abs(explicit.x), axis=1)
+    assert np.max(np.abs(stiff.x[:, -1] - explicit.x[:, -1]) / size) < bound
+    # What happens on a surface that stays within rounding of zero is rounding's.
+    named = [{e.switch for e in run.events} - {"sgn3"} for run in (stiff, explicit)]
+    assert named[0] == named[1]
+    for switch in named[0]:
+        assert np.allclose(stiff.event_times(switch=switch), explicit.event_times(switch=switch), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+def test_no_dip_is_too_short_for_the_events_of_a_smoothed_view(depth):
+    """cos t + 1 < depth around t = pi, for 2 sqrt(2 depth): a ten-thousandth of a step at the least depth."""
+    system = System({x: -sp.sign(x)}, time=t, events=[Event(1 + sp.cos(t) - depth, name="dip")])
+    run = solve(system.smoothed(1e-2), (0, 6), (1.0,), rtol=1e-6)
+    assert run.cost["steps"] < 400
+    half = 2 * np.arcsin(np.sqrt(depth / 2))
+    assert run.event_times(switch="dip").tolist() == pytest.approx([np.pi - half, np.pi + half], abs=1e-7)
+
+
+@pytest.mark.parametrize("rate", [5, 20, 60])
+def test_a_switch_whose_surface_hugs_zero_within_rounding_comes_off_on_the_right_side(rate):
+    """x - y decays to nothing but rounding, of either sign, and grows again from t = 9 on."""
+    y = sp.Symbol("y", real=True)
+    push = sp.Max(0, t - 9)
+    system = System({x: sp.cos(t) - rate * x, y: sp.cos(t) - rate * y - push, z: sp.Abs(x - y)}, time=t)
+    run = solve(system, (0, 12), (1.0, 0.0, 0.0), method="stiff", dense_output=True)
+    (j,) = (k for k, mu in enumerate(system.model.multipliers) if mu.surface.has(y))
+    assert run.mult[j, -1] == 1.0
+    # The integral of exp(-rate t), and of what the push makes: (s/rate - (1 - exp(-rate s))/rate^2).
+    grown = 3**2 / 2 / rate - 3 / rate**2 + (1 - np.exp(-3 * rate)) / rate**3
+    assert run.x[2, -1] == pytest.approx(1 / rate + grown, rel=1e-8)
 
 
 def test_lugre_costs_a_tenth_of_the_explicit_steps():

@@ -1,8 +1,10 @@
 """Events on the polynomial of a stiff step: zeros of surfaces, and what fires at one instant.
 
 A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in
-8 more around its vertex; a change of sign is then narrowed ninefold a round, on the surface itself and not on
-a fit. `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
+8 more around its vertex, closer and closer until it turns out to stay away or to pass; a change of sign is then
+narrowed sevenfold a round, on the surface itself and not on a fit.
+
+`side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
 no zero.
 """
 
@@ -16,14 +18,18 @@ from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
 from pwsmooth.kernels.stiff_core import core
 
 NONE = 2.0  # no zero: beyond the step
-EIGHTHS = np.arange(1, 9) / 8.0
+POINTS = np.arange(8) / 7.0
+NEAR = 0.2  # of its bend over a sample: a parabola whose vertex lies higher does not come near zero
+DEPTH = 12  # looks around a vertex, each four times as close
+SMALLEST = 5e-324
+NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
 ROUNDS = 32  # at one instant, before the events count as a loop that does not end
 
 
 @fused
 def sample(s, coefficients, degree, t, h, a, b):
-    """Overwrites values[8 j + k] with surface j at the points a + (b - a)(k + 1)/8 of the step."""
-    theta = load8(EIGHTHS, 0) * (b - a) + a
+    """Overwrites values[8 j + k] with surface j at the points a + (b - a) k/7 of the step."""
+    theta = load8(POINTS, 0) * (b - a) + a
     store8(s.t8, 0, theta * h + t)
     for i in range(s.n):
         row = 17 * i
@@ -41,8 +47,8 @@ def _sign(v):
 
 @fused
 def set_sides(s, t, x, f, h):
-    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t,
-    x)."""
+    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t, x), and the
+    states in x that remember one; returns whether that changed any."""
     # A millionth of a step ahead: behind rounding, before anything can happen.
     d = 1e-6 * h
     for k in range(8):
@@ -51,35 +57,61 @@ def set_sides(s, t, x, f, h):
         for k in range(8):
             s.X[8 * i + k] = x[i] + d * f[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+    changed = False
     for j in range(s.e):
         s.side[j] = _sign(s.values[8 * j])
+        k = s.remembers[j]
+        # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
+        if k >= 0 and s.side[j] != 0.0 and x[k] != s.side[j]:
+            x[k] = s.side[j]
+            changed = True
+    return changed
 
 
 @fused
-def _bracket(s, j, side, a, b):
-    """First interval of the sampled ones where surface j leaves `side`: (lo, hi), or (NONE, NONE)."""
-    for k in range(8):
-        if s.values[8 * j + k] * side <= 0.0:
-            return a + (b - a) * k / 8.0, a + (b - a) * (k + 1) / 8.0
+def _bracket(s, j, side, a, b, deep):
+    """First interval of the sampled ones where surface j leaves `side` by more than `deep`: (lo, hi), or NONE twice."""
+    for k in range(1, 8):
+        if s.values[8 * j + k] * side <= -deep:
+            return a + (b - a) * (k - 1) / 7.0, a + (b - a) * k / 7.0
     return NONE, NONE
 
 
 @fused
-def _near_vertex(s, j, side, begin):
-    """Middle of the first three samples whose parabola comes to (almost) zero between them; NONE if there is
-    none."""
+def _near_vertex(s, j, side, a, b):
+    """Where the first parabola through three samples that comes to (almost) zero does so; NONE if none does."""
     for k in range(1, 7):
         left, mid, right = (
             side * s.values[8 * j + k - 1],
             side * s.values[8 * j + k],
             side * s.values[8 * j + k + 1],
         )
-        if mid <= left and mid <= right:
-            bend = left - 2.0 * mid + right
-            dip = mid - (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else mid
-            if dip < 0.2 * bend:
-                return begin + (1.0 - begin) * (k + 1) / 8.0
+        bend = left - 2.0 * mid + right
+        if bend > 0.0 and abs(left - right) <= 2.0 * bend:
+            if mid - (right - left) ** 2 / (8.0 * bend) < NEAR * bend:
+                return a + (b - a) * (k + 0.5 * (left - right) / bend) / 7.0
     return NONE
+
+
+@fused
+def _dips(s, coefficients, degree, t, h, j, side, a):
+    """Interval of the part [a, 1] just sampled where surface j passes zero and soon comes back; NONE twice if it does
+    not."""
+    size = 0.0
+    for k in range(8):
+        size = max(size, abs(s.values[8 * j + k]))
+    left, right, lo, hi = a, 1.0, NONE, NONE
+    for _ in range(DEPTH):
+        vertex = _near_vertex(s, j, side, left, right)
+        if vertex == NONE:
+            break
+        width = 0.125 * (right - left)
+        left, right = max(left, vertex - width), min(right, vertex + width)
+        sample(s, coefficients, degree, t, h, left, right)
+        lo, hi = _bracket(s, j, side, left, right, NOISE * size)
+        if lo != NONE:
+            break
+    return lo, hi
 
 
 @fused
@@ -89,7 +121,7 @@ def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
         if hi - lo < 4e-16:
             break
         sample(s, coefficients, degree, t, h, lo, hi)
-        a, b = _bracket(s, j, side, lo, hi)
+        a, b = _bracket(s, j, side, lo, hi, 0.0)
         if a == NONE:
             break
         lo, hi = a, b
@@ -105,7 +137,11 @@ def next_zero(s, coefficients, degree, t, h, begin):
     first = NONE
     sample(s, coefficients, degree, t, h, begin, 1.0)
     for j in range(s.e):
-        s.found[j] = NONE
+        s.found[j], remembers = NONE, s.remembers[j]
+        if remembers >= 0 and s.side[j] == 0.0:
+            s.side[j] = s.x[remembers]
+        # Nothing happens to a switch whose surface rests at zero.
+        least = SMALLEST if remembers >= 0 else 0.0
         if s.kind[j] == S.TIMED or s.side[j] == 0.0:
             if s.kind[j] != S.TIMED:
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
@@ -113,15 +149,9 @@ def next_zero(s, coefficients, degree, t, h, begin):
         side, a, here = s.side[j], begin, False
         for _ in range(8):
             sample(s, coefficients, degree, t, h, a, 1.0)
-            lo, hi = _bracket(s, j, side, a, 1.0)
+            lo, hi = _bracket(s, j, side, a, 1.0, least)
             if lo == NONE:
-                middle = _near_vertex(s, j, side, a)
-                if middle == NONE:
-                    break
-                width = 0.25 * (1.0 - a)
-                left, right = max(a, middle - width), min(1.0, middle + width)
-                sample(s, coefficients, degree, t, h, left, right)
-                lo, hi = _bracket(s, j, side, left, right)
+                lo, hi = _dips(s, coefficients, degree, t, h, j, side, a)
                 if lo == NONE:
                     break
             zero = _narrow(s, coefficients, degree, t, h, j, side, lo, hi)

@@ -197,7 +197,8 @@ def _after_step(s, places, t, mode):
         # Nothing of the old motion is used.
         num[S.H] = length
         _begin(s)
-        set_sides(s, num[S.T], s.x, s.f, length)
+        if set_sides(s, num[S.T], s.x, s.f, length):
+            _begin(s)
     else:
         _choose_method(s, places)
     return S.FULL
@@ -225,7 +226,8 @@ def integrate(places, steps):
     if cnt[S.FIRST] == 2:
         _begin(s)
         if s.e > 0:
-            set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX])
+            if set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX]):
+                _begin(s)
     for _ in range(steps):
         if num[S.T] >= num[S.T_END]:
             return S.DONE

@@ -60,6 +60,7 @@ class Core(NamedTuple):
     cnt: Integers
     kind: Integers  # (e,) +1, -1: direction that counts; BOTH; TIMED
     stops: Integers  # (e,) 1 for a terminal event
+    remembers: Integers  # (e,) index of the state that keeps the side of the surface, or -1
     due: Integers  # (e,)
     degree: Integers  # (capacity,) of the polynomial of the step that ends here
     event_index: Integers  # (room,)
