@@ -120,8 +120,12 @@ def sweep(
 def ladder(
     scene: Annotated[str, typer.Argument(help="One of the scenes that --list shows.")] = "",
     observable: Annotated[str, typer.Option(help="What is to be right; --list shows what a scene has.")] = "",
-    tolerance: Annotated[str, typer.Option(help="Accepted distance from the richest model, e.g. 0.01 or 5%.")] = "5%",
-    out: Annotated[Path | None, typer.Option(help="Directory for the table (JSON) and the chart (PNG).")] = None,
+    tolerance: Annotated[
+        str, typer.Option(help="Accepted distance from the richest model, e.g. 0.01 or 5%.")
+    ] = "5%",
+    out: Annotated[
+        Path | None, typer.Option(help="Directory for the table (JSON) and the chart (PNG).")
+    ] = None,
     list_only: Annotated[bool, typer.Option("--list", help="List scenes and observables, and leave.")] = False,
 ) -> None:
     """The simplest model that a scene needs: an observable on models of growing fidelity, and their cost."""

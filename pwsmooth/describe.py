@@ -9,7 +9,9 @@ import sympy as sp
 from .model import Model
 
 SHOWN = 12  # entries of a list; families can be long
-_FILIPPOV = ["filippov: on a surface the convex combination of both sides, in place of terms nonlinear in its switch"]
+_FILIPPOV = [
+    "filippov: on a surface the convex combination of both sides, in place of terms nonlinear in its switch"
+]
 
 
 def rows(system):

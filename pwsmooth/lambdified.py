@@ -42,7 +42,9 @@ def _printer() -> Any:
 
         def __init__(self) -> None:
             # The settings that lambdify gives to its own.
-            super().__init__({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})
+            super().__init__(
+                {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True}
+            )
 
         def _print_Float(self, e: sp.Float) -> str:
             return repr(float(e))

@@ -48,7 +48,9 @@ def test_blocks_on_a_belt_have_the_events_of_explicit_steps(law, bound):
     named = [{e.switch for e in run.events} - {"sgn3"} for run in (stiff, explicit)]
     assert named[0] == named[1]
     for switch in named[0]:
-        assert np.allclose(stiff.event_times(switch=switch), explicit.event_times(switch=switch), rtol=0, atol=1e-6)
+        assert np.allclose(
+            stiff.event_times(switch=switch), explicit.event_times(switch=switch), rtol=0, atol=1e-6
+        )
 
 
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])

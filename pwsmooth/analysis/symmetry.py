@@ -67,7 +67,9 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
         raise ValueError(f"`symmetry` is {dict(symmetry)}; give linear expressions of states, as {{y: -y}}.")
     G = np.array(rows, float)
     if abs(np.linalg.det(G)) < 1e-12:
-        raise ValueError(f"`symmetry` is {dict(symmetry)}, which is not invertible; give one image for each state.")
+        raise ValueError(
+            f"`symmetry` is {dict(symmetry)}, which is not invertible; give one image for each state."
+        )
     worst = _asymmetry(system, G, period)
     if not worst < 1e-9:
         raise ValueError(

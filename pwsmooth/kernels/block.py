@@ -12,7 +12,12 @@ import struct
 
 import numpy as np
 
-_DTYPES = {"f8": np.dtype(np.float64), "i8": np.dtype(np.int64), "i1": np.dtype(np.int8), "b1": np.dtype(np.bool_)}
+_DTYPES = {
+    "f8": np.dtype(np.float64),
+    "i8": np.dtype(np.int64),
+    "i1": np.dtype(np.int8),
+    "b1": np.dtype(np.bool_),
+}
 _FLOAT, _WORD = struct.Struct("d").pack, struct.Struct("q").unpack
 
 

@@ -34,7 +34,9 @@ def _basis():
 
 _BASIS = _basis()
 _NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
-_BETWEEN = 0.5 - 0.5 * math.cos(math.pi * (_DEGREE - 0.5) / _DEGREE)  # between the last two: the fit is worst there
+_BETWEEN = 0.5 - 0.5 * math.cos(
+    math.pi * (_DEGREE - 0.5) / _DEGREE
+)  # between the last two: the fit is worst there
 _FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
 
 

@@ -95,7 +95,9 @@ class Problem(Bundle):
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)
     terminal: "i8[1]"  # (ne,)
-    twin: "i8[1]"  # (ne,) the event's surface is that of switch j up to a factor: j + 1 with its sign; 0: of none
+    twin: (
+        "i8[1]"  # (ne,) the event's surface is that of switch j up to a factor: j + 1 with its sign; 0: of none
+    )
     rows_slip: "i8[1]"  # (m + ne,) row of each surface
     rows_general: "i8[1]"
     rows_fold: "i8[1]"
