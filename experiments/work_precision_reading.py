@@ -243,6 +243,8 @@ def sentences(reading):
     text = "**Where a peer is faster than the event-driven path**, by the share of its time that it takes: "
     text += "; ".join(f"{where} {', '.join(shares)}" for where, shares in lost.items()) or "nowhere here"
     least = min(p.seconds for p in r.points if p.method == OURS)
+    if any(name == "Moreau-Jean" for rows in late.values() for _, name, _ in rows):
+        text += " (time stepping is a bare loop here, which records nothing)"
     text += f". The least time of any run here, {milliseconds(least)} ms, is mostly the call itself"
     said.append(text + ": what a model needs is kept from call to call.")
     return said

@@ -251,6 +251,9 @@ def initial_state(x0, states, initial_memory, gone):
 
     Memories may be left out; `gone` maps names that are no state of this view to the reason.
     """
+    if type(x0) is tuple and len(x0) == len(states):
+        # The common case, without words that nobody reads.
+        return [initial_value(s, v) for s, v in zip(states, x0)] + list(initial_memory.values())
     memories = tuple(initial_memory)
     if isinstance(x0, Mapping):
         values, given = dict(initial_memory), set()

@@ -92,8 +92,10 @@ def ready(model: Model, options: Options) -> EventDriven:
         atol = atol.dtype.str, atol.shape, atol.tobytes()
     elif isinstance(atol, list):
         atol = tuple(atol)
+    method, rtol, _, dense, max_step, max_steps, order, strict = options
     # True is 1 to a dict, but not at the door.
-    key = (atol, *options[:2], *options[3:], *map(type, options))
+    kinds = type(dense), type(max_steps), type(strict)
+    key = method, rtol, atol, dense, max_step, max_steps, order, strict, kinds
     try:
         run = kept.get(key)
     except TypeError:  # no hash, which tells nothing about whether it is fit
@@ -264,7 +266,7 @@ class EventDriven:
         if self.record is not None and record.t is self.record.t:
             kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
-        status[status == names.HELD] = 0
+        np.putmask(status, status == names.HELD, 0)
         event_t = kept["event_t"]
         outcome = self._outcome(code, problem, state, event_t, kept["event"])
         cost = {

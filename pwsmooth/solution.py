@@ -48,6 +48,11 @@ def _function(arguments: tuple[sp.Symbol, ...], expression: sp.Basic) -> Any:
     return numpy_function(arguments, expression, cse=True)
 
 
+def _rows(values: Any, dtype: Any, nt: int) -> np.ndarray:
+    values = np.asarray(values, dtype)
+    return values if values.ndim == 2 else values.reshape(-1, nt)
+
+
 class Solution:
     """A solved trajectory.
 
@@ -121,9 +126,8 @@ class Solution:
         self.system = system
         self.t = np.asarray(t, dtype=float)
         nt = len(self.t)
-        self.x = np.asarray(x, dtype=float).reshape(-1, nt)
-        self.mult = np.asarray(mult, dtype=float).reshape(-1, nt)
-        self.status = np.asarray(status, dtype=np.int8).reshape(-1, nt)
+        self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
+        self.status = _rows(status, np.int8, nt)
         self.events = events
         self.dense = dense
         self.outcome = outcome

@@ -237,7 +237,7 @@ class System:
             gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
             self._cache["start"] = self.states[: len(self.states) - len(memory)], memory, gone
         states, memory, gone = self._cache["start"]
-        if isinstance(x0, Mapping):
+        if not isinstance(x0, (tuple, list)) and isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
         return checks.initial_state(x0, states, memory, gone)
 
