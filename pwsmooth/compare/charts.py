@@ -223,7 +223,10 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     import matplotlib
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-    names = [n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven")]
+    # Stiff steps choose their order as they go.
+    names = [
+        n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven") and "stiff" not in n
+    ]
     orders = [n for n in names if ", order" in n]
     shades = matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1, max(1, len(orders))))
     for name in names:
