@@ -22,9 +22,8 @@ from .steps import dot, powers
 HOPPED, PASSED, LEFT = range(1, 4)
 SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
 SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
-_HOP = (
-    3e-7  # of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root
-)
+# Of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root.
+_HOP = 3e-7
 _TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less than it is known to
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
