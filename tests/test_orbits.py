@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, k, sigma, v, y, z
 
-from pwsmooth import System
+from pwsmooth import Switch, System
 from pwsmooth.analysis.orbits import find_orbit, refine
 from pwsmooth.analysis.sections import Section, Stroboscopic
 
@@ -205,3 +205,16 @@ def test_parameters_of_the_orbit_travel_with_it():
     orbit = find_orbit(coulomb(sigma=2.0), {y: 0.5, v: 0.3}, period=T, symmetry=MIRROR)
     assert orbit.system.parameters[sigma] == 2.0
     assert orbit.map.with_parameters({k: 3.0}).system.parameters[k] == 3.0
+
+
+def test_an_orbit_that_begins_in_a_stick_stays_on_the_surface():
+    """A forced block on a belt, strobed in a stick of its orbit of period 5: from v = -1e-27 it would slip."""
+    lam = Switch("lam", u)
+    friction = lam * (1 + 3 * (1 - lam**2))
+    block = System(
+        {x: u + 0.5, u: sp.cos(omega * t) - x - 0.05 * (u + 0.5) - friction}, time=t, parameters={omega: 0.45}
+    )
+    map_ = Stroboscopic(block, 2 * sp.pi / omega, count=5)
+    for offset in range(-8, 9):
+        orbit = refine(map_, {x: 2.4173321 + offset * 1e-10, u: 0})
+        assert orbit.success and orbit.x[1] == 0

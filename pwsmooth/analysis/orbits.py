@@ -27,6 +27,7 @@ __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
 TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
 _MOST_STEPS = 30
+PINNED = 1e-12  # of a row of the map's Jacobian: rounding
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
@@ -317,6 +318,8 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
         step = np.linalg.lstsq(image.jacobian - np.eye(len(x)), -off, rcond=1e-13)[0]
+        # What returns to the bit from any start nearby, as v = 0 in a stick, stays: rounding would leave the surface.
+        step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
         found = _shortened(map_, x, step, size)
         if found is None:
             break
