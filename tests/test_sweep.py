@@ -46,6 +46,7 @@ def test_a_point_has_the_bits_of_a_solve(name):
             here = found.sel(k=k, sigma=sigma)
             assert [float(here[f"{s}_points"][-1]) for s in single.states] == single.x[:, -1].tolist()
             assert int(here.steps) == single.cost["steps"]
+            assert int(here.ambiguities) == len(single.ambiguities)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -23,7 +23,7 @@ HOPPED, PASSED, LEFT = range(1, 4)
 SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
 SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
 # Of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root.
-_HOP = 3e-7
+HOP = 3e-7
 _TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less than it is known to
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
@@ -91,7 +91,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
-        W.answer[3] = _HOP / (speed + 1e-300)
+        W.answer[3] = HOP / (speed + 1e-300)
         if not last >= 0.0:
             call_fields(P.fields, t + s_end, W.before, W.keep_mult, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
@@ -126,7 +126,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
         # Where two branches cross, and neither turns back, they part at another rate.
-        W.answer[3] = _HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        W.answer[3] = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
         W.code[0] = j
         return hi
     return found

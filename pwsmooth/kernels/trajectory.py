@@ -57,6 +57,7 @@ from .steps import (
     taylor_step_size,
 )
 from .touching import (
+    HOP,
     HOPPED,
     LEFT,
     PASSED,
@@ -496,6 +497,7 @@ def run(P, C, S, R, W):
         if touched != 0:
             if touched == LEFT:
                 W.code[0], t_touch = fold, t_new
+                W.answer[3] = HOP * (t_new - t0) / s_end  # at the pace of this arc
             code = touch(P, C, S, R, touched, t_touch, toward, W)
             if code == -1:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
