@@ -94,7 +94,7 @@ class Lyapunov(Measure):
 
     Notes
     -----
-    Source: `pwsmooth.analysis.lyapunov.largest_exponent`.
+    Source: as `largest_exponent` of `pwsmooth.analysis`.
 
     Examples
     --------
