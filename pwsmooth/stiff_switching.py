@@ -23,14 +23,14 @@ from .solution import Solution
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
 
 
-def strip(mu: Any, expressions: Any) -> sp.Expr | None:
+def strip(mu: Any, model: Model) -> sp.Expr | None:
     """Width around a switch's surface in which functions like exp(-(h/w)^2) change; None without such functions.
 
     They are flat elsewhere: a step that ends beyond the strip sees nothing of it, so none may pass over it unseen
     (kernels/stiff_gate.py, which protects the layers of smoothed views in the same way).
     """
     h, found = sp.Dummy("h", positive=True), set()
-    atoms = set().union(*(e.atoms(*FLAT) for e in expressions))
+    atoms = set().union(*(e.atoms(*FLAT) for e in model.rhs))
     for atom in atoms:
         argument = atom.args[0].xreplace({mu.symbol: sp.Integer(1)}).subs(mu.surface, h)
         factor, power = argument.as_independent(h, as_Add=False)
@@ -38,7 +38,7 @@ def strip(mu: Any, expressions: Any) -> sp.Expr | None:
         if base == h:
             found.add(sp.Abs(factor) ** (-1 / exponent))
     # In the parameters alone, or it is no width.
-    found = {w for w in found if all(s.is_positive for s in w.free_symbols)}
+    found = {w for w in found if w.free_symbols <= set(model.parameters)}
     return (sp.Min(*found) if found else WIDTH) if atoms else None
 
 
@@ -66,7 +66,7 @@ def switched_by_events(model: Model) -> Model:
         EventSpec(str(mu.symbol), mu.surface, update=((first + j, -mu.symbol),))
         for j, mu in enumerate(model.multipliers)
     )
-    widths = [strip(mu, model.rhs) for mu in model.multipliers]
+    widths = [strip(mu, model) for mu in model.multipliers]
 
     def selecting(e: Any) -> Any:
         return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
