@@ -10,11 +10,11 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
-from .lanes import load8, store8
+from .meeting import find_first, meet
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import record_ambiguity, record_point
-from .rhythm import expected, forget_rhythm, note_rhythm
-from .roots import NO_ROOT, first_root, low_bounds, remainder
+from .rhythm import forget_rhythm, note_rhythm
+from .roots import NO_ROOT, first_root
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     ALGEBRAIC,
@@ -29,10 +29,8 @@ from .state import (
     C_STALLED,
     C_STARTED,
     C_STEPS,
-    CONTACT,
     DONE,
     FULL,
-    HELD,
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
@@ -46,13 +44,11 @@ from .state import (
     Work,
 )
 from .steps import (
-    SURFACE_ROUNDING,
     dot,
     fits,
     fold_step_size,
     near_fold,
     powers,
-    scaled,
     take_jet,
     taylor_step_size,
 )
@@ -77,112 +73,6 @@ from .twofolds import two_fold
 # if it is at least this share of what the series allow.
 SHORTEST_AGAIN = 0.6
 _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
-
-
-@inlined_kernel
-def _meet(P, row, power, degree, drop, sign, W, poly):
-    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
-    if drop == 2 and sign * at(row, 1) > 1e-3 * abs(at(row, 2)) * at(power, 1):
-        drop = 1  # a surface that is an algebraic unknown is left with a slope, not tangentially
-    scaled(row, power, poly, degree, drop, sign)
-    if poly[0] <= SURFACE_ROUNDING and drop < 3:
-        size = 0.0
-        for k in range(degree - drop + 1):
-            size += abs(poly[k])
-        if size <= SURFACE_ROUNDING:
-            return NO_ROOT  # it rests where it is
-        if poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
-            drop += 1
-            scaled(row, power, poly, degree, drop, sign)
-    return first_root(P, W, poly, degree - drop)
-
-
-@inlined_kernel
-def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
-    """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.exit_side."""
-    scaled(row, power, poly, degree, 0, 1.0)
-    lo, hi = low_bounds(poly)
-    rest = remainder(poly, degree)
-    best = NO_ROOT
-    if lo - rest > -1.0 and hi + rest < 1.0:
-        return best
-    heading = 1 if at(poly, 1) > 0.0 else -1
-    for turn in range(2):
-        side = heading if turn == 0 else -heading
-        drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
-        scaled(row, power, poly, degree, drop, -1.0 * side)
-        if drop == 0:
-            poly[0] += 1.0
-        else:
-            # At its bound and staying there, as at rest under exactly the largest friction: no exit. What moves it
-            # by less than the tolerance may be the rounding of its series, which the step lets grow to rtol/100.
-            size = 0.0
-            for k in range(degree):
-                size += abs(poly[k])
-            if size <= C.rtol:
-                continue
-        if best > 1.0:
-            best = first_root(P, W, poly, degree - drop)
-            if best <= 1.0:
-                W.exit_side[j] = side
-            continue
-        # The other bound matters up to there only, and is hardly ever near.
-        powers(W.end_power, best)
-        for k in range(0, degree - drop + 1, 8):
-            store8(poly, k, load8(poly, k) * load8(W.end_power, k))
-        W.answer[4] = 0.0
-        s = first_root(P, W, poly, degree - drop)
-        if W.code[8] == 1:
-            W.answer[6] *= best
-        if s < 1.0 and best > 0.0:
-            best *= s
-            W.exit_side[j] = side
-    return best
-
-
-@inlined_kernel
-def _note_size(P, W, i, row, drop):
-    """Leaves in W.answer[8] the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
-
-    A jet's step goes from afar to a tangency; the pair's last ones begin close to it.
-    """
-    if P.pair:
-        W.widest[i] = max(W.widest[i], abs(at(row, 0)))
-        W.answer[8] = W.widest[i] if drop == 0 else 0.0
-
-
-@inlined_kernel
-def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
-    """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
-    m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
-    best = NO_ROOT
-    for j in range(m):
-        met = NO_ROOT
-        W.answer[4] = expected(W, j, status[j], S.now[0], h)
-        if status[j] == SOLVED:
-            if kind[j] == CONTACT:
-                met = _meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
-                W.exit_side[j] = 1
-            elif kind[j] != ALGEBRAIC:
-                met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W, poly)
-        elif surface_rows[j] >= 0 and status[j] != HELD:
-            _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
-            met = _meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
-        W.answer[8] = 0.0
-        tau[j] = met
-        best = min(best, met)
-        if W.code[8] == 1:
-            W.code[8] = 2
-            W.code[9] = j
-    for i in range(m, m + P.ne):
-        tau[i] = NO_ROOT
-        if surface_rows[i] >= 0:
-            W.answer[4] = expected(W, i, S.side[i - m], S.now[0], h)
-            _note_size(P, W, i, rows[surface_rows[i]], deflate[i])
-            tau[i] = _meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
-            best = min(best, tau[i])
-        W.answer[8] = 0.0
-    return best
 
 
 @kernel
@@ -409,7 +299,7 @@ def run(P, C, S, R, W):
             W.answer[4] = 0.0
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
-            s = _meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
+            s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
             if s <= 1.0 and not turns_back(slope, s * h, h, K):
                 # lambda^3 = t: dt/dlambda vanishes, but time goes on. Not where the step ends: the next has no series.
                 if s > 0.8:
