@@ -5,7 +5,7 @@ import math
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, solve
+from pwsmooth import Event, Switch, System, solve
 
 t, x = sp.symbols("t x", real=True)
 lam = Switch("lam", x)
@@ -53,3 +53,21 @@ def test_a_dip_within_rounding_is_recorded_by_both_methods(method, side):
         got = solve(system, (0, 5), [2.0, 0.0, 0.0], parameters={d: side * 10.0**-k}, method=method,
                     rtol=1e-12, atol=1e-14)  # fmt: skip
         assert not got.ambiguities and len(got.event_times("crossing")) == (0 if side > 0 else 2)
+
+
+def test_each_of_two_surfaces_grazed_in_one_step_is_recorded():
+    # x = (t - 1)^2 and y = (t - 1.2)^2: one polynomial step from 0 to 2
+    y = sp.Symbol("y", real=True)
+    two = System({x: 2 * (t - 1) + lam - 1, y: 2 * (t - 1.2) + Switch("mu", y) - 1}, time=t)
+    solution = solve(two, (0, 2), {x: 1, y: 1.44})
+    assert sorted(a.kind for a in solution.ambiguities) == ["grazing", "grazing"]
+    assert sorted(a.switch for a in solution.ambiguities) == ["lam", "mu"]
+    assert sorted(a.time for a in solution.ambiguities) == pytest.approx([1, 1.2], abs=0.15)
+    stopped = solve(two, (0, 2), {x: 1, y: 1.44}, strict=True)
+    assert stopped.t[-1] == pytest.approx(1, abs=0.15) and len(stopped.ambiguities) == 1
+
+
+def test_an_event_that_is_grazed_later_hides_no_grazed_surface():
+    late = Event(surface=(t - sp.Rational(3, 2)) ** 2, name="late")
+    solution = solve(System({x: 2 * (t - 1) + lam - 1}, time=t, events=[late]), (0, 2), {x: 1})
+    assert [(a.kind, a.switch) for a in solution.ambiguities] == [("grazing", "lam")]

@@ -13,6 +13,7 @@ from .records import record_event
 from .settling import approach_speed, close_contact, evaluate_surfaces, note_interval
 from .sliding import keep_on_surface, surface_rounding
 from .state import (
+    A_AT_REST,
     ACCUMULATED,
     C_CLOCK,
     CHATTERING,
@@ -24,6 +25,8 @@ from .state import (
     EV_OPENING,
     EV_RESET,
     HELD,
+    I_AT_CLOCK,
+    I_JUMPED,
     SOLVED,
     TERMINAL,
 )
@@ -41,7 +44,7 @@ def _meet_event(P, S, W, i):
 
 @kernel
 def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, x changed in W.code[5].
+    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with I_JUMPED set.
 
     Keeps in W.tau the event surfaces before each update, and the switches' before the first.
     """
@@ -68,7 +71,7 @@ def _fire_events(P, C, S, R, W):
             return code
         for k in range(n):
             if W.after[k] != S.x[k]:
-                W.code[5] = 1
+                W.code[I_JUMPED] = 1
                 S.x[k] = W.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
@@ -103,7 +106,7 @@ def events(P, C, S, R, W):
             S.deflate[P.m + i] = 1
             _meet_event(P, S, W, i)
             some = some or W.pending[i] == 1
-    if W.code[4]:
+    if W.code[I_AT_CLOCK]:
         while S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= S.now[0]:
             W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
             S.counts[C_CLOCK] += 1
@@ -116,7 +119,7 @@ def events(P, C, S, R, W):
 
 @kernel
 def impacts(P, S, R, W):
-    """Newton impacts and openings. True when it converged; x changed in W.code[5]."""
+    """Newton impacts and openings. True when it converged; with I_JUMPED set."""
     for sweep in range(MOST_AT_ONCE):
         newly = False
         for j in range(P.m):
@@ -134,14 +137,14 @@ def impacts(P, S, R, W):
             if not (W.hit[j] or W.h[j] <= -surface_rounding(P, S, j, W)):
                 continue
             speed = approach_speed(P, S, j, W)
-            if speed < -W.answer[3]:
+            if speed < -W.answer[A_AT_REST]:
                 for i in range(P.n):
                     W.after[i] = S.x[i]
                 call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
                 for i in range(P.n):
                     S.x[i] = W.after[i]
                 keep_on_surface(P, S, j, W)
-                W.code[5] = 1
+                W.code[I_JUMPED] = 1
                 newly = True
                 S.deflate[j] = 1
                 W.hit[j] = True
@@ -149,7 +152,7 @@ def impacts(P, S, R, W):
                     note_interval(S, j)
                 record_event(S, R, j, EV_IMPACT, 1, 1)
                 speed = approach_speed(P, S, j, W)
-            if abs(speed) <= W.answer[3] and W.hit[j] and close_contact(P, S, j, W):
+            if abs(speed) <= W.answer[A_AT_REST] and W.hit[j] and close_contact(P, S, j, W):
                 record_event(S, R, j, EV_CLOSED, 1, 0)
         if not newly:
             return True

@@ -26,6 +26,9 @@ from .settling import (
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import couples
 from .state import (
+    A_ELAPSED,
+    A_MET,
+    A_STEP,
     ACCUMULATED,
     AMB_CORNER,
     C_AMBIGUITIES,
@@ -42,6 +45,12 @@ from .state import (
     EV_STICK,
     EV_TANGENCY,
     HELD,
+    I_AT_CLOCK,
+    I_FOLD,
+    I_JUMPED,
+    I_SOLVED_THERE,
+    I_TOGETHER,
+    I_WAY,
     SLIDING,
     SOLVED,
     STRICT,
@@ -73,9 +82,9 @@ def _arrivals(P, C, S, R, W, size, jumped):
             joint += 1
         elif linked and arriving and size > 1:
             joint = max(joint, size)
-            W.code[6] = 1
+            W.code[I_TOGETHER] = 1
     code = DONE
-    if joint > size or W.code[6]:
+    if joint > size or W.code[I_TOGETHER]:
         for a in range(joint):
             j = W.active[a]
             W.group[a] = j
@@ -148,7 +157,7 @@ def _everything(P, C, S, R, W, fold, fold_way):
         return stop, True
     if stop == CHATTERING or not impacts(P, S, R, W):
         return CHATTERING, True
-    jumped = W.code[5] != 0
+    jumped = W.code[I_JUMPED] != 0
     if jumped:
         sides_after_jump(P, S, R, W)
     switched = jumped
@@ -210,15 +219,13 @@ def _left_behind(P, S, W, i):
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
 
-    In W.answer: where in the step the first surface was met, the step, the time since the last instant; in W.code:
-    1 the switch at its fold or -1, 2 its direction, 4 whether a time event is due. 5, 6 and 11 (the solved multipliers
-    are those of the state left behind) are set here.
+    Reads A_MET, A_STEP, A_ELAPSED, I_FOLD, I_WAY and I_AT_CLOCK; sets I_JUMPED, I_TOGETHER and I_SOLVED_THERE.
     """
     m, ne, t, status = P.m, P.ne, S.now[0], S.status
-    best, h, elapsed = W.answer[0], W.answer[1], W.answer[2]
-    fold, fold_way = W.code[1], W.code[2]
-    W.code[5] = 0  # x has jumped
-    W.code[6] = 0  # several coupled switches arrive at once
+    best, h, elapsed = W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED]
+    fold, fold_way = W.code[I_FOLD], W.code[I_WAY]
+    W.code[I_JUMPED] = 0
+    W.code[I_TOGETHER] = 0
     for i in range(m + ne):
         W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= AT_ONCE * max(abs(t), elapsed)
         # Not of events: a latch at its own threshold is left and met again within rounding.
@@ -246,14 +253,14 @@ def at_instant(P, C, S, R, W):
     if S.counts[C_STALLED] > MOST_AT_ONCE:
         return CHATTERING
     events_before = S.counts[C_EVENTS]
-    only = only_one(P, S, W) if fold < 0 and W.code[4] == 0 else -1
+    only = only_one(P, S, W) if fold < 0 and W.code[I_AT_CLOCK] == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != -1 and (code != DONE or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         only = code
-        W.code[11] = 0
+        W.code[I_SOLVED_THERE] = 0
     stop, switched = DONE, True
     if only < 0:
         stop, switched = _everything(P, C, S, R, W, fold, fold_way)

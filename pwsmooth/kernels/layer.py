@@ -15,7 +15,7 @@ from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
 from .sparse import couples
-from .state import SLIDING, SOLVED, Problem, State, Work
+from .state import I_MASKED, SLIDING, SOLVED, Problem, State, Work
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
@@ -60,7 +60,7 @@ def _push(P, S, W, j, lam, toward, frozen):
     if frozen:
         call_layer(P.layer, S.now[0], S.x, S.mult, W.z, P.p, W.g, W.q)
         return toward * W.g[j]
-    if W.code[3]:
+    if W.code[I_MASKED]:
         call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
     return toward * W.g[j]
@@ -69,7 +69,7 @@ def _push(P, S, W, j, lam, toward, frozen):
 @kernel
 def _prepare(P, S, W, j):
     """Masks the multipliers of every instant, without switch j."""
-    W.code[3] = 1 if mask_instant(P, S, W) else 0
+    W.code[I_MASKED] = 1 if mask_instant(P, S, W) else 0
     W.mask[j] = 0
 
 
@@ -171,7 +171,7 @@ def _rates(P, S, W, size, y, out, stage):
         for i in range(P.nz):
             out[stage, size + i] = P.ratio[i] * W.q[i]
     else:
-        if W.code[3]:
+        if W.code[I_MASKED]:
             call_newton(P.newton_unit, P, S, W)
         call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
@@ -204,7 +204,7 @@ def _integrate(P, S, W, size):
     A switch that runs out to u = +-inf gets that side; the rest goes on without it.
     """
     nz, y, new, k = P.nz, W.layer_y, W.layer_new, W.layer_k
-    W.code[3] = 1 if mask_instant(P, S, W) else 0
+    W.code[I_MASKED] = 1 if mask_instant(P, S, W) else 0
     reach = 1e3
     for i in range(size):
         W.mask[W.group[i]] = 0

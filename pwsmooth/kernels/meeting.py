@@ -8,7 +8,17 @@ from .lanes import load8, store8
 from .pointers import at
 from .rhythm import expected
 from .roots import NO_ROOT, first_root, low_bounds, remainder
-from .state import ALGEBRAIC, CONTACT, HELD, SOLVED
+from .state import (
+    A_GRAZE,
+    A_GUESS,
+    A_SHALLOW,
+    ALGEBRAIC,
+    CONTACT,
+    HELD,
+    I_GRAZE_CROSSES,
+    I_GRAZES,
+    SOLVED,
+)
 from .steps import SURFACE_ROUNDING, powers, scaled
 
 
@@ -63,10 +73,10 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
         powers(W.end_power, best)
         for k in range(0, degree - drop + 1, 8):
             store8(poly, k, load8(poly, k) * load8(W.end_power, k))
-        W.answer[4] = 0.0
+        W.answer[A_GUESS] = 0.0
         s = first_root(P, W, poly, degree - drop)
-        if W.code[8] == 1:
-            W.answer[6] *= best
+        if W.code[I_GRAZES] == 1:
+            W.answer[A_GRAZE] *= best
         if s < 1.0 and best > 0.0:
             best *= s
             W.exit_side[j] = side
@@ -75,23 +85,24 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
 
 @inlined_kernel
 def _note_size(P, W, i, row, drop):
-    """Leaves in W.answer[8] the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
+    """Leaves in A_SHALLOW the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
 
     A jet's step goes from afar to a tangency; the pair's last ones begin close to it.
     """
     if P.pair:
         W.widest[i] = max(W.widest[i], abs(at(row, 0)))
-        W.answer[8] = W.widest[i] if drop == 0 else 0.0
+        W.answer[A_SHALLOW] = W.widest[i] if drop == 0 else 0.0
 
 
 @inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
-    """Overwrites W.tau with where in the step each surface or bound is met; returns the earliest."""
+    """Overwrites W.tau, W.grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
     m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
     best = NO_ROOT
     for j in range(m):
         met = NO_ROOT
-        W.answer[4] = expected(W, j, status[j], S.now[0], h)
+        W.code[I_GRAZES] = 0
+        W.answer[A_GUESS] = expected(W, j, status[j], S.now[0], h)
         if status[j] == SOLVED:
             if kind[j] == CONTACT:
                 met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
@@ -101,18 +112,26 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         elif surface_rows[j] >= 0 and status[j] != HELD:
             _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
             met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
-        W.answer[8] = 0.0
+        W.answer[A_SHALLOW] = 0.0
         tau[j] = met
         best = min(best, met)
-        if W.code[8] == 1:
-            W.code[8] = 2
-            W.code[9] = j
+        W.grazed[j] = W.answer[A_GRAZE] if W.code[I_GRAZES] != 0 else NO_ROOT
+        W.graze_crosses[j] = W.code[I_GRAZE_CROSSES]
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0:
-            W.answer[4] = expected(W, i, S.side[i - m], S.now[0], h)
+            W.answer[A_GUESS] = expected(W, i, S.side[i - m], S.now[0], h)
             _note_size(P, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
-        W.answer[8] = 0.0
+        W.answer[A_SHALLOW] = 0.0
     return best
+
+
+@inlined_kernel
+def first_graze(P, W):
+    """Where in the step the first surface is grazed."""
+    first = NO_ROOT
+    for j in range(P.m):
+        first = min(first, W.grazed[j])
+    return first

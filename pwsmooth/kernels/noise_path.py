@@ -35,6 +35,9 @@ from .roots import NO_ROOT
 from .settling import any_solved
 from .sliding import follow, keep_on_surface, mask_solved, surface_rounding
 from .state import (
+    A_ELAPSED,
+    A_MET,
+    A_STEP,
     C_AMBIGUITIES,
     C_EVAL,
     C_EVENTS,
@@ -46,6 +49,9 @@ from .state import (
     DONE,
     FULL,
     HELD,
+    I_AT_CLOCK,
+    I_FOLD,
+    I_WAY,
     MAX_STEPS,
     NOT_FINITE,
     SLIDING,
@@ -169,9 +175,9 @@ def _step(P, S, W, N):
 
 @kernel
 def _changes(P, S, W, N, found):
-    """Marks in W.tau and W.code[1] what has changed its status over the step just made; True if anything has."""
+    """Marks in W.tau and I_FOLD what has changed its status over the step just made; True if anything has."""
     m, some = P.m, False
-    W.code[1] = -1
+    W.code[I_FOLD] = -1
     linear = False
     at = P.n * N.q + P.n * N.pairs + 1 + m + P.ne
     for i in range(m + P.ne):
@@ -182,7 +188,7 @@ def _changes(P, S, W, N, found):
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
                 if not found or not abs(lam - N.mult[i]) <= _LEAP or N.out[at + 3 * i + 1] >= 0.0:
-                    W.code[1] = i
+                    W.code[I_FOLD] = i
                     some = True
                 elif abs(lam) > 1.0:
                     W.tau[i] = 0.5
@@ -207,7 +213,7 @@ def _changes(P, S, W, N, found):
 def _deep_enough(P, W, N):
     """Whether what has changed is located: to the finest level where noise acts on the surface, else to rounding."""
     level = N.place[LEVEL]
-    if W.code[1] >= 0:
+    if W.code[I_FOLD] >= 0:
         return level >= LOCATED
     for i in range(P.m + P.ne):
         if W.tau[i] < NO_ROOT and not N.noisy[i]:
@@ -219,16 +225,16 @@ def _deep_enough(P, W, N):
 def _act(P, C, S, R, W, N, t_before):
     """Acts on the changes at the present instant; returns a code."""
     t = S.now[0]
-    fold = W.code[1]
+    fold = W.code[I_FOLD]
     if fold >= 0:
         # Past the fold the layer flow has one direction: that of g at the root that was.
         S.mult[fold] = N.mult[fold]
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        W.code[2] = 1 if W.g[fold] > 0.0 else -1
-    W.code[4] = 0
+        W.code[I_WAY] = 1 if W.g[fold] > 0.0 else -1
+    W.code[I_AT_CLOCK] = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
-    W.answer[0], W.answer[1], W.answer[2] = 0.5, t - t_before, t - t_before
+    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = 0.5, t - t_before, t - t_before
     code = call_unit(P.instant_unit, P, C, S, R, W)
     S.now[0] = t
     return code

@@ -18,6 +18,7 @@ from .state import (
     EV_STICK,
     EV_TANGENCY,
     HELD,
+    I_SOLVED_THERE,
     NO_ROOT_FOUND,
     SLIDING,
     SOLVED,
@@ -76,7 +77,7 @@ def cross_stick_or_leave(P, S, R, W, j):
     mask_solved(P, S, W)
     if not follow(P, S, W):
         return NO_ROOT_FOUND
-    W.code[11] = 1
+    W.code[I_SOLVED_THERE] = 1
     record_event(S, R, j, EV_STICK, came, 0)
     note_interval(S, j)
     return DONE

@@ -14,7 +14,7 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 from .compiling import kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved
-from .state import SOLVED, Control, Problem, State, Work
+from .state import A_LONGEST, A_NEXT_STEP, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
@@ -46,7 +46,7 @@ def _rate(P, S, W, t, out, stage):
     keep = S.now[0]
     S.now[0] = t
     found = True
-    if W.code[7]:
+    if W.code[I_PAIR_SOLVES]:
         mask_solved(P, S, W)
         found = call_newton(P.newton_unit, P, S, W) != 0
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -140,8 +140,8 @@ def _polynomials(P, S, W, h):
             for c in range(_DEGREE - 1, -1, -1):
                 value = value * theta + rows[i, c]
             S.x[i] = value
-        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.code[7] else found
-        if not W.code[7]:
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.code[I_PAIR_SOLVES] else found
+        if not W.code[I_PAIR_SOLVES]:
             call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for c in range(_DEGREE + 1):
             for j in range(m):
@@ -210,19 +210,19 @@ def rk_step(P, C, S, W, h, refine):
     `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
     """
     n, m = P.n, P.m
-    W.code[7] = 0
+    W.code[I_PAIR_SOLVES] = 0
     for i in range(n):
         W.rk_x[i] = S.x[i]
     for j in range(m):
         W.rk_mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
-            W.code[7] = 1
+            W.code[I_PAIR_SOLVES] = 1
     _rate(P, S, W, S.now[0], W.rk_k, 0)
     if refine < 0:
         # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
         power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
         if not P.pair:
-            h = min(h, W.answer[7])
+            h = min(h, W.answer[A_LONGEST])
         for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
@@ -230,14 +230,16 @@ def rk_step(P, C, S, W, h, refine):
                 h *= 0.25
             elif error <= 1.0:
                 # The next step's size, kept in S by the caller.
-                W.answer[5] = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
-                W.answer[7] = W.answer[5]
+                W.answer[A_NEXT_STEP] = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                W.answer[A_LONGEST] = W.answer[A_NEXT_STEP]
                 misfit = math.inf
                 if _polynomials(P, S, W, h):
                     misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
                 if misfit <= 1.0:
                     if P.pair:
-                        W.answer[5] = min(W.answer[5], h * 0.9 * max(misfit, 1e-12) ** -0.125)
+                        W.answer[A_NEXT_STEP] = min(
+                            W.answer[A_NEXT_STEP], h * 0.9 * max(misfit, 1e-12) ** -0.125
+                        )
                     return h
                 _restore(P, S, W)
                 _rate(P, S, W, S.now[0], W.rk_k, 0)

@@ -9,6 +9,7 @@ from .records import record_ambiguity
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
 from .sparse import couples
 from .state import (
+    A_AT_REST,
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
@@ -154,7 +155,7 @@ def settle_at_rest(P, C, S, R, W, size):
 
 @kernel
 def approach_speed(P, S, j, W):
-    """dh_j/dt with the present field; leaves in W.answer[3] the size at which it is rounding."""
+    """dh_j/dt with the present field; leaves in A_AT_REST the size at which it is rounding."""
     evaluate_surfaces(P, S, W)
     speed = W.dh[P.dh_row[P.m + P.ne] + j]
     size = abs(speed)
@@ -162,7 +163,7 @@ def approach_speed(P, S, j, W):
         part = W.dh[e] * W.dx[P.dh_col[e]]
         speed += part
         size += abs(part)
-    W.answer[3] = 1e-14 * size + 1e-13
+    W.answer[A_AT_REST] = 1e-14 * size + 1e-13
     return speed
 
 
@@ -177,7 +178,7 @@ def leading_order(P, C, S, W, i):
         speed = approach_speed(P, S, i, W)
         if abs(W.h[i]) > surface_rounding(P, S, i, W):
             return 1 if W.h[i] > 0.0 else -1
-        return 5 if abs(speed) <= W.answer[3] else (2 if speed > 0.0 else -2)
+        return 5 if abs(speed) <= W.answer[A_AT_REST] else (2 if speed > 0.0 else -2)
     call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, W.rows.shape[1], W.rows)
     row = W.rows[P.rows_slip[i]]
     size = 1e-3

@@ -17,6 +17,8 @@ from .settling import (
 )
 from .sliding import mask_instant, surface_rounding
 from .state import (
+    A_AT_REST,
+    A_LONGEST,
     ALGEBRAIC,
     CONTACT,
     DONE,
@@ -35,7 +37,7 @@ from .state import (
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
     m, status, mult = P.m, S.status, S.mult
-    W.answer[7] = math.inf
+    W.answer[A_LONGEST] = math.inf
     for i in range(P.ne):
         W.fired[i, 0] = S.now[0]
         W.fired[i, 1] = W.fired[i, 2] = W.fired[i, 3] = 0.0
@@ -62,9 +64,9 @@ def start(P, C, S, R, W):
             continue
         if P.kind[j] == CONTACT:
             speed = approach_speed(P, S, j, W)
-            if speed > W.answer[3]:
+            if speed > W.answer[A_AT_REST]:
                 S.deflate[j] = 1
-            elif speed >= -W.answer[3]:
+            elif speed >= -W.answer[A_AT_REST]:
                 close_contact(P, S, j, W)
         elif P.kind[j] == SLIDING:
             W.active[size] = j

@@ -156,6 +156,35 @@ N_COUNTS = 11
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 
 
+# What the parts of a step and of an instant tell each other: integers in W.code, numbers in W.answer.
+(
+    I_TOUCHED,  # switch whose root comes to a fold that is touched
+    I_FOLD,  # switch that stands at its fold at this instant, or -1
+    I_WAY,  # direction of time along its root there
+    I_MASKED,  # whether a layer solves the multipliers of every instant along
+    I_AT_CLOCK,  # whether a time event is due
+    I_JUMPED,  # whether the states have jumped at this instant
+    I_TOGETHER,  # whether several coupled switches arrive at this instant
+    I_PAIR_SOLVES,  # whether the Runge-Kutta pair solves for multipliers
+    I_GRAZES,  # whether the polynomial at hand grazes zero
+    I_GRAZE_CROSSES,  # and counts as crossing it
+    I_SOLVED_THERE,  # whether the solved multipliers are those of the state left behind
+) = range(11)
+(
+    A_MET,  # where in the step the first surface is met
+    A_STEP,
+    A_ELAPSED,  # since the last instant
+    A_HOP,  # length of a hop over a fold
+    A_GUESS,  # where the next root is expected
+    A_NEXT_STEP,  # of the Runge-Kutta pair
+    A_GRAZE,  # where the polynomial at hand grazes zero
+    A_LONGEST,  # step of the pair in a run of Taylor steps
+    A_SHALLOW,  # size of a surface so far, against which a dip is shallow
+    A_AT_REST,  # size at which an approach speed is rounding
+) = range(10)
+N_CODE, N_ANSWER = 11, 10
+
+
 class Record(Bundle):
     """Buffers of what happened; the caller empties them between calls."""
 
@@ -210,8 +239,10 @@ class Work(Bundle):
     fold_mult: "f8[1]"
     fold_mask: "i8[1]"
     fold_slope: "f8[1]"  # (order + PAD,) dt/ds along a fold step
-    code: "i8[1]"  # int64: return code of a helper; multiplier at its fold or -1; direction there
+    code: "i8[1]"  # int64: see the I_ names
     widest: "f8[1]"  # (m + ne,) largest |h| of each surface so far
+    grazed: "f8[1]"  # (m,) where in the step each surface is grazed, in [0, 1]; 2 = not grazed
+    graze_crosses: "i8[1]"  # (m,) and whether it counts as crossed
     tau: "f8[1]"  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[1]"  # (m,) bound that a solved multiplier runs into
     hit: "b1[1]"  # (m + ne,) met at this instant
@@ -228,7 +259,7 @@ class Work(Bundle):
     rk_k: "f8[2]"  # (16, n) its stages
     rest_status: "i8[1]"  # (m,)
     rest_mult: "f8[1]"  # (m,)
-    answer: "f8[1]"  # numbers that units hand each other (see at_instant)
+    answer: "f8[1]"  # see the A_ names
     fold_dx: "f8[1]"
     fold_h: "f8[1]"
     fold_g: "f8[1]"

@@ -16,7 +16,22 @@ from .records import record_ambiguity
 from .roots import NO_ROOT
 from .sliding import follow, mask_solved
 from .sparse import solve_masked
-from .state import AMB_FOLD, DONE, NEWTON_FAILED, SLIDING, SOLVED, STRICT
+from .state import (
+    A_ELAPSED,
+    A_HOP,
+    A_MET,
+    A_STEP,
+    AMB_FOLD,
+    DONE,
+    I_AT_CLOCK,
+    I_FOLD,
+    I_TOUCHED,
+    I_WAY,
+    NEWTON_FAILED,
+    SLIDING,
+    SOLVED,
+    STRICT,
+)
 from .steps import dot, powers
 
 HOPPED, PASSED, LEFT = range(1, 4)
@@ -81,7 +96,7 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
-    Leaves that switch in W.code[0] and the length of a hop over the point in W.answer[3]; -1 where a root comes to
+    Leaves that switch in I_TOUCHED and the length of a hop over the point in A_HOP; -1 where a root comes to
     stand within rounding of its fold.
     """
     found = math.inf
@@ -91,7 +106,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
-        W.answer[3] = HOP / (speed + 1e-300)
+        W.answer[A_HOP] = HOP / (speed + 1e-300)
         if not last >= 0.0:
             call_fields(P.fields, t + s_end, W.before, W.keep_mult, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
@@ -99,13 +114,13 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
                 bend = _bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j]))
                 rounding = _NEAR * _NEAR * abs(bend)
                 if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
-                    W.answer[3] = min(W.answer[3], 0.1 * s_end)
+                    W.answer[A_HOP] = min(W.answer[A_HOP], 0.1 * s_end)
                     return 0.5 / SHARE_TO_A_FOLD * s_end
             # The steps by a fold are short: lambda hardly moves.
             if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, W.before, W.keep_mult, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
-                    W.code[0] = j
+                    W.code[I_TOUCHED] = j
                     found = -1.0
             continue
         bend = abs(_bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j])))
@@ -126,8 +141,8 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
         # Where two branches cross, and neither turns back, they part at another rate.
-        W.answer[3] = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
-        W.code[0] = j
+        W.answer[A_HOP] = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        W.code[I_TOUCHED] = j
         return hi
     return found
 
@@ -152,8 +167,8 @@ def _past_the_touch(P, S, W, j, toward):
 
 @kernel
 def _root_is_back(P, S, W, j, toward):
-    """Whether the root of switch j, which stands at its fold, exists again a hop (W.answer[3]) later."""
-    t, hop = S.now[0], W.answer[3]
+    """Whether the root of switch j, which stands at its fold, exists again a hop (A_HOP) later."""
+    t, hop = S.now[0], W.answer[A_HOP]
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
         W.before[i] = S.x[i]
@@ -176,11 +191,11 @@ def _root_is_back(P, S, W, j, toward):
 
 @kernel
 def touch(P, C, S, R, how, t_touch, toward, W):
-    """What becomes of switch W.code[0] at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
+    """What becomes of switch I_TOUCHED at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
 
     Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
     """
-    j, now = W.code[0], S.now[0]
+    j, now = W.code[I_TOUCHED], S.now[0]
     stays = how == PASSED or (how == HOPPED and _past_the_touch(P, S, W, j, toward))
     if how == LEFT and not _root_is_back(P, S, W, j, toward):
         return DONE
@@ -197,10 +212,10 @@ def touch(P, C, S, R, how, t_touch, toward, W):
 
 @kernel
 def _leave(W, toward):
-    """Makes the present instant one at which switch W.code[0] stands at its fold, and nothing else happens."""
+    """Makes the present instant one at which switch I_TOUCHED stands at its fold, and nothing else happens."""
     W.tau[:] = NO_ROOT
-    W.answer[0], W.answer[1], W.answer[2] = NO_ROOT, 0.0, 0.0
-    W.code[1], W.code[2], W.code[4] = W.code[0], toward, 0
+    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = NO_ROOT, 0.0, 0.0
+    W.code[I_FOLD], W.code[I_WAY], W.code[I_AT_CLOCK] = W.code[I_TOUCHED], toward, 0
 
 
 @kernel
@@ -217,7 +232,7 @@ def lost_at_a_fold(P, C, S, R, W):
         slope = _slope(P, S, W, S.now[0], S.x, S.mult, j)
         bend = _bend(P, S, W, S.now[0], S.x, S.mult, j, slope, _way(S.mult[j]))
         if abs(slope) <= _NEAR * abs(bend):
-            W.code[0] = j
+            W.code[I_TOUCHED] = j
             S.mult[j] -= slope / bend
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             _leave(W, 1 if slope * bend < 0.0 else -1)

@@ -10,13 +10,19 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
-from .meeting import find_first, meet
+from .meeting import find_first, first_graze, meet
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import record_ambiguity, record_point
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
+    A_ELAPSED,
+    A_GUESS,
+    A_HOP,
+    A_MET,
+    A_NEXT_STEP,
+    A_STEP,
     ALGEBRAIC,
     AMB_GRAZING,
     C_AMBIGUITIES,
@@ -31,6 +37,11 @@ from .state import (
     C_STEPS,
     DONE,
     FULL,
+    I_AT_CLOCK,
+    I_FOLD,
+    I_SOLVED_THERE,
+    I_TOUCHED,
+    I_WAY,
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
@@ -136,6 +147,20 @@ def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
 
 
 @kernel
+def _record_grazes(P, C, S, R, rows, time_row, h, last, W):
+    """Records every surface grazed in the step up to `last`; leaves S.now[0] at one of them."""
+    t0 = S.now[0]
+    for j in range(P.m):
+        if W.grazed[j] <= last:
+            s = W.grazed[j] * h
+            S.now[0] = t0 + s
+            if time_row >= 0:
+                powers(W.end_power, s)
+                S.now[0] = dot(rows[time_row], W.end_power, C.order + 1)
+            record_ambiguity(S, R, j, AMB_GRAZING, W.graze_crosses[j])
+
+
+@kernel
 def _reach_singular_surface(P, S, rows, surface_rows, mult_row, h):
     """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
 
@@ -181,7 +206,7 @@ def _room(R, S):
     return (
         S.counts[C_POINTS] + 8 < R.t.shape[0]
         and S.counts[C_EVENTS] + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.counts[C_AMBIGUITIES] + 8 < R.ambiguity_t.shape[0]
+        and S.counts[C_AMBIGUITIES] + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
         and (R.dense.shape[0] == 0 or S.counts[C_DENSE] + 1 < R.dense.shape[0])
     )
 
@@ -210,7 +235,7 @@ def run(P, C, S, R, W):
                 any_solved = True
         if any_solved:
             mask_solved(P, S, W)
-            if W.code[11] == 0:
+            if W.code[I_SOLVED_THERE] == 0:
                 if P.jet_fold != 0:
                     for j in range(m):
                         W.rest_mult[j] = S.mult[j]
@@ -221,7 +246,7 @@ def run(P, C, S, R, W):
                     if code != DONE:
                         return code
                     continue
-            W.code[11] = 0
+            W.code[I_SOLVED_THERE] = 0
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
         by_pair, singular = P.pair != 0, False
@@ -288,7 +313,6 @@ def run(P, C, S, R, W):
                 h *= 0.5 * min(best, 1.0)
                 capped = False
                 powers(power, h)
-                W.code[8] = 0
                 best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
                 powers(power, min(best, 1.0) * h)
             powers(power, h)
@@ -296,7 +320,7 @@ def run(P, C, S, R, W):
         if time_row >= 0:
             # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
             slope = W.fold_slope
-            W.answer[4] = 0.0
+            W.answer[A_GUESS] = 0.0
             for k in range(K):
                 slope[k] = (k + 1.0) * rows[time_row, k + 1]
             s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
@@ -316,10 +340,11 @@ def run(P, C, S, R, W):
         happened = best <= fraction
         if happened:
             fraction, capped = best, False
-        grazes = W.code[8] == 2 and W.answer[6] <= fraction
-        W.code[8] = 0
+        last_graze = fraction
+        grazes = first_graze(P, W) <= fraction
         if grazes and C.strict:
-            fraction, happened, capped = W.answer[6], False, False
+            fraction, happened, capped = first_graze(P, W), False, False
+            last_graze = fraction
         s_end = fraction * h
         if happened and by_pair and h > 1e-11 * (1.0 + abs(t0)):
             met = 0
@@ -333,14 +358,14 @@ def run(P, C, S, R, W):
         touched, t_touch = LEFT if folded else 0, t0
         if any_solved and P.jet_fold != 0 and time_row < 0 and not by_pair:
             end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
-            hop = W.answer[3]
+            hop = W.answer[A_HOP]
             if end < 0.0:
                 touched, t_touch = PASSED, t0 + s_end
             elif end < s_end:
                 hop = min(hop, s_end - end)
-                if end <= W.answer[3] and hop >= SHORTEST_HOP * W.answer[3]:
+                if end <= W.answer[A_HOP] and hop >= SHORTEST_HOP * W.answer[A_HOP]:
                     touched, t_touch, s_end = HOPPED, t0 + end, end + hop
-                    toward = 1 if rows[mult_row + W.code[0], 1] > 0.0 else -1
+                    toward = 1 if rows[mult_row + W.code[I_TOUCHED], 1] > 0.0 else -1
                 else:
                     s_end = SHARE_TO_A_FOLD * end
                 fraction, happened, capped, grazes = 0.5, False, False, False
@@ -365,10 +390,9 @@ def run(P, C, S, R, W):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], final, K + 1)
         if grazes:
-            S.now[0] = t0 + W.answer[6] * h
-            record_ambiguity(S, R, W.code[9], AMB_GRAZING, W.code[10])
+            _record_grazes(P, C, S, R, rows, time_row, h, last_graze, W)
         S.now[0] = t_new
-        S.now[1] = W.answer[5] if by_pair else h
+        S.now[1] = W.answer[A_NEXT_STEP] if by_pair else h
         if grazes and C.strict:
             record_point(P, S, R)
             return STRICT
@@ -381,13 +405,14 @@ def run(P, C, S, R, W):
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
                     keep_on_surface(P, S, j, W)
-            if two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
+            code = two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W)
+            if code != -1:
                 record_point(P, S, R)
-                return W.code[0]
+                return code
         if touched != 0:
             if touched == LEFT:
-                W.code[0], t_touch = fold, t_new
-                W.answer[3] = HOP * (t_new - t0) / s_end  # at the pace of this arc
+                W.code[I_TOUCHED], t_touch = fold, t_new
+                W.answer[A_HOP] = HOP * (t_new - t0) / s_end  # at the pace of this arc
             code = touch(P, C, S, R, touched, t_touch, toward, W)
             if code == -1:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
@@ -397,12 +422,12 @@ def run(P, C, S, R, W):
                 record_point(P, S, R)
                 return code
         if happened or at_clock:
-            W.code[1] = fold if folded else -1
-            W.code[2] = toward
-            W.code[4] = 1 if at_clock else 0
-            W.answer[0] = best if happened else NO_ROOT
-            W.answer[1] = h
-            W.answer[2] = t_new - t0
+            W.code[I_FOLD] = fold if folded else -1
+            W.code[I_WAY] = toward
+            W.code[I_AT_CLOCK] = 1 if at_clock else 0
+            W.answer[A_MET] = best if happened else NO_ROOT
+            W.answer[A_STEP] = h
+            W.answer[A_ELAPSED] = t_new - t0
             note_rhythm(P, S, W, best, t_new)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             if code != DONE:

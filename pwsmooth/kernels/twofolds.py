@@ -32,13 +32,13 @@ def _alone(P, j):
 
 @kernel
 def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
-    """Whether attracting sliding has turned repelling inside the step without a fold (a two-fold point).
+    """Looks whether attracting sliding has turned repelling inside the step without a fold (a two-fold point).
 
-    If so, S is put back to that point, the ambiguity recorded and the return code left in W.code[0].
+    If so, S is put back to that point and the ambiguity recorded; returns why the loop returns, or -1.
     """
     m = P.m
     if time_row >= 0:
-        return False
+        return -1
     for j in range(m):
         if S.status[j] == SOLVED and P.slope_moves[j]:
             call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
@@ -58,6 +58,5 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                 S.now[0] = t0 + hi
                 keep_on_surface(P, S, j, W)
                 record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)
-                W.code[0] = STRICT if C.strict else DETERMINACY_LOST
-                return True
-    return False
+                return STRICT if C.strict else DETERMINACY_LOST
+    return -1
