@@ -12,9 +12,10 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .meeting import find_first, first_graze, meet
 from .pointers import at, call_fold, call_rk, call_unit
-from .records import record_ambiguity, record_point
+from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
+from .settling import any_solved
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     A_ELAPSED,
@@ -24,7 +25,6 @@ from .state import (
     A_NEXT_STEP,
     A_STEP,
     ALGEBRAIC,
-    AMB_GRAZING,
     C_AMBIGUITIES,
     C_CLOCK,
     C_DENSE,
@@ -87,80 +87,6 @@ _MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond t
 
 
 @kernel
-def _sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
-    """Fills the asked-for instants inside the step just made."""
-    m, K = P.m, C.order
-    while S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
-        i = S.counts[C_EVAL]
-        s = R.t_eval[i] - S.now[0]
-        if time_row >= 0:
-            # Along a multiplier's arc: invert t(s), monotone, by Newton inside [0, h].
-            want = R.t_eval[i]
-            lo, hi = 0.0, h
-            s = 0.5 * h
-            for _ in range(100):
-                powers(work.end_power, s)
-                value = dot(rows[time_row], work.end_power, K + 1) - want
-                if value > 0.0:
-                    hi = s
-                else:
-                    lo = s
-                slope = 0.0
-                for k in range(K, 0, -1):
-                    slope = slope * s + k * rows[time_row, k]
-                new = s - value / slope if slope > 0.0 else 0.5 * (lo + hi)
-                if not lo <= new <= hi:
-                    new = 0.5 * (lo + hi)
-                if abs(new - s) <= 1e-16:
-                    break
-                s = new
-        powers(work.end_power, s)
-        for k in range(P.n):
-            R.x_eval[i, k] = dot(rows[k], work.end_power, K + 1)
-        for j in range(m):
-            solved = S.status[j] == SOLVED
-            R.mult_eval[i, j] = dot(rows[mult_row + j], work.end_power, K + 1) if solved else S.mult[j]
-        S.counts[C_EVAL] += 1
-
-
-@kernel
-def _keep_dense(P, C, S, R, rows, mult_row, time_row, h):
-    """Stores the step's polynomials: states, multipliers, time."""
-    i = S.counts[C_DENSE]
-    K = C.order
-    block = R.dense[i]
-    for k in range(P.n):
-        for r in range(K + 1):
-            block[k, r] = rows[k, r]
-    for j in range(P.m):
-        for r in range(K + 1):
-            block[P.n + j, r] = rows[mult_row + j, r] if S.status[j] == SOLVED else 0.0
-        if S.status[j] != SOLVED:
-            block[P.n + j, 0] = S.mult[j]
-    for r in range(K + 1):
-        block[P.n + P.m, r] = rows[time_row, r] if time_row >= 0 else 0.0
-    if time_row < 0:
-        block[P.n + P.m, 0] = S.now[0]
-        block[P.n + P.m, 1] = 1.0
-    R.dense_s[i] = h
-    S.counts[C_DENSE] += 1
-
-
-@kernel
-def _record_grazes(P, C, S, R, rows, time_row, h, last, W):
-    """Records every surface grazed in the step up to `last`; leaves S.now[0] at one of them."""
-    t0 = S.now[0]
-    for j in range(P.m):
-        if W.grazed[j] <= last:
-            s = W.grazed[j] * h
-            S.now[0] = t0 + s
-            if time_row >= 0:
-                powers(W.end_power, s)
-                S.now[0] = dot(rows[time_row], W.end_power, C.order + 1)
-            record_ambiguity(S, R, j, AMB_GRAZING, W.graze_crosses[j])
-
-
-@kernel
 def _reach_singular_surface(P, S, rows, surface_rows, mult_row, h):
     """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
 
@@ -201,6 +127,77 @@ def after_event(P, S):
 
 
 @inlined_kernel
+def _find_roots(P, C, S, R, W):
+    """Solves for the multipliers at the present state; -1, or where a root is lost the code of what is made of it."""
+    mask_solved(P, S, W)
+    if W.code[I_SOLVED_THERE] == 0:
+        if P.jet_fold != 0:
+            for j in range(P.m):
+                W.rest_mult[j] = S.mult[j]
+        if not follow(P, S, W):
+            code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
+            return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
+    W.code[I_SOLVED_THERE] = 0
+    return -1
+
+
+@kernel
+def _take_arc(P, C, S, rows, mult_row, singular, fold, W):
+    """Overwrites rows by series in the multiplier of `fold`; the direction in which it goes, 0 if time has none."""
+    if singular:
+        toward = way_of_time(P, C, S, W, fold)
+    else:
+        toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
+    if toward == 0 or not call_fold(P.fold_unit, P, C, S, W, fold, toward):
+        return 0
+    S.counts[C_JETS] += 1
+    return toward
+
+
+@kernel
+def _end_of_arc(P, C, time, power, h, stop, singular, best, W):
+    """Where an arc ends on which t is the series `time`, and what is met first there.
+
+    dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span. Returns the share of the arc,
+    where something is met, whether that is the fold, and whether it is the end of the span.
+    """
+    K, fraction, folded, capped, slope = C.order, 1.0, False, False, W.fold_slope
+    W.answer[A_GUESS] = 0.0
+    for k in range(K):
+        slope[k] = (k + 1.0) * time[k + 1]
+    s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
+    if s <= 1.0 and not turns_back(slope, s * h, h, K):
+        # lambda^3 = t: dt/dlambda vanishes, but time goes on. Not where the step ends: the next has no series.
+        if s > 0.8:
+            fraction = 0.5 * s
+        s = NO_ROOT
+    if s < best and s <= fraction:
+        folded, best = True, s
+    for k in range(K + 1):
+        W.poly[k] = -time[k] * power[k]
+    W.poly[0] += stop
+    s = first_root(P, W, W.poly, K)
+    if s < min(best, fraction):
+        fraction, folded, capped = s, False, True
+    return fraction, best, folded, capped
+
+
+@inlined_kernel
+def _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W):
+    """Halves a step until its end is what its series says; returns it, and where something is met first in it."""
+    powers(power, min(best, 1.0) * h)
+    for _ in range(_MOST_HALVINGS):
+        if fits(P, C, S, rows, surface_rows, mult_row, t0, min(best, 1.0) * h, W):
+            break
+        h *= 0.5 * min(best, 1.0)
+        powers(power, h)
+        best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
+        powers(power, min(best, 1.0) * h)
+    powers(power, h)
+    return h, best
+
+
+@inlined_kernel
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
@@ -229,37 +226,27 @@ def run(P, C, S, R, W):
             return FULL
         if S.counts[C_STEPS] >= C.max_steps:
             return MAX_STEPS
-        any_solved = False
-        for j in range(m):
-            if S.status[j] == SOLVED:
-                any_solved = True
-        if any_solved:
-            mask_solved(P, S, W)
-            if W.code[I_SOLVED_THERE] == 0:
-                if P.jet_fold != 0:
-                    for j in range(m):
-                        W.rest_mult[j] = S.mult[j]
-                if not follow(P, S, W):
-                    code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
-                    if code == -1:
-                        code = call_unit(P.instant_unit, P, C, S, R, W)
-                    if code != DONE:
-                        return code
-                    continue
-            W.code[I_SOLVED_THERE] = 0
+        sliding = any_solved(P, S)
+        if sliding:
+            code = _find_roots(P, C, S, R, W)
+            if code == DONE:
+                continue
+            if code != -1:
+                return code
+        # The step: polynomials of states, surfaces and solved multipliers, and how far they hold.
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
         by_pair, singular = P.pair != 0, False
         h = math.nan
         if not by_pair:
-            mult_row = take_jet(P, C, S, any_solved, W)
+            mult_row = take_jet(P, C, S, sliding, W)
             singular = mult_row < 0
             if singular and P.jet_fold == 0:
                 return NEWTON_FAILED
-            surface_rows = P.rows_general if any_solved else P.rows_slip
+            surface_rows = P.rows_general if sliding else P.rows_slip
             h = S.now[1]
             if not singular:
-                h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W)
+                h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, sliding, W)
         if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
@@ -271,27 +258,19 @@ def run(P, C, S, R, W):
             return NOT_FINITE
         if h < 1e-12 * (1.0 + abs(S.now[0])):
             h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
-        fold = -1
-        if any_solved and P.jet_fold != 0 and not by_pair:
+        fold, toward, time_row = -1, 0, -1
+        if sliding and P.jet_fold != 0 and not by_pair:
             fold = flattest(P, S, W) if singular else near_fold(P, S, rows, mult_row, h)
-        toward, time_row = 0, -1
-        if singular and fold < 0:
-            return NEWTON_FAILED
         if fold >= 0:
-            if singular:
-                toward = way_of_time(P, C, S, W, fold)
-            else:
-                toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
-            if toward != 0 and call_fold(P.fold_unit, P, C, S, W, fold, toward):
-                S.counts[C_JETS] += 1
-                time_row = n
-                mult_row = n + 1
-                surface_rows = P.rows_fold
+            # Near a fold lambda runs, not time: the step is an arc of the root, and t one of its polynomials.
+            toward = _take_arc(P, C, S, rows, mult_row, singular, fold, W)
+            time_row, mult_row, surface_rows = n, n + 1, P.rows_fold
+            if toward != 0:
                 h = fold_step_size(P, C, S, rows, W)
-                if math.isnan(h):
-                    return NOT_FINITE
-            else:
-                return NEWTON_FAILED
+        if singular and fold < 0 or fold >= 0 and toward == 0:
+            return NEWTON_FAILED
+        if math.isnan(h):
+            return NOT_FINITE
         t0 = S.now[0]
         stop = next_stop(C, S)
         if time_row < 0 and not by_pair and SHORTEST_AGAIN * h <= S.now[1] <= h and after_event(P, S):
@@ -302,41 +281,19 @@ def run(P, C, S, R, W):
             capped = True
         if time_row < 0 and h <= 1e-15 * abs(t0) + 1e-300:
             return UNDERFLOW
+        # What is met first on it, and where it therefore ends.
         if at(power, 1) != h:
             powers(power, h)
         best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
         if P.flat and time_row < 0 and not by_pair:
-            powers(power, min(best, 1.0) * h)
-            for _ in range(_MOST_HALVINGS):
-                if fits(P, C, S, rows, surface_rows, mult_row, t0, min(best, 1.0) * h, W):
-                    break
-                h *= 0.5 * min(best, 1.0)
-                capped = False
-                powers(power, h)
-                best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
-                powers(power, min(best, 1.0) * h)
-            powers(power, h)
+            asked = h
+            h, best = _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W)
+            capped = capped and h == asked
         fraction, folded = 1.0, False
         if time_row >= 0:
-            # dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span.
-            slope = W.fold_slope
-            W.answer[A_GUESS] = 0.0
-            for k in range(K):
-                slope[k] = (k + 1.0) * rows[time_row, k + 1]
-            s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
-            if s <= 1.0 and not turns_back(slope, s * h, h, K):
-                # lambda^3 = t: dt/dlambda vanishes, but time goes on. Not where the step ends: the next has no series.
-                if s > 0.8:
-                    fraction = 0.5 * s
-                s = NO_ROOT
-            if s < best and s <= fraction:
-                folded, best = True, s
-            for k in range(K + 1):
-                W.poly[k] = -rows[time_row, k] * power[k]
-            W.poly[0] += stop
-            s = first_root(P, W, W.poly, K)
-            if s < min(best, fraction):
-                fraction, folded, capped = s, False, True
+            fraction, best, folded, capped = _end_of_arc(
+                P, C, rows[time_row], power, h, stop, singular, best, W
+            )
         happened = best <= fraction
         if happened:
             fraction, capped = best, False
@@ -356,7 +313,7 @@ def run(P, C, S, R, W):
                 return NOT_FINITE
             fraction = 0.5  # a new s_end: its powers are to be made
         touched, t_touch = LEFT if folded else 0, t0
-        if any_solved and P.jet_fold != 0 and time_row < 0 and not by_pair:
+        if sliding and P.jet_fold != 0 and time_row < 0 and not by_pair:
             end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
             hop = W.answer[A_HOP]
             if end < 0.0:
@@ -369,6 +326,7 @@ def run(P, C, S, R, W):
                 else:
                     s_end = SHARE_TO_A_FOLD * end
                 fraction, happened, capped, grazes = 0.5, False, False, False
+        # There.
         final = power
         if fraction < 1.0:
             final = W.end_power
@@ -378,19 +336,19 @@ def run(P, C, S, R, W):
             t_new = stop
         at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
         if len(R.dense_s) > 0:
-            _keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
+            keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
         if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
-            _sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
+            sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
             final = W.end_power
             powers(final, s_end)
         for i in range(n):
             x[i] = dot(rows[i], final, K + 1)
-        if any_solved:
+        if sliding:
             for j in range(m):
                 if S.status[j] == SOLVED:
                     S.mult[j] = dot(rows[mult_row + j], final, K + 1)
         if grazes:
-            _record_grazes(P, C, S, R, rows, time_row, h, last_graze, W)
+            record_grazes(P, C, S, R, rows, time_row, h, last_graze, W)
         S.now[0] = t_new
         S.now[1] = W.answer[A_NEXT_STEP] if by_pair else h
         if grazes and C.strict:
@@ -401,7 +359,7 @@ def run(P, C, S, R, W):
             total += abs(x[i])
         if not total < math.inf:
             return NOT_FINITE
-        if any_solved:
+        if sliding:
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
                     keep_on_surface(P, S, j, W)
@@ -409,6 +367,7 @@ def run(P, C, S, R, W):
             if code != -1:
                 record_point(P, S, R)
                 return code
+        # What happens there.
         if touched != 0:
             if touched == LEFT:
                 W.code[I_TOUCHED], t_touch = fold, t_new
