@@ -134,8 +134,8 @@ class EventRecord:
     switch : str
         Name of the switch, contact or event.
     kind : str
-        A term of the field: "crossing", "stick", "slip by tangency", "slip by fold", "sliding to sliding", "reset",
-        "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity".
+        A term of the field: "crossing", "stick", "slip by tangency", "slip by fold", "slip by reset",
+        "sliding to sliding", "reset", "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity".
     note : str
         What else is to be said.
 

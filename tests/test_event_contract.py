@@ -226,3 +226,44 @@ def test_both_methods_give_the_same_events_and_states(make, span, start):
     assert pair.event_times() == pytest.approx(taylor.event_times(), abs=1e-8)
     assert pair.x[:, -1] == pytest.approx(taylor.x[:, -1], abs=1e-8)
     assert taylor.cost["steps"] < pair.cost["steps"]
+
+
+@pytest.mark.parametrize("roundings", range(-3, 9))
+@pytest.mark.parametrize("kinked", [True, False], ids=["kink", "switch"])
+def test_a_reset_at_the_instant_of_a_crossing_leaves_the_surface_behind(kinked, roundings):
+    """u = x - 1 falls through 0 at t = 1 with u' = -1 - a u, and is put to -1 there: u' = -1 - b u from then on."""
+    u, gap = x - 1, sp.Rational(1, 10)
+    term = gap * sp.Abs(u) if kinked else gap * sp.sign(u)
+    put = Event(at=1 + roundings * np.spacing(1.0), update={x: 0}, name="put")
+    system = System({x: -1 - 2 * u + term}, time=t, events=[put])
+    above, below, push = (1.9, 2.1, -1.0) if kinked else (2.0, 2.0, -1.1)
+    first = 1 if kinked else 0.9
+    solution = solve(system, (0, 3), {x: 1 + first * math.expm1(above) / above}, rtol=1e-10)
+    rest = push / below
+    assert solution.x[0, -1] == pytest.approx(1 + rest + (-1 - rest) * math.exp(-2 * below), abs=1e-9)
+    assert solution.status[0, -1] == -1
+    assert len(solution.event_times("reset")) == 1 and len(solution.events) == 2
+
+
+@pytest.mark.parametrize("view", ["exact", "smoothed"])
+@pytest.mark.parametrize("roundings", [1, 2, 3, 5])
+@pytest.mark.parametrize("T", [1.3, 2.0])
+def test_an_instant_may_come_one_rounding_after_another(T, roundings, view):
+    later = T + roundings * np.spacing(T)
+    events = [Event(at=when, update={x: x + 1}, name=name) for name, when in (("first", T), ("second", later))]
+    system = System({x: v, v: -x - sp.sign(v) / 4}, time=t, events=events)
+    system = system if view == "exact" else system.smoothed(eps=1e-3)
+    whole, short = (solve(system, (0, end), {x: 2, v: 0}) for end in (4, later))
+    assert whole.success and short.success
+    assert len(whole.event_times("reset")) == len(short.event_times("reset")) == 2
+    assert short.t[-1] == later
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+@pytest.mark.parametrize("roundings", range(-2, 6))
+def test_a_span_may_end_roundings_from_a_crossing(roundings, method):
+    system, start = System({x: -1 - 2 * x + sp.Abs(x) / 10}), {x: math.expm1(1.9) / 1.9}
+    (crossing,) = solve(system, (0, 3), start, rtol=1e-10, method=method).event_times("crossing")
+    end = crossing + roundings * np.spacing(crossing)
+    solution = solve(system, (0, end), start, rtol=1e-10, method=method)
+    assert solution.success and solution.t[-1] == end

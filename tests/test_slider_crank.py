@@ -15,7 +15,7 @@ from pwsmooth.laws.contact import (
     composite_modulus,
     journal_stiffness,
 )
-from pwsmooth.laws.friction import BoucWen, Coulomb, Dahl, LuGre, ModifiedCoulomb
+from pwsmooth.laws.friction import BoucWen, Coulomb, Dahl, Elastoplastic, LuGre, ModifiedCoulomb
 from pwsmooth.scenes import IdealSliderCrank, slider_crank
 
 E = composite_modulus(207e9, 0.3)
@@ -165,6 +165,21 @@ def test_bristles_act_in_the_joint(law):
     # Per unit of load: no bristle force without contact.
     assert np.all(runs[0]["friction"][runs[0]["normal"] == 0] == 0)
     assert np.abs(runs[0]["friction"]).max() > 1.0
+
+
+def test_bristles_that_saturate_in_the_joint_are_those_of_small_steps():
+    """In slip z comes to z_max, a kink, within a rounding of which it stays; every touch-down begins with z = 0."""
+    scene = slider_crank(tangential=Elastoplastic())
+    runs = [scene.solve(rtol=1e-8), scene.solve(rtol=1e-11), scene.solve(rtol=1e-10, method="rk")]
+    assert all(run.success for run in runs)
+    first, *others = (touch_downs(run)[0] for run in runs)
+    assert len(first) >= 30
+    for other in others:
+        assert first == pytest.approx(other, abs=1e-8)
+    for run in runs:
+        down = [run.x[run.states.index("z"), run.t == instant][-1] for instant in touch_downs(run)[0]]
+        assert np.all(np.array(down) == 0.0)
+    assert np.sum(np.abs(np.abs(runs[0]["z"]) - 1e-5) < 1e-14) > 100  # F_c/sigma0
 
 
 def test_rigid_impacts_with_coulomb_friction_are_no_hundred_thousand_terms():

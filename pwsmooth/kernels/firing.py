@@ -168,12 +168,14 @@ def sides_after_crossing(P, S, R, W):
         for j in range(P.m):
             if P.nested[j] == 0 or W.hit[j] or S.status[j] == HELD:
                 continue
+            if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+                continue
+            S.deflate[j] = 0
             side = 1 if W.h[j] > 0.0 else -1
-            if S.status[j] != side and abs(W.h[j]) > surface_rounding(P, S, j, W):
+            if S.status[j] != side:
                 record_event(S, R, j, EV_RESET, S.status[j], side)
                 S.status[j] = side
                 S.mult[j] = float(side)
-                S.deflate[j] = 0
                 changed = True
         if not changed:
             return
@@ -192,12 +194,12 @@ def sides_after_jump(P, S, R, W):
             W.hit[j] = True  # still, or now, on its surface
             continue
         W.hit[j] = False
+        S.deflate[j] = 0
         side = 1 if W.h[j] > 0.0 else -1
         if S.status[j] != side:
             record_event(S, R, j, EV_RESET, S.status[j], side)
             S.status[j] = side
             S.mult[j] = float(side)
-            S.deflate[j] = 0
 
 
 @kernel

@@ -3,11 +3,12 @@
 Chain: steps.py (the polynomials) -> **this file** (roots.py finds the zeros) -> trajectory.py, which acts on the first.
 """
 
-from .compiling import inlined_kernel
+from .compiling import inlined_kernel, kernel
 from .lanes import load8, store8
-from .pointers import at
+from .pointers import at, call_linear
 from .rhythm import expected
 from .roots import NO_ROOT, first_root, low_bounds, remainder
+from .sliding import surface_size
 from .state import (
     A_GRAZE,
     A_GUESS,
@@ -17,6 +18,7 @@ from .state import (
     HELD,
     I_GRAZE_CROSSES,
     I_GRAZES,
+    KINK,
     SOLVED,
 )
 from .steps import SURFACE_ROUNDING, powers, scaled
@@ -94,6 +96,30 @@ def _note_size(P, W, i, row, drop):
         W.answer[A_SHALLOW] = W.widest[i] if drop == 0 else 0.0
 
 
+@kernel
+def _kink_met(P, C, S, row, power, j, met, W, poly):
+    """Where in the step kink j is met, if a series says at `met`.
+
+    The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
+    where both sides lead back, what they say is rounding. A kink that stays within the tolerance of zero is no event.
+    """
+    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    tolerance = C.rtol * surface_size(P, S, j, W)
+    if abs(row[0]) > tolerance:
+        return met
+    scaled(row, power, poly, C.order, 0, float(S.status[j]))
+    size = 0.0
+    for k in range(1, C.order + 1):
+        size += abs(poly[k])
+    if size <= tolerance:
+        return NO_ROOT
+    # It leaves with the second derivative, and the first one is rounding: a dip of no depth.
+    if met <= 0.0 and poly[2] > 0.0 and poly[1] * poly[1] <= 4.0 * tolerance * poly[2]:
+        scaled(row, power, poly, C.order, 2, float(S.status[j]))
+        return first_root(P, W, poly, C.order - 2)
+    return met
+
+
 @inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
     """Overwrites W.tau, W.grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
@@ -112,6 +138,8 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         elif surface_rows[j] >= 0 and status[j] != HELD:
             _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
             met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
+            if kind[j] == KINK and met <= 1.0:
+                met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W, poly)
         W.answer[A_SHALLOW] = 0.0
         tau[j] = met
         best = min(best, met)

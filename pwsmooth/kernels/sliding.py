@@ -100,9 +100,15 @@ def keep_on_surface(P, S, j, W):
 
 
 @kernel
-def surface_rounding(P, S, j, W):
-    """The size at which h_j is indistinguishable from 0, from the gradient's row and the time slope in W.dh."""
+def surface_size(P, S, j, W):
+    """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
     total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.now[0])
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         total += abs(W.dh[e] * S.x[P.dh_col[e]])
-    return 1e-13 * total
+    return total
+
+
+@kernel
+def surface_rounding(P, S, j, W):
+    """The size at which h_j is indistinguishable from 0, from W.dh."""
+    return 1e-13 * surface_size(P, S, j, W)

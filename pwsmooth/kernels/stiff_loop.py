@@ -194,8 +194,8 @@ def _after_step(s, places, t, mode):
         _write_point(s, 0.0, -1)  # the jump
         if happened == S.STOP:
             return S.TERMINAL
-        # Nothing of the old motion is used.
-        num[S.H] = length
+        # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
+        num[S.H] = length if length > 64.0 * np.finfo(np.float64).eps * abs(num[S.T]) else 0.0
         _begin(s)
         if set_sides(s, num[S.T], s.x, s.f, length):
             _begin(s)

@@ -115,7 +115,8 @@ def taylor_step(s):
         num[S.TAKEN] = np.nan
         return False
     h = min(num[S.H], natural)
-    if h < 4.0 * np.finfo(np.float64).eps * abs(num[S.T]):
+    # What is asked for may be that short: an instant a rounding behind another.
+    if natural < num[S.H] and h < 4.0 * np.finfo(np.float64).eps * abs(num[S.T]):
         num[S.TAKEN] = S.TOO_SHORT
         return False
     gate = taylor_passed(n, s.q, K, S.STRIDE, rows, s.surface_row, s.surf, h, s.scratch)

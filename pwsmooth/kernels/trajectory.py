@@ -279,7 +279,7 @@ def run(P, C, S, R, W):
         if time_row < 0 and h >= stop - t0:
             h = stop - t0
             capped = True
-        if time_row < 0 and h <= 1e-15 * abs(t0) + 1e-300:
+        if time_row < 0 and not capped and h <= 1e-15 * abs(t0) + 1e-300:
             return UNDERFLOW
         # What is met first on it, and where it therefore ends.
         if at(power, 1) != h:
@@ -332,7 +332,7 @@ def run(P, C, S, R, W):
             final = W.end_power
             powers(final, s_end)
         t_new = dot(rows[time_row], final, K + 1) if time_row >= 0 else t0 + s_end
-        if capped or abs(t_new - stop) <= 4e-16 * abs(stop):
+        if capped or t_new > stop or abs(t_new - stop) <= 4e-16 * abs(stop):
             t_new = stop
         at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
         if len(R.dense_s) > 0:

@@ -432,10 +432,28 @@ class Law:
         """A contact that opens or closes forgets the deflections: they belong to the junctions that it had."""
         if at.load.is_positive or not pieces.rates:
             return ()
-        # Of Max(0, g) the surface is g, which does not stay at zero.
-        others = [e for e in at.load.args if e != 0] if isinstance(at.load, sp.Max) else []
-        surface = others[0] if len(others) == 1 and 0 in at.load.args else at.load
-        return (Event(surface, update=dict.fromkeys(pieces.rates, 0), name=at.label("load vanishes")),)
+        ends = _ends_of(at.load, sp.true) or {at.load: sp.true}
+        names = ["load vanishes", *(f"load vanishes, {i}" for i in range(2, len(ends) + 1))]
+        return tuple(
+            Event(surface, update=dict.fromkeys(pieces.rates, 0), when=when, name=at.label(name))
+            for name, (surface, when) in zip(names, ends.items())
+        )
+
+
+def _ends_of(load, when):
+    """Surfaces on which a load that is never negative comes to zero or leaves it, each with its condition.
+
+    Not the load itself, which stays at zero: of Max(0, g) it is g, of a force in contact alone the contact's surface.
+    """
+    if isinstance(load, sp.Mul):
+        return {surface: holds for factor in load.args for surface, holds in _ends_of(factor, when).items()}
+    if isinstance(load, sp.Max) and len(load.args) == 2 and 0 in load.args:
+        return {sp.Add(*load.args): when}
+    if isinstance(load, sp.Piecewise) and len(load.args) == 2 and load.args[1].expr == 0:
+        (force, contact), _ = load.args
+        if isinstance(contact, sp.core.relational.Relational):
+            return {contact.lhs - contact.rhs: when} | _ends_of(force, when & contact)
+    return {}
 
 
 def _number(value, owner):
