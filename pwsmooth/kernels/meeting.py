@@ -139,7 +139,10 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
             _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
             met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
             if kind[j] == KINK and met <= 1.0:
-                met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W, poly)
+                away = abs(at(rows[surface_rows[j]], 0))
+                W.widest[j] = max(W.widest[j], away)
+                if away <= 1e-6 * W.widest[j]:
+                    met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W, poly)
         W.answer[A_SHALLOW] = 0.0
         tau[j] = met
         best = min(best, met)
