@@ -101,10 +101,10 @@ def _kink_met(P, C, S, row, power, j, met, W, poly):
     """Where in the step kink j is met, if a series says at `met`.
 
     The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
-    where both sides lead back, what they say is rounding. A kink that stays within the tolerance of zero is no event.
+    where both sides lead back, what they say is rounding. A kink that stays well within the tolerance of 0 is no event.
     """
     call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
-    tolerance = C.rtol * surface_size(P, S, j, W)
+    tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
     if abs(row[0]) > tolerance:
         return met
     scaled(row, power, poly, C.order, 0, float(S.status[j]))

@@ -9,7 +9,8 @@ prescribed-motion rig, an oscillator, a mechanism's joint. A scene assembles pie
 Signs. Friction: f > 0 for v > 0, so that a body obeys m dv/dt = u - f. Contact: the position is the indentation,
 and f >= 0 is the magnitude of the repulsive force.
 Load. Without a normal load f and all parameters are in newtons; with one the law is per unit of load, f = N F,
-and strengths, stiffnesses and dampings become coefficients. Where the load vanishes internal states are reset.
+and strengths, stiffnesses and dampings become coefficients. Where the load vanishes or begins,
+internal states are reset.
 Chain: primitives.py, family.py -> **law** -> laws/friction, laws/contact -> scenes -> System.
 """
 
