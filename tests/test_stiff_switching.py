@@ -1,5 +1,7 @@
 """method="stiff": systems whose switches are passed and never slid on, by implicit steps between exact events."""
 
+import math
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -186,3 +188,16 @@ def test_a_bound_on_steps_is_an_outcome():
     case = CASES["lugre"]
     run = solve(case.system, (0, case.t_end), case.start, method="stiff", max_steps=20)
     assert run.outcome is Outcome.TOO_MANY_STEPS and 0 < run.t[-1] < case.t_end
+
+
+@pytest.mark.parametrize("roundings", range(-3, 9))
+def test_a_reset_at_the_instant_of_a_crossing_leaves_the_side_that_the_records_say(roundings):
+    """u = x - 1 falls through 0 at t = 1 and is put to -1 there: u' = -1 - 3.5 u from then on."""
+    put = Event(at=1 + roundings * np.spacing(1.0), update={x: 0}, name="put")
+    system = System({x: -1 - 2 * (x - 1) + 3 * sp.Abs(x - 1) / 2}, time=t, events=[put])
+    solution = solve(system, (0, 3), {x: 1 + 2 * math.expm1(0.5)}, rtol=1e-10, method="stiff")
+    assert solution.x[0, -1] == pytest.approx(1 - 1 / 3.5 - (1 - 1 / 3.5) * math.exp(-7), abs=1e-9)
+    assert solution.status[0, -1] == -1
+    crossings = [event for event in solution.events if event.kind == "crossing"]
+    assert crossings[-1].note == "+1 to -1"
+    assert len(solution.event_times("reset")) == 1

@@ -193,6 +193,8 @@ def _carried_through(s, t, x):
     for j in range(s.e):
         if s.kind[j] != S.TIMED:
             old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
+            if s.remembers[j] >= 0 and s.values[8 * j] != s.values[8 * j + 1]:
+                old = x[s.remembers[j]]  # which rounding may contradict, from an instant at its surface
             if old * new < 0.0 and (s.kind[j] == S.BOTH or s.kind[j] == new):
                 s.due[j] = 1
 
