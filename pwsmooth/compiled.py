@@ -46,6 +46,7 @@ class CompiledProblem:
         self.fold = compile_model(fold_model(model)) if folds else None
         g_row, g_col = code.pattern("G")
         dh_row, dh_col = code.pattern("DH")
+        link_row, link_col = _both_ways(g_row, g_col)
         # What is solved for and belongs to the whole system may couple all elements.
         families = loops.template.families("multipliers") if loops else ()
         hub = np.flatnonzero(numbers("multipliers", [f is None for f in families]) * (self.kind != state.KINK)
@@ -97,6 +98,9 @@ class CompiledProblem:
             g_row=g_row,
             g_col=g_col,
             g_diagonal=_diagonal(g_row, g_col),
+            link_row=link_row,
+            link_col=link_col,
+            contact=np.flatnonzero(self.kind == state.CONTACT),
             block_row=block_row,
             block_member=block_member,
             hub=hub,
@@ -169,7 +173,7 @@ class CompiledProblem:
         """Scratch arrays that nobody else has."""
         n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
-        hubs = len(self.fixed["hub"])
+        hubs, contacts = len(self.fixed["hub"]), len(self.fixed["contact"])
         group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
         short_table, short_error, short_powers = short_tables(order, width)
         left_half, right_half = halving_tables(order, width)
@@ -199,6 +203,21 @@ class CompiledProblem:
             schur=np.zeros((hubs, hubs + 1)),
             border=np.zeros((m, hubs)),
             place=np.zeros(m),
+            delassus=np.zeros((contacts, contacts)),
+            pivots=np.zeros((contacts, contacts + 1)),
+            **{
+                name: np.zeros(contacts)
+                for name in (
+                    "touching",
+                    "chosen",
+                    "speed",
+                    "at_rest",
+                    "load",
+                    "impulse",
+                    "restitution",
+                    "sequel",
+                )
+            },
             code=np.zeros(state.N_CODE),
             answer=np.zeros(state.N_ANSWER),
             **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
@@ -221,6 +240,8 @@ class CompiledProblem:
                     "keep_mult",
                     "rest_status",
                     "rest_mult",
+                    "linked",
+                    "stack",
                 )
             },
             **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
@@ -259,6 +280,16 @@ def _groups(row, col, hub):
             groups.setdefault(root(i), []).append(i)
     ends = np.cumsum([0, *map(len, groups.values())])
     return ends.astype(np.int64), np.array([i for group in groups.values() for i in group], np.int64)
+
+
+def _both_ways(row, col):
+    """The pattern of a sparse matrix and of its transpose together, without the diagonal."""
+    m = len(row) - 1
+    i = np.repeat(np.arange(m), np.diff(row))
+    places = np.unique(np.concatenate([i * m + col, col * m + i]))
+    places = places[places // max(m, 1) != places % max(m, 1)]
+    ends = np.concatenate([[0], np.cumsum(np.bincount(places // max(m, 1), minlength=m))])
+    return ends.astype(np.int64), (places % max(m, 1)).astype(np.int64)
 
 
 def _diagonal(row, col):

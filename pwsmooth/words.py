@@ -72,6 +72,8 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
         names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
         names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
+        names.AMB_IMPACTS: ("simultaneous impacts", ("together", "one after the other")),
+        names.AMB_UPDATES: ("conflicting updates", ("the last in the order of the events", "another one")),
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):

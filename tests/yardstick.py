@@ -197,6 +197,8 @@ def difference(a, b):
     """What differs, in words; empty where nothing does."""
     import numpy as np
 
+    if a is None or b is None:
+        return "" if a is b else "only in one of them"
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         if a.shape != b.shape:
             return f"shape {a.shape} / {b.shape}, ends {a[..., -1:].ravel()} / {b[..., -1:].ravel()}"

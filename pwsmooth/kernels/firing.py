@@ -1,7 +1,6 @@
-"""Events, impacts and openings of one instant, and the sides of the switches after what jumped.
+"""Events of one instant, and the sides of the switches after what jumped.
 
-All events whose `when` holds fire from the values before, repeated until none newly fires; then the contacts that are
-met rebound, close or open.
+All events whose `when` holds fire from the values before, repeated until none newly fires.
 """
 
 import math
@@ -10,24 +9,19 @@ from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
 from .records import record_event
-from .settling import approach_speed, close_contact, evaluate_surfaces, note_interval
-from .sliding import keep_on_surface, surface_rounding
+from .settling import evaluate_surfaces
+from .sliding import surface_rounding
 from .state import (
-    A_AT_REST,
     ACCUMULATED,
     C_CLOCK,
     CHATTERING,
     CONTACT,
     DONE,
-    EV_CLOSED,
     EV_EVENT,
-    EV_IMPACT,
-    EV_OPENING,
     EV_RESET,
     HELD,
     I_AT_CLOCK,
     I_JUMPED,
-    SOLVED,
     TERMINAL,
 )
 
@@ -115,48 +109,6 @@ def events(P, C, S, R, W):
     if code == DONE and some and events_accumulate(P, S, R, W):
         return ACCUMULATED
     return code
-
-
-@kernel
-def impacts(P, S, R, W):
-    """Newton impacts and openings. True when it converged; with I_JUMPED set."""
-    for sweep in range(MOST_AT_ONCE):
-        newly = False
-        for j in range(P.m):
-            if P.kind[j] != CONTACT:
-                continue
-            if S.status[j] == SOLVED:
-                if W.hit[j] and sweep == 0 and S.mult[j] <= 1e-12:
-                    S.status[j] = 1
-                    S.mult[j] = 0.0
-                    S.deflate[j] = 3
-                    W.hit[j] = False
-                    record_event(S, R, j, EV_OPENING, 0, 1)
-                continue
-            evaluate_surfaces(P, S, W)
-            if not (W.hit[j] or W.h[j] <= -surface_rounding(P, S, j, W)):
-                continue
-            speed = approach_speed(P, S, j, W)
-            if speed < -W.answer[A_AT_REST]:
-                for i in range(P.n):
-                    W.after[i] = S.x[i]
-                call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
-                for i in range(P.n):
-                    S.x[i] = W.after[i]
-                keep_on_surface(P, S, j, W)
-                W.code[I_JUMPED] = 1
-                newly = True
-                S.deflate[j] = 1
-                W.hit[j] = True
-                if sweep == 0:
-                    note_interval(S, j)
-                record_event(S, R, j, EV_IMPACT, 1, 1)
-                speed = approach_speed(P, S, j, W)
-            if abs(speed) <= W.answer[A_AT_REST] and W.hit[j] and close_contact(P, S, j, W):
-                record_event(S, R, j, EV_CLOSED, 1, 0)
-        if not newly:
-            return True
-    return False
 
 
 @kernel

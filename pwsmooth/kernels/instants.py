@@ -5,11 +5,14 @@ fires; then impacts; then every switch that is on its surface is settled by its 
 field has jumped is settled again.
 """
 
+import math
+
 from numba import types
 
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
-from .firing import MOST_AT_ONCE, events, impacts, sides_after_crossing, sides_after_jump, step_inside
+from .contacts import UNCHANGED, UNSOLVABLE, settle_contacts, stop_closed
+from .firing import MOST_AT_ONCE, events, sides_after_crossing, sides_after_jump, step_inside
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
@@ -24,7 +27,7 @@ from .settling import (
     settle_at_rest,
 )
 from .sliding import keep_on_surface, surface_rounding
-from .sparse import couples
+from .sparse import link
 from .state import (
     A_ELAPSED,
     A_MET,
@@ -48,9 +51,11 @@ from .state import (
     I_AT_CLOCK,
     I_FOLD,
     I_JUMPED,
+    I_LOOK_AGAIN,
     I_SOLVED_THERE,
     I_TOGETHER,
     I_WAY,
+    NEWTON_FAILED,
     SLIDING,
     SOLVED,
     STRICT,
@@ -66,23 +71,21 @@ from .state import (
 @kernel
 def _arrivals(P, C, S, R, W, size, jumped):
     """Settles the switches W.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
-    m = P.m
     joint = size
-    for b in range(m):
-        if P.kind[b] != SLIDING:
-            continue
-        arriving = False
-        linked = False
-        for a in range(size):
-            j = W.active[a]
-            arriving = arriving or j == b
-            linked = linked or (j != b and (couples(P, j, b) or couples(P, b, j)))
-        if linked and S.status[b] == SOLVED and not arriving:
-            W.active[joint] = b
-            joint += 1
-        elif linked and arriving and size > 1:
-            joint = max(joint, size)
-            W.code[I_TOGETHER] = 1
+    for a in range(size):
+        link(P, S, W, W.active[a])
+        for b in range(P.m):
+            if W.linked[b] == 0 or P.kind[b] != SLIDING or b == W.active[a]:
+                continue
+            known = -1
+            for c in range(joint):
+                if W.active[c] == b:
+                    known = c
+            if 0 <= known < size:
+                W.code[I_TOGETHER] = 1
+            elif known < 0 and S.status[b] == SOLVED:
+                W.active[joint] = b
+                joint += 1
     code = DONE
     if joint > size or W.code[I_TOGETHER]:
         for a in range(joint):
@@ -148,15 +151,9 @@ def _try_other_ratio(P, S, R, W, size):
 
 
 @kernel
-def _everything(P, C, S, R, W, fold, fold_way):
-    """All that happens at this instant, in the order of the contract; a code, and whether a switch has changed."""
-    m, ne, mult, status = P.m, P.ne, S.mult, S.status
-    stop = events(P, C, S, R, W) if ne > 0 else DONE
-    if stop == ACCUMULATED:
-        record_point(P, S, R)
-        return stop, True
-    if stop == CHATTERING or not impacts(P, S, R, W):
-        return CHATTERING, True
+def _settle_switches(P, C, S, R, W, fold, fold_way):
+    """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
+    m, mult, status = P.m, S.mult, S.status
     jumped = W.code[I_JUMPED] != 0
     if jumped:
         sides_after_jump(P, S, R, W)
@@ -205,7 +202,7 @@ def _everything(P, C, S, R, W, fold, fold_way):
         if code != DONE:
             return code, True
         switched = True
-    return stop, switched
+    return DONE, switched
 
 
 @kernel
@@ -213,6 +210,29 @@ def _left_behind(P, S, W, i):
     """Whether surface i, met at the last instant, has since changed by more than rounding."""
     evaluate_surfaces(P, S, W)
     return abs(W.h[i]) > surface_rounding(P, S, i, W)
+
+
+@kernel
+def _forget_what_was_met(P, S, W):
+    """Before another look at the contacts of an instant: nothing is met but by what they do now."""
+    W.code[I_JUMPED] = 0
+    for j in range(P.m):
+        W.hit[j] = False
+        W.came[j] = S.status[j]
+        W.tau[j] = math.nan
+
+
+@kernel
+def _follow_up(P, S, R, W):
+    """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
+    sides_after_crossing(P, S, R, W)
+    for j in range(P.m):
+        W.keep_status[j] = S.status[j]
+    code = resettle(P, S, R, W)
+    for j in range(P.m):
+        if S.status[j] != W.keep_status[j]:
+            record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
+    return code
 
 
 @unit(types.int64, Problem, Control, State, Record, Work)
@@ -261,24 +281,42 @@ def at_instant(P, C, S, R, W):
             return code
         only = code
         W.code[I_SOLVED_THERE] = 0
-    stop, switched = DONE, True
-    if only < 0:
-        stop, switched = _everything(P, C, S, R, W, fold, fold_way)
+    stop = DONE
+    if only < 0 and ne > 0:
+        stop = events(P, C, S, R, W)
+        if stop == ACCUMULATED:
+            record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
             return stop
-    code = pass_accumulation(P, C, S, R, W)
-    if code > DONE:
-        return code
-    if switched or code == DONE:
-        sides_after_crossing(P, S, R, W)
-        for j in range(m):
-            W.keep_status[j] = status[j]
-        code = resettle(P, S, R, W)
-        if code != DONE:
+    for turn in range(MOST_AT_ONCE + 1):
+        if turn == MOST_AT_ONCE:
+            return CHATTERING
+        contacts = UNCHANGED
+        if len(P.contact) > 0:
+            if turn > 0:
+                # What the contacts do has its own consequences: look again, at nothing but these.
+                _forget_what_was_met(P, S, W)
+            contacts = settle_contacts(P, S, R, W)
+            if contacts == UNSOLVABLE:
+                return NEWTON_FAILED
+            if turn > 0 and contacts == UNCHANGED:
+                break
+        code, switched = -1, True
+        if only < 0 or turn > 0:
+            code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, fold_way)
+            if code != DONE:
+                return code
+        code = pass_accumulation(P, C, S, R, W) if turn == 0 else -1
+        if code > DONE:
             return code
-        for j in range(m):
-            if status[j] != W.keep_status[j]:
-                record_event(S, R, j, EV_RESET, SOLVED, status[j])
+        if switched or code == DONE or contacts != UNCHANGED:
+            code = _follow_up(P, S, R, W)
+            if code != DONE:
+                return code
+        if len(P.contact) == 0 or W.code[I_LOOK_AGAIN] == 0:
+            break
+    if len(P.contact) > 0:
+        stop_closed(P, S, W)
     if S.counts[C_EVENTS] > events_before:
         record_point(P, S, R)
     if C.strict and S.counts[C_AMBIGUITIES] > 0:

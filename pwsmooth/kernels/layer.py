@@ -14,7 +14,7 @@ from numba import types
 from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
-from .sparse import couples
+from .sparse import link
 from .state import I_MASKED, SLIDING, SOLVED, Problem, State, Work
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
@@ -426,8 +426,9 @@ def _leave_fold(P, S, W, j, toward):
     """After a fold of switch j's root the layer decides again, going on in the direction `toward`."""
     size = 1
     W.group[0] = j
+    link(P, S, W, j)
     for i in range(P.m):
-        if i != j and S.status[i] == SOLVED and P.kind[i] == SLIDING and (couples(P, i, j) or couples(P, j, i)):
+        if i != j and W.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
             W.group[size] = i
             size += 1
     fold = S.mult[j]

@@ -7,7 +7,7 @@ from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
-from .sparse import couples
+from .sparse import link
 from .state import (
     A_AT_REST,
     AMB_HIDDEN_OSCILLATION,
@@ -130,9 +130,10 @@ def settle_at_rest(P, C, S, R, W, size):
     together = False
     for a in range(size):
         S.mult[W.active[a]] = 0.0
-        for b in range(size):
-            if a != b and couples(P, W.active[a], W.active[b]):
-                together = True
+        if size > 1:
+            link(P, S, W, W.active[a])
+            for b in range(size):
+                together = together or (a != b and W.linked[W.active[b]] != 0)
     code = DONE
     if together:
         for a in range(size):
@@ -251,7 +252,7 @@ def note_interval(S, j):
 
 @kernel
 def resettle(P, S, R, W):
-    """Sliding switches whose residual has jumped follow the layer flow from where they are.
+    """Sliding switches whose residual has jumped follow the layer flow from where they are, coupled ones together.
 
     Leaves the side of those that slip in S.status; returns a code.
     """
@@ -269,6 +270,17 @@ def resettle(P, S, R, W):
         if abs(g) <= 1e-12:
             continue
         known = False
+        size = _sliding_with(P, S, W, j)
+        if size > 1:
+            for a in range(size):
+                W.arrival[a] = 0
+                W.active[a] = W.group[a]
+            code = settle_arrivals(P, S, R, W, size)
+            if code != DONE:
+                return code
+            for a in range(size):
+                S.deflate[W.active[a]] = 1
+            continue
         toward = 1 if g > 0.0 else -1
         if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:
             S.status[j] = toward
@@ -276,3 +288,15 @@ def resettle(P, S, R, W):
             S.deflate[j] = 1
     mask_solved(P, S, W)
     return DONE if follow(P, S, W) else NO_ROOT_FOUND
+
+
+@kernel
+def _sliding_with(P, S, W, j):
+    """Overwrites W.group by switch j and the sliding ones that act on it or it on them; returns how many."""
+    link(P, S, W, j)
+    size = 0
+    for i in range(P.m):
+        if W.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
+            W.group[size] = i
+            size += 1
+    return size

@@ -9,6 +9,7 @@ O(n), not O(n^3).
 """
 
 from .compiling import kernel
+from .state import CROSSING, KINK, SOLVED
 
 
 @kernel
@@ -25,16 +26,26 @@ def entry(row, col, values, i, j):
 
 
 @kernel
-def couples(P, i, j):
-    """Whether residual i depends on multiplier j."""
-    lo, hi = P.g_row[i], P.g_row[i + 1]
-    while lo < hi:
-        mid = (lo + hi) // 2
-        if P.g_col[mid] < j:
-            lo = mid + 1
-        else:
-            hi = mid
-    return lo < P.g_row[i + 1] and P.g_col[lo] == j
+def link(P, S, W, j):
+    """Overwrites W.linked: 1 for the multipliers that act on multiplier j, or it on them, at this instant.
+
+    Directly, or through what is solved at this instant as well: unknowns, closed contacts, sliding switches.
+    """
+    for i in range(P.m):
+        W.linked[i] = 0
+    W.linked[j] = 1
+    W.stack[0] = j
+    size = 1
+    while size > 0:
+        size -= 1
+        i = W.stack[size]
+        for e in range(P.link_row[i], P.link_row[i + 1]):
+            k = P.link_col[e]
+            if W.linked[k] == 0:
+                W.linked[k] = 1
+                if S.status[k] == SOLVED and P.kind[k] != KINK and P.kind[k] != CROSSING:
+                    W.stack[size] = k
+                    size += 1
 
 
 @kernel

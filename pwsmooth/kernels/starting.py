@@ -5,12 +5,12 @@ import math
 from numba import types
 
 from .compiling import unit
+from .contacts import close_at_start
 from .pointers import call_fields, call_newton
 from .records import record_point
 from .settling import (
     any_solved,
     approach_speed,
-    close_contact,
     evaluate_surfaces,
     leading_order,
     settle_at_rest,
@@ -22,6 +22,7 @@ from .state import (
     ALGEBRAIC,
     CONTACT,
     DONE,
+    NEWTON_FAILED,
     NO_ROOT_FOUND,
     SLIDING,
     SOLVED,
@@ -58,16 +59,15 @@ def start(P, C, S, R, W):
         W.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
+    if len(P.contact) > 0 and not close_at_start(P, S, R, W):
+        return NEWTON_FAILED
     size = 0
     for j in range(m):
         if not W.hit[j]:
             continue
         if P.kind[j] == CONTACT:
-            speed = approach_speed(P, S, j, W)
-            if speed > W.answer[A_AT_REST]:
+            if status[j] != SOLVED and approach_speed(P, S, j, W) > W.answer[A_AT_REST]:
                 S.deflate[j] = 1
-            elif speed >= -W.answer[A_AT_REST]:
-                close_contact(P, S, j, W)
         elif P.kind[j] == SLIDING:
             W.active[size] = j
             size += 1

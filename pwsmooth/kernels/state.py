@@ -32,7 +32,9 @@ SOLVED, HELD = 0, 2
     AMB_GRAZING,
     AMB_HIDDEN_OSCILLATION,
     AMB_FOLD,
-) = range(7)
+    AMB_IMPACTS,
+    AMB_UPDATES,
+) = range(9)
 
 # Why the loop returned.
 (
@@ -89,6 +91,9 @@ class Problem(Bundle):
     block_row: "i8[1]"  # (blocks + 1,) multipliers in groups that couple only through the hubs
     block_member: "i8[1]"
     hub: "i8[1]"  # multipliers that couple many groups
+    link_row: "i8[1]"  # (m + 1,) the same pattern and its transpose together, without the diagonal
+    link_col: "i8[1]"
+    contact: "i8[1]"  # the contacts among the multipliers
     dh_row: "i8[1]"  # (m + ne + 1,) rows of the sparse gradients of the surfaces
     dh_col: "i8[1]"
     nested: "i8[1]"  # (m,) another multiplier stands in the surface, which jumps when that one switches
@@ -169,7 +174,8 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     I_GRAZES,  # whether the polynomial at hand grazes zero
     I_GRAZE_CROSSES,  # and counts as crossing it
     I_SOLVED_THERE,  # whether the solved multipliers are those of the state left behind
-) = range(11)
+    I_LOOK_AGAIN,  # whether a contact at this instant may be moved by what happens after it
+) = range(12)
 (
     A_MET,  # where in the step the first surface is met
     A_STEP,
@@ -182,7 +188,7 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     A_SHALLOW,  # size of a surface so far, against which a dip is shallow
     A_AT_REST,  # size at which an approach speed is rounding
 ) = range(10)
-N_CODE, N_ANSWER = 11, 10
+N_CODE, N_ANSWER = 12, 10
 
 
 class Record(Bundle):
@@ -260,6 +266,18 @@ class Work(Bundle):
     rest_status: "i8[1]"  # (m,)
     rest_mult: "f8[1]"  # (m,)
     answer: "f8[1]"  # see the A_ names
+    linked: "i8[1]"  # (m,) see sparse.link
+    stack: "i8[1]"  # (m,)
+    touching: "i8[1]"  # (contacts,) see contacts.py
+    chosen: "i8[1]"
+    speed: "f8[1]"
+    at_rest: "f8[1]"
+    load: "f8[1]"
+    impulse: "f8[1]"
+    restitution: "f8[1]"
+    sequel: "f8[1]"
+    delassus: "f8[2]"  # (contacts, contacts)
+    pivots: "f8[2]"  # (contacts, contacts + 1)
     fold_dx: "f8[1]"
     fold_h: "f8[1]"
     fold_g: "f8[1]"

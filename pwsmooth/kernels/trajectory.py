@@ -10,6 +10,7 @@ import math
 from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
+from .contacts import stop_closed
 from .meeting import find_first, first_graze, meet
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import keep_dense, record_grazes, record_point, sample
@@ -35,6 +36,7 @@ from .state import (
     C_STALLED,
     C_STARTED,
     C_STEPS,
+    CONTACT,
     DONE,
     FULL,
     I_AT_CLOCK,
@@ -361,8 +363,10 @@ def run(P, C, S, R, W):
             return NOT_FINITE
         if sliding:
             for j in range(m):
-                if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC:
+                if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
                     keep_on_surface(P, S, j, W)
+            if len(P.contact) > 0:
+                stop_closed(P, S, W)
             code = two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W)
             if code != -1:
                 record_point(P, S, R)

@@ -1,0 +1,358 @@
+"""Contacts at one instant: the impacts of all that touch, then which of them stay closed.
+
+Velocities first. With u the rates of the gaps and D_ij the change of u_i by a unit of impulse at contact j,
+
+    u+ = u + D p,    0 <= p  complementary to  u+ + e u >= 0        (Newton's restitution; Moreau 1988)
+
+over all that touch and act on each other; one alone rebounds with -e u. Then, among those that neither approach nor
+part, forces:  0 <= R  complementary to  d2h/dt2 >= 0. D is the matrix dg/dR of the residuals g = d2h/dt2.
+Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
+"""
+
+from .compiling import kernel
+from .pointers import call_act, call_fields, call_newton
+from .records import record_ambiguity, record_event
+from .settling import approach_speed, evaluate_surfaces, note_interval
+from .sliding import keep_on_surface, mask_solved, surface_rounding
+from .sparse import entry, solve_dense
+from .state import (
+    A_AT_REST,
+    AMB_IMPACTS,
+    C_EVENTS,
+    EV_CLOSED,
+    EV_IMPACT,
+    EV_OPENING,
+    I_JUMPED,
+    I_LOOK_AGAIN,
+    SOLVED,
+)
+
+UNSOLVABLE, UNCHANGED, CHANGED = -1, 0, 1
+_HEAVY = float(2**30)  # a reaction beside which all other forces are small
+_EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
+_SINGULAR = 1e10  # an impulse or force so many times the others comes of a singular matrix
+
+
+@kernel
+def _open(S, R, j, order):
+    """Opens contact j, whose gap has `order` known zeros: h, then dh/dt, then d2h/dt2."""
+    S.status[j] = 1
+    S.mult[j] = 0.0
+    S.deflate[j] = order
+    record_event(S, R, j, EV_OPENING, 0, 1)
+
+
+@kernel
+def _find_touching(P, S, R, W):
+    """Overwrites W.touching, the contacts whose gap is 0, W.speed and W.at_rest; returns how many.
+
+    W.tau holds the gaps before the updates of this instant.
+    """
+    size = 0
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        rounding = surface_rounding(P, S, j, W)
+        if S.status[j] == SOLVED and W.code[I_JUMPED] and W.h[j] > rounding and W.h[j] != W.tau[j]:
+            _open(S, R, j, 0)  # an update has lifted the body off
+        elif S.status[j] == SOLVED or W.hit[j] or W.h[j] <= rounding:
+            W.touching[size] = j
+            size += 1
+    for a in range(size):
+        W.speed[a] = approach_speed(P, S, W.touching[a], W)
+        W.at_rest[a] = W.answer[A_AT_REST]
+    return size
+
+
+@kernel
+def _find_couplings(P, S, W, size):
+    """Overwrites W.delassus, the matrix D of the touching contacts."""
+    evaluate_surfaces(P, S, W)
+    for a in range(size):
+        for b in range(size):
+            W.delassus[a, b] = entry(P.g_row, P.g_col, W.G, W.touching[a], W.touching[b])
+
+
+@kernel
+def _coupled(W, a, size):
+    """Whether an impulse at touching contact a moves another one that touches, or is moved by it."""
+    for b in range(size):
+        if b != a and (W.delassus[a, b] != 0.0 or W.delassus[b, a] != 0.0):
+            return True
+    return False
+
+
+@kernel
+def _rebound(P, S, W, j):
+    """Overwrites W.after by the state after a rebound of contact j alone; returns its speed there."""
+    for i in range(P.n):
+        W.before[i] = W.after[i] = S.x[i]
+    call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
+    for i in range(P.n):
+        S.x[i] = W.after[i]
+    speed = approach_speed(P, S, j, W)
+    for i in range(P.n):
+        S.x[i] = W.before[i]
+    return speed
+
+
+@kernel
+def _kick(P, S, W, j, impulse):
+    """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
+    mult = S.mult[j]
+    S.mult[j] = -_HEAVY
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.after, W.h, W.g)
+    S.mult[j] = _HEAVY
+    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.mult[j] = mult
+    for i in range(P.n):
+        S.x[i] += impulse * ((W.dx[i] - W.after[i]) / (2.0 * _HEAVY))
+
+
+@kernel
+def _solve_chosen(W, size):
+    """Overwrites W.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
+    p, q, D, A = W.impulse, W.load, W.delassus, W.pivots
+    rows, scale = 0, 0.0
+    for a in range(size):
+        scale = max(scale, abs(q[a]))
+        if W.chosen[a]:
+            columns = 0
+            for b in range(size):
+                if W.chosen[b]:
+                    A[rows, columns] = D[a, b]
+                    columns += 1
+            A[rows, columns] = -q[a]
+            rows += 1
+    if not solve_dense(A, rows, 1):
+        return False
+    row = 0
+    for a in range(size):
+        p[a] = 0.0
+        if W.chosen[a]:
+            p[a] = A[row, rows]
+            row += 1
+            if not abs(p[a] * D[a, a]) <= _SINGULAR * scale:
+                return False
+    return True
+
+
+@kernel
+def _complementarity(W, size):
+    """Solves 0 <= p, q + D p >= 0, one of them 0, for W.impulse, q in W.load: Murty's least-index pivoting.
+
+    False where D is no P-matrix, as where two walls close on a body.
+    """
+    p, q, D = W.impulse, W.load, W.delassus
+    scale = 0.0
+    for a in range(size):
+        W.chosen[a] = 0
+        p[a] = 0.0
+        scale = max(scale, abs(q[a]))
+    for _ in range(64 + 16 * size):
+        largest, wrong = 0.0, -1
+        for a in range(size):
+            largest = max(largest, abs(p[a]))
+        for a in range(size):
+            rate = q[a]
+            for b in range(size):
+                rate += D[a, b] * p[b]
+            if p[a] < -_EQUAL * largest if W.chosen[a] else rate < -_EQUAL * scale:
+                wrong = a
+                break
+        if wrong < 0:
+            return True
+        W.chosen[wrong] = 1 - W.chosen[wrong]
+        if not _solve_chosen(W, size):
+            return False
+    return False
+
+
+@kernel
+def _apart_from_single_impacts(W, size):
+    """Largest difference between the speeds after W.impulse and after rebounds one by one, first or last contact first.
+
+    Relative to the largest speed of approach.
+    """
+    scale, apart = 0.0, 0.0
+    for a in range(size):
+        scale = max(scale, abs(W.speed[a]))
+    for turn in range(2):
+        for a in range(size):
+            W.sequel[a] = W.speed[a]
+        for _ in range(200 * size):
+            found = -1
+            for k in range(size):
+                a = k if turn == 0 else size - 1 - k
+                if found < 0 and W.sequel[a] < -_EQUAL * scale:
+                    found = a
+            if found < 0:
+                break
+            impulse = -(1.0 + W.restitution[found]) * W.sequel[found] / W.delassus[found, found]
+            for a in range(size):
+                W.sequel[a] += W.delassus[a, found] * impulse
+        for a in range(size):
+            speed = W.speed[a] - W.sequel[a]
+            for b in range(size):
+                speed += W.delassus[a, b] * W.impulse[b]
+            apart = max(apart, abs(speed))
+    return apart / scale
+
+
+@kernel
+def _collide(P, S, R, W, size):
+    """Impacts of the touching contacts, those that act on each other together; False where they have no solution."""
+    approaching, together = False, False
+    for a in range(size):
+        approaching = approaching or W.speed[a] < -W.at_rest[a]
+    if not approaching:
+        return True
+    if size > 1:
+        _find_couplings(P, S, W, size)
+    for a in range(size if size > 1 else 0):
+        W.load[a] = W.speed[a]
+        W.restitution[a] = 0.0
+        if W.speed[a] < -W.at_rest[a]:
+            after = _rebound(P, S, W, W.touching[a])
+            W.restitution[a] = -after / W.speed[a]
+            W.load[a] -= after
+            together = together or _coupled(W, a, size)
+    if together:
+        if not _complementarity(W, size):
+            return False
+        if _apart_from_single_impacts(W, size) > 1e-9:
+            record_ambiguity(S, R, W.touching[0], AMB_IMPACTS, 0)
+    for a in range(size):
+        j, meets = W.touching[a], W.speed[a] < -W.at_rest[a]
+        if together and _coupled(W, a, size):
+            if W.impulse[a] > 0.0:
+                _kick(P, S, W, j, W.impulse[a])
+        elif meets:
+            _rebound(P, S, W, j)
+            for i in range(P.n):
+                S.x[i] = W.after[i]
+        if meets:
+            keep_on_surface(P, S, j, W)
+            S.deflate[j] = 1
+            W.hit[j] = True
+            note_interval(S, j)
+            record_event(S, R, j, EV_IMPACT, 1, 1)
+    W.code[I_JUMPED] = 1
+    return True
+
+
+@kernel
+def _settle_forces(P, S, R, W, size):
+    """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
+    largest, resting, was_closed = 0.0, W.chosen, W.load
+    some = False
+    W.code[I_LOOK_AGAIN] = int(size > 1)
+    for a in range(size):
+        j = W.touching[a]
+        was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
+        # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
+        smooth = S.status[j] != SOLVED and S.deflate[j] == 3
+        resting[a] = 1 if abs(W.speed[a]) <= W.at_rest[a] and not smooth else 0
+        if resting[a]:
+            some = True
+            W.code[I_LOOK_AGAIN] = 1
+        largest = max(largest, S.mult[j])
+    added = -1
+    for _ in range(64 + 16 * size if some else 0):
+        mask_solved(P, S, W)
+        solved = call_newton(P.newton_unit, P, S, W) != 0
+        now = 0.0
+        for a in range(size):
+            now = max(now, abs(S.mult[W.touching[a]]))
+        if added >= 0 and (not solved or (largest > 0.0 and now > _SINGULAR * largest)):
+            S.status[W.touching[added]] = 1
+            S.mult[W.touching[added]] = 0.0
+            resting[added] = 0
+            added = -1
+            continue
+        if not solved:
+            return False
+        largest = max(largest, now)
+        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        wrong = -1
+        for a in range(size):
+            j = W.touching[a]
+            if wrong < 0 and resting[a]:
+                if S.status[j] == SOLVED:
+                    fails = S.mult[j] < -_EQUAL * largest
+                else:
+                    own = entry(P.g_row, P.g_col, W.G, j, j)
+                    # What the others hold already, as a second wall at the same place, stays open.
+                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * abs(own) * largest
+                if fails:
+                    wrong = a
+        if wrong < 0:
+            break
+        j = W.touching[wrong]
+        added = wrong if S.status[j] != SOLVED else -1
+        S.status[j] = SOLVED if added >= 0 else 1
+        S.mult[j] = 0.0
+    for a in range(size):
+        j = W.touching[a]
+        if S.status[j] == SOLVED and was_closed[a] == 0.0:
+            record_event(S, R, j, EV_CLOSED, 1, 0)
+        elif S.status[j] != SOLVED and was_closed[a] != 0.0:
+            _open(S, R, j, 2)
+        elif S.status[j] != SOLVED and resting[a]:
+            S.deflate[j] = 2
+    return True
+
+
+@kernel
+def settle_contacts(P, S, R, W):
+    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with I_JUMPED set where velocities jump."""
+    before = S.counts[C_EVENTS]
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if W.hit[j] and S.status[j] == SOLVED and W.code[I_JUMPED] == 0:
+            _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
+            W.hit[j] = False
+    size = _find_touching(P, S, R, W)
+    if not _collide(P, S, R, W, size):
+        return UNSOLVABLE
+    for a in range(size):
+        j = W.touching[a]
+        W.speed[a] = approach_speed(P, S, j, W)
+        if W.speed[a] > W.at_rest[a]:
+            if S.status[j] == SOLVED:
+                _open(S, R, j, 1)
+            S.deflate[j] = 1
+    if not _settle_forces(P, S, R, W, size):
+        return UNSOLVABLE
+    return CHANGED if S.counts[C_EVENTS] > before else UNCHANGED
+
+
+@kernel
+def close_at_start(P, S, R, W):
+    """Closes the contacts that touch at rest at the start of a run; False where their forces have no solution."""
+    before = S.counts[C_EVENTS]
+    solved = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
+    S.counts[C_EVENTS] = before  # what holds from the start is no event
+    return solved
+
+
+@kernel
+def stop_closed(P, S, W):
+    """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
+    size = 0
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if S.status[j] == SOLVED:
+            keep_on_surface(P, S, j, W)
+            W.touching[size] = j
+            size += 1
+    if size == 0:
+        return
+    for a in range(size):
+        W.chosen[a] = 1
+        W.load[a] = approach_speed(P, S, W.touching[a], W)
+    _find_couplings(P, S, W, size)
+    if _solve_chosen(W, size):
+        for a in range(size):
+            if W.impulse[a] != 0.0:
+                _kick(P, S, W, W.touching[a], W.impulse[a])

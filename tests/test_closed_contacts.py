@@ -1,0 +1,152 @@
+"""A closed contact at which something jumps: a force, a velocity, the wall's motion, another contact.
+
+References are closed forms: uniformly accelerated flights, Newton's restitution, Moreau's complementarity of all that close at once.
+"""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Event, Memory, System, Unilateral, solve
+
+t, x, y, v, w = sp.symbols("t x y v w", real=True)
+HALF = sp.Rational(1, 2)
+METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
+
+
+def floor(restitution=0):
+    return Unilateral(x, restitution=restitution, name="A")
+
+
+def ends(system, span, start, method="taylor", **options):
+    solution = solve(system, (0, span), start, method=method, **options)
+    assert solution.outcome.name == "FINISHED", solution.message
+    return solution
+
+
+@METHODS
+def test_a_force_that_turns_round_lifts_the_body(method):
+    A = floor()
+    s = ends(System({x: v, v: sp.sign(t - 1) + A.reaction}, time=t), 2, [0, 0], method)
+    assert s["x"][-1] == pytest.approx(0.5, abs=1e-9) and s["A"][-1] == 0
+    m = Memory("m", -1)
+    pulled = System({x: v, v: m + A.reaction}, time=t, events=[Event(at=[1], update={m: 1})])
+    s = ends(pulled, 2, [0, 0], method)
+    assert s["x"][-1] == pytest.approx(0.5, abs=1e-9) and s["A"][-1] == 0
+
+
+@METHODS
+@pytest.mark.parametrize(
+    ("restitution", "kick", "end", "position", "speed"),
+    [
+        (0, 1, 2, 0.5, 0.0),
+        (0, -1, 2, 0.0, 0.0),
+        (HALF, 1, 2, 0.5, 0.0),
+        (HALF, -1, 1.5, 0.125, 0.0),  # halfway through the first bounce, which begins with 1/2
+        (HALF, -1, 3.1, 0.0, 0.0),  # bounces of 1, 1/2, 1/4, ... end after 2
+    ],
+)
+def test_a_kick_lifts_or_rebounds(restitution, kick, end, position, speed, method):
+    A = floor(restitution)
+    kicked = System({x: v, v: -1 + A.reaction}, time=t, events=[Event(at=[1], update={v: v + kick})])
+    s = ends(kicked, end, [0, 0], method)
+    assert s["x"][-1] == pytest.approx(position, abs=1e-9)
+    assert s["v"][-1] == pytest.approx(speed, abs=1e-9)
+
+
+@METHODS
+def test_a_body_that_is_lifted_falls_and_closes_again(method):
+    A = floor()
+    s = ends(
+        System({x: v, v: -1 + A.reaction}, time=t, events=[Event(at=[1], update={x: HALF})]),
+        1.5,
+        [0, 0],
+        method,
+    )
+    assert s["x"][-1] == pytest.approx(0.5 - 0.125, abs=1e-9)
+    assert s["A"][-1] == 0
+    later = ends(
+        System({x: v, v: -1 + A.reaction}, time=t, events=[Event(at=[1], update={x: HALF})]), 3, [0, 0], method
+    )
+    assert later["x"][-1] == 0 and later["A"][-1] == pytest.approx(1)
+
+
+@METHODS
+@pytest.mark.parametrize(("rate", "position", "speed"), [(1, 1.0, 1.0), (-1, -0.5, -1.0)])
+def test_a_wall_that_starts_to_move_takes_the_body_along_or_leaves_it(rate, position, speed, method):
+    wall = Unilateral(x - rate * sp.Max(0, t - 1), name="A")
+    s = ends(System({x: v, v: -1 + wall.reaction}, time=t), 2, [0, 0], method)
+    assert s["x"][-1] == pytest.approx(position, abs=1e-9)
+    assert s["v"][-1] == pytest.approx(speed, abs=1e-9)
+
+
+def two_masses(e_floor=0, e_between=0):
+    """Two unit masses one above the other, on a floor, under gravity 1."""
+    A, B = floor(e_floor), Unilateral(y - x, restitution=e_between, name="B")
+    return System({x: v, v: -1 + A.reaction - B.reaction, y: w, w: -1 + B.reaction})
+
+
+@METHODS
+def test_a_mass_lands_on_one_at_rest(method):
+    s = ends(two_masses(), 3, [0, 0, 1, 0], method)
+    assert [s[name][-1] for name in "xvyw"] == pytest.approx([0, 0, 0, 0], abs=1e-12)
+    assert (s["A"][-1], s["B"][-1]) == pytest.approx((2, 1))
+
+
+def test_two_masses_in_contact_land_together():
+    s = ends(two_masses(), 3, [1, 0, 1, 0])
+    assert [s[name][-1] for name in "xvyw"] == pytest.approx([0, 0, 0, 0], abs=1e-12)
+
+
+def test_two_contacts_that_close_at_one_instant():
+    fall = math.sqrt(2)  # both gaps, 1 - t^2/2 and 1 - t/fall, vanish then
+    s = ends(two_masses(), 3, [1, 0, 2, -1 / fall])
+    assert [s[name][-1] for name in "xvyw"] == pytest.approx([0, 0, 0, 0], abs=1e-12)
+
+
+def test_what_depends_on_the_order_of_impacts_is_recorded():
+    # Both arrive with -sqrt 2, the lower one rebounds with e = 1/2: together (Moreau) the pair leaves with sqrt(2)/2;
+    # one after the other the upper mass, still falling, takes the speed away again.
+    s = ends(two_masses(HALF), 1.5, [1, 0, 1, 0])
+    after = math.sqrt(2) / 2
+    rest = 1.5 - math.sqrt(2)
+    assert s["x"][-1] == pytest.approx(after * rest - rest**2 / 2, abs=1e-9)
+    assert [a.kind for a in s.ambiguities] == ["simultaneous impacts"]
+    strict = solve(two_masses(HALF), (0, 1.5), [1, 0, 1, 0], strict=True)
+    assert strict.outcome.name == "AMBIGUITY"
+    # Where the order does not matter nothing is recorded.
+    assert not ends(two_masses(), 3, [0, 0, 1, 0]).ambiguities
+
+
+@METHODS
+@pytest.mark.parametrize(("lean", "end"), [(-1, 3), (1, 6)])
+def test_a_corner_of_two_walls_that_are_not_orthogonal(lean, end, method):
+    # A block slides along the floor y = 0 into a wall that leans over it, or back, without restitution. At t = 2 it
+    # comes with speed 1: under an overhang it stops; a wall that leans back it climbs with (1/5, 2/5), slides back, and
+    # comes again with a fifth of the speed, until it rests in the corner from t = 14/3 on.
+    A, B = Unilateral(y, name="A"), Unilateral(1 - x + lean * y / 2, name="B")
+    system = System({x: v, v: HALF - B.reaction, y: w, w: -1 + A.reaction + lean * B.reaction / 2})
+    s = ends(system, end, {x: 0, v: 0, y: 0, w: 0}, method)
+    assert [s[name][-1] for name in "xvyw"] == pytest.approx([1, 0, 0, 0], abs=1e-9)
+    assert (s["A"][-1], s["B"][-1]) == pytest.approx((1 - lean / 4, 0.5), abs=1e-9)
+
+
+def test_two_contacts_that_say_the_same_are_one():
+    A, B = floor(), Unilateral(2 * x, name="B")
+    s = ends(System({x: v, v: sp.sign(t - 1) + A.reaction + B.reaction}, time=t), 2, [0.1, 0])
+    assert s["x"][-1] == pytest.approx(0.5, abs=1e-9)
+
+
+def test_a_closed_contact_keeps_its_gap_and_rate_at_zero():
+    table = sp.sin(t) * sp.Rational(201, 200)
+    A = Unilateral(x - table, restitution=HALF, name="A")
+    s = solve(
+        System({x: v, v: -1 + A.reaction}, time=t), (0, 60), [0, 1.005], t_eval=[k * 0.37 for k in range(163)]
+    )
+    closed = s.status[0] == 0
+    assert closed.sum() > 100
+    gap = s["x"] - 1.005 * np.sin(s.t)
+    rate = s["v"] - 1.005 * np.cos(s.t)
+    assert abs(gap[closed]).max() < 1e-11 and abs(rate[closed]).max() < 1e-11
