@@ -221,9 +221,12 @@ class CompiledProblem:
             code=np.zeros(state.N_CODE),
             answer=np.zeros(state.N_ANSWER),
             **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
-            **{name: np.zeros(n) for name in ("dx", "before", "after", "gradient")},
+            **{
+                name: np.zeros(n)
+                for name in ("dx", "before", "after", "gradient", "added", "was_set", "trial", "shifted")
+            },
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},
-            **{name: np.zeros(ne) for name in ("pending",)},
+            **{name: np.zeros(ne) for name in ("pending", "firing")},
             **{
                 name: np.zeros(m)
                 for name in (

@@ -15,6 +15,7 @@ Chain: System (notation) -> Model (this file) -> codegen (compiled addresses) ->
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +83,20 @@ class EventSpec:
     when: sp.Basic = sp.true
     update: tuple[tuple[int, sp.Expr], ...] = ()  # (index of state, its new value from the values before)
     terminal: bool = False
+
+    def writes(self, states: Sequence[sp.Symbol]) -> list[tuple[int, sp.Expr, bool]]:
+        """(index of state, expression, whether that is added): an update x + e adds e if e does not read x.
+
+        Events of one instant act on the values before it; what they add to one state adds up.
+        """
+        result = []
+        for index, value in self.update:
+            e = value - states[index]
+            if states[index] in e.free_symbols and sp.count_ops(e) <= 60:
+                e = sp.expand(e)
+            adds = states[index] not in e.free_symbols
+            result.append((index, e if adds else value, adds))
+        return result
 
 
 @dataclass(frozen=True)

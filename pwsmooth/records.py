@@ -123,6 +123,10 @@ _TEXTS = {
 }
 
 
+# An ambiguity of both paths, and how it may go on: the first is taken.
+CONFLICTING_UPDATES = ("conflicting updates", ("in the order of the events", "in another order"))
+
+
 @dataclass(frozen=True)
 class EventRecord:
     """One event of a solution.

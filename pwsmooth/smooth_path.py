@@ -5,13 +5,15 @@ Chain: solve -> **this file** -> stiff.py (the product's own methods, which neve
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .records import EventRecord, Outcome
+from .pointwise import value
+from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 from .solution import Solution
 
 
@@ -83,9 +85,9 @@ def solve_smoothed(
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
         pieces = own(system.model, t_span, start, p, options, max_steps)
-    t, x, events, dense, outcome, cost = pieces
+    t, x, events, dense, outcome, cost, ambiguities = pieces
     none = np.zeros((0, len(t)))
-    return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, [], values)
+    return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
 
 
 def of_event(model, i):
@@ -129,7 +131,29 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         if outcome is not Outcome.FINISHED and (t.size == 0 or t[-1] < run.t[-1]):
             # Where and in which state it stopped, as the event-driven path gives it.
             t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])
-    return t, x, events, _polynomials(run.dense, len(model.states)) if options["dense"] else None, outcome, cost
+    dense = _polynomials(run.dense, len(model.states)) if options["dense"] else None
+    return t, x, events, dense, outcome, cost, _conflicts(model, run.events, p)
+
+
+def _conflicts(model, fired, p) -> list[Ambiguity]:
+    """Where of events that acted on the same values one set a state that another set or added to otherwise.
+
+    What kernels/firing.py records on the event-driven path.
+    """
+    found = []
+    for (when, before), group in itertools.groupby(fired, key=lambda event: (event[0], event[2].tobytes())):
+        indices = [event[1] for event in group]
+        values = dict(zip(model.states, np.frombuffer(before)))
+        point = {model.time: when} | dict(zip(model.parameters, p)) | values
+        writes: dict[int, set] = {}
+        for i in indices if len(indices) > 1 else ():
+            for k, e, adds in model.events[i].writes(model.states):
+                if not (adds and value(e, point) == 0):
+                    writes.setdefault(k, set()).add(None if adds else value(e, point))
+        if any(len(kinds) > 1 for kinds in writes.values()):
+            name, continuations = CONFLICTING_UPDATES
+            found.append(Ambiguity(when, model.events[indices[-1]].name, name, continuations[0], continuations))
+    return found
 
 
 def _polynomials(dense, n) -> StepPolynomials | None:
@@ -164,4 +188,4 @@ def _scipy(model, t_span, start, p, options):
         t, y = np.append(t, when), np.column_stack([y, where])
     cost = {"steps": run.steps, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
     dense = SciPyDense(run.sol) if options["dense"] else None
-    return t, y, [], dense, outcome, cost
+    return t, y, [], dense, outcome, cost, []

@@ -141,9 +141,9 @@ def solve_stiff(
     options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
                    dense=dense, kicks=None, remembers=remembers)  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
-    t, x, events, pieces, outcome, cost = own(view, t_span, both, p, options, max_steps, words)
+    t, x, events, pieces, outcome, cost, ambiguities = own(view, t_span, both, p, options, max_steps, words)
     side = x[n:]
     return Solution(
         system, t, x[:n], side, side.astype(np.int8), events, Divided(pieces, n) if dense else None, outcome, cost,
-        {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, [], system.parameters,
+        {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, ambiguities, system.parameters,
     )  # fmt: skip

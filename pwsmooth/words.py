@@ -11,7 +11,7 @@ import numpy as np
 
 from .kernels import state as names
 from .model import Model
-from .records import Ambiguity, EventRecord, Outcome
+from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 
 OUTCOMES = {
     names.DONE: Outcome.FINISHED,
@@ -73,7 +73,7 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
         names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
         names.AMB_IMPACTS: ("simultaneous impacts", ("together", "one after the other")),
-        names.AMB_UPDATES: ("conflicting updates", ("the last in the order of the events", "another one")),
+        names.AMB_UPDATES: CONFLICTING_UPDATES,
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
@@ -86,5 +86,7 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
             choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
         else:
             choice = continuations[0]
-        found.append(Ambiguity(t, str(model.multipliers[index].symbol), name, choice, continuations))
+        m = len(model.multipliers)
+        what = str(model.multipliers[index].symbol) if index < m else model.events[index - m].name
+        found.append(Ambiguity(t, what, name, choice, continuations))
     return found

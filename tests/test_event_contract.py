@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 HALF = sp.Rational(1, 2)
@@ -267,3 +267,74 @@ def test_a_span_may_end_roundings_from_a_crossing(roundings, method):
     end = crossing + roundings * np.spacing(crossing)
     solution = solve(system, (0, end), start, rtol=1e-10, method=method)
     assert solution.success and solution.t[-1] == end
+
+
+# ---- resets beyond the event's own surface, and several events that write one state
+
+PATHS = pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
+
+
+@PATHS
+@pytest.mark.parametrize("speed", [1, -1])
+def test_a_reset_beyond_its_own_surface_is_met_again_from_there(speed, method):
+    # A flight under gravity 1, put to x = 5/4 with this speed whenever x = 1 is met.
+    system = System({x: y, y: -1}, events=[Event(x - 1, update={x: sp.Rational(5, 4), y: speed})])
+    first, between = 2 - math.sqrt(2), speed + math.sqrt(1.5)
+    times = first + between * np.arange(1 + int((6 - first) / between))
+    solution = solve(system, (0, 6), [0, 2], method=method)
+    assert solution.event_times() == pytest.approx(times, abs=1e-9)
+
+
+@PATHS
+def test_a_thermostat_with_overshoot_switches_at_its_times(method):
+    m = Memory("m", 1)
+    system = System({x: m}, events=[Event(x - 1, update={x: x + m / 10, m: -m})])
+    solution = solve(system, (0, 1.95), {x: 0}, method=method)
+    assert solution.event_times() == pytest.approx(1 + np.arange(10) / 10, abs=1e-9)
+
+
+@PATHS
+def test_increments_of_one_instant_add_up(method):
+    c, d = Memory("c", 0), Memory("d", 2)
+    updates = ({v: 0, c: c + 1}, {z: 0, c: c + sp.Rational(1, 2), d: 7})
+    events = [Event(s - 1, update=update) for s, update in zip((v, z), updates)]
+    system = System({x: 0, v: 1, z: 1}, events=events)
+    solution = solve(system, (0, 1.5), [0, 0, 0], method=method)
+    assert (solution["c"][-1], solution["d"][-1]) == (1.5, 7) and not solution.ambiguities
+
+
+@METHODS
+def test_ten_neurons_that_fire_together_add_ten_increments(method):
+    potentials = sp.symbols("u1:11", real=True)
+    events = [Event(u - 1, update={u: 0, x: x + sp.Rational(1, 10)}) for u in potentials]
+    solution = solve(
+        System({x: 0} | {u: 1 for u in potentials}, events=events), (0, 1.5), [0] * 11, method=method
+    )
+    assert solution["x"][-1] == pytest.approx(1, abs=1e-15)
+    neurons = Family(10)
+    (u,) = neurons.symbols("u")
+    family = System({x: 0, u: 1}, events=[Event(u - 1, update={u: 0, x: x + sp.Rational(1, 10)})])
+    assert solve(family, (0, 1.5), {x: 0, u: 0}, method=method)["x"][-1] == pytest.approx(1, abs=1e-15)
+
+
+@PATHS
+@pytest.mark.parametrize(
+    ("first", "second", "conflict"),
+    [
+        (5, 5, False),
+        (5, 6, True),
+        (x + 1, 5, True),
+        (5, x + 1, True),
+        (2 * x, x + 1, True),
+        (x + 1, x + v, False),
+    ],
+)
+def test_updates_that_contradict_each_other_are_recorded(first, second, conflict, method):
+    events = [Event(v - 1, update={v: 0, x: first}, name="one"), Event(z - 1, update={z: 0, x: second})]
+    system = System({x: 0, v: 1, z: 1}, events=events)
+    solution = solve(system, (0, 1.5), [3, 0, 0], method=method)
+    kinds = [(a.kind, a.time) for a in solution.ambiguities]
+    assert kinds == ([("conflicting updates", pytest.approx(1))] if conflict else [])
+    if method != "stiff":
+        strict = solve(system, (0, 1.5), [3, 0, 0], method=method, strict=True)
+        assert strict.outcome.name == ("AMBIGUITY" if conflict else "FINISHED")

@@ -197,8 +197,6 @@ def difference(a, b):
     """What differs, in words; empty where nothing does."""
     import numpy as np
 
-    if a is None or b is None:
-        return "" if a is b else "only in one of them"
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         if a.shape != b.shape:
             return f"shape {a.shape} / {b.shape}, ends {a[..., -1:].ravel()} / {b[..., -1:].ravel()}"
@@ -239,6 +237,11 @@ def main():
     before, after = (results_of(path.resolve(), options.only) for path in (options.before, options.after))
     moved = 0
     for name in before:
+        raised = [results[name].get("raises", "") for results in (before, after)]
+        if raised[0] != raised[1]:
+            moved += 1
+            print(f"{name}: raises {raised[0] or 'nothing'} / {raised[1] or 'nothing'}")
+            continue
         parts = sorted(before[name].keys() | after[name].keys())
         words = {part: difference(before[name].get(part), after[name].get(part)) for part in parts}
         if any(words.values()):

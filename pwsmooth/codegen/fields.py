@@ -19,7 +19,7 @@ import sympy as sp
 
 from ..model import Model
 from .dag import Graph
-from .scalar import HELPERS, ScalarCode, Writer
+from .scalar import HELPERS, ScalarCode, Writer, write_update
 from .slopes import derivative
 
 
@@ -125,8 +125,8 @@ def write_fields(model: Model) -> dict[str, str]:
 def _write_act(source: Source, graph: Graph) -> None:
     """Resets of the events, then impacts of the contacts, by number."""
     model = graph.model
-    acts = [(e.when, e.update) for e in model.events]
-    acts += [(sp.true, tuple(enumerate(m.impact or ()))) for m in model.multipliers]
+    acts = [(e.when, e.writes(model.states)) for e in model.events]
+    acts += [(sp.true, [(i, e, False) for i, e in enumerate(m.impact or ())]) for m in model.multipliers]
     body = Writer()
     for i, (when, update) in enumerate(acts):
         if when == sp.true and not update:
@@ -140,10 +140,10 @@ def _write_act(source: Source, graph: Graph) -> None:
             body.line(f"if not {code.name(condition)}:")
             body.line("    return 0")
         # All new values come from the values before, so none is written until all are known.
-        nodes = [graph.expression(value) for _, value in update]
+        nodes = [graph.expression(value) for _, value, _ in update]
         code.emit(nodes)
-        for (index, _), node in zip(update, nodes, strict=True):
-            body.line(f"xnew[{index}] = {code.name(node)}")
+        for (index, _, adds), node in zip(update, nodes, strict=True):
+            body.line(write_update(f"xnew[{index}]", code.name(node), adds))
         body.line("return 1")
         body.indent = 1
         source.helpers |= code.helpers

@@ -11,7 +11,7 @@ from ..model import Model
 from .dag import Graph
 from .fields import Source, surfaces
 from .layout import Count, Layout, one, starts
-from .scalar import Writer
+from .scalar import Writer, write_update
 from .sections import ElementCode, Root, Sections
 from .slopes import derivative
 
@@ -127,7 +127,8 @@ class LoopedFields:
             code = ElementCode(graph, body, lay)
             sections = Sections(code)
             condition = graph.expression(event.when)
-            values = [graph.expression(value) for _, value in event.update]
+            writes = event.writes(self.model.states)
+            values = [graph.expression(value) for _, value, _ in writes]
             sections.sums([condition, *values])
             if family is not None:
                 body.line(f"i{family} = i - ({at})")
@@ -138,8 +139,8 @@ class LoopedFields:
                 body.line("    return 0")
             # All new values come from the values before, so none is written until all are known.
             code.emit(values)
-            for (block, _), node in zip(event.update, values, strict=True):
-                body.line(f"{lay.place('xnew', block, lay.states[block])} = {code.name(node)}")
+            for (block, _, adds), node in zip(writes, values, strict=True):
+                body.line(write_update(lay.place("xnew", block, lay.states[block]), code.name(node), adds))
             body.lines[mark:mark] = ["        " + line for line in sections.indices(body.lines[mark:])]
             body.line("return 1")
             body.indent = 1

@@ -202,3 +202,8 @@ def linear(terms, keep_order: bool = False) -> str:
         factor = name if abs(c) == 1.0 else f"{literal(abs(c))} * {name}"
         text = f"{text} {'-' if c < 0 else '+'} {factor}" if text else f"{'-' if c < 0 else ''}{factor}"
     return text or "0.0"
+
+
+def write_update(place: str, value: str, adds: bool) -> str:
+    """A line that writes one state of an update, or adds to what other events of the instant have made of it."""
+    return f"{place} = {place} + {value}" if adds else f"{place} = {value}"

@@ -23,6 +23,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth.codegen import cache
+from pwsmooth.codegen.scalar import write_update
 from pwsmooth.codegen.stiff_attempt import Attempt, possible
 from pwsmooth.codegen.stiff_dag import Graph, operands
 from pwsmooth.codegen.stiff_linear import Elimination, factor_lines, solve_lines
@@ -240,12 +241,13 @@ def _events(writer: Writer, graph: Graph, model: Model) -> None:
     writer.function("act", "i: I, t: D, x: P, p: P, xnew: P", "I")
     for i, event in enumerate(model.events):
         condition = [graph.condition(event.when)]
-        values = graph.add_expressions([e for _, e in event.update])
+        writes = event.writes(model.states)
+        values = graph.add_expressions([e for _, e, _ in writes])
         body = Writer(graph)
-        body.point(condition + values, ["_when"] + [f"_v{j}" for j, _ in event.update])
+        body.point(condition + values, ["_when"] + [f"_v{j}" for j, _, _ in writes])
         writer.lines.append(f"    if i == {i}:")
         writer.lines += ["    " + line for line in body.lines]
         writer.lines += ["        if not _when:", "            return 0"]
-        writer.lines += [f"        xnew[{j}] = _v{j}" for j, _ in event.update]
+        writer.lines += ["        " + write_update(f"xnew[{j}]", f"_v{j}", adds) for j, _, adds in writes]
         writer.lines.append("        return 1")
     writer.lines.append("    return 0")

@@ -8,11 +8,12 @@ import math
 from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
-from .records import record_event
+from .records import record_ambiguity, record_event
 from .settling import evaluate_surfaces
 from .sliding import surface_rounding
 from .state import (
     ACCUMULATED,
+    AMB_UPDATES,
     C_CLOCK,
     CHATTERING,
     CONTACT,
@@ -37,6 +38,37 @@ def _meet_event(P, S, W, i):
 
 
 @kernel
+def _note_conflicts(P, S, R, W, size):
+    """Records an ambiguity where of the events W.firing[:size] one sets a state that another sets or adds to otherwise.
+
+    What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
+    """
+    added, was_set, value, trial, shifted = W.added, W.was_set, W.gradient, W.trial, W.shifted
+    for k in range(P.n):
+        added[k] = was_set[k] = 0
+    conflict = -1
+    for a in range(size):
+        i = W.firing[a]
+        for k in range(P.n):
+            trial[k] = W.before[k]
+            shifted[k] = W.before[k] + 1.0 + abs(W.before[k])
+        call_act(P.act, i, S.now[0], W.before, S.mult, P.p, trial)
+        call_act(P.act, i, S.now[0], W.before, S.mult, P.p, shifted)
+        for k in range(P.n):
+            if trial[k] == shifted[k]:
+                if added[k] or (was_set[k] and value[k] != trial[k]):
+                    conflict = i
+                was_set[k] = 1
+                value[k] = trial[k]
+            elif trial[k] != W.before[k]:
+                if was_set[k]:
+                    conflict = i
+                added[k] = 1
+    if conflict >= 0:
+        record_ambiguity(S, R, P.m + conflict, AMB_UPDATES, 0)
+
+
+@kernel
 def _fire_events(P, C, S, R, W):
     """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with I_JUMPED set.
 
@@ -46,7 +78,7 @@ def _fire_events(P, C, S, R, W):
     code = DONE
     fired = 0
     while fired <= ne + MOST_AT_ONCE - 1:
-        newly = False
+        newly, together = False, 0
         for k in range(n):
             W.before[k] = S.x[k]
             W.after[k] = S.x[k]
@@ -58,18 +90,22 @@ def _fire_events(P, C, S, R, W):
                 W.pending[i] = 2
                 newly = True
                 fired += 1
+                together += 1
+                W.firing[together - 1] = i
                 record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
                 if P.terminal[i]:
                     code = TERMINAL
         if not newly:
             return code
+        if together > 1:
+            _note_conflicts(P, S, R, W, together)
         for k in range(n):
             if W.after[k] != S.x[k]:
                 W.code[I_JUMPED] = 1
                 S.x[k] = W.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
-            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
+            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i]:
                 continue
             rounding = 0.0
             for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
@@ -77,7 +113,9 @@ def _fire_events(P, C, S, R, W):
                 rounding += 1e-13 * abs(W.dh[e]) * (abs(W.before[k]) + abs(S.x[k]))
             if abs(W.h[m + i]) <= rounding:
                 continue
-            S.deflate[m + i] = 0
+            S.deflate[m + i] = 0  # the update has left the surface, to whichever side
+            if W.h[m + i] * S.side[i] >= 0.0:
+                continue
             if W.hit[m + i] and abs(W.tau[m + i]) <= rounding:
                 # Put back from the surface that it had just reached: it will be met again from there.
                 S.side[i] = -S.side[i]

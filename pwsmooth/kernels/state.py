@@ -293,3 +293,8 @@ class Work(Bundle):
     gradient: "f8[1]"  # (n,)
     fired: "f8[2]"  # (ne, 4) as State.last, for the firings of the events
     pending: "i8[1]"  # (ne,) events of this instant: 1 pending, 2 fired
+    firing: "i8[1]"  # (ne,) those that act on the same values
+    added: "i8[1]"  # (n,) states that they add to, and that they set
+    was_set: "i8[1]"
+    trial: "f8[1]"  # (n,)
+    shifted: "f8[1]"  # (n,)
