@@ -26,6 +26,7 @@ _KEPT_BYTES = 2**21  # of first buffers, which the next run finds again
 _KEPT = 16  # choices of options that a thread keeps of a model
 _LARGE = 2**27  # bytes, above which the next buffers hold twice as many at most
 LOOSEST = 1e-6  # looser tolerances were seen to take wrong turns
+FINEST_OF_THE_PAIR = 1e-13  # its stages' roundings keep it from less
 
 
 def _next_room(room: int, first: int, t0: float, t: float, t_end: float) -> int:
@@ -126,7 +127,8 @@ class EventDriven:
                 "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
             )
         self.pair = options.method == "rk" or not parts.has_jets
-        rtol, atol = options.rtol, options.atol
+        rtol = max(options.rtol, FINEST_OF_THE_PAIR) if self.pair else options.rtol
+        atol = options.atol
         # The pair's interpolant has degree 7.
         self.order = 7 if self.pair else options.order or _order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}

@@ -37,7 +37,7 @@ class Outcome(IntEnum):
     EVENTS_ACCUMULATE
         An event resets the state so that it fires ever sooner.
     CHATTERING
-        Switchings accumulate, and their limit time did not converge.
+        Switchings accumulate without a limit time that converges, or go on for ever below `atol`.
     EVENT_LOOP
         Events at one instant keep firing each other.
     NO_ROOT
@@ -106,8 +106,9 @@ _TEXTS = {
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
     Outcome.EVENTS_ACCUMULATE: "An event resets the state so that it fires again ever sooner, and no event says what "
     "holds from the limit time on: write a contact as `Unilateral`, or let a terminal event stop the run.",
-    Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge: check the restitution "
-    "and the surfaces that switch, or add an event that ends the chattering.",
+    Outcome.CHATTERING: "Switchings accumulate and their limit time did not converge, or they go on for ever while the "
+    "motion stays within `atol`: check the restitution and the surfaces that switch, add an event that ends the "
+    "chattering, or take a smoothed view.",
     Outcome.EVENT_LOOP: "Events at one instant keep firing each other: let their `when` conditions exclude "
     "each other after the update.",
     Outcome.NO_ROOT: "No attracting root of the layer was found and no direction leads out of it: the layer "

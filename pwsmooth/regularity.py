@@ -141,6 +141,7 @@ class Surface:
     def differ(self, expr, values=_BETWEEN):
         """Does `expr` depend on lambda on the surface? None if no point could tell."""
         spread, scale = [], 0.0
+        expr = _part_with(self.lam, expr)  # a weak friction beside a strong spring is a friction all the same
         for beside, on in self.points:
             at = [value(expr, on | {self.lam: s}) for s in values]
             sides = [value(expr, beside | {self.lam: s}) for s in (1.0, -1.0)]
@@ -158,6 +159,17 @@ class Surface:
             if max(defects) > TOLERANCE * (abs(low) + abs(high) + abs(middle)):
                 return True
         return False
+
+
+def _part_with(symbol, e):
+    """`e` without the terms in which a symbol does not stand, also within its one factor that contains it."""
+    if e.is_Add:
+        return sp.Add(*(_part_with(symbol, term) for term in e.args if symbol in term.free_symbols))
+    if e.is_Mul:
+        among = [factor for factor in e.args if symbol in factor.free_symbols]
+        if len(among) == 1:
+            return sp.Mul(*(_part_with(symbol, f) if f is among[0] else f for f in e.args))
+    return e
 
 
 def residual_of(field, index):

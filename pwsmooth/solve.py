@@ -54,7 +54,8 @@ def solve(
         steps, for bristle laws and the like, whose switches are passed and never slid on); smoothed: "radau5",
         "radau9", "radau13", "taylor", and SciPy's "Radau", "BDF", "LSODA", "DOP853" as an independent cross-check.
     rtol : float, dimensionless
-        Relative tolerance; looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound.
+        Relative tolerance; looser than 1e-6 (event-driven) or 1e-3 (smoothed) runs at that bound, and so does
+        "rk" below 1e-13.
     atol : float or sequence of float, length n
         Absolute tolerance, in the unit of each state.
     t_eval : array_like, shape (nt,), in the unit of the model's time, optional

@@ -18,6 +18,7 @@ from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
 from .records import record_ambiguity, record_event, record_point
 from .settling import (
+    approach_speed,
     evaluate_surfaces,
     layer_code,
     leading_order,
@@ -37,6 +38,7 @@ from .state import (
     C_AMBIGUITIES,
     C_EVENTS,
     C_LAYERS,
+    C_MINUTE,
     C_STALLED,
     CHATTERING,
     CONTACT,
@@ -66,6 +68,10 @@ from .state import (
     State,
     Work,
 )
+
+# A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
+# tolerance say so. Switchings that accumulate at an instant come to it with fewer.
+_MOST_MINUTE = 10_000
 
 
 @kernel
@@ -151,6 +157,16 @@ def _try_other_ratio(P, S, R, W, size):
 
 
 @kernel
+def _is_minute(P, C, S, W, j):
+    """Whether surface j has stayed within the states' absolute tolerances of 0 since it was last met."""
+    speed = approach_speed(P, S, j, W)
+    tolerance = 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return 0.25 * abs(speed) * S.last[j, 1] < tolerance  # the height of an arc
+
+
+@kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     m, mult, status = P.m, S.mult, S.status
@@ -184,6 +200,9 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             S.deflate[j] = 1
             switched = True
             note_interval(S, j)
+            S.counts[C_MINUTE] = S.counts[C_MINUTE] + 1 if _is_minute(P, C, S, W, j) else 0
+            if S.counts[C_MINUTE] > _MOST_MINUTE:
+                return CHATTERING, True
             if P.rk_unit != 0:
                 step_inside(P, S, j, W)
     if fold >= 0:

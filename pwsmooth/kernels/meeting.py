@@ -27,8 +27,9 @@ from .steps import SURFACE_ROUNDING, powers, scaled
 @inlined_kernel
 def meet(P, row, power, degree, drop, sign, W, poly):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
-    if drop == 2 and sign * at(row, 1) > 1e-3 * abs(at(row, 2)) * at(power, 1):
-        drop = 1  # a surface that is an algebraic unknown is left with a slope, not tangentially
+    if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
+        # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
+        drop = 1
     scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= SURFACE_ROUNDING and drop < 3:
         size = 0.0

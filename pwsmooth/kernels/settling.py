@@ -5,7 +5,7 @@ import math
 from .compiling import kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
-from .records import record_ambiguity
+from .records import record_ambiguity, record_event
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
 from .sparse import link
 from .state import (
@@ -16,6 +16,8 @@ from .state import (
     C_AMBIGUITIES,
     C_LAYERS,
     DONE,
+    EV_RESET,
+    HELD,
     HIDDEN_OSCILLATION,
     NO_ROOT_FOUND,
     SLIDING,
@@ -37,6 +39,37 @@ def any_solved(P, S):
         if S.status[j] == SOLVED:
             return True
     return False
+
+
+@kernel
+def any_held(P, S):
+    for j in range(P.m):
+        if S.status[j] == HELD:
+            return True
+    return False
+
+
+@kernel
+def release_held(P, C, S, R, W):
+    """Puts the switches held at 0 since an accumulation on the sides that they leave to; whether there are any.
+
+    What holds h at 0 is another switch, which sticks: when that lets go, h moves.
+    """
+    solved, some = any_solved(P, S), False
+    for j in range(P.m):
+        W.tau[j] = 2.0
+        if S.status[j] == HELD:
+            order = leading_order(P, C, S, W, j)
+            # The series is that of fixed multipliers: with solved ones d3h/dt3 is not to be trusted.
+            if abs(order) <= (3 if solved else 4):
+                S.status[j] = 1 if order > 0 else -1
+                S.mult[j] = float(S.status[j])
+                S.deflate[j] = abs(order) - 1
+                record_event(S, R, j, EV_RESET, 0, S.status[j])
+                some = True
+    for i in range(P.m, P.m + P.ne):
+        W.tau[i] = 2.0
+    return some
 
 
 @kernel

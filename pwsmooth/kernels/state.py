@@ -155,8 +155,9 @@ class State(Bundle):
     C_JETS,
     C_LAYERS,
     C_STARTED,
-) = range(11)
-N_COUNTS = 11
+    C_MINUTE,  # crossings in succession between which the motion has stayed within its tolerance
+) = range(12)
+N_COUNTS = 12
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 

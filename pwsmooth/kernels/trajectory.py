@@ -16,7 +16,7 @@ from .pointers import at, call_fold, call_rk, call_unit
 from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
-from .settling import any_solved
+from .settling import any_held, any_solved, release_held
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     A_ELAPSED,
@@ -47,6 +47,7 @@ from .state import (
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
+    SLIDING,
     SOLVED,
     STRICT,
     UNDERFLOW,
@@ -140,7 +141,22 @@ def _find_roots(P, C, S, R, W):
             code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
             return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
     W.code[I_SOLVED_THERE] = 0
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.kind[j] == SLIDING and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
+            # Its bound was passed between two looks: it leaves, and all are settled again with the field after.
+            W.tau[:] = NO_ROOT
+            W.tau[j] = 0.0
+            W.exit_side[j] = 1 if S.mult[j] > 0.0 else -1
+            return _settle_again(P, C, S, R, W)
     return -1
+
+
+@kernel
+def _settle_again(P, C, S, R, W):
+    """An instant at which nothing is met but what W.tau says; a code."""
+    W.code[I_FOLD], W.code[I_WAY], W.code[I_AT_CLOCK] = -1, 0, 0
+    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = 0.0, 0.0, 0.0
+    return call_unit(P.instant_unit, P, C, S, R, W)
 
 
 @kernel
@@ -228,6 +244,10 @@ def run(P, C, S, R, W):
             return FULL
         if S.counts[C_STEPS] >= C.max_steps:
             return MAX_STEPS
+        if any_held(P, S) and release_held(P, C, S, R, W):
+            code = _settle_again(P, C, S, R, W)
+            if code != DONE:
+                return code
         sliding = any_solved(P, S)
         if sliding:
             code = _find_roots(P, C, S, R, W)
@@ -256,13 +276,17 @@ def run(P, C, S, R, W):
             mult_row, surface_rows = n, P.rows_pair
             longest = min(C.max_step, next_stop(C, S) - S.now[0])
             h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], longest), -1)
+        by_arc = sliding and P.jet_fold != 0 and not by_pair
         if math.isnan(h):
-            return NOT_FINITE
+            if not by_arc:
+                return NOT_FINITE
+            h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
         if h < 1e-12 * (1.0 + abs(S.now[0])):
             h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
         fold, toward, time_row = -1, 0, -1
-        if sliding and P.jet_fold != 0 and not by_pair:
-            fold = flattest(P, S, W) if singular else near_fold(P, S, rows, mult_row, h)
+        if by_arc:
+            within = h if h > 0.0 else 1e-12 * (1.0 + abs(S.now[0]))
+            fold = flattest(P, S, W) if singular else near_fold(P, S, rows, mult_row, within)
         if fold >= 0:
             # Near a fold lambda runs, not time: the step is an arc of the root, and t one of its polynomials.
             toward = _take_arc(P, C, S, rows, mult_row, singular, fold, W)
@@ -282,7 +306,17 @@ def run(P, C, S, R, W):
             h = stop - t0
             capped = True
         if time_row < 0 and not capped and h <= 1e-15 * abs(t0) + 1e-300:
-            return UNDERFLOW
+            if not by_arc:
+                return UNDERFLOW
+            # Within rounding of a fold, on the root that does not attract.
+            for j in range(m):
+                W.rest_mult[j] = S.mult[j]
+            code = lost_at_a_fold(P, C, S, R, W)
+            if code == -1:
+                code = call_unit(P.instant_unit, P, C, S, R, W)
+            if code == DONE:
+                continue
+            return UNDERFLOW if code == NEWTON_FAILED else code
         # What is met first on it, and where it therefore ends.
         if at(power, 1) != h:
             powers(power, h)
@@ -315,7 +349,7 @@ def run(P, C, S, R, W):
                 return NOT_FINITE
             fraction = 0.5  # a new s_end: its powers are to be made
         touched, t_touch = LEFT if folded else 0, t0
-        if sliding and P.jet_fold != 0 and time_row < 0 and not by_pair:
+        if by_arc and time_row < 0:
             end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
             hop = W.answer[A_HOP]
             if end < 0.0:
