@@ -102,7 +102,7 @@ _TEXTS = {
     Outcome.NOT_FINITE: "The right-hand side became nan or infinite: look at the last state for a pole, a "
     "negative base of a power, or a missing branch.",
     Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, "
-    "or the tolerance cannot be met; try a looser `rtol`, or another `method`.",
+    'or the tolerance cannot be met; try a looser `rtol`, or another `method` ("rk" passes no fold of hidden terms).',
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
     Outcome.EVENTS_ACCUMULATE: "An event resets the state so that it fires again ever sooner, and no event says what "
     "holds from the limit time on: write a contact as `Unilateral`, or let a terminal event stop the run.",

@@ -116,7 +116,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         j = W.active[a]
         came = W.came[j]
         S.deflate[j] = 1
-        if S.status[j] == SOLVED and came != SOLVED:
+        if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
         elif S.status[j] != came:

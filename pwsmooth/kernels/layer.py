@@ -15,7 +15,7 @@ from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
 from .sparse import link
-from .state import I_MASKED, SLIDING, SOLVED, Problem, State, Work
+from .state import A_PACE, I_MASKED, SLIDING, SOLVED, Problem, State, Work
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
@@ -169,13 +169,13 @@ def _rates(P, S, W, size, y, out, stage):
             W.z[i] = y[size + i]
         call_layer(P.layer, S.now[0], S.x, mult, W.z, P.p, W.g, W.q)
         for i in range(P.nz):
-            out[stage, size + i] = P.ratio[i] * W.q[i]
+            out[stage, size + i] = W.answer[A_PACE] * P.ratio[i] * W.q[i]
     else:
         if W.code[I_MASKED]:
             call_newton(P.newton_unit, P, S, W)
         call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
-        out[stage, i] = P.weight[W.group[i]] * W.g[W.group[i]]
+        out[stage, i] = W.answer[A_PACE] * P.weight[W.group[i]] * W.g[W.group[i]]
 
 
 @kernel
@@ -197,6 +197,23 @@ def _rest_is_near(P, S, W, size):
 
 
 @kernel
+def _set_pace(P, S, W, size):
+    """Leaves in A_PACE the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
+    fastest = 0.0
+    for i in range(size):
+        j = W.group[i]
+        keep = S.mult[j]
+        for side in range(-1, 2):
+            S.mult[j] = float(side)
+            call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+            fastest = max(fastest, abs(P.weight[j] * W.g[j]))
+        S.mult[j] = keep
+    W.answer[A_PACE] = 1.0
+    if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
+        W.answer[A_PACE] = 2.0 ** -math.floor(math.log2(fastest))
+
+
+@kernel
 def _integrate(P, S, W, size):
     """Runs the layer system of W.group[:size] from u = W.layer_y (and W.z) until all are settled.
 
@@ -211,6 +228,7 @@ def _integrate(P, S, W, size):
         reach = max(reach, 10.0 * abs(y[i]))
     for i in range(nz):
         y[size + i] = W.z[i]
+    _set_pace(P, S, W, size)
     tau, step, scale = 0.0, 1e-3, 0.0
     _rates(P, S, W, size, y, k, 0)
     quiet, small = 0, 1e-7
@@ -406,7 +424,7 @@ def _arrive(P, S, W, size):
     for i in range(P.nz):
         slowest = min(slowest, P.ratio[i])
     # Far enough that fast layered states have settled on the way.
-    tail = 1e3 + 50.0 * top / slowest
+    tail = 1e3 + 50.0 * (top if P.nz > 0 else min(top, 100.0)) / slowest
     for i in range(size):
         j = W.group[i]
         if W.arrival[i] == 0:

@@ -31,13 +31,13 @@ def meet(P, row, power, degree, drop, sign, W, poly):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
     scaled(row, power, poly, degree, drop, sign)
-    if poly[0] <= SURFACE_ROUNDING and drop < 3:
+    if poly[0] <= SURFACE_ROUNDING:
         size = 0.0
         for k in range(degree - drop + 1):
             size += abs(poly[k])
-        if size <= SURFACE_ROUNDING:
+        if size <= (SURFACE_ROUNDING if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
-        if poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
+        if drop < 3 and poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             drop += 1
             scaled(row, power, poly, degree, drop, sign)
     return first_root(P, W, poly, degree - drop)

@@ -13,7 +13,7 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 
 from .compiling import kernel, unit
 from .pointers import call_fields, call_linear, call_newton
-from .sliding import mask_solved
+from .sliding import mask_solved, surface_size
 from .state import A_LONGEST, A_NEXT_STEP, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
@@ -167,11 +167,16 @@ def _misfit(P, C, S, W, h):
     for i in range(n):
         S.x[i] = _value(rows[i], s)
     worst = 0.0 if _rate(P, S, W, S.now[0] + s, W.rk_k, 0) else math.inf
+    call_linear(P.linear, S.now[0] + s, S.x, S.mult, P.p, W.G, W.dh)
     for r in range(n, n + m + m + P.ne):
-        now = S.mult[r - n] if r < n + m else W.h[r - n - m]
+        i = r - n if r < n + m else r - n - m
+        # A multiplier counts while it is solved for, a surface while it is not kept at 0.
+        if i < m and (S.status[i] == SOLVED) != (r < n + m):
+            continue
+        now = S.mult[i] if r < n + m else W.h[i]
         size = 1.0 if r < n + m else max(abs(rows[r, 0]), abs(h * rows[r, 1]))
-        if r >= n + m or S.status[r - n] == SOLVED:
-            worst = max(worst, abs(now - _value(rows[r], s)) / (10.0 * C.rtol * (size + abs(now)) + 1e-14))
+        rounding = 1e-14 * (1.0 if r < n + m else surface_size(P, S, i, W))
+        worst = max(worst, abs(now - _value(rows[r], s)) / (10.0 * C.rtol * (size + abs(now)) + rounding))
     _restore(P, S, W)
     return worst
 

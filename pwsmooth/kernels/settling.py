@@ -60,8 +60,9 @@ def release_held(P, C, S, R, W):
         W.tau[j] = 2.0
         if S.status[j] == HELD:
             order = leading_order(P, C, S, W, j)
-            # The series is that of fixed multipliers: with solved ones d3h/dt3 is not to be trusted.
-            if abs(order) <= (3 if solved else 4):
+            # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
+            known = 4 if not solved else 2 if P.kind[j] == SLIDING else 3
+            if abs(order) <= known:
                 S.status[j] = 1 if order > 0 else -1
                 S.mult[j] = float(S.status[j])
                 S.deflate[j] = abs(order) - 1
@@ -106,6 +107,12 @@ def _one_at_rest(P, S, R, W, j):
     """One switch on its surface that came from no side: u = 0, lambda = 0. Says so where that does not decide."""
     plus, minus = residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)
     middle = residual(P, S, W, j, 0.0)
+    evaluate_surfaces(P, S, W)
+    if max(abs(plus), abs(minus)) <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
+        # A closed contact holds it already, as a piston on its stop: lambda and the reaction are not unique.
+        S.status[j] = HELD
+        S.mult[j] = 0.0
+        return DONE
     if abs(middle) <= 1e-14 * max(abs(plus), abs(minus)) and residual(P, S, W, j, 1e-4) > 0.0:
         # lambda = 0 is a repelling root: which way it leaves is not decided by the equations.
         found = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, 1e-4)

@@ -188,8 +188,9 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     A_LONGEST,  # step of the pair in a run of Taylor steps
     A_SHALLOW,  # size of a surface so far, against which a dip is shallow
     A_AT_REST,  # size at which an approach speed is rounding
-) = range(10)
-N_CODE, N_ANSWER = 12, 10
+    A_PACE,  # factor of the layer's time, in which its fastest rate is of size 1
+) = range(11)
+N_CODE, N_ANSWER = 12, 11
 
 
 class Record(Bundle):
