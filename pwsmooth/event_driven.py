@@ -16,7 +16,7 @@ from . import checks, memory
 from .compiled import compiled_problem
 from .kernels import state as names
 from .model import Model
-from .records import Dense, EventLog, Outcome
+from .records import Dense, EventLog, Outcome, course
 from .solution import Solution
 from .words import OUTCOMES, ambiguities_in_words, event_words
 
@@ -276,7 +276,9 @@ class EventDriven:
             "layers": counts[names.C_LAYERS],
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
+        whole = None
         if times is not None:
+            whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
             asked, x_asked, mult_asked = times[:k], record.x_eval[:k], record.mult_eval[:k]
@@ -305,6 +307,7 @@ class EventDriven:
             if "ambiguity" in kept
             else [],
             system.parameters,
+            whole,
         )
 
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:

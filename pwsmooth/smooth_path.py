@@ -82,7 +82,7 @@ def solve_smoothed(
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        pieces = own(system.model, t_span, start, p, options, max_steps)
+        *pieces, _ = own(system.model, t_span, start, p, options, max_steps)
     t, x, events, dense, outcome, cost = pieces
     none = np.zeros((0, len(t)))
     return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, [], values)
@@ -95,7 +95,7 @@ def of_event(model, i):
 
 
 def own(model, t_span, start, p, options, max_steps, words=None):
-    """Times, states, events, dense output, outcome and cost of a run of the package's own integrator.
+    """Times, states, events, dense output, outcome, cost and all columns of a run of the package's own integrator.
 
     `words` gives name, kind and note of an event by its index and the state before it.
     """
@@ -129,7 +129,8 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         if outcome is not Outcome.FINISHED and (t.size == 0 or t[-1] < run.t[-1]):
             # Where and in which state it stopped, as the event-driven path gives it.
             t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])
-    return t, x, events, _polynomials(run.dense, len(model.states)) if options["dense"] else None, outcome, cost
+    dense = _polynomials(run.dense, len(model.states)) if options["dense"] else None
+    return t, x, events, dense, outcome, cost, (run.t, run.x)
 
 
 def _polynomials(dense, n) -> StepPolynomials | None:
