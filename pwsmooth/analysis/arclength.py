@@ -17,7 +17,7 @@ from .. import checks
 from ..solution import Solution
 from .itineraries import same_itinerary
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
-from .sections import Section, Stroboscopic, word_of
+from .sections import Section, Stroboscopic
 from .variations import variations
 
 _MOST_NEWTON = 8
@@ -79,7 +79,7 @@ class Walk:
             size = float(np.abs(F / (1 + np.abs(u[:-1]))).max(initial=0.0))
             if size <= TOLERANCE:
                 orbit = PeriodicOrbit(
-                    here, u[:-1], size, image.jacobian, word_of(image.solution), image.time, steps, True,
+                    here, u[:-1], size, image.jacobian, image.word, image.time, steps, True,
                     "continued", image.degenerate,
                 )  # fmt: skip
                 return Point(u, _tangent(DF, direction), orbit, image.solution, steps)
@@ -156,8 +156,8 @@ class Walk:
             return f"no orbit beyond {where}: trajectories from there do not return."
         _, image, F, _ = found
         gap = float(np.abs(F).max(initial=0.0))
-        if gap > 1e4 * ds and word_of(image.solution) != here.orbit.word:
-            events = " | ".join(kind for _, kind, _ in word_of(image.solution)) or "no events"
+        if gap > 1e4 * ds and image.word != here.orbit.word:
+            events = " | ".join(kind for _, kind, _ in image.word) or "no events"
             return (
                 f"no orbit beyond {where}: the Poincare map jumps there by {gap:.2g}, from the itinerary "
                 f"{' | '.join(kind for _, kind, _ in here.orbit.word) or 'no events'} to {events}."

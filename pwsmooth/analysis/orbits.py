@@ -21,7 +21,7 @@ import numpy as np
 from .. import checks
 from ..solution import Solution
 from ..solve import solve
-from .sections import Image, Section, Stroboscopic, Word, word_of
+from .sections import Image, Section, Stroboscopic, Word
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
@@ -240,19 +240,20 @@ def find_orbit(
         if symmetry is not None:
             raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
         # The guess need not lie on the section: the first return does.
-        at = first.image(at).x
-        if not np.isfinite(at).all():
-            return _none(
-                first, np.array(system.initial_state(x0), float), "the start never reaches the section."
-            )
+        reached = first.image(at)
+        if not reached.success:
+            return _none(first, at, f"from the first guess no return: {reached.reason}")
+        at = reached.x
     else:
         first = Stroboscopic(
             system, period=period, count=count or 1, phase=phase, symmetry=symmetry, options=options
         )
     if transient:
-        points = first.iterate(at, transient + 1)
-        if not np.isfinite(points).all():
-            return _none(first, at, f"a trajectory of the transient failed: {first.image(at).solution.message}")
+        points, reason = first._iterated(at, transient + 1)
+        if reason:
+            last = np.flatnonzero(np.isfinite(points).all(axis=1))
+            at = points[last[-1]] if last.size else at
+            return _none(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
         at = points[-1]
         if count is None and symmetry is None:
             first = _with_count(first, _recurrence(points, most))
@@ -313,7 +314,7 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     x = np.array(map_.system.initial_state(x0), float)
     image = map_.image(x, ())
     if not image.success:
-        return _none(map_, x, f"the trajectory from the first guess did not return: {image.solution.message}")
+        return _none(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
     off, size = _off(x, image)
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
@@ -333,7 +334,7 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
             "orbit, a `transient`, or another `phase`."
         )
     return PeriodicOrbit(
-        map_, x, size, image.jacobian, word_of(image.solution), image.time, steps, size <= TOLERANCE, message,
+        map_, x, size, image.jacobian, image.word, image.time, steps, size <= TOLERANCE, message,
         image.degenerate,
     )  # fmt: skip
 
