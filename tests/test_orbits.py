@@ -258,6 +258,77 @@ def test_a_period_two_orbit_is_recognised_in_the_transient():
     assert orbit.multipliers == pytest.approx([4 + 6.4 - 3.2**2], abs=1e-9)
 
 
+def test_an_orbit_that_repeats_sooner_than_asked_for_is_given_with_its_own_period():
+    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=T, count=6)
+    assert orbit.success and orbit.map.count == 1 and "after 1 of the 6" in orbit.message
+    assert orbit.period == pytest.approx(2 * math.pi)
+    turns = Section(relay(0.1), surface=u, direction=-1, count=2)
+    assert refine(turns, [6.3, 0]).period == pytest.approx(2 * math.pi / math.sqrt(1 - 0.01), rel=1e-10)
+
+
+def clocked(rate, **kept):
+    """x' = rate - x with a memory m that a clock changes at every unit of time."""
+    from pwsmooth import Event, Memory
+
+    m = Memory("m", 0)
+    return System({x: rate(m) - x}, time=t, events=[Event(every=1, update={m: kept["to"](m)})])
+
+
+@pytest.mark.parametrize(
+    ("system", "period", "culprit", "remedy"),
+    [
+        (clocked(lambda m: t - m, to=lambda m: t), 1, "m is", "memory goes on"),
+        (System({x: sp.cos(t) - x}, time=t), 3, "x is", "reads the time"),
+        (System({x: sp.cos(2 * sp.pi * t) - x + t / 10**7}, time=t), 1, "x is", "reads the time"),
+    ],
+    ids=["ramp", "other period", "slow drift"],
+)
+@pytest.mark.parametrize("phase", [0.0, 0.25])
+def test_what_does_not_return_after_one_more_period_is_no_orbit(system, period, culprit, remedy, phase):
+    orbit = find_orbit(system, {x: 0}, period=period, phase=phase)
+    assert not orbit.success
+    assert culprit in orbit.message and remedy in orbit.message
+
+
+def test_a_symmetry_that_an_event_breaks_is_no_symmetry_of_the_orbit():
+    from pwsmooth import Event
+
+    # The field has it, the kick once a period has not.
+    kicked = System(
+        {x: u, u: sp.cos(t) - x - u / 5},
+        time=t,
+        events=[Event(every=2 * sp.pi, update={u: u + sp.Rational(1, 10)})],
+    )
+    orbit = find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2, symmetry={x: -x, u: -u})
+    assert not orbit.success
+    assert find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2).success
+
+
+def test_a_memory_that_repeats_does_no_harm():
+    alternating = clocked(lambda m: m, to=lambda m: 1 - m)
+    orbit = find_orbit(alternating, {x: 0}, period=2, phase=0.25)
+    # m = 0 and then 1: x falls and rises by turns, x(1) = x(2)/e, x(2) = 1 - (1 - x(1))/e.
+    low = (1 - math.exp(-1)) / (math.exp(1) - math.exp(-1))
+    assert orbit.success
+    run = orbit.solution()
+    assert run.x[0].min() == pytest.approx(low, abs=1e-9)
+
+
+def test_an_orbit_among_others_is_said_not_to_be_isolated():
+    stuck = System({x: u, u: sp.sin(t) / 2 - x - sp.sign(u)}, time=t)
+    orbit = find_orbit(stuck, {x: 0.2, u: 0}, period=T)
+    assert orbit.success and not orbit.isolated and not orbit.stable
+    assert (
+        orbit.x == pytest.approx([0.2, 0]) and "not isolated" in orbit.message and "not isolated" in repr(orbit)
+    )
+    # x'' + x = cos 2t: every orbit of period 2 pi closes.
+    free = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, period=T)
+    assert free.success and not free.isolated and "not isolated" in free.message
+    centre = find_orbit(System({x: u, u: sp.cos(t) - 2 * x}, time=t), {x: 0.4, u: 0}, period=T)
+    assert centre.isolated and not centre.stable and "neutral" in repr(centre)
+    assert den_hartog(2.0, 0.1).isolated
+
+
 def test_what_is_not_found_is_said_and_raises_nothing():
     blows_up = System({x: 1 + x**2})
     orbit = refine(Stroboscopic(blows_up, 4.0), {x: 0})

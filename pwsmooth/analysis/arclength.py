@@ -170,14 +170,13 @@ class Walk:
             )
         return f"no orbit was found beyond {where} with steps down to {ds:.1g}."
 
-    def at_parameter(self, here: Point, there: Point, value: float) -> Point | None:
-        """The orbit at a value of the parameter between two points."""
-        a, b = here.u[-1], there.u[-1]
-        part = (value / self.scale - a) / (b - a)
-        normal = np.append(np.zeros(len(here.u) - 1), 1.0)
-        guess = here.u + part * (there.u - here.u)
+    def at_parameter(self, near: Point, value: float, other: Point | None = None) -> Point | None:
+        """The orbit at a value of the parameter, by the tangent of a point near it or between it and another one."""
+        way = near.tangent if other is None else other.u - near.u
+        normal = np.append(np.zeros(len(near.u) - 1), 1.0)
+        guess = near.u + way * (value / self.scale - near.u[-1]) / way[-1]
         guess[-1] = value / self.scale
-        return self.correct(guess, normal, here.tangent)
+        return self.correct(guess, normal, near.tangent)
 
     def along(self, here: Point, there: Point, part: float, near: Point | None = None) -> Point | None:
         """The point whose projection on the chord is at a part of it, along the tangent of a near one first."""

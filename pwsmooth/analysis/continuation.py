@@ -17,8 +17,8 @@ import numpy as np
 
 from .. import checks
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between
-from .orbits import PeriodicOrbit, refine
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between
+from .orbits import PeriodicOrbit, not_repeated, refine
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -180,12 +180,22 @@ def follow(
                 return branch
         past = _passed(there, here, walk, begin, end)
         if past is not None:
-            last = walk.at_parameter(here, there, past)
+            last = walk.at_parameter(here, past, there)
             if last is None:
                 branch.end = f"no orbit was found at {name} = {past:g}."
                 return branch
             there = last
-        branch.bifurcations += bifurcations_between(walk, here, there)
+        if broken := not_repeated(there.orbit):
+            branch.end = f"at {name} = {walk.value(there):.10g} there is {broken}"
+            return branch
+        found = bifurcations_between(walk, here, there)
+        shorter = collapse_between(walk, here, there, found)
+        if shorter is not None:
+            count, ends = shorter
+            branch.bifurcations += ends
+            branch.end = _collapse_in_words(walk, here, there, count, ends)
+            return branch
+        branch.bifurcations += found
         branch.orbits.append(there.orbit)
         if past is not None:
             branch.end = f"reached {name} = {past:g}."
@@ -194,6 +204,15 @@ def follow(
         here = walk.rephased(there)
     branch.end = f"stopped after {len(branch.orbits)} orbits (`most`)."
     return branch
+
+
+def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:
+    orbits = f"the orbits of {walk.map.count} applications of the map shrink onto one of {count}"
+    if not ends:
+        low, high = sorted(walk.value(point) for point in (here, there))
+        return f"{orbits} between {walk.name} = {low:.10g} and {high:.10g}."
+    kinds = " and ".join(f"{b.kind} at {b.name} = {b.parameter:.10g}" for b in ends)
+    return f"{orbits}: {kinds} of that one, which `bifurcations[-1].orbit` is."
 
 
 def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> float | None:

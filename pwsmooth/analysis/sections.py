@@ -134,7 +134,7 @@ class _Map:
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         raise NotImplementedError
 
-    def over(self, x: Any, time: float) -> Solution:
+    def over(self, x: Any, time: float, **options: Any) -> Solution:
         """The trajectory of a point of the section over a time.
 
         Parameters
@@ -143,6 +143,8 @@ class _Map:
             The point, in the units of the states.
         time : float, in the unit of the model's time
             How long.
+        **options
+            For `solve`, besides those of the map.
 
         Returns
         -------
@@ -150,7 +152,7 @@ class _Map:
             Without dense output.
         """
         t0 = getattr(self, "start_time", 0.0)
-        return self._solve(self.system, (t0, t0 + time), x, False)
+        return self._solve(self.system, (t0, t0 + time), x, False, **options)
 
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`.
@@ -322,7 +324,7 @@ class Stroboscopic(_Map):
         # A run that stops early has one more column, where it stopped.
         reached = int(np.searchsorted(strobes, run.t[-1], side="right"))
         points[:reached] = run.x.T[:reached]
-        return points, "" if reached == count else _why_stopped(run)
+        return points, "" if reached == count else why_stopped(run)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         """Image of a point, with derivatives if `parameters` is given (it may be empty).
@@ -347,7 +349,7 @@ class Stroboscopic(_Map):
         t0 = self.start_time
         run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
         if not (run.success and run.t[-1] == t0 + self.duration):
-            return _lost(len(x), (run,), _why_stopped(run))
+            return _lost(len(x), (run,), why_stopped(run))
         back = np.eye(len(x)) if self.symmetry is None else np.linalg.inv(self.symmetry)
         end = back @ run.x[:, -1]
         if parameters is None:
@@ -425,7 +427,7 @@ class Section(_Map):
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
             )
-        if _depends_on_time(model):
+        if depends_on_time(model):
             raise ValueError(
                 "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
                 "with the period of the forcing."
@@ -534,7 +536,7 @@ class Section(_Map):
                 f"it does not cross the section {self.surface} = 0 {way} within {self.longest:g} units of time: take a "
                 "surface that the motion crosses, or the other `direction`."
             )
-        return run, _why_stopped(run)
+        return run, why_stopped(run)
 
     def _has_left(self, run: Solution) -> bool:
         """Whether the motion has come away from its start by more than roundings of it."""
@@ -576,7 +578,7 @@ class Section(_Map):
         return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
 
 
-def _depends_on_time(model: Model) -> bool:
+def depends_on_time(model: Model) -> bool:
     """Whether anything that moves the states reads the time or a clock."""
     parts: list[Any] = [*model.rhs, *model.layer_residuals]
     for mu in model.multipliers:
@@ -593,7 +595,7 @@ def _lost(n: int, runs: tuple[Solution, ...], reason: str) -> Image:
     return Image(np.full(n, np.nan), math.nan, runs, reason=reason)
 
 
-def _why_stopped(run: Solution) -> str:
+def why_stopped(run: Solution) -> str:
     """What ended a run before its time, in words."""
     where = f"at t = {run.t[-1]:.9g} "
     if run.outcome is Outcome.TERMINATED:
