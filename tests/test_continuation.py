@@ -212,7 +212,37 @@ def test_a_grazing_impact_is_named():
     assert first.parameter == pytest.approx(reach, abs=LOCATED)
 
 
+@pytest.mark.parametrize("coupling", [0, sp.Rational(1, 5)])
+def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_each_other(coupling):
+    # Exchanging x and u is a change of the sign of a: at a = 0 both cross at once.
+    pair = System(
+        {x: sp.cos(t) - x + coupling * sp.sign(u), u: sp.cos(t - a) - u + coupling * sp.sign(x)},
+        time=t, parameters={a: -0.3},
+    )  # fmt: skip
+    kinks = System(
+        {x: sp.cos(t) - x + sp.Abs(x) / 3, u: sp.cos(t - a) - u + sp.Abs(u) / 3}, time=t, parameters={a: -0.3}
+    )
+    system = pair if coupling else kinks
+    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi, transient=20)
+    found = follow(orbit, a, to=0.5).bifurcations
+    if not coupling:
+        assert not found
+        return
+    order = found[0]
+    assert order.kind == "change of order" and order.parameter == pytest.approx(0, abs=LOCATED)
+    assert {letter.switch for letter in order.change.before} == {"sgn(x)", "sgn(u)"}
+    assert [letter.switch for letter in order.change.before] == [
+        letter.switch for letter in order.change.after
+    ][::-1]
+
+
 # ---- how branches end
+
+
+def test_a_family_of_orbits_is_no_branch():
+    free = System({x: u, u: a * sp.cos(2 * t) - x}, time=t, parameters={a: 1})
+    branch = follow(find_orbit(free, {x: 0.4, u: 0}, period=2 * sp.pi), a, to=2)
+    assert len(branch.orbits) == 1 and "not isolated" in branch.end
 
 
 def test_a_branch_ends_where_the_map_jumps_and_says_so():

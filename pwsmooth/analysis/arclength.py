@@ -16,7 +16,7 @@ import numpy as np
 from .. import checks
 from ..solution import Solution
 from .itineraries import same_itinerary
-from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
+from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
 from .variations import variations
 
@@ -30,13 +30,17 @@ def value_of(orbit: PeriodicOrbit, name: str) -> float:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its run and Newton's steps."""
+    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its run and Newton's steps.
+
+    `alone` is False where the equations leave more than one direction: a family of orbits at one parameter value.
+    """
 
     u: np.ndarray
     tangent: np.ndarray
     orbit: PeriodicOrbit
     run: Solution
     steps: int
+    alone: bool = True
 
 
 class Walk:
@@ -66,7 +70,7 @@ class Walk:
         u = np.append(orbit.x, value_of(orbit, self.name) / self.scale)
         found = self.image(u)
         assert found is not None
-        return Point(u, _tangent(found[3], direction), orbit, found[1].solution, 0)
+        return Point(u, _tangent(found[3], direction), orbit, found[1].solution, 0, _full_rank(found[3]))
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
         """Newton's method in the plane normal . (u - guess) = 0."""
@@ -82,7 +86,7 @@ class Walk:
                     here, u[:-1], size, image.jacobian, image.word, image.time, steps, True,
                     "continued", image.degenerate,
                 )  # fmt: skip
-                return Point(u, _tangent(DF, direction), orbit, image.solution, steps)
+                return Point(u, _tangent(DF, direction), orbit, image.solution, steps, _full_rank(DF))
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
@@ -199,6 +203,11 @@ def sticks_at_start(run: Solution) -> bool:
 
 def _symbol(map_: Any, name: str) -> Any:
     return checks.lookup(name, map_.system.parameters, "`parameter`", "parameter")
+
+
+def _full_rank(DF: np.ndarray) -> bool:
+    sizes = np.linalg.svd(DF, compute_uv=False)
+    return bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
 
 
 def _tangent(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:

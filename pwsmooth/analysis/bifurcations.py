@@ -125,12 +125,21 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             return found + _smooth(walk, here, there)
         left, right, width = _change(walk, here, there)
         found += _smooth(walk, here, left)
-        change = change_between(*_apart(walk, here, there, left, right))
-        found.append(
-            Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
-        )
+        apart = _apart(walk, here, there, left, right)
+        change = change_between(*apart)
+        # Events that have nothing to do with each other change their order, and nothing happens to the orbit.
+        if change.name != "change of order" or not _one_slope(*apart):
+            found.append(
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
+            )
         here = right
     return found
+
+
+def _one_slope(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether the map has the same derivative at two orbits so little apart, where it changes with them only."""
+    off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
+    return bool(off <= 100 * _APART * np.abs(one.jacobian).max(initial=0.0))
 
 
 def collapse_between(

@@ -169,6 +169,12 @@ def follow(
     here = walk.rephased(here)
     ds = min(step, longest_step)
     while len(branch.orbits) < checks.whole(most, "`most`", 1):
+        if not here.alone:
+            branch.end = (
+                f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
+                "two branches meet there, and no single way leads on."
+            )
+            return branch
         there = walk.step(here, ds)
         if there is None:
             if ds > shortest_step:

@@ -29,7 +29,7 @@ __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
 _MOST_STEPS = 30
 PINNED = 1e-12  # of a row of the map's Jacobian: rounding
-_MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
+MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 SAME = 1e-6  # relative to the states' size: nearer together two points are one, converged to TOLERANCE or not quite
 _REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one period and in the next
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
@@ -127,12 +127,12 @@ class PeriodicOrbit:
     @property
     def stable(self) -> bool:
         """Whether all multipliers lie inside the unit circle, by more than their own rounding."""
-        return bool(np.all(np.abs(self.multipliers) < 1 - _MULTIPLIERS))
+        return bool(np.all(np.abs(self.multipliers) < 1 - MULTIPLIERS))
 
     @property
     def isolated(self) -> bool:
         """Whether no multiplier of the map is 1: where one is, orbits beside it may be periodic too."""
-        return not np.any(np.abs(self.map_multipliers - 1) <= _MULTIPLIERS)
+        return not np.any(np.abs(self.map_multipliers - 1) <= MULTIPLIERS)
 
     @property
     def start(self) -> dict[str, float]:
@@ -160,7 +160,7 @@ class PeriodicOrbit:
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{m:.6g}" for m in self.multipliers)
-        unstable = np.any(np.abs(self.multipliers) > 1 + _MULTIPLIERS)
+        unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
         kind = ("symmetric " if self.symmetric else "") + (
             "stable"
             if self.stable
