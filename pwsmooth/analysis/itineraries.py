@@ -102,17 +102,17 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
     # With the map's own tolerances: near a change of itinerary looser ones see another word.
     run = orbit.map.over(orbit.x, orbit.period)
     begin, start = run.t[0], after_start(run)
-    found = []
+    found: list[Letter] = []
     for e in run.events:
         if not e.time > start or e.kind == "terminal":
             continue
         came, went = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
         time = (e.time - begin) / orbit.period % 1.0
-        # The phase of the first of several events at one instant: sorted by it and their words they have one order.
+        # The phase of the first of several at one instant: sorted by it and their switches they have one order.
         if found and 0 <= time - found[-1].time <= _AT_ONCE:
             time = found[-1].time
         found.append(Letter(time, e.switch, e.kind, came, went))
-    return sorted(found, key=lambda letter: (letter.time, letter.word))
+    return sorted(found, key=lambda letter: (letter.time, letter.switch))
 
 
 def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
