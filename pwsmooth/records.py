@@ -232,8 +232,10 @@ class EventLog(Sequence):
 
 def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times (k,) and statuses (m, k) of a run's columns at its start, on both sides of every change, and at its end."""
-    changes = np.flatnonzero((status[:, 1:] != status[:, :-1]).any(axis=0))
-    beside = np.unique(np.concatenate([[0], changes, changes + 1, [len(t) - 1]]))
+    beside = np.zeros(len(t), bool)
+    beside[1:] = (status[:, 1:] != status[:, :-1]).any(axis=0)
+    beside[:-1] |= beside[1:]
+    beside[[0, -1]] = True
     return t[beside], status[:, beside]
 
 
