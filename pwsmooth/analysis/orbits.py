@@ -56,7 +56,7 @@ class PeriodicOrbit:
     steps : int
         Of Newton's method.
     success : bool
-        Whether it converged.
+        Whether it converged, and repeats in the period that follows.
     message : str
         In words, with what to try next; also where the orbit is not isolated, or shorter than was asked for.
     degenerate : tuple of str
@@ -161,15 +161,8 @@ class PeriodicOrbit:
     def __repr__(self) -> str:
         sizes = ", ".join(f"{m:.6g}" for m in self.multipliers)
         unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
-        kind = ("symmetric " if self.symmetric else "") + (
-            "stable"
-            if self.stable
-            else "unstable"
-            if unstable
-            else "neutral"
-            if self.isolated
-            else "not isolated"
-        )
+        holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
+        kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
         state = ", ".join(f"{k} = {v:.9g}" for k, v in self.start.items())
         events = " | ".join(kind for _, kind, _ in self.word) or "no events"
         head = (
@@ -222,7 +215,8 @@ def find_orbit(
     Returns
     -------
     PeriodicOrbit
-        With `success` False and a `message` where none was found.
+        With `success` False and a `message` where none was found: also where the point returns after one period but
+        not after the next, as with a memory that counts on. One that repeats sooner than after `count` has its own.
 
     Raises
     ------

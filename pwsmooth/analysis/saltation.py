@@ -211,10 +211,11 @@ class _Instant:
 
     def _apart(self, one: EventRecord, other: EventRecord) -> bool:
         """Whether the instants of two events move apart with the state or a parameter."""
-        delays = []
-        for H_w, H_t in (self._surface(one), self._surface(other)):
-            delays.append(H_t if H_w is None else -H_w / (H_t + H_w[: self.line.n] @ self.f))
-        return not np.allclose(*delays, rtol=_TOUCHING, atol=_TOUCHING)
+        first, second = (
+            H_t if H_w is None else -H_w / (H_t + H_w[: self.line.n] @ self.f)
+            for H_w, H_t in (self._surface(one), self._surface(other))
+        )
+        return not np.allclose(first, second, rtol=_TOUCHING, atol=_TOUCHING)
 
     def _new(self, event: EventRecord) -> tuple[sp.Expr, ...] | None:
         """State after an event as expressions of the state before, or None where it stays."""
@@ -250,7 +251,7 @@ class _Instant:
         states = self.line.model.states
         new = list(states)
         for event in events:
-            for i, (x, to) in enumerate(zip(states, self._new(event))):
+            for i, (x, to) in enumerate(zip(states, self._new(event) or states)):
                 if to != x:
                     step = to - x
                     new[i] = new[i] + step if new[i] != x and x not in step.free_symbols else to
