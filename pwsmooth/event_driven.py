@@ -266,6 +266,10 @@ class EventDriven:
         if self.record is not None and record.t is self.record.t:
             kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
+        if not len(t):
+            # Its first multipliers were not found: the start is all there is, and they are not known.
+            t, x, status = state.now[:1].copy(), state.x[None].copy(), state.status[None].copy()
+            mult = np.full((1, len(state.mult)), np.nan)
         np.putmask(status, status == names.HELD, 0)
         event_t = kept["event_t"]
         outcome = self._outcome(code, problem, state, event_t, kept["event"])

@@ -135,10 +135,9 @@ def follow(
 
     Notes
     -----
-    Orbits of several applications of the map (`count`) end where they shrink onto one of fewer, at its flip: what happens
-    there to the shorter orbit is the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits
-    are not isolated, and where they do not repeat in the period that follows (a `period` given as a number while the
-    frequency changes).
+    Orbits of several applications of the map (`count`) end where they shrink onto one of fewer, at its flip: that is
+    the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
+    they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
 
     A period is shot over in one piece: where the largest multiplier m has grown so far that m times the rounding of
     a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and

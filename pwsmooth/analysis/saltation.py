@@ -30,6 +30,7 @@ __all__ = ["Saltation", "saltations", "tangent_projector"]
 
 # Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
 _TOUCHING = 1e-9
+_LANDED = 1e-6  # of a state: contacts that close with a jump take away what speed is left
 _MOST_WAYS = 32  # in which the events of one instant may have fired, of those that are tried
 _CHATTER = 1e-6  # before an accumulation, relative to the time
 
@@ -211,10 +212,11 @@ class _Instant:
 
     def _apart(self, one: EventRecord, other: EventRecord) -> bool:
         """Whether the instants of two events move apart with the state or a parameter."""
-        first, second = (
-            H_t if H_w is None else -H_w / (H_t + H_w[: self.line.n] @ self.f)
-            for H_w, H_t in (self._surface(one), self._surface(other))
-        )
+        with np.errstate(all="ignore"):  # one that only touches its surface is no twin of another
+            first, second = (
+                H_t if H_w is None else -H_w / (H_t + H_w[: self.line.n] @ self.f)
+                for H_w, H_t in (self._surface(one), self._surface(other))
+            )
         return not np.allclose(first, second, rtol=_TOUCHING, atol=_TOUCHING)
 
     def _new(self, event: EventRecord) -> tuple[sp.Expr, ...] | None:
@@ -236,12 +238,14 @@ class _Instant:
         """
         line, n, N = self.line, self.line.n, self.line.N
         extra = np.eye(N)[n:]
+        if not jumps:
+            return np.eye(n, N), np.zeros(n), ""
         for rounds in _rounds(jumps):
             R, W, T = self.x, np.eye(n, N), np.zeros(n)
             for events in rounds:
                 R, R_w, R_t = line.jump(self._together(events), self.t, R, self.mult, self.p)
                 W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
-            if np.allclose(R, self.x_after, rtol=_TOUCHING, atol=_TOUCHING):
+            if np.allclose(R, self.x_after, rtol=_LANDED, atol=_LANDED):
                 return W, T, ""
         names = ", ".join(f"{e.kind} [{e.switch}]" for e in jumps)
         return W, T, f"t = {self.t:.9g}: {names} at one instant, in no order that leads to the state after them"
