@@ -88,6 +88,15 @@ def test_a_branch_point_is_no_fold():
     assert branch.bifurcations[0].parameter == pytest.approx(0, abs=1e-9)
 
 
+def test_the_old_orbit_is_no_orbit_of_the_branch_that_begins_at_it():
+    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), a, to=3.3).bifurcations
+    # Two-cycles have x <= 1: from beyond Newton's method comes to fixed points, which the doubled map has too.
+    for amplitude in (0.45, 1, -0.6):
+        lost = branch_off(flip, amplitude)
+        assert not lost.success and "another `amplitude`" in lost.message, lost
+    assert branch_off(flip, 0.02).success
+
+
 @pytest.mark.parametrize("longest", [0.01, 0.1, 0.5])
 def test_a_doubled_orbit_shrinks_onto_the_single_one_at_its_flip_and_the_branch_ends(longest):
     # Two-cycles of the logistic map live above 3, its four-cycles above 1 + sqrt 6.

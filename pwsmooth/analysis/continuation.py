@@ -10,7 +10,7 @@ Chain: arclength.py, bifurcations.py -> **continuation**.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from .. import checks
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
-from .orbits import PeriodicOrbit, not_repeated, refine
+from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -288,6 +288,11 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     normal = np.append(direction, 0.0)
     guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
     found = walk.correct(guess, normal, normal)
+    lost = "give another `amplitude`, a smaller one as a rule."
     if found is None:
-        return refine(doubled, old.x + amplitude * direction)
-    return found.orbit
+        return none_found(doubled, guess[:-1], f"no orbit was found on the branch at this distance: {lost}")
+    orbit = found.orbit
+    single = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})
+    if np.linalg.norm(single(orbit.x) - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
+        return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
+    return orbit

@@ -254,7 +254,7 @@ def find_orbit(
         # The guess need not lie on the section: the first return does.
         reached = first.image(at)
         if not reached.success:
-            return _none(first, at, f"from the first guess no return: {reached.reason}")
+            return none_found(first, at, f"from the first guess no return: {reached.reason}")
         at = reached.x
     else:
         first = Stroboscopic(
@@ -265,7 +265,7 @@ def find_orbit(
         if reason:
             last = np.flatnonzero(np.isfinite(points).all(axis=1))
             at = points[last[-1]] if last.size else at
-            return _none(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
+            return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
         at = points[-1]
         if count is None and symmetry is None:
             first = replace(first, count=_recurrence(points, most))
@@ -282,7 +282,7 @@ def _recurrence(points: np.ndarray, most: int) -> int:
     return int(near[0]) + 1 if near.size else 1
 
 
-def _none(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
+def none_found(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
     n = len(x)
     return PeriodicOrbit(map_, x, np.inf, np.full((n, n), np.nan), (), np.nan, 0, False, message)
 
@@ -320,7 +320,7 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     x = np.array(map_.system.initial_state(x0), float)
     image = map_.image(x, ())
     if not image.success:
-        return _none(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
+        return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
     off, size = _off(x, image)
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
