@@ -16,7 +16,7 @@ from . import checks, memory
 from .compiled import compiled_problem
 from .kernels import state as names
 from .model import Model
-from .records import Dense, EventLog, Outcome
+from .records import Dense, EventLog, Outcome, course
 from .solution import Solution
 from .words import OUTCOMES, ambiguities_in_words, event_words
 
@@ -268,6 +268,10 @@ class EventDriven:
         if self.record is not None and record.t is self.record.t:
             kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
+        if not len(t):
+            # Its first multipliers were not found: the start is all there is, and they are not known.
+            t, x, status = state.now[:1].copy(), state.x[None].copy(), state.status[None].copy()
+            mult = np.full((1, len(state.mult)), np.nan)
         np.putmask(status, status == names.HELD, 0)
         event_t = kept["event_t"]
         outcome = self._outcome(code, problem, state, event_t, kept["event"])
@@ -278,7 +282,9 @@ class EventDriven:
             "layers": counts[names.C_LAYERS],
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
+        whole = None
         if times is not None:
+            whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
             k = counts[names.C_EVAL]
             asked, x_asked, mult_asked = times[:k], record.x_eval[:k], record.mult_eval[:k]
@@ -307,6 +313,7 @@ class EventDriven:
             if "ambiguity" in kept
             else [],
             system.parameters,
+            whole,
         )
 
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:

@@ -235,6 +235,15 @@ class EventLog(Sequence):
         return list, (list(self),)
 
 
+def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times (k,) and statuses (m, k) of a run's columns at its start, on both sides of every change, and at its end."""
+    beside = np.zeros(len(t), bool)
+    beside[1:] = (status[:, 1:] != status[:, :-1]).any(axis=0)
+    beside[:-1] |= beside[1:]
+    beside[[0, -1]] = True
+    return t[beside], status[:, beside]
+
+
 @dataclass(frozen=True)
 class Ambiguity:
     """A point from which the solution is not unique: what it is, what was taken, what else was possible.
@@ -292,7 +301,8 @@ class Segment:
     status : tuple of int
         For every multiplier +1 or -1 on a side of its surface (+1 for an open contact) and 0 while it is solved.
     first, last : int
-        The columns of the solution that bound the segment, both included.
+        The columns of the solution that bound the segment, both included; last is first - 1 where `t_eval` asked
+        for none within it.
 
     Notes
     -----

@@ -84,7 +84,7 @@ def solve_smoothed(
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        pieces = own(system.model, t_span, start, p, options, max_steps)
+        *pieces, _ = own(system.model, t_span, start, p, options, max_steps)
     t, x, events, dense, outcome, cost, ambiguities = pieces
     none = np.zeros((0, len(t)))
     return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
@@ -97,7 +97,7 @@ def of_event(model, i):
 
 
 def own(model, t_span, start, p, options, max_steps, words=None):
-    """Times, states, events, dense output, outcome and cost of a run of the package's own integrator.
+    """Times, states, events, dense output, outcome, cost and all columns of a run of the package's own integrator.
 
     `words` gives name, kind and note of an event by its index and the state before it.
     """
@@ -132,7 +132,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
             # Where and in which state it stopped, as the event-driven path gives it.
             t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])
     dense = _polynomials(run.dense, len(model.states)) if options["dense"] else None
-    return t, x, events, dense, outcome, cost, _conflicts(model, run.events, p)
+    return t, x, events, dense, outcome, cost, _conflicts(model, run.events, p), (run.t, run.x)
 
 
 def _conflicts(model, fired, p) -> list[Ambiguity]:

@@ -83,6 +83,9 @@ class Solution:
         Where the solution is not unique, and what was taken.
     parameters : mapping of (Symbol or str) to float
         Values of this run, in the units of the model.
+    course : (ndarray, shape (k,), and ndarray, shape (m, k)), optional
+        Times and statuses of the run from its start to its end, both sides of every event, where the columns are
+        others (`t_eval`).
 
     Attributes
     ----------
@@ -122,12 +125,14 @@ class Solution:
         tolerances: Mapping[str, Any],
         ambiguities: Sequence[Ambiguity],
         parameters: Mapping[Any, float],
+        course: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
         self.system = system
         self.t = np.asarray(t, dtype=float)
         nt = len(self.t)
         self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
         self.status = _rows(status, np.int8, nt)
+        self._course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
         self.events = events
         self.dense = dense
         self.outcome = outcome
@@ -265,45 +270,34 @@ class Solution:
 
     @functools.cached_property
     def segments(self) -> list[Segment]:
-        """Maximal intervals of constant status, in order; instants are dropped unless nothing else is there."""
-        changes = np.flatnonzero(np.any(np.diff(self.status, axis=1) != 0, axis=0)) + 1
+        """Maximal intervals of constant status of the whole run; instants are dropped unless nothing else is there."""
+        t, status = self._course or (self.t, self.status)
+        changes = np.flatnonzero(np.any(np.diff(status, axis=1) != 0, axis=0)) + 1
         firsts = [0, *changes.tolist()]
-        lasts = [*(changes - 1).tolist(), len(self.t) - 1]
-        pieces = [(i, j) for i, j in zip(firsts, lasts) if self.t[j] > self.t[i]] or [(0, len(self.t) - 1)]
+        lasts = [*(changes - 1).tolist(), len(t) - 1]
+        pieces = [(i, j) for i, j in zip(firsts, lasts) if t[j] > t[i]] or [(0, len(t) - 1)]
         merged = [pieces[0]]
         for i, j in pieces[1:]:
             # An instant between two pieces of one status (a direct re-capture) does not split them.
-            if np.array_equal(self.status[:, i], self.status[:, merged[-1][0]]):
+            if np.array_equal(status[:, i], status[:, merged[-1][0]]):
                 merged[-1] = (merged[-1][0], j)
             else:
                 merged.append((i, j))
-        starts, ends = self.t[[i for i, _ in merged]], self.t[[j for _, j in merged]]
-        for k in np.flatnonzero(starts[1:] > ends[:-1]):
-            # Only the asked-for times were kept (`t_eval`): the change lies between two of them, at an event.
-            between = [
-                e.time
-                for e in self.events
-                if e.switch in self.multipliers and ends[k] <= e.time <= starts[k + 1]
-            ]
-            if between:
-                ends[k], starts[k + 1] = min(between), max(between)
-        return [self._segment(i, j, a, b) for (i, j), a, b in zip(merged, starts.tolist(), ends.tolist())]
+        starts, ends = (t[list(columns)].tolist() for columns in zip(*merged))
+        statuses = [tuple(status[:, i].tolist()) for i, _ in merged]
+        if self._course:
+            # At an event an asked-for column is that of the side after it.
+            firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
+            merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
+        return [self._segment(*piece) for piece in zip(starts, ends, statuses, merged)]
 
-    def _segment(self, first: int, last: int, start: float, end: float) -> Segment:
-        status = tuple(int(s) for s in self.status[:, first])
+    def _segment(self, start: float, end: float, status: tuple[int, ...], columns: tuple[int, int]) -> Segment:
         names = [
             _status_name(self.model, j, s)
             for j, s in enumerate(status)
             if self.model.multipliers[j].kind != "algebraic"
         ]
-        return Segment(
-            start=start,
-            end=end,
-            name=", ".join(names) or "smooth",
-            status=status,
-            first=first,
-            last=last,
-        )
+        return Segment(start, end, ", ".join(names) or "smooth", status, *columns)
 
     @property
     def itinerary(self) -> tuple[str, ...]:

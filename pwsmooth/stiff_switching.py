@@ -18,6 +18,7 @@ import sympy as sp
 from .compiled import FLAT
 from .event_driven import Options, ready
 from .model import EventSpec, Model, Select
+from .records import course
 from .solution import Solution
 
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
@@ -141,9 +142,11 @@ def solve_stiff(
     options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
                    dense=dense, kicks=None, remembers=remembers)  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
-    t, x, events, pieces, outcome, cost, ambiguities = own(view, t_span, both, p, options, max_steps, words)
+    *pieces, ambiguities, columns = own(view, t_span, both, p, options, max_steps, words)
+    t, x, events, polynomials, outcome, cost = pieces
     side = x[n:]
     return Solution(
-        system, t, x[:n], side, side.astype(np.int8), events, Divided(pieces, n) if dense else None, outcome, cost,
+        system, t, x[:n], side, side.astype(np.int8), events, Divided(polynomials, n) if dense else None, outcome, cost,
         {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, ambiguities, system.parameters,
+        None if times is None else course(columns[0], columns[1][n:]),
     )  # fmt: skip

@@ -77,3 +77,27 @@ def test_independent_runs_of_an_orbit_diagram_agree_with_carried_ones():
     for one, other in zip(apart["x"], carried["x"]):
         assert np.sort(one) == pytest.approx(np.sort(other), abs=1e-9)
     assert [len(set(row.round(6))) for row in apart["x"]] == [1, 2, 4]
+
+
+@pytest.mark.parametrize("transient", [120, 150])
+def test_starts_still_on_their_way_by_turns_are_led_to_the_single_orbit(transient):
+    # The multiplier of the fixed point is 2 - c = -0.95: what is left alternates, and to `tol` returns by twos.
+    system = jumping(c * x * (1 - x), c=2.95)
+    found = basins(system, {"x": np.linspace(0.1, 0.9, 17)}, 1, transient=transient)
+    (point,) = found.attractors
+    assert point.map.count == 1 and point.x == pytest.approx([1 - 1 / 2.95], abs=1e-11)
+    assert np.all(found.labels == 0)
+
+
+@pytest.mark.parametrize("carry", [False, True])
+def test_an_orbit_diagram_says_why_points_are_missing(carry):
+    # x = exp(c t) meets the wall at 2, and x' = 1 + c x^2 its pole.
+    stopped = System(
+        {x: c * x + 0 * t}, time=t, parameters={c: 0.1}, events=[Event(x - 2, terminal=True, name="wall")]
+    )
+    shown = orbit_diagram(stopped, c, [0.01, 0.1], {x: 1}, 1, transient=2, keep=5, carry=carry)
+    assert np.isfinite(shown["x"][0]).all() and shown.reasons[0] == ""
+    assert np.isnan(shown["x"][1, -1]) and "terminal event" in shown.reasons[1]
+    blown = System({x: 1 + c * x**2 + 0 * t}, time=t, parameters={c: 1.0})
+    shown = orbit_diagram(blown, c, [1.0], {x: 0}, 1, transient=2, keep=5, carry=carry)
+    assert np.isnan(shown["x"]).all() and "singularity" in shown.reasons[0]

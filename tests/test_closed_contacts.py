@@ -1,6 +1,6 @@
 """A closed contact at which something jumps: a force, a velocity, the wall's motion, another contact.
 
-References are closed forms: uniformly accelerated flights, Newton's restitution, complementarity of all that close at once.
+Closed forms: uniformly accelerated flights, Newton's restitution, complementarity of all that close at once.
 """
 
 import math

@@ -9,7 +9,7 @@ from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Event, System
 from pwsmooth.analysis.continuation import branch_off, follow
-from pwsmooth.analysis.orbits import find_orbit, refine
+from pwsmooth.analysis.orbits import TOLERANCE, find_orbit, refine
 from pwsmooth.analysis.sections import Section, Stroboscopic
 
 t, x, u = sp.symbols("t x u", real=True)
@@ -88,6 +88,64 @@ def test_a_branch_point_is_no_fold():
     assert branch.bifurcations[0].parameter == pytest.approx(0, abs=1e-9)
 
 
+def test_the_old_orbit_is_no_orbit_of_the_branch_that_begins_at_it():
+    (flip,) = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), a, to=3.3).bifurcations
+    # Two-cycles have x <= 1: from beyond Newton's method comes to fixed points, which the doubled map has too.
+    for amplitude in (0.45, 1, -0.6):
+        lost = branch_off(flip, amplitude)
+        assert not lost.success and "another `amplitude`" in lost.message, lost
+    assert branch_off(flip, 0.02).success
+
+
+@pytest.mark.parametrize("longest", [0.01, 0.1, 0.5])
+def test_a_doubled_orbit_shrinks_onto_the_single_one_at_its_flip_and_the_branch_ends(longest):
+    # Two-cycles of the logistic map live above 3, its four-cycles above 1 + sqrt 6.
+    for begin, count, where in ((3.2, 2, 3), (3.5, 4, 1 + math.sqrt(6))):
+        cycle = mapped({x: a * x * (1 - x)}, {x: 0.5}, begin, transient=400)
+        assert cycle.map.count == count
+        branch = follow(cycle, a, to=2.5, step=longest, longest_step=longest)
+        (flip,) = branch.bifurcations
+        assert flip.kind == "flip" and flip.orbit.map.count == count // 2
+        assert flip.parameter == pytest.approx(where, abs=1e-9)
+        assert f"of {count} applications of the map shrink onto one of {count // 2}" in branch.end
+        # The orbits of the branch are all true ones of that period.
+        c = branch.values
+        assert np.all(c > where)
+        if count == 2:
+            pair = [(c + 1 + s * np.sqrt((c - 3) * (c + 1))) / (2 * c) for s in (1, -1)]
+            # An orbit is known to the tolerance of its return over the distance of its multiplier from 1.
+            off = np.min(np.abs(branch.x[0] - pair), axis=0) * np.abs(1 - (4 + 2 * c - c**2))
+            assert off.max() < 10 * TOLERANCE
+
+
+def test_the_buck_converters_doubled_orbit_ends_at_its_flip():
+    # Fossas & Olivar, IEEE Trans. CAS I 43 (1996): parameters. The flip by matrix exponentials, saltation matrix and
+    # scipy's brentq: 24.51657282856.
+    i, ramp, E = sp.symbols("i ramp E", real=True)
+    L, C, R, T = sp.Rational(1, 50), sp.Rational(47, 10**6), 22, sp.Rational(4, 10**4)
+    low, high = sp.Rational(19, 5), sp.Rational(41, 5)
+    control = sp.Rational(42, 5) * (x - sp.Rational(113, 10))
+    buck = System(
+        {x: i / C - x / (R * C), i: (E * sp.Heaviside(ramp - control) - x) / L, ramp: (high - low) / T},
+        time=t, parameters={E: 26.0}, events=[Event(every=T, update={ramp: low})],
+    )  # fmt: skip
+    orbit = find_orbit(buck, {x: 12.3, i: 0.6, ramp: 4}, period=T, phase=0.31, transient=1000)
+    assert orbit.map.count == 2
+    branch = follow(orbit, E, to=24.0)
+    (flip,) = branch.bifurcations
+    assert flip.kind == "flip" and flip.parameter == pytest.approx(24.51657282856, abs=1e-8)
+    assert flip.orbit.period == pytest.approx(4e-4) and branch.values.min() > flip.parameter
+
+
+def test_a_period_that_does_not_follow_its_parameter_is_noticed():
+    forced = System({x: u, u: sp.cos(omega * t) - x - u / 5}, time=t, parameters={omega: 1})
+    fixed = follow(find_orbit(forced, {x: 0, u: 5}, period=2 * sp.pi), omega, to=2)
+    assert len(fixed.orbits) == 1 and "reads the time in another way" in fixed.end
+    moving = follow(find_orbit(forced, {x: 0, u: 5}, period=2 * sp.pi / omega), omega, to=2)
+    w = moving.values
+    assert moving.x[0] == pytest.approx((1 - w**2) / ((1 - w**2) ** 2 + w**2 / 25), abs=1e-9)
+
+
 # ---- changes of itinerary
 
 
@@ -163,7 +221,37 @@ def test_a_grazing_impact_is_named():
     assert first.parameter == pytest.approx(reach, abs=LOCATED)
 
 
+@pytest.mark.parametrize("coupling", [0, sp.Rational(1, 5)])
+def test_a_change_of_order_is_a_bifurcation_only_between_events_that_know_of_each_other(coupling):
+    # Exchanging x and u is a change of the sign of a: at a = 0 both cross at once.
+    pair = System(
+        {x: sp.cos(t) - x + coupling * sp.sign(u), u: sp.cos(t - a) - u + coupling * sp.sign(x)},
+        time=t, parameters={a: -0.3},
+    )  # fmt: skip
+    kinks = System(
+        {x: sp.cos(t) - x + sp.Abs(x) / 3, u: sp.cos(t - a) - u + sp.Abs(u) / 3}, time=t, parameters={a: -0.3}
+    )
+    system = pair if coupling else kinks
+    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi, transient=20)
+    found = follow(orbit, a, to=0.5).bifurcations
+    if not coupling:
+        assert not found
+        return
+    order = found[0]
+    assert order.kind == "change of order" and order.parameter == pytest.approx(0, abs=LOCATED)
+    assert {letter.switch for letter in order.change.before} == {"sgn(x)", "sgn(u)"}
+    assert [letter.switch for letter in order.change.before] == [
+        letter.switch for letter in order.change.after
+    ][::-1]
+
+
 # ---- how branches end
+
+
+def test_a_family_of_orbits_is_no_branch():
+    free = System({x: u, u: a * sp.cos(2 * t) - x}, time=t, parameters={a: 1})
+    branch = follow(find_orbit(free, {x: 0.4, u: 0}, period=2 * sp.pi), a, to=2)
+    assert len(branch.orbits) == 1 and "not isolated" in branch.end
 
 
 def test_a_branch_ends_where_the_map_jumps_and_says_so():

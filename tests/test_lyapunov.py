@@ -83,3 +83,10 @@ def test_bad_input_is_refused():
         largest_exponent(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}))
     assert math.isnan(largest_exponent(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}, dense_output=True), after=2))
     assert np.isfinite(largest_exponent(solve(coulomb(), (0, 9), {y: 0.5, v: 0.3}, dense_output=True)))
+
+
+def test_where_there_is_no_derivative_the_exponents_say_so():
+    meeting = System({x: -2 - sp.sign(x), u: -2 - sp.sign(u)})
+    found = lyapunov_exponents(meeting, {x: 1, u: 1}, 1.0, count=2)
+    assert len(found.degenerate) == 1 and "corner" in found.degenerate[0]
+    assert not lyapunov_exponents(meeting, {x: 1, u: 0.5}, 1.0).degenerate

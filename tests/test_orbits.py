@@ -138,6 +138,91 @@ def test_a_return_map_goes_on_from_a_rounding_off_its_section(off):
     assert image.time == pytest.approx(6.66328686, abs=1e-7)
 
 
+def belt_pull(slip, drop=3):
+    """Of a belt on a body: dry friction that falls with the slip velocity."""
+    return sp.sign(slip) * (sp.Rational(1, 10) + 1 / (1 + drop * sp.Abs(slip)) + slip**2 / 10)
+
+
+def test_one_orbit_has_one_period_and_multipliers_on_every_section_also_within_its_stick():
+    block = System({x: u, u: -x + belt_pull(sp.Rational(1, 10) - u)})
+    orbits = [
+        find_orbit(block, {x: 1, u: 0}, section=section, direction=way, transient=20)
+        # In the stick, at u = 1/10, x grows to 1.1; across it; while it slips.
+        for section, way in ((x - 1, 1), (x - sp.Rational(1, 2), 1), (u, -1), (x, -1), (x, 1))
+    ]
+    assert all(orbit.success for orbit in orbits)
+    assert orbits[0].x[1] == pytest.approx(0.1, abs=1e-12)  # it does stick there
+    assert [orbit.period for orbit in orbits] == pytest.approx([orbits[0].period] * 5, rel=1e-9)
+    # The stick annihilates what lies across the orbit; grazing its end costs half the digits at most.
+    assert np.abs([orbit.multipliers for orbit in orbits]).max() < 1e-8
+
+
+def test_popps_two_masses_have_one_orbit_on_five_sections_from_ten_starts():
+    # Two masses, three springs, one belt (after Popp).
+    w, q = sp.symbols("w q", real=True)
+    belt, link = sp.Rational(42, 100), sp.Rational(6, 5)
+    pulls = belt_pull(belt - u), sp.Rational(13, 10) * belt_pull(belt - q)
+    masses = System({x: u, u: -x - link * (x - w) + pulls[0], w: q, q: -w - link * (w - x) + pulls[1]})
+    sections = (x - w, 1), (u, -1), (q, 1), (w - sp.Rational(1, 2), 1), (u - q, -1)
+    found = []
+    for start in np.random.default_rng(0).normal(size=(10, 4)) * [1, 0.5, 1, 0.5]:
+        for section, way in sections:
+            orbit = find_orbit(masses, start, section=section, direction=way, transient=60)
+            assert orbit.success, (section, start, orbit.message)
+            found.append([orbit.period, *np.sort(np.abs(orbit.multipliers))[-2:]])
+    assert np.array(found) == pytest.approx(np.tile(found[0], (len(found), 1)), abs=1e-7)
+
+
+@pytest.mark.parametrize("off", [1e-16, -1e-16, 0.0])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_turn_that_takes_one_step_is_a_return_and_a_start_on_the_section_none(off, way):
+    P = Section(System({x: u, u: -x}), surface=x - sp.Rational(1, 2), direction=way)
+    image = P.image(np.array([0.5 + off, way * 0.75]))
+    assert image.x == pytest.approx([0.5, way * 0.75], abs=1e-12)
+    assert image.time == pytest.approx(2 * math.pi, abs=1e-12)
+
+
+def test_the_word_of_several_returns_has_the_events_of_all_of_them():
+    # From u = 0 falling to u = 0 rising and back: each half of the turn has one crossing of x = 0.
+    block = System({x: u, u: -x - sp.sign(x) / 5 - u / 50 + sp.sign(u) / 10})
+    once, twice = (Section(block, surface=x - 2 * u, count=count).image([1.0, 0.5]) for count in (1, 2))
+    assert len(once.word) == 4 and len(twice.word) == 8
+    assert twice.time == pytest.approx(sum(run.t[-1] for run in twice.runs))
+
+
+def test_a_transient_that_fails_says_what_failed():
+    from pwsmooth import Event
+
+    damped = System({x: u, u: -x - u / 5})
+    orbit = find_orbit(damped, {x: 2, u: 0}, section=x - sp.Rational(1, 2), transient=50)
+    assert not orbit.success and "does not cross the section x - 1/2 = 0 rising" in orbit.message
+    assert "finished" not in orbit.message and "transient ended after" in orbit.message
+    grows = System({x: x / 5 + 0 * t}, time=t, events=[Event(x - 2, terminal=True, name="wall")])
+    P = Stroboscopic(grows, 1)
+    orbit = find_orbit(grows, {x: 1}, period=1, transient=10)
+    assert not orbit.success and "after 3 of 10" in orbit.message and "'wall' stopped it" in orbit.message
+    # x = exp(t/5) reaches 2 at 3.47: the points after it are unknown, and not the one at which it stopped.
+    assert P.iterate({x: 1}, 5)[:, 0] == pytest.approx(
+        [math.exp(k / 5) for k in (1, 2, 3)] + [math.nan] * 2, nan_ok=True
+    )
+    assert np.isnan(P.iterate({x: 1}, 5, discard=4)).all()
+
+
+@pytest.mark.parametrize("place", ["surface", "update", "when", "gap"])
+def test_a_return_map_refuses_time_wherever_it_stands(place):
+    from pwsmooth import Event, Unilateral
+
+    table = Unilateral(x - sp.sin(t), restitution=0.5, name="R")
+    system = {
+        "surface": lambda: System({x: u, u: -x - sp.sign(u - sp.sin(t))}, time=t),
+        "update": lambda: System({x: u, u: -x}, time=t, events=[Event(x, update={u: sp.cos(t)})]),
+        "when": lambda: System({x: u, u: -x}, time=t, events=[Event(x, when=t > 3, update={u: 1})]),
+        "gap": lambda: System({x: u, u: -1 + table.reaction}, time=t),
+    }[place]()
+    with pytest.raises(ValueError, match="depends on time"):
+        find_orbit(system, {x: 1, u: 1}, section=u)
+
+
 def test_the_derivative_of_a_return_map_by_a_parameter():
     P = Section(relay(0.1), surface=u - x / 10, direction=-1)
     at = P([10.0, 1.0])
@@ -173,6 +258,77 @@ def test_a_period_two_orbit_is_recognised_in_the_transient():
     assert orbit.multipliers == pytest.approx([4 + 6.4 - 3.2**2], abs=1e-9)
 
 
+def test_an_orbit_that_repeats_sooner_than_asked_for_is_given_with_its_own_period():
+    orbit = find_orbit(coulomb(), {y: 0.5, v: 0.3}, period=T, count=6)
+    assert orbit.success and orbit.map.count == 1 and "after 1 of the 6" in orbit.message
+    assert orbit.period == pytest.approx(2 * math.pi)
+    turns = Section(relay(0.1), surface=u, direction=-1, count=2)
+    assert refine(turns, [6.3, 0]).period == pytest.approx(2 * math.pi / math.sqrt(1 - 0.01), rel=1e-10)
+
+
+def clocked(rate, **kept):
+    """x' = rate - x with a memory m that a clock changes at every unit of time."""
+    from pwsmooth import Event, Memory
+
+    m = Memory("m", 0)
+    return System({x: rate(m) - x}, time=t, events=[Event(every=1, update={m: kept["to"](m)})])
+
+
+@pytest.mark.parametrize(
+    ("system", "period", "culprit", "remedy"),
+    [
+        (clocked(lambda m: t - m, to=lambda m: t), 1, "m is", "memory goes on"),
+        (System({x: sp.cos(t) - x}, time=t), 3, "x is", "reads the time"),
+        (System({x: sp.cos(2 * sp.pi * t) - x + t / 10**7}, time=t), 1, "x is", "reads the time"),
+    ],
+    ids=["ramp", "other period", "slow drift"],
+)
+@pytest.mark.parametrize("phase", [0.0, 0.25])
+def test_what_does_not_return_after_one_more_period_is_no_orbit(system, period, culprit, remedy, phase):
+    orbit = find_orbit(system, {x: 0}, period=period, phase=phase)
+    assert not orbit.success
+    assert culprit in orbit.message and remedy in orbit.message
+
+
+def test_a_symmetry_that_an_event_breaks_is_no_symmetry_of_the_orbit():
+    from pwsmooth import Event
+
+    # The field has it, the kick once a period has not.
+    kicked = System(
+        {x: u, u: sp.cos(t) - x - u / 5},
+        time=t,
+        events=[Event(every=2 * sp.pi, update={u: u + sp.Rational(1, 10)})],
+    )
+    orbit = find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2, symmetry={x: -x, u: -u})
+    assert not orbit.success
+    assert find_orbit(kicked, {x: 0, u: 5}, period=T, phase=0.2).success
+
+
+def test_a_memory_that_repeats_does_no_harm():
+    alternating = clocked(lambda m: m, to=lambda m: 1 - m)
+    orbit = find_orbit(alternating, {x: 0}, period=2, phase=0.25)
+    # m = 0 and then 1: x falls and rises by turns, x(1) = x(2)/e, x(2) = 1 - (1 - x(1))/e.
+    low = (1 - math.exp(-1)) / (math.exp(1) - math.exp(-1))
+    assert orbit.success
+    run = orbit.solution()
+    assert run.x[0].min() == pytest.approx(low, abs=1e-9)
+
+
+def test_an_orbit_among_others_is_said_not_to_be_isolated():
+    stuck = System({x: u, u: sp.sin(t) / 2 - x - sp.sign(u)}, time=t)
+    orbit = find_orbit(stuck, {x: 0.2, u: 0}, period=T)
+    assert orbit.success and not orbit.isolated and not orbit.stable
+    assert (
+        orbit.x == pytest.approx([0.2, 0]) and "not isolated" in orbit.message and "not isolated" in repr(orbit)
+    )
+    # x'' + x = cos 2t: every orbit of period 2 pi closes.
+    free = find_orbit(System({x: u, u: sp.cos(2 * t) - x}, time=t), {x: 0.4, u: 0}, period=T)
+    assert free.success and not free.isolated and "not isolated" in free.message
+    centre = find_orbit(System({x: u, u: sp.cos(t) - 2 * x}, time=t), {x: 0.4, u: 0}, period=T)
+    assert centre.isolated and not centre.stable and "neutral" in repr(centre)
+    assert den_hartog(2.0, 0.1).isolated
+
+
 def test_what_is_not_found_is_said_and_raises_nothing():
     blows_up = System({x: 1 + x**2})
     orbit = refine(Stroboscopic(blows_up, 4.0), {x: 0})
@@ -181,7 +337,7 @@ def test_what_is_not_found_is_said_and_raises_nothing():
     orbit = find_orbit(drifts, {x: 0}, period=1)
     assert not orbit.success and "transient" in orbit.message
     never = find_orbit(relay(0.1), {x: 1, u: 1}, section=u - 1e6)
-    assert not never.success and "never reaches" in never.message
+    assert not never.success and "no return" in never.message
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Outcome, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Event, Memory, Outcome, Switch, System, Unilateral, solve
 
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 l1, l2 = Switch("l1", x), Switch("l2", y)
@@ -288,3 +288,15 @@ def test_available_memory_is_what_the_system_says():
 
     assert memory.available() > 2**20
     assert memory.fits(1.0) and (memory.available() == math.inf or not memory.fits(1e18))
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"t_eval": [2.5]}, {"dense_output": True}], ids=["steps", "times", "dense"]
+)
+def test_a_run_without_a_root_at_its_start_ends_with_its_start(options):
+    a, x = sp.symbols("a x", real=True)
+    # a^2 + 1 + x^2 = 0 has no real root.
+    run = solve(System({x: a}, algebraic=[Algebraic(a, a**2 + 1 + x**2)]), (2, 3), [1.5], **options)
+    assert not run.success
+    assert run.t.tolist() == [2] and run.x.tolist() == [[1.5]] and np.isnan(run.mult).all()
+    assert "x = 1.5" in repr(run) and len(run.segments) == 1

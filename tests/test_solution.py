@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from pwsmooth import System, solve
 from pwsmooth.model import LayerState, Model, Multiplier, Select
 from pwsmooth.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from pwsmooth.solution import Solution
@@ -103,15 +104,23 @@ def test_an_instant_of_another_status_neither_makes_nor_splits_a_segment():
     assert [(s.start, s.end, s.status) for s in segments] == [(0, 1, (1,)), (1, 2, (0,))]
 
 
-def test_segments_end_at_events_where_only_asked_for_times_were_kept():
-    # t_eval = 0, 0.4, 0.7, 1.6, 2: the stick at t = 1 falls between two of them.
-    sol = block_solution(
-        t=np.array([0, 0.4, 0.7, 1.6, 2]),
-        x=np.zeros((2, 5)),
-        mult=np.array([[1, 1, 1, 0, 0]]),
-        status=np.array([[1, 1, 1, 0, 0]], dtype=np.int8),
-    )
-    assert [(s.start, s.end) for s in sol.segments] == [(0, 1), (1, 2)]
+@pytest.mark.parametrize("method", ["auto", "stiff"])
+def test_segments_are_those_of_the_run_whatever_times_were_asked_for(method):
+    w, u = sp.symbols("w u", real=True)
+    spring = sp.Abs(w) / 3 if method == "stiff" else sp.sign(u) / 50
+    swings = System({w: u, u: -w - spring + sp.cos(2 * t) / 5}, time=t)
+    whole = solve(swings, (0, 10), {w: 3.5, u: 0}, method=method)
+    assert len(whole.segments) > 3
+    # None, one and several in a segment; at events, of which one is the end of what is asked for
+    for asked in ([3.0], [0, 1, 2, 9, 10], [whole.events[1].time, 9.5], [whole.events[0].time]):
+        thin = solve(swings, (0, 10), {w: 3.5, u: 0}, method=method, t_eval=asked)
+        assert thin.itinerary == whole.itinerary
+        assert [(s.start, s.end, s.status) for s in thin.segments] == [
+            (s.start, s.end, s.status) for s in whole.segments
+        ]
+        assert sum((list(thin.t[s.columns]) for s in thin.segments), []) == list(thin.t)
+        for s in thin.segments:
+            assert np.all(thin.status[:, s.columns] == np.array(s.status)[:, None])
 
 
 def test_dense_evaluation_agrees_with_the_closed_form_between_columns():

@@ -169,6 +169,66 @@ def test_two_switchings_at_one_instant_are_said_to_have_no_derivative():
     assert len(moved.degenerate) == 1 and "corner" in moved.degenerate[0]
 
 
+RINGS = {x: sp.cos(t) - x / 5, u: x / 4 - u / 3}
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        [Event(every=1, update={x: x / 2 + u / 3}), Event(every=1, update={u: u / 2 - x / 4})],
+        [
+            Event(x - sp.Rational(1, 2), update={x: x - u}),
+            Event(x - sp.Rational(1, 2), update={u: u * x / 2 + 1}),
+        ],
+        # The first one's jump fires the second, which reads what it has left.
+        [
+            Event(x - sp.Rational(1, 2), direction=1, update={x: x * u / 3, u: u + 2}),
+            Event(u - 2, direction=1, update={u: u * x - 1}),
+        ],
+    ],
+    ids=["clock", "one surface", "one after the other"],
+)
+def test_events_of_one_round_act_on_the_values_before_it(events):
+    moved = agree(System(RINGS, time=t, events=events), (0.5, 2.5), (0.45, 0.8))
+    assert any(s.kinds.count("reset") == 2 for s in moved.saltations) and not moved.degenerate
+
+
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [
+        (
+            System(
+                {x: 1, u: 1}, events=[Event(x - 1, update={x: u / 2 - 1}), Event(u - 1, update={u: -x / 3})]
+            ),
+            (0.2, 0.2),
+        ),
+        (
+            System({x: 1 + sp.Heaviside(u - 1), u: 1}, time=t, events=[Event(every=1, update={x: x / 2 - 1})]),
+            (0.2, 0.5),
+        ),
+    ],
+    ids=["two surfaces", "a clock and a surface"],
+)
+def test_events_that_meet_by_chance_are_a_corner_also_when_they_jump(system, start):
+    span = (0.5, 1.7) if system.model.events[0].every is not None else (0, 1.2)
+    moved = variations(solve(system, span, list(start), dense_output=True))
+    assert len(moved.degenerate) == 1 and "corner" in moved.degenerate[0]
+
+
+def test_updates_whose_joint_effect_is_not_known_have_no_derivative_or_the_right_one():
+    events = [Event(every=1, update={x: x + u}), Event(every=1, update={x: x + 2 * u})]
+    system = System(RINGS, time=t, events=events)
+    moved = variations(solve(system, (0.5, 1.5), [0.45, 0.8], dense_output=True, **TIGHT))
+    by_state, _ = differences(system, (0.5, 1.5), (0.45, 0.8), ())
+    assert moved.degenerate or np.abs(moved.matrix - by_state).max() < DIFFERENCE
+
+
+def test_fifty_events_at_one_instant_are_gone_through_in_no_time():
+    events = [Event(every=1, update={x: x + u / k}) for k in range(1, 51)]
+    run = solve(System(RINGS, time=t, events=events), (0.5, 1.5), [0.45, 0.8], dense_output=True)
+    assert len(variations(run).saltations[0].kinds) == 50
+
+
 def test_a_solution_without_step_polynomials_is_refused():
     with pytest.raises(ValueError, match="dense_output=True"):
         variations(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}))

@@ -16,8 +16,8 @@ import numpy as np
 from .. import checks
 from ..solution import Solution
 from .itineraries import same_itinerary
-from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
-from .sections import Section, Stroboscopic, word_of
+from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
+from .sections import Section, Stroboscopic
 from .variations import variations
 
 _MOST_NEWTON = 8
@@ -30,13 +30,17 @@ def value_of(orbit: PeriodicOrbit, name: str) -> float:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its run and Newton's steps."""
+    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its run and Newton's steps.
+
+    `alone` is False where the equations leave more than one direction: a family of orbits at one parameter value.
+    """
 
     u: np.ndarray
     tangent: np.ndarray
     orbit: PeriodicOrbit
     run: Solution
     steps: int
+    alone: bool = True
 
 
 class Walk:
@@ -66,7 +70,7 @@ class Walk:
         u = np.append(orbit.x, value_of(orbit, self.name) / self.scale)
         found = self.image(u)
         assert found is not None
-        return Point(u, _tangent(found[3], direction), orbit, found[1].solution, 0)
+        return Point(u, _tangent(found[3], direction), orbit, found[1].solution, 0, _full_rank(found[3]))
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
         """Newton's method in the plane normal . (u - guess) = 0."""
@@ -79,10 +83,10 @@ class Walk:
             size = float(np.abs(F / (1 + np.abs(u[:-1]))).max(initial=0.0))
             if size <= TOLERANCE:
                 orbit = PeriodicOrbit(
-                    here, u[:-1], size, image.jacobian, word_of(image.solution), image.time, steps, True,
+                    here, u[:-1], size, image.jacobian, image.word, image.time, steps, True,
                     "continued", image.degenerate,
                 )  # fmt: skip
-                return Point(u, _tangent(DF, direction), orbit, image.solution, steps)
+                return Point(u, _tangent(DF, direction), orbit, image.solution, steps, _full_rank(DF))
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
@@ -156,8 +160,8 @@ class Walk:
             return f"no orbit beyond {where}: trajectories from there do not return."
         _, image, F, _ = found
         gap = float(np.abs(F).max(initial=0.0))
-        if gap > 1e4 * ds and word_of(image.solution) != here.orbit.word:
-            events = " | ".join(kind for _, kind, _ in word_of(image.solution)) or "no events"
+        if gap > 1e4 * ds and image.word != here.orbit.word:
+            events = " | ".join(kind for _, kind, _ in image.word) or "no events"
             return (
                 f"no orbit beyond {where}: the Poincare map jumps there by {gap:.2g}, from the itinerary "
                 f"{' | '.join(kind for _, kind, _ in here.orbit.word) or 'no events'} to {events}."
@@ -170,14 +174,13 @@ class Walk:
             )
         return f"no orbit was found beyond {where} with steps down to {ds:.1g}."
 
-    def at_parameter(self, here: Point, there: Point, value: float) -> Point | None:
-        """The orbit at a value of the parameter between two points."""
-        a, b = here.u[-1], there.u[-1]
-        part = (value / self.scale - a) / (b - a)
-        normal = np.append(np.zeros(len(here.u) - 1), 1.0)
-        guess = here.u + part * (there.u - here.u)
+    def at_parameter(self, near: Point, value: float, other: Point | None = None) -> Point | None:
+        """The orbit at a value of the parameter, by the tangent of a point near it or between it and another one."""
+        way = near.tangent if other is None else other.u - near.u
+        normal = np.append(np.zeros(len(near.u) - 1), 1.0)
+        guess = near.u + way * (value / self.scale - near.u[-1]) / way[-1]
         guess[-1] = value / self.scale
-        return self.correct(guess, normal, here.tangent)
+        return self.correct(guess, normal, near.tangent)
 
     def along(self, here: Point, there: Point, part: float, near: Point | None = None) -> Point | None:
         """The point whose projection on the chord is at a part of it, along the tangent of a near one first."""
@@ -200,6 +203,11 @@ def sticks_at_start(run: Solution) -> bool:
 
 def _symbol(map_: Any, name: str) -> Any:
     return checks.lookup(name, map_.system.parameters, "`parameter`", "parameter")
+
+
+def _full_rank(DF: np.ndarray) -> bool:
+    sizes = np.linalg.svd(DF, compute_uv=False)
+    return bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
 
 
 def _tangent(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 import sympy as sp
 
 from .. import checks
+from ..records import Outcome
 from .orbits import PeriodicOrbit, refine
 from .sections import Stroboscopic
 
@@ -172,10 +173,11 @@ def basins(
     # The same section as the sweep's strobes: whole periods after its start time.
     base = Stroboscopic(system, period)
     attractors: list[PeriodicOrbit] = []
+    strobes: list[np.ndarray] = []  # of each of them
     tried: list[tuple[int, np.ndarray]] = []
     for i in np.flatnonzero((cycle > 0) & (labels == UNSETTLED)):
         count, at = int(cycle[i]), points[i, -1]
-        known = [k for k, orbit in enumerate(attractors) if _on(orbit, count, at, tol)]
+        known = [k for k, points_of in enumerate(strobes) if any(_near(at, x, 10 * tol) for x in points_of)]
         if not known:
             if any(n == count and _near(at, x, tol) for n, x in tried):
                 continue
@@ -183,8 +185,12 @@ def basins(
             if not (orbit.success and orbit.stable and _near(orbit.x, at, 100 * tol)):
                 tried.append((count, at))
                 continue
-            attractors.append(orbit)
-            known = [len(attractors) - 1]
+            # It may be one of them that this start, still on its way to it, took for a longer one.
+            known = [k for k, points_of in enumerate(strobes) if any(_near(orbit.x, x, tol) for x in points_of)]
+            if not known:
+                known = [len(attractors)]
+                attractors.append(orbit)
+                strobes.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
         labels[i] = known[0]
     order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
     place = np.empty(len(order), int)
@@ -196,19 +202,6 @@ def basins(
 
 def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
     return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
-
-
-def _on(orbit: PeriodicOrbit, count: int, at: np.ndarray, tol: float) -> bool:
-    """Whether a point lies at one of the strobes of an orbit."""
-    if getattr(orbit.map, "count", 1) != count:
-        return False
-    single = replace(orbit.map, count=1)
-    x = orbit.x
-    for _ in range(count):
-        if _near(at, x, 10 * tol):
-            return True
-        x = single.image(x).x
-    return False
 
 
 @dataclass(frozen=True)
@@ -227,6 +220,8 @@ class OrbitDiagram:
         Their names.
     points : ndarray, shape (number of values, kept points, n)
         In the units of the states; nan where a run failed.
+    reasons : tuple of str
+        For each value why its run ended before its time, in words; empty where it did not.
 
     Notes
     -----
@@ -246,6 +241,7 @@ class OrbitDiagram:
     values: np.ndarray
     states: tuple[str, ...]
     points: np.ndarray
+    reasons: tuple[str, ...]
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
@@ -354,12 +350,23 @@ def orbit_diagram(
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
-        return OrbitDiagram(name, at_values, states, points)
+        return OrbitDiagram(
+            name, at_values, states, points, tuple(map(_reason, found["outcome"].values.tolist()))
+        )
     at = np.array(system.initial_state(start), float)
-    points = np.full((len(at_values), keep, len(states)), np.nan)
+    points, reasons = np.full((len(at_values), keep, len(states)), np.nan), []
     for k, value in enumerate(at_values):
         step = Stroboscopic(system.with_parameters({name: value}), sp.sympify(period), options=options)
-        points[k] = step.iterate(at, keep, transient)
+        points[k], reason = step._iterated(at, keep, transient)
+        reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
-    return OrbitDiagram(name, at_values, states, points)
+    return OrbitDiagram(name, at_values, states, points, tuple(reasons))
+
+
+def _reason(outcome: int) -> str:
+    """Why a point of a sweep did not finish, from its code; empty if it did."""
+    if outcome == Outcome.FINISHED:
+        return ""
+    known = {int(o): str(o) for o in Outcome}
+    return known.get(outcome, "the system refuses this value of the parameter or start.")

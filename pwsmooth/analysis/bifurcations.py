@@ -10,13 +10,13 @@ Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .arclength import Point, Walk
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import PeriodicOrbit
+from .orbits import SAME, PeriodicOrbit, refine
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -125,12 +125,64 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             return found + _smooth(walk, here, there)
         left, right, width = _change(walk, here, there)
         found += _smooth(walk, here, left)
-        change = change_between(*_apart(walk, here, there, left, right))
-        found.append(
-            Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
-        )
+        apart = _apart(walk, here, there, left, right)
+        change = change_between(*apart)
+        # Events that have nothing to do with each other change their order, and nothing happens to the orbit.
+        if change.name != "change of order" or not _one_slope(*apart):
+            found.append(
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
+            )
         here = right
     return found
+
+
+def _one_slope(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether the map has the same derivative at two orbits so little apart, where it changes with them only."""
+    off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
+    return bool(off <= 100 * _APART * np.abs(one.jacobian).max(initial=0.0))
+
+
+def collapse_between(
+    walk: Walk, here: Point, there: Point, found: list[Bifurcation]
+) -> tuple[int, list[Bifurcation]] | None:
+    """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
+
+    A doubled branch ends at the flip from which it comes. Its arc goes on, as it must: through a fold to the same
+    orbits half a turn later, or on to the shorter orbit itself, run through twice. None where nothing of this is seen.
+    """
+    for count in range(1, walk.map.count):
+        if walk.map.count % count == 0 and (near := _shrunk(here, there, count)) is not None:
+            break
+    else:
+        return None
+    short, x = near
+    orbit = refine(replace(short.orbit.map, count=count), x)
+    if not orbit.success:
+        return count, []
+    single = Walk(orbit, walk.name, walk.scale)
+    at = single.point(orbit, there.u - here.u)
+    # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
+    q = [walk.value(p) for p in (here, there)]
+    if short is here:
+        turn = next((b.parameter for b in found if b.kind == "fold"), q[1])
+        q = [turn + 2 * (max(q, key=lambda value: abs(value - turn)) - turn) * side for side in (1, -1)]
+    before, behind = (single.at_parameter(at, value) for value in q)
+    if before is None or behind is None:
+        return count, []
+    return count, bifurcations_between(single, before, behind)
+
+
+def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
+    """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
+    steps = [replace(p.orbit.map, count=count).image(p.orbit.x).x - p.orbit.x for p in (here, there)]
+    sizes = [np.linalg.norm(step) for step in steps]
+    if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x)):
+        return there, there.orbit.x
+    # Through it the branch comes to the same orbits, `count` applications later, and turns back.
+    turns = steps[0] @ steps[1] < -0.5 * sizes[0] * sizes[1] and here.tangent[-1] * there.tangent[-1] < 0
+    if not turns:
+        return None
+    return here, here.orbit.x + (there.orbit.x - here.orbit.x) * sizes[0] / (sizes[0] + sizes[1])
 
 
 def _change(walk: Walk, here: Point, there: Point) -> tuple[Point, Point, float]:

@@ -10,15 +10,15 @@ Chain: arclength.py, bifurcations.py -> **continuation**.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from .. import checks
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between
-from .orbits import PeriodicOrbit, refine
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between
+from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -135,6 +135,10 @@ def follow(
 
     Notes
     -----
+    Orbits of several applications of the map (`count`) end where they shrink onto one of fewer, at its flip: that is
+    the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
+    they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
+
     A period is shot over in one piece: where the largest multiplier m has grown so far that m times the rounding of
     a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and
     `end` says so; the orbit may well go on.
@@ -169,6 +173,12 @@ def follow(
     here = walk.rephased(here)
     ds = min(step, longest_step)
     while len(branch.orbits) < checks.whole(most, "`most`", 1):
+        if not here.alone:
+            branch.end = (
+                f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
+                "two branches meet there, and no single way leads on."
+            )
+            return branch
         there = walk.step(here, ds)
         if there is None:
             if ds > shortest_step:
@@ -180,12 +190,22 @@ def follow(
                 return branch
         past = _passed(there, here, walk, begin, end)
         if past is not None:
-            last = walk.at_parameter(here, there, past)
+            last = walk.at_parameter(here, past, there)
             if last is None:
                 branch.end = f"no orbit was found at {name} = {past:g}."
                 return branch
             there = last
-        branch.bifurcations += bifurcations_between(walk, here, there)
+        if broken := not_repeated(there.orbit):
+            branch.end = f"at {name} = {walk.value(there):.10g} there is {broken}"
+            return branch
+        found = bifurcations_between(walk, here, there)
+        shorter = collapse_between(walk, here, there, found)
+        if shorter is not None:
+            count, ends = shorter
+            branch.bifurcations += ends
+            branch.end = _collapse_in_words(walk, here, there, count, ends)
+            return branch
+        branch.bifurcations += found
         branch.orbits.append(there.orbit)
         if past is not None:
             branch.end = f"reached {name} = {past:g}."
@@ -194,6 +214,15 @@ def follow(
         here = walk.rephased(there)
     branch.end = f"stopped after {len(branch.orbits)} orbits (`most`)."
     return branch
+
+
+def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:
+    orbits = f"the orbits of {walk.map.count} applications of the map shrink onto one of {count}"
+    if not ends:
+        low, high = sorted(walk.value(point) for point in (here, there))
+        return f"{orbits} between {walk.name} = {low:.10g} and {high:.10g}."
+    kinds = " and ".join(f"{b.kind} at {b.name} = {b.parameter:.10g}" for b in ends)
+    return f"{orbits}: {kinds} of that one, which `bifurcations[-1].orbit` is."
 
 
 def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> float | None:
@@ -259,6 +288,11 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     normal = np.append(direction, 0.0)
     guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
     found = walk.correct(guess, normal, normal)
+    lost = "give another `amplitude`, a smaller one as a rule."
     if found is None:
-        return refine(doubled, old.x + amplitude * direction)
-    return found.orbit
+        return none_found(doubled, guess[:-1], f"no orbit was found on the branch at this distance: {lost}")
+    orbit = found.orbit
+    single = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})
+    if np.linalg.norm(single(orbit.x) - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
+        return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
+    return orbit

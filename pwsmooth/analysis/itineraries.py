@@ -25,6 +25,7 @@ __all__ = ["Change", "change_between", "same_itinerary"]
 
 # Events that both orbits have differ by the square root of the bracket at most: 1e-6 at a bracket of 1e-12.
 _TOGETHER = 1e-3
+_AT_ONCE = 1e-12  # of the period: events of one instant, whose order is that of their roundings
 
 
 @dataclass(frozen=True)
@@ -64,9 +65,8 @@ class Change:
     Attributes
     ----------
     name : str
-        "grazing-sliding", "crossing-sliding", "switching-sliding", "adding-sliding", "grazing", "grazing
-        impact", "change
-        of order", "change of itinerary" or "jump of the orbit".
+        "grazing-sliding", "crossing-sliding", "switching-sliding", "adding-sliding", "grazing", "grazing impact",
+        "change of order", "change of itinerary" or "jump of the orbit".
     before, after : tuple of Letter
         Events that only one of the orbits has.
     time : float, dimensionless
@@ -80,8 +80,9 @@ class Change:
     Examples
     --------
     >>> from pwsmooth.analysis.itineraries import Change
-    >>> print(Change("change of order", (), (), 0.25))
-    change of order: nothing -> nothing, at 0.2500 of the period
+    >>> from pwsmooth.analysis.itineraries import Letter
+    >>> print(Change("grazing impact", (), (Letter(0.25, "R", "impact", 0, 0),), 0.25))
+    grazing impact: nothing -> impact [R], at 0.2500 of the period
     """
 
     name: str
@@ -101,13 +102,17 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
     # With the map's own tolerances: near a change of itinerary looser ones see another word.
     run = orbit.map.over(orbit.x, orbit.period)
     begin, start = run.t[0], after_start(run)
-    found = []
+    found: list[Letter] = []
     for e in run.events:
         if not e.time > start or e.kind == "terminal":
             continue
         came, went = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
-        found.append(Letter((e.time - begin) / orbit.period % 1.0, e.switch, e.kind, came, went))
-    return found
+        time = (e.time - begin) / orbit.period % 1.0
+        # The phase of the first of several at one instant: sorted by it and their switches they have one order.
+        if found and 0 <= time - found[-1].time <= _AT_ONCE:
+            time = found[-1].time
+        found.append(Letter(time, e.switch, e.kind, came, went))
+    return sorted(found, key=lambda letter: (letter.time, letter.switch))
 
 
 def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
@@ -182,7 +187,8 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     old, new = _unmatched(before, after), _unmatched(after, before)
     cluster = sorted([*((x.time, 0, x) for x in old), *((x.time, 1, x) for x in new)], key=lambda x: x[:2])
     if not cluster:
-        return Change("change of order", (), (), 0.0)
+        gone, come = _swapped(before, after)
+        return Change("change of order", gone, come, gone[0].time if gone else 0.0)
     first = [c for c in cluster if _distance(c[0], cluster[0][0]) < _TOGETHER]
     if len(cluster) > len(first) and _distance(cluster[-1][0], cluster[0][0]) < 2 * _TOGETHER:
         first = [c for c in cluster if _distance(c[0], cluster[0][0]) < 2 * _TOGETHER]
@@ -195,6 +201,21 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
         # Events far apart change at once: the orbit after is not the continuation of the one before.
         return Change("jump of the orbit", tuple(old), tuple(new), time)
     return Change(name or "change of itinerary", gone, come, time)
+
+
+def _swapped(before: list[Letter], after: list[Letter]) -> tuple[tuple[Letter, ...], tuple[Letter, ...]]:
+    """The events, close together, that stand in another order."""
+    for at in before:
+        gone, come = (
+            sorted(
+                (x for x in word if _distance(x.time, at.time) < _TOGETHER),
+                key=lambda x: (x.time - at.time + 0.5) % 1.0,
+            )
+            for word in (before, after)
+        )
+        if [x.word for x in gone] != [x.word for x in come]:
+            return tuple(gone), tuple(come)
+    return (), ()
 
 
 def _distance(a: float, b: float) -> float:

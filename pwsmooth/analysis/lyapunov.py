@@ -44,6 +44,9 @@ class LyapunovExponents:
         Length of the average.
     outcome : Outcome
         How the trajectory ended; after a failure the exponents are those of the part before it.
+    degenerate : tuple of str
+        Where the trajectory has no derivative (grazing, corners, ambiguities), in words: there deviations were carried
+        on as if the instant did not move with them.
 
     Notes
     -----
@@ -63,6 +66,7 @@ class LyapunovExponents:
     errors: np.ndarray
     time: float
     outcome: Outcome
+    degenerate: tuple[str, ...] = ()
 
 
 class _Frame:
@@ -74,10 +78,13 @@ class _Frame:
         self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
         self.times: list[float] = []
         self.logs: list[np.ndarray] = []
+        self.degenerate: list[str] = []
 
     def carry(self, moved: Variations, until: float = math.inf) -> None:
         """Apply the factors up to a time."""
         n, count = self.q.shape
+        self.degenerate += [s.degenerate for s in moved.saltations if s.degenerate and s.time <= until]
+        self.degenerate += moved.ambiguous
         for factor, time in zip(moved.factors, moved.times):
             if time > until:
                 break
@@ -113,7 +120,8 @@ class _Frame:
             np.add.at(rates, part, logs)
             errors = rates.std(axis=0, ddof=1) / math.sqrt(_PIECES) * _PIECES / (end - start)
         order = np.argsort(-exponents, kind="stable")
-        return LyapunovExponents(exponents[order], errors[order], end - start, outcome)
+        said = tuple(dict.fromkeys(self.degenerate))
+        return LyapunovExponents(exponents[order], errors[order], end - start, outcome, said)
 
 
 def largest_exponent(solution: Solution, after: float | None = None) -> float:

@@ -12,8 +12,9 @@ Chain: sections.py -> **orbits** -> continuation.py.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,16 @@ import numpy as np
 from .. import checks
 from ..solution import Solution
 from ..solve import solve
-from .sections import Image, Section, Stroboscopic, Word, word_of
+from .sections import Image, Section, Stroboscopic, Word, depends_on_time, why_stopped
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
 TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
 _MOST_STEPS = 30
 PINNED = 1e-12  # of a row of the map's Jacobian: rounding
+MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
+SAME = 1e-6  # relative to the states' size: nearer together two points are one, converged to TOLERANCE or not quite
+_REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one period and in the next
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
@@ -52,9 +56,9 @@ class PeriodicOrbit:
     steps : int
         Of Newton's method.
     success : bool
-        Whether it converged.
+        Whether it converged, and repeats in the period that follows.
     message : str
-        In words, with what to try next.
+        In words, with what to try next; also where the orbit is not isolated, or shorter than was asked for.
     degenerate : tuple of str
         Where the map has no derivative at this orbit (grazing, corners).
 
@@ -122,8 +126,13 @@ class PeriodicOrbit:
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
-        return bool(np.all(np.abs(self.multipliers) < 1))
+        """Whether all multipliers lie inside the unit circle, by more than their own rounding."""
+        return bool(np.all(np.abs(self.multipliers) < 1 - MULTIPLIERS))
+
+    @property
+    def isolated(self) -> bool:
+        """Whether no multiplier of the map is 1: where one is, orbits beside it may be periodic too."""
+        return not np.any(np.abs(self.map_multipliers - 1) <= MULTIPLIERS)
 
     @property
     def start(self) -> dict[str, float]:
@@ -151,7 +160,9 @@ class PeriodicOrbit:
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{m:.6g}" for m in self.multipliers)
-        kind = ("symmetric " if self.symmetric else "") + ("stable" if self.stable else "unstable")
+        unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
+        holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
+        kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
         state = ", ".join(f"{k} = {v:.9g}" for k, v in self.start.items())
         events = " | ".join(kind for _, kind, _ in self.word) or "no events"
         head = (
@@ -204,7 +215,8 @@ def find_orbit(
     Returns
     -------
     PeriodicOrbit
-        With `success` False and a `message` where none was found.
+        With `success` False and a `message` where none was found: also where the point returns after one period but
+        not after the next, as with a memory that counts on. One that repeats sooner than after `count` has its own.
 
     Raises
     ------
@@ -240,29 +252,24 @@ def find_orbit(
         if symmetry is not None:
             raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
         # The guess need not lie on the section: the first return does.
-        at = first.image(at).x
-        if not np.isfinite(at).all():
-            return _none(
-                first, np.array(system.initial_state(x0), float), "the start never reaches the section."
-            )
+        reached = first.image(at)
+        if not reached.success:
+            return none_found(first, at, f"from the first guess no return: {reached.reason}")
+        at = reached.x
     else:
         first = Stroboscopic(
             system, period=period, count=count or 1, phase=phase, symmetry=symmetry, options=options
         )
     if transient:
-        points = first.iterate(at, transient + 1)
-        if not np.isfinite(points).all():
-            return _none(first, at, f"a trajectory of the transient failed: {first.image(at).solution.message}")
+        points, reason = first._iterated(at, transient + 1)
+        if reason:
+            last = np.flatnonzero(np.isfinite(points).all(axis=1))
+            at = points[last[-1]] if last.size else at
+            return none_found(first, at, f"the transient ended after {last.size} of {transient}: {reason}")
         at = points[-1]
         if count is None and symmetry is None:
-            first = _with_count(first, _recurrence(points, most))
+            first = replace(first, count=_recurrence(points, most))
     return refine(first, at)
-
-
-def _with_count(first, count):
-    from dataclasses import replace
-
-    return replace(first, count=count)
 
 
 def _recurrence(points: np.ndarray, most: int) -> int:
@@ -275,7 +282,7 @@ def _recurrence(points: np.ndarray, most: int) -> int:
     return int(near[0]) + 1 if near.size else 1
 
 
-def _none(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
+def none_found(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
     n = len(x)
     return PeriodicOrbit(map_, x, np.inf, np.full((n, n), np.nan), (), np.nan, 0, False, message)
 
@@ -313,11 +320,14 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     x = np.array(map_.system.initial_state(x0), float)
     image = map_.image(x, ())
     if not image.success:
-        return _none(map_, x, f"the trajectory from the first guess did not return: {image.solution.message}")
+        return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
     off, size = _off(x, image)
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
-        step = np.linalg.lstsq(image.jacobian - np.eye(len(x)), -off, rcond=1e-13)[0]
+        slope, step = image.jacobian - np.eye(len(x)), np.zeros(len(x))
+        # What every start keeps to itself, as a memory that events put back, is for the first guess to say.
+        free = (off != 0) | (np.abs(slope).max(axis=1) > PINNED)
+        step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
         # What returns to the bit from any start nearby, as v = 0 in a stick, stays: rounding would leave the surface.
         step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
         found = _shortened(map_, x, step, size)
@@ -326,16 +336,78 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
         x, image = found
         off, size = _off(x, image)
         steps += 1
-    message = f"Newton's method converged in {steps} steps."
-    if size > TOLERANCE:
-        message = (
-            f"Newton's method stopped after {steps} steps, |P(x) - x| = {size:.2g}: give a guess nearer to the "
-            "orbit, a `transient`, or another `phase`."
-        )
-    return PeriodicOrbit(
-        map_, x, size, image.jacobian, word_of(image.solution), image.time, steps, size <= TOLERANCE, message,
-        image.degenerate,
+    orbit = PeriodicOrbit(
+        map_, x, size, image.jacobian, image.word, image.time, steps, size <= TOLERANCE,
+        f"Newton's method converged in {steps} steps.", image.degenerate,
     )  # fmt: skip
+    if not orbit.success:
+        return replace(
+            orbit,
+            message=f"Newton's method stopped after {steps} steps, |P(x) - x| = {size:.2g}: give a guess nearer to the "
+            "orbit, a `transient`, or another `phase`.",
+        )
+    if broken := not_repeated(orbit):
+        return replace(orbit, success=False, message=broken)
+    count = repeats_after(orbit)
+    if count < map_.count:
+        shorter = refine(replace(map_, count=count), x)
+        said = f" It repeats after {count} of the {map_.count} applications of the map that were asked for."
+        return replace(shorter, message=shorter.message + said) if shorter.success else orbit
+    if not orbit.isolated:
+        return replace(orbit, message=f"{orbit.message} {_NOT_ISOLATED}")
+    return orbit
+
+
+_NOT_ISOLATED = (
+    "It is not isolated: a multiplier is 1, so that orbits beside it are periodic too (then this is the one that the "
+    "first guess led to), or it is at a fold or a branch point."
+)
+
+
+def not_repeated(orbit: PeriodicOrbit) -> str:
+    """What does not repeat in the period that follows, in words with a remedy; empty if all does.
+
+    The map begins each time at its own start time and from states alone: a memory that counts on, a time that the
+    period does not fit, and the branch of a layer are unknown to it.
+    """
+    map_, x = orbit.map, orbit.x
+    if isinstance(map_, Section):
+        return ""
+    names, times = orbit.system.model.states, map_.start_time + orbit.period * np.array([1.0, 2.0])
+    run = map_.over(x, 2 * orbit.period, t_eval=times)
+    if len(run.t) < 2 or run.t[-1] < times[-1]:
+        return f"the orbit closes after one period, but is not run through in the next: {why_stopped(run)}"
+    growth = np.linalg.norm(orbit.jacobian) ** (2 if orbit.symmetric else 1)
+    slack = _REPEATED * max(run.tolerances["rtol"], TOLERANCE) * (1 + growth)
+    off = np.abs(run.x - x[:, None]).max(axis=1) / (1 + np.abs(x))
+    moved = np.flatnonzero(off > (math.sqrt(slack) if orbit.degenerate else slack))
+    if not moved.size:
+        return ""
+    memories = moved[moved >= len(names) - orbit.system.model.n_memory]
+    k = int(memories[0]) if memories.size else int(moved[np.argmax(off[moved])])
+    if memories.size:
+        why = (
+            "this memory goes on from period to period; let it hold what repeats, as the time since an event does (a "
+            "state of rate 1 that the event puts to 0)"
+        )
+    elif depends_on_time(orbit.system.model):
+        why = "the system reads the time in another way than with this period; give the period of all that it reads"
+    else:
+        why = "it slides on another branch of the layer than the map begins with; choose another `phase`"
+    return (
+        f"no orbit of period {orbit.period:.9g}: {names[k]} is {x[k]:.9g} at first, then {run.x[k, 0]:.9g} and "
+        f"{run.x[k, 1]:.9g}, one and two periods later: {why}."
+    )
+
+
+def repeats_after(orbit: PeriodicOrbit) -> int:
+    """After how many of its map's `count` applications an orbit is back: a divisor of it."""
+    count = orbit.map.count
+    if count == 1:
+        return 1
+    points = replace(orbit.map, count=1).iterate(orbit.x, count)
+    back = np.abs((points - orbit.x) / (1 + np.abs(orbit.x))).max(axis=1) <= SAME
+    return next((d for d in range(1, count) if count % d == 0 and back[d - 1]), count)
 
 
 def _off(x: np.ndarray, image: Image) -> tuple[np.ndarray, float]:

@@ -16,18 +16,22 @@ Chain: linearised.py -> **saltation** -> variations.py.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain, combinations, islice
 
 import numpy as np
 import sympy as sp
 
-from ..solution import EventRecord, Solution
+from ..solution import EventRecord, Solution, vectorised
 from .linearised import Blocks, Linearised
 
 __all__ = ["Saltation", "saltations", "tangent_projector"]
 
 # Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
 _TOUCHING = 1e-9
+_LANDED = 1e-6  # of a state: contacts that close with a jump take away what speed is left
+_MOST_WAYS = 32  # in which the events of one instant may have fired, of those that are tried
 _CHATTER = 1e-6  # before an accumulation, relative to the time
 
 
@@ -158,10 +162,9 @@ class _Instant:
             matrix = np.eye(N) if projector is None else projector
             return Saltation(self.t, kinds, matrix, np.zeros(N))
         jumps = [e for e in self.events if self._new(e) is not None]
-        R, R_w, R_t = self.x, np.eye(n, N), np.zeros(n)
-        if jumps:
-            R, R_w, R_t = self._jump(jumps)
+        R_w, R_t, unknown = self._jump(jumps)
         first, why = self._first(jumps)
+        why = why or unknown
         S = np.eye(N)
         S[:n] = R_w
         delay = np.zeros(N)
@@ -186,7 +189,7 @@ class _Instant:
         if not causes:
             return None, ""
         first = next((e for e in causes if e in jumps), causes[0])
-        others = [e for e in causes if e is not first and e.switch != first.switch and self._reached(e)]
+        others = [e for e in causes if e.switch != first.switch and self._reached(e) and self._apart(e, first)]
         why = ""
         if others:
             both = ", ".join(f"{e.kind} [{e.switch}]" for e in (first, *others))
@@ -195,8 +198,26 @@ class _Instant:
 
     def _reached(self, event: EventRecord) -> bool:
         """Whether an event of this instant stands on its own: not a consequence of another one's jump."""
-        H_w, H_t = self._surface(event)
-        return H_w is not None and event.kind != "slip by reset" and not np.any(self.x != self.x_after)
+        if not np.any(self.x != self.x_after):
+            return self._surface(event)[0] is not None
+        if event.switch in self.names:
+            surface = self.line.model.multipliers[self.names.index(event.switch)].surface
+        else:
+            surface = next(s for s in self.line.model.events if s.name == event.switch).surface
+        if surface is None or event.kind not in ("crossing", "stick", "impact", "reset"):
+            return surface is None and event.kind == "reset"
+        h_w, *_ = self.line.gradient(surface, self.t, self.x, self.mult, self.p)
+        h = float(vectorised(self.line.model, surface)(self.t, *self.x, *self.mult, *self.p))
+        return abs(h) <= _TOUCHING * (_TOUCHING + np.abs(h_w[: self.line.n] * self.x).sum())
+
+    def _apart(self, one: EventRecord, other: EventRecord) -> bool:
+        """Whether the instants of two events move apart with the state or a parameter."""
+        with np.errstate(all="ignore"):  # one that only touches its surface is no twin of another
+            first, second = (
+                H_t if H_w is None else -H_w / (H_t + H_w[: self.line.n] @ self.f)
+                for H_w, H_t in (self._surface(one), self._surface(other))
+            )
+        return not np.allclose(first, second, rtol=_TOUCHING, atol=_TOUCHING)
 
     def _new(self, event: EventRecord) -> tuple[sp.Expr, ...] | None:
         """State after an event as expressions of the state before, or None where it stays."""
@@ -209,16 +230,36 @@ class _Instant:
         update = dict(spec.update)
         return tuple(update.get(i, x) for i, x in enumerate(model.states))
 
-    def _jump(self, jumps) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """R, R_w (n, N), R_t (n,) of the jumps of this instant, one after the other."""
+    def _jump(self, jumps) -> tuple[np.ndarray, np.ndarray, str]:
+        """R_w (n, N), R_t (n,) of the jumps of this instant, and why these are not known.
+
+        Events of one round act on the values before it, impacts one after the other. The log does not say where a
+        round ends: what it must come to does.
+        """
         line, n, N = self.line, self.line.n, self.line.N
-        R, W, T = self.x, np.eye(n, N), np.zeros(n)
         extra = np.eye(N)[n:]
-        for event in jumps:
-            new = self._new(event)
-            R, R_w, R_t = line.jump(new, self.t, R, self.mult, self.p)
-            W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
-        return R, W, T
+        if not jumps:
+            return np.eye(n, N), np.zeros(n), ""
+        for rounds in _rounds(jumps):
+            R, W, T = self.x, np.eye(n, N), np.zeros(n)
+            for events in rounds:
+                R, R_w, R_t = line.jump(self._together(events), self.t, R, self.mult, self.p)
+                W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
+            if np.allclose(R, self.x_after, rtol=_LANDED, atol=_LANDED):
+                return W, T, ""
+        names = ", ".join(f"{e.kind} [{e.switch}]" for e in jumps)
+        return W, T, f"t = {self.t:.9g}: {names} at one instant, in no order that leads to the state after them"
+
+    def _together(self, events) -> tuple[sp.Expr, ...]:
+        """State after events of one round: increments of a state add up, otherwise the last one says."""
+        states = self.line.model.states
+        new = list(states)
+        for event in events:
+            for i, (x, to) in enumerate(zip(states, self._new(event) or states)):
+                if to != x:
+                    step = to - x
+                    new[i] = new[i] + step if new[i] != x and x not in step.free_symbols else to
+        return tuple(new)
 
     def _surface(self, event: EventRecord) -> tuple[np.ndarray | None, np.ndarray]:
         """H_w (N,), H_t of an event; (None, dt as a row) for an instant of a clock."""
@@ -253,6 +294,17 @@ class _Instant:
         for k, q in enumerate(line.chosen):
             row[line.n + k] = float(at.diff(q).subs(values))
         return row
+
+
+def _rounds(jumps: list[EventRecord]) -> Iterator[list[list[EventRecord]]]:
+    """Ways to part the jumps of an instant into rounds, few rounds first; an impact is one of its own."""
+    places = range(1, len(jumps))
+    sure = [i for i in places if "impact" in (jumps[i - 1].kind, jumps[i].kind)]
+    free = [i for i in places if i not in sure]
+    ways = chain.from_iterable(combinations(free, count) for count in range(len(free) + 1))
+    for more in islice(ways, _MOST_WAYS):
+        ends = sorted((*sure, *more))
+        yield [jumps[i:j] for i, j in zip((0, *ends), (*ends, len(jumps)))]
 
 
 def _at(blocks: Blocks, k: int) -> Blocks:

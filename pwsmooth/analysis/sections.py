@@ -19,8 +19,9 @@ import numpy as np
 import sympy as sp
 
 from .. import checks
-from ..model import EventSpec
+from ..model import EventSpec, Model
 from ..pointwise import value
+from ..records import Outcome
 from ..solution import Solution
 from ..solve import solve
 from .linearised import linearise
@@ -32,9 +33,8 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
 _RETURN = "pws_return"
-_INSTANT = 1e-10
-# Each attempt takes 16 digits off the distance to the section, of the 308 that there are.
-_ROUNDINGS = 20
+_ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
+_MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,16 @@ class Image:
         The image, in the units of the states; nan where the trajectory did not come back.
     time : float, in the unit of the model's time
         How long the map took.
-    solution : Solution
-        The trajectory.
+    runs : tuple of Solution
+        The trajectory; of a return map one run to each return.
     jacobian : ndarray, shape (n, n)
         By the point, in the units of the states; empty if not asked for.
     by_parameter : ndarray, shape (n, k)
         By parameters, in units of the states over theirs; empty if not asked for.
     degenerate : tuple of str
         Where the map has no derivative, in words.
+    reason : str
+        Why there is no image, in words; empty if there is one.
 
     Notes
     -----
@@ -75,10 +77,21 @@ class Image:
 
     x: np.ndarray
     time: float
-    solution: Solution
+    runs: tuple[Solution, ...]
     jacobian: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     by_parameter: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     degenerate: tuple[str, ...] = ()
+    reason: str = ""
+
+    @property
+    def solution(self) -> Solution:
+        """The trajectory; of a return map that to the last return."""
+        return self.runs[-1]
+
+    @property
+    def word(self) -> Word:
+        """The events on the way: (switch, kind, "from to to") of each."""
+        return tuple(letter for run in self.runs for letter in word_of(run))
 
     @property
     def success(self) -> bool:
@@ -121,7 +134,7 @@ class _Map:
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         raise NotImplementedError
 
-    def over(self, x: Any, time: float) -> Solution:
+    def over(self, x: Any, time: float, **options: Any) -> Solution:
         """The trajectory of a point of the section over a time.
 
         Parameters
@@ -130,6 +143,8 @@ class _Map:
             The point, in the units of the states.
         time : float, in the unit of the model's time
             How long.
+        **options
+            For `solve`, besides those of the map.
 
         Returns
         -------
@@ -137,7 +152,7 @@ class _Map:
             Without dense output.
         """
         t0 = getattr(self, "start_time", 0.0)
-        return self._solve(self.system, (t0, t0 + time), x, False)
+        return self._solve(self.system, (t0, t0 + time), x, False, **options)
 
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`.
@@ -156,15 +171,20 @@ class _Map:
         ndarray, shape (count, n)
             In the units of the states; nan from a failure on.
         """
+        return self._iterated(x, count, discard)[0]
+
+    def _iterated(self, x: Any, count: int, discard: int = 0) -> tuple[np.ndarray, str]:
+        """The points of `iterate`, and why they end where they do before `count`."""
         at = np.array(self.system.initial_state(x), float)
         points = np.full((count, len(at)), np.nan)
         for k in range(discard + count):
-            at = self.image(at).x
-            if not np.isfinite(at).all():
-                break
+            image = self.image(at)
+            if not image.success:
+                return points, image.reason
+            at = image.x
             if k >= discard:
                 points[k - discard] = at
-        return points
+        return points, ""
 
 
 @dataclass(frozen=True)
@@ -292,36 +312,19 @@ class Stroboscopic(_Map):
         """Time that one application of the map takes, in the unit of the model's time."""
         return self.forcing_period * (0.5 if self.symmetry is not None else self.count)
 
-    def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
-        """The points P(x), P(P(x)), ... after the first `discard`, by one run over all periods.
-
-        Parameters
-        ----------
-        x : mapping or sequence of float, length n
-            The first point, in the units of the states.
-        count : int
-            How many are kept.
-        discard : int
-            How many before them are not.
-
-        Returns
-        -------
-        ndarray, shape (count, n)
-            In the units of the states; nan from a failure on.
-        """
+    def _iterated(self, x: Any, count: int, discard: int = 0) -> tuple[np.ndarray, str]:
         if self.symmetry is not None:
-            return super().iterate(x, count, discard)
+            return super()._iterated(x, count, discard)
         # One run over all periods instead of one for each.
         t0, n = self.start_time, len(self.system.model.states)
         strobes = t0 + self.duration * np.arange(discard + 1, discard + count + 1)
         at = self.system.initial_state(x)
         run = self._solve(self.system, (t0, float(strobes[-1])), at, False, t_eval=strobes)
         points = np.full((count, n), np.nan)
-        if run.success:
-            points[:] = run.x.T[:count]
-        else:
-            points[: run.x.shape[1] - 1] = run.x.T[:-1][:count]
-        return points
+        # A run that stops early has one more column, where it stopped.
+        reached = int(np.searchsorted(strobes, run.t[-1], side="right"))
+        points[:reached] = run.x.T[:reached]
+        return points, "" if reached == count else why_stopped(run)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         """Image of a point, with derivatives if `parameters` is given (it may be empty).
@@ -345,10 +348,12 @@ class Stroboscopic(_Map):
         """
         t0 = self.start_time
         run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
-        end = run.x[:, -1] if run.success and run.t[-1] == t0 + self.duration else np.full(len(x), np.nan)
-        back = np.eye(len(end)) if self.symmetry is None else np.linalg.inv(self.symmetry)
-        if parameters is None or not np.isfinite(end).all():
-            return Image(back @ end, self.duration, run)
+        if not (run.success and run.t[-1] == t0 + self.duration):
+            return _lost(len(x), (run,), why_stopped(run))
+        back = np.eye(len(x)) if self.symmetry is None else np.linalg.inv(self.symmetry)
+        end = back @ run.x[:, -1]
+        if parameters is None:
+            return Image(end, self.duration, (run,))
         moved = variations(run, parameters)
         by_parameter = moved.by_parameter.copy()
         for k, name in enumerate(parameters):
@@ -361,7 +366,7 @@ class Stroboscopic(_Map):
                     moved.rates * stretch - moved.matrix @ moved.first_rates * self.phase * slope
                 )
         return Image(
-            back @ end, self.duration, run, back @ moved.matrix, back @ by_parameter, tuple(moved.degenerate)
+            end, self.duration, (run,), back @ moved.matrix, back @ by_parameter, tuple(moved.degenerate)
         )
 
 
@@ -422,17 +427,14 @@ class Section(_Map):
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
             )
-        forced = any(model.time in e.free_symbols for e in model.rhs) or any(
-            e.surface is None or model.time in e.surface.free_symbols for e in model.events
-        )
-        if forced:
+        if depends_on_time(model):
             raise ValueError(
                 "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
                 "with the period of the forcing."
             )
         checks.whole(self.count, "`count`", 1)
         object.__setattr__(self, "surface", surface)
-        spec = EventSpec(_RETURN, surface, direction=self.direction, terminal=True)
+        spec = EventSpec(_RETURN, surface, direction=self.direction, when=model.time > 0, terminal=True)
         names = {p for p in self.system.parameters if p in surface.free_symbols}
         used = (*model.parameters, *sorted(names - {*model.parameters}, key=str))
         watched = copy.copy(self.system)
@@ -486,41 +488,69 @@ class Section(_Map):
         ValueError
             A parameter that the system does not have.
         """
-        system, n = self._watched, len(x)
+        n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
         degenerate: list[str] = []
-        run = None
+        runs: list[Solution] = []
         for _ in range(self.count):
-            run = self._solve(system, (0.0, self.longest), at, parameters is not None)
-            for _ in range(_ROUNDINGS):
-                if run.t[-1] >= _INSTANT:
-                    break
-                # A rounding off the section, it has come upon it at once: that is the start, not a return.
-                run = self._solve(system, (0.0, self.longest), run.x[:, -1], parameters is not None)
-            # At the same instant a switch with the same surface may follow it in the log.
-            if not (run.success and any(e.switch == _RETURN and e.time > _INSTANT for e in run.events[-8:])):
-                lost = np.full(n, np.nan)
-                return Image(lost, math.nan, run)
-            at, time = run.x[:, -1], time + float(run.t[-1])
+            run, reason = self._to_return(at, parameters is not None)
+            runs.append(run)
+            if reason:
+                return _lost(n, tuple(runs), reason)
+            at, time = run.x[:, -1], time + float(run.t[-1] - run.t[0])
             if parameters is None:
                 continue
             moved = variations(run, parameters)
             degenerate += moved.degenerate
-            h_w = self._gradient(system, run, parameters)
-            if abs(h_w[:n] @ moved.rates) < 1e-12 * (1 + np.abs(moved.rates).max()):
-                lost = np.full(
-                    n, np.nan
-                )  # it comes to rest on the section: no return, and no derivative of one
-                return Image(lost, math.nan, run)
-            stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / (h_w[:n] @ moved.rates)
+            h_w = self._gradient(self._watched, run, parameters)
+            speed = h_w[:n] @ moved.rates
+            if abs(speed) < 1e-12 * (1 + np.abs(moved.rates).max()):
+                return _lost(
+                    n, tuple(runs), f"it comes to rest on the section {self.surface} = 0, or only touches it."
+                )
+            stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / speed
             by_parameter = moved.matrix @ by_parameter + moved.by_parameter
-            by_parameter = stop @ by_parameter - np.outer(moved.rates, h_w[n:]) / (h_w[:n] @ moved.rates)
+            by_parameter = stop @ by_parameter - np.outer(moved.rates, h_w[n:]) / speed
             total = stop @ moved.matrix @ total
-        assert run is not None
         if parameters is None:
-            return Image(at, time, run)
-        return Image(at, time, run, total, by_parameter, tuple(degenerate))
+            return Image(at, time, tuple(runs))
+        return Image(at, time, tuple(runs), total, by_parameter, tuple(degenerate))
+
+    def _to_return(self, x: np.ndarray, dense: bool) -> tuple[Solution, str]:
+        """The run from a point of the section to its next return, and why there is none."""
+        lead = 0.0
+        for _ in range(_MOST_LEADS):
+            # Returns count from time 0 on: what begins before has left the section by then.
+            run = self._solve(self._watched, (-lead, self.longest), x, dense)
+            if not any(e.switch == _RETURN for e in run.events[-8:]):  # other switches may follow it in the log
+                break
+            if self._has_left(run):
+                return run, ""
+            lead = 10 * lead + 2 * float(run.t[-1] + lead)
+        else:
+            return run, f"it stays on the section {self.surface} = 0."
+        if run.outcome is Outcome.FINISHED:
+            way = "rising" if self.direction > 0 else "falling"
+            return run, (
+                f"it does not cross the section {self.surface} = 0 {way} within {self.longest:g} units of time: take a "
+                "surface that the motion crosses, or the other `direction`."
+            )
+        return run, why_stopped(run)
+
+    def _has_left(self, run: Solution) -> bool:
+        """Whether the motion has come away from its start by more than roundings of it."""
+        slack = _ROUNDING * (1 + np.abs(run.x[:, 0]))
+        if np.any(np.abs(run.x - run.x[:, :1]) > slack[:, None]):
+            return True
+        # A closed orbit that one step goes around has no column off its start.
+        model = run.model
+        point = dict(
+            zip((*model.states, *(mu.symbol for mu in model.multipliers)), (*run.x[:, -1], *run.mult[:, -1]))
+        )
+        point |= {**run.system.parameters, model.time: 0.0}
+        rates = np.array([value(rate, point) for rate in model.rhs])
+        return bool(np.any(np.abs(rates) * (run.t[-1] - run.t[0]) > slack))
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         """Gradient of h at a point.
@@ -546,6 +576,32 @@ class Section(_Map):
         line = linearise(system.model, chosen)
         p = np.array([run.parameters[str(q)] for q in system.model.parameters])
         return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
+
+
+def depends_on_time(model: Model) -> bool:
+    """Whether anything that moves the states reads the time or a clock."""
+    parts: list[Any] = [*model.rhs, *model.layer_residuals]
+    for mu in model.multipliers:
+        parts += [mu.residual, mu.surface, *(mu.impact or ())]
+    for layer in model.layer_states:
+        parts += [layer.rate, layer.equilibrium]
+    for event in model.events:
+        parts += [event.surface, event.when, *(value for _, value in event.update)]
+    timed = any(event.surface is None for event in model.events)
+    return timed or any(model.time in part.free_symbols for part in parts if part is not None)
+
+
+def _lost(n: int, runs: tuple[Solution, ...], reason: str) -> Image:
+    return Image(np.full(n, np.nan), math.nan, runs, reason=reason)
+
+
+def why_stopped(run: Solution) -> str:
+    """What ended a run before its time, in words."""
+    where = f"at t = {run.t[-1]:.9g} "
+    if run.outcome is Outcome.TERMINATED:
+        name = next(e.switch for e in reversed(run.events) if e.kind == "terminal")
+        return f"{where}the terminal event {name!r} stopped it."
+    return f"{where}it ended, {run.message}"
 
 
 def word_of(solution: Solution) -> Word:
