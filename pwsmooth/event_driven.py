@@ -193,6 +193,12 @@ class EventDriven:
             if not memory.fits(self._bytes(room)):
                 break
             record = self._record(room, record, state.counts)
+        if code == names.BROKEN:
+            mu = self.model.multipliers[int(self.work.code[names.I_TOUCHED])].symbol
+            raise AssertionError(
+                f"an invariant of {mu} does not hold at t = {state.now[0]!r}: statuses {state.status.tolist()}, "
+                f"multipliers {state.mult.tolist()}, states {state.x.tolist()} (PWSMOOTH_CHECK; kernels/invariants.py)."
+            )
         solution = self.finish(system, code, problem, state, record, times)
         if len(record.t) == self.room:
             return solution

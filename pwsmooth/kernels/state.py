@@ -51,7 +51,8 @@ SOLVED, HELD = 0, 2
     NEWTON_FAILED,
     DETERMINACY_LOST,
     ACCUMULATED,
-) = range(13)
+    BROKEN,  # an invariant does not hold: invariants.py, and I_TOUCHED says of which multiplier
+) = range(14)
 
 
 class Problem(Bundle):

@@ -11,6 +11,7 @@ from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
 from .contacts import stop_closed
+from .invariants import CHECK, broken_by
 from .meeting import find_first, first_graze, meet
 from .pointers import at, call_fold, call_rk, call_unit
 from .records import keep_dense, record_grazes, record_point, sample
@@ -26,6 +27,7 @@ from .state import (
     A_NEXT_STEP,
     A_STEP,
     ALGEBRAIC,
+    BROKEN,
     C_AMBIGUITIES,
     C_CLOCK,
     C_DENSE,
@@ -242,6 +244,9 @@ def run(P, C, S, R, W):
     while S.now[0] < C.t_end:
         if not _room(R, S):
             return FULL
+        if CHECK and broken_by(P, C, S, W) >= 0:
+            W.code[I_TOUCHED] = broken_by(P, C, S, W)
+            return BROKEN
         if S.counts[C_STEPS] >= C.max_steps:
             return MAX_STEPS
         if any_held(P, S) and release_held(P, C, S, R, W):
