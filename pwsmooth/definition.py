@@ -60,12 +60,12 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         tuple(copy for item in items for copy in families.items(item))
         for items in (events, contacts, algebraic)
     )
-    found = checks.symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    found = _symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
     meanings, moving, behind = families.further()
-    found = list(dict.fromkeys([*found, *checks.symbols_of(behind)]))
-    reactions = checks.reactions(contacts, found)
-    found = checks.symbols_of([*found, *outputs.values(), *_event_expressions(events)])
-    names = checks.Names(found)
+    found = list(dict.fromkeys([*found, *_symbols_of(behind)]))
+    reactions = _reactions(contacts, found)
+    found = _symbols_of([*found, *outputs.values(), *_event_expressions(events)])
+    names = _Names(found)
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
     time = _time(time, names, states)
@@ -105,6 +105,71 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     return Definition(
         written, seen, events, tuple(reactions), algebraic, switches, memories, values, families.groups, field
     )  # fmt: skip
+
+
+def _symbols_of(expressions):
+    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
+    found: dict[sp.Symbol, None] = {}
+
+    def visit(e):
+        for s in sorted(e.free_symbols, key=lambda s: s.name):
+            if s in found:
+                continue
+            if isinstance(s, Switch):
+                visit(s.surface)
+            elif isinstance(s, Reaction):
+                visit(s.gap)
+                visit(s.restitution)
+            found[s] = None
+
+    for e in expressions:
+        visit(e)
+    return list(found)
+
+
+class _Names:
+    """Symbols by name: a name stands for one symbol in a system."""
+
+    def __init__(self, symbols):
+        self.by_name: dict[str, sp.Symbol] = {}
+        for s in symbols:
+            self.add(s)
+
+    def add(self, symbol):
+        if isinstance(symbol, sp.Dummy):
+            raise TypeError(f"{symbol} is a Dummy, which has no name of its own; give a Symbol.")
+        known = self.by_name.setdefault(symbol.name, symbol)
+        if known == symbol:
+            return symbol
+        if isinstance(known, Switch) and isinstance(symbol, Switch):
+            raise ValueError(
+                f"two switches are named {symbol.name!r}, with the surfaces {known.surface} and "
+                f"{symbol.surface}; give each its own name."
+            )
+        kinds = [f"{type(s).__name__} {checks.assumptions(s)}".strip() for s in (known, symbol)]
+        raise ValueError(
+            f"two different symbols are named {symbol.name!r} ({kinds[0]}; {kinds[1]}). sympy tells symbols "
+            "apart by their assumptions: make the symbol once and use it everywhere, or rename one."
+        )
+
+    def __call__(self, key, what):
+        """The symbol that a Symbol or a string names."""
+        if isinstance(key, str):
+            return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
+        if isinstance(key, sp.Symbol):
+            return self.add(key)
+        raise TypeError(f"{what} names {key!r}; give a Symbol or its name.")
+
+
+def _reactions(contacts, found):
+    """Reactions in the equations; those of the given contacts must be among them."""
+    for c in contacts:
+        if c.reaction not in found:
+            raise ValueError(
+                f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
+                "`.reaction` to the rate of the velocity on which it acts."
+            )
+    return [s for s in found if isinstance(s, Reaction)]
 
 
 def _time(time, names, states):

@@ -191,8 +191,10 @@ class Solution:
             for switch in self.system.switches:
                 if switch.surface in widths:
                     smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
-                    named[str(switch)] = sp.sympify(smooth)
-        named.update({str(name): sp.sympify(expression) for name, expression in self.model.outputs})
+                    named[str(switch)] = sp.sympify(smooth, strict=True)
+        named.update(
+            {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        )
         return named
 
     def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:

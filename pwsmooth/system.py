@@ -369,7 +369,7 @@ class System:
         constants = self._constants(given, time_constant or {})
         symbols, values = {}, {}
         for z, r in given.items():
-            symbols[z] = sp.sympify(r) if r in (0, sp.oo) else self._fresh(f"ratio_{z.name}")
+            symbols[z] = sp.S(0) if r == 0 else r if r == sp.oo else self._fresh(f"ratio_{z.name}")
             if isinstance(symbols[z], sp.Symbol):
                 values[symbols[z]] = r
         settings = (symbols, relative, constants)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from .. import checks
 from .orbits import PeriodicOrbit, refine
@@ -358,7 +357,7 @@ def orbit_diagram(
     at = np.array(system.initial_state(start), float)
     points = np.full((len(at_values), keep, len(states)), np.nan)
     for k, value in enumerate(at_values):
-        step = Stroboscopic(system.with_parameters({name: value}), sp.sympify(period), options=options)
+        step = Stroboscopic(system.with_parameters({name: value}), period, options=options)
         points[k] = step.iterate(at, keep, transient)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]

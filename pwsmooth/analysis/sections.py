@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from .. import checks
 from ..model import EventSpec
@@ -213,23 +212,13 @@ class Stroboscopic(_Map):
     symmetry: Any = None
 
     def __post_init__(self) -> None:
-        if not hasattr(self.system, "model"):
-            raise TypeError(f"`system` is {self.system!r}; give a System or one of its views.")
-        period = sp.sympify(self.period)
-        unknown = [s for s in period.free_symbols if s not in self.system.parameters]
-        if unknown:
-            raise ValueError(
-                f"`period` is {period}, in which {checks.listing(unknown)} is no parameter of the system; "
-                f"they are {checks.listing(self.system.parameters)}."
-            )
-        if not math.inf > (T := float(period.subs(self.system.parameters))) > 0:
-            raise ValueError(f"`period` is {T:g}; give the period of the forcing, a number > 0.")
-        checks.whole(self.count, "`count`", 1)
-        if not math.isfinite(self.phase):
-            raise ValueError(f"`phase` is {self.phase}; give the section's part of the period, as 0.25.")
+        checks.system(self.system, "`system`")
+        period = checks.period(self.period, self.system.parameters)
+        checks.fields(self, count=checks.integer(1), phase=checks.number, options=checks.mapping)
         object.__setattr__(self, "period", period)
         if self.symmetry is not None and not isinstance(self.symmetry, np.ndarray):
-            object.__setattr__(self, "symmetry", symmetry_matrix(self.system, self.symmetry, T))
+            matrix = symmetry_matrix(self.system, self.symmetry, self.forcing_period)
+            object.__setattr__(self, "symmetry", matrix)
 
     def doubled(self) -> Stroboscopic:
         """The map over twice as long: a half period becomes a whole one without symmetry, one becomes two.
@@ -414,10 +403,13 @@ class Section(_Map):
     _watched: Any = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        model, surface = self.system.model, sp.sympify(self.surface)
-        if self.direction not in (1, -1):
-            raise ValueError(f"`direction` is {self.direction!r}; give 1 (h rises) or -1 (it falls).")
+        model = checks.system(self.system, "`system`").model
         known = {*model.states, *self.system.parameters}
+        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in known})
+        checks.fields(
+            self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
+            options=checks.mapping,
+        )  # fmt: skip
         if not surface.free_symbols & set(model.states) or not surface.free_symbols <= known:
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
@@ -430,7 +422,6 @@ class Section(_Map):
                 "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
                 "with the period of the forcing."
             )
-        checks.whole(self.count, "`count`", 1)
         object.__setattr__(self, "surface", surface)
         spec = EventSpec(_RETURN, surface, direction=self.direction, terminal=True)
         names = {p for p in self.system.parameters if p in surface.free_symbols}

@@ -11,9 +11,11 @@ layer: see `capture`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..lambdified import numpy_function
 from .capture import capture_threshold, critical_ratio
 
@@ -143,7 +145,7 @@ def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> Sticki
     >>> linear_sticking(-2 * sp.sin(t), 4, 1).bounds
     (-sin(t)/2 - 1/4, 1/4 - sin(t)/2)
     """
-    return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), sp.Integer(1))
+    return _region(drive, stiffness, load, sp.Integer(1))
 
 
 def nonlinear_sticking(
@@ -188,8 +190,12 @@ def nonlinear_sticking(
     >>> nonlinear_sticking(0, 1, 1, 1 - lam**2, lam, 3).bounds
     (-16/9, 16/9)
     """
-    mu_s = fold(gamma, lam, rho).mu_s
-    return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), mu_s)
+    return _region(drive, stiffness, load, fold(gamma, lam, rho).mu_s)
+
+
+def _region(drive: Any, stiffness: Any, load: Any, mu: sp.Expr) -> StickingRegion:
+    given = {"drive": drive, "stiffness": stiffness, "load": load}
+    return StickingRegion(**{k: checks.expression(e, f"`{k}`") for k, e in given.items()}, coefficient=mu)
 
 
 def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
@@ -232,7 +238,8 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
     >>> fold(1 - lam**2, lam, rho).lam_s.subs(rho, 3)
     2/3
     """
-    gamma, rho = sp.sympify(gamma), sp.sympify(rho)
+    gamma, rho = checks.expression(gamma, "`gamma`"), checks.expression(rho, "`rho`")
+    lam = checks.instance(sp.Symbol, "the Symbol in which `gamma` is written")(lam, "`lam`")
     x = sp.Dummy("lam", positive=True)
     shape = gamma.subs(lam, x)
     if sp.simplify(shape.subs(x, 1)) != 0:

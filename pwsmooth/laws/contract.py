@@ -335,7 +335,7 @@ class Law:
         """
         v = sp.Symbol("v", real=True)
         p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return numpy_function(v, sp.sympify(self.steady(v, p)))(np.asarray(velocity, float))
+        return numpy_function(v, sp.sympify(self.steady(v, p), strict=True))(np.asarray(velocity, float))
 
     @property
     def values(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..family import Family
 from ..primitives import Memory, Switch
 
@@ -58,11 +59,12 @@ class Joint:
 
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
         self.name = name
-        inputs: list[Any] = [None if e is None else sp.sympify(e) for e in (v, x, a, t)]
-        self.v, self.x, self.a, self.t = inputs
+        given = {"velocity": v, "position": x, "acceleration": a, "time": t, "normal": load}
+        inputs = {k: None if e is None else checks.expression(e, f"`{k}` of a joint") for k, e in given.items()}
+        self.v, self.x, self.a, self.t = (inputs[k] for k in ("velocity", "position", "acceleration", "time"))
         self.beyond = beyond or (lambda level: self.x - level)
         self.past = past or (lambda level: self.x - level)
-        self.load = sp.S.One if load is None else sp.sympify(load)
+        self.load = sp.S.One if load is None else inputs["normal"]
         self.starts: dict[Any, Any] = {}
         self.scales: dict[Any, float] = {}
 
@@ -143,7 +145,7 @@ class Joint:
         Expr
             A Switch; of a constant its sign.
         """
-        surface = sp.sympify(surface)
+        surface = checks.expression(surface, "`surface` of a switch")
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 
     def family(self, n: int) -> Family:

@@ -9,12 +9,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import sympy as sp
-
 from ..laws import Pieces
 from ..solution import Solution
 from ..solve import solve
 from ..system import System
+from . import drive
 
 __all__ = ["Scene", "assemble"]
 
@@ -198,12 +197,13 @@ def assemble(
             items += getattr(piece, name)
     system = System(rates, time=time, parameters=values, outputs=shown, **parts)
     groups = system.groups
-    known = {k: v for k, v in {**values, **start}.items() if not hasattr(v, "__len__")}
-    known |= {} if time is None else {time: begin}
+    known = {p.name: v for p, v in system.parameters.items()} | ({} if time is None else {str(time): begin})
+    for own in (start, first):  # the mechanism's own are numbers; a law's may be expressions of them
+        known |= {str(key): drive.value(e, known, f"`start`, value of {key}") for key, e in own.items()}
 
     def each(of: Mapping[Any, Any], number: Callable[[Any], float]) -> dict[str, float]:
         return {name: number(e) for key, e in of.items() for name in groups.get(str(key), (str(key),))}
 
     scales = {key: scale for piece in all_pieces for key, scale in piece.scales.items()}
-    begin_values = each(first, lambda e: float(sp.sympify(e).subs(known)))
+    begin_values = each({key: known[str(key)] for key in first}, float)
     return system, begin_values, each(scales, lambda scale: ATOL * scale)

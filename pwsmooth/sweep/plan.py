@@ -250,25 +250,10 @@ def _period(system, period, where):
     """The drive's period as an expression in the parameters."""
     if period is None:
         return None
-    known = {p.name: p for p in system.parameters}
-    try:
-        expression = sp.sympify(period, locals=known)
-        expression = expression.subs({s: known[s.name] for s in expression.free_symbols if s.name in known})
-    except (sp.SympifyError, TypeError, AttributeError) as error:
-        raise ValueError(
-            f"`period` is {period!r}; give a number or an expression in the parameters."
-        ) from error
-    unknown = expression.free_symbols - set(system.parameters)
-    if unknown:
-        raise ValueError(
-            f"`period` is {expression}, which contains {checks.listing(unknown)}; it may depend on parameters: "
-            f"{checks.listing(system.parameters)}."
-        )
-    at = dict(system.parameters) | {known[n]: v[1].min() for n, v in where.values.items() if n in known}
-    value = complex(expression.subs(at))
-    if not (value.imag == 0 and value.real > 0 and math.isfinite(value.real)):
-        raise ValueError(f"`period` is {expression} = {expression.subs(at)}; give a positive period.")
-    return expression
+    values = {
+        p: where.values[p.name][1].min() if p.name in where.values else q for p, q in system.parameters.items()
+    }
+    return checks.period(period, values)
 
 
 def _setting(system, measures, periods, forced, units):
