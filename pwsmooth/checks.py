@@ -10,8 +10,10 @@ from __future__ import annotations
 import functools
 import inspect
 import math
+import os
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -39,6 +41,7 @@ _PREDICATES = {
 P = ParamSpec("P")
 R = TypeVar("R")
 Check = Callable[[Any, str], Any]
+_HUGE = 2**1023  # near the largest float
 
 
 def door(**tests: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -88,7 +91,7 @@ def expression(value, what, names=None):
             e = sp.sympify(value, strict=True)
     except (sp.SympifyError, TypeError, AttributeError, ArithmeticError):
         e = None
-    if not isinstance(e, sp.Expr):
+    if not isinstance(e, sp.Expr) or e.is_Matrix or e.atoms(sp.Dummy):
         raise TypeError(
             f"{what} is {shown(value)}, no expression; give a sympy expression or a number (conditions "
             "belong into Piecewise or `when`)."
@@ -97,7 +100,8 @@ def expression(value, what, names=None):
     if undefined:
         first = sorted(map(str, undefined))[0]
         raise ValueError(f"{what} contains {first}; states are plain Symbols here, write y and not y(t).")
-    if e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
+    huge = any(abs(n.p) > _HUGE * n.q for n in e.atoms(sp.Rational))
+    if huge or e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
         raise ValueError(f"{what} is {shown(e)}, which is not a finite real expression.")
     return e
 
@@ -161,10 +165,10 @@ def _declared(symbol):
 
 def parameter_value(symbol, value):
     """The value of a parameter as a float that fits the symbol's assumptions."""
-    result = number(value, f"parameter {symbol.name!r}")
+    result = number(value, f"`parameters`, value of {symbol.name!r}")
     if not fits(symbol, result):
         raise ValueError(
-            f"parameter {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
+            f"`parameters`, value of {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
             "give such a value, or declare the symbol without that assumption."
         )
     return result
@@ -210,9 +214,12 @@ def lookup(key, symbols, what, owner):
 
 
 def all_of_kind(argument, items, kind):
+    """`items`, objects of a kind, as a tuple."""
+    items = several(items, f"`{argument}`")
     for item in items:
         if not isinstance(item, kind):
             raise TypeError(f"`{argument}` contains {shown(item)}; give {kind.__name__} objects.")
+    return items
 
 
 def states(symbols):
@@ -268,7 +275,7 @@ def one_of(*choices):
 
     def test(value, what):
         if not isinstance(value, (str, int)) or isinstance(value, bool) or value not in choices:
-            raise ValueError(f"{what} is {shown(value)}; choose {', '.join(map(repr, choices))}.")
+            raise ValueError(f"{what} is {shown(value)}; choose one of {', '.join(map(str, choices))}.")
         return value
 
     return test
@@ -286,6 +293,7 @@ def instance(kind, remedy):
 
 
 name = instance(str, "a string")
+key = instance((str, sp.Symbol), "a Symbol or its name")
 
 
 def system(value, what):
@@ -304,23 +312,54 @@ def function(value, what):
     return value
 
 
-def numbers(value, what, shape=(-1,)):
-    """`value` as an array of finite floats, by default of one dimension with at least one number; -1: any length."""
+def array(value, what):
+    """`value` as an array of finite floats, of any shape."""
     try:
-        array = np.array(value, float)
+        result = np.array(value, float)
     except (TypeError, ValueError, ArithmeticError, RecursionError):
-        raise TypeError(f"{what} is {shown(value)}; give a sequence of numbers.") from None
-    if array.ndim != len(shape) or not array.size or any(n not in (-1, k) for n, k in zip(shape, array.shape)):
-        wanted = f"{shape[0]} numbers" if shape[0] >= 0 else "a sequence of at least one number"
-        raise ValueError(f"{what} has the shape {array.shape}; give {wanted}.")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{what} contains {array[~np.isfinite(array)][0]}; give finite numbers.")
-    return array
+        raise TypeError(f"{what} is {shown(value)}; give a number or a sequence of numbers.") from None
+    if not np.isfinite(result).all():
+        at = int(np.flatnonzero(~np.isfinite(result.ravel()))[0])
+        raise ValueError(f"{what} is {result.ravel()[at]} at index {at}; drop or mend what is not finite.")
+    return result
+
+
+def numbers(value, what):
+    """`value` as an array of finite floats, of one dimension with at least one number."""
+    result = array(value, what)
+    if result.ndim != 1 or not result.size:
+        raise ValueError(f"{what} has the shape {result.shape}; give a sequence of at least one number.")
+    return result
 
 
 def pair(value, what):
     """`value` as two finite floats."""
-    return tuple(numbers(value, what, (2,)).tolist())
+    result = numbers(value, what)
+    if len(result) != 2:
+        raise ValueError(f"{what} has {len(result)} numbers; give two.")
+    return tuple(result.tolist())
+
+
+def extended(value, what):
+    """`value` as a float >= 0; inf is one."""
+    result = _float(value, what)
+    if not result >= 0:
+        raise ValueError(f"{what} is {result:g}; give a number >= 0 (0 and inf are allowed).")
+    return result
+
+
+def several(value, what):
+    """`value` as a tuple of what it holds."""
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+        raise TypeError(f"{what} is {shown(value)}; give a sequence.")
+    return tuple(value)
+
+
+def path(value, what):
+    """`value` as a Path."""
+    if not isinstance(value, (str, os.PathLike)) or not str(value) or "\0" in str(value):
+        raise TypeError(f"{what} is {shown(value)}; give a path.")
+    return Path(value)
 
 
 def ratio(value, what):

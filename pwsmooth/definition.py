@@ -44,15 +44,21 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     ValueError, TypeError
         What `System` raises at the door.
     """
-    pairs = list(rates.items()) if isinstance(rates, Mapping) else [tuple(pair) for pair in rates]
+    pairs = rates.items() if isinstance(rates, Mapping) else checks.several(rates, "`rates`")
+    pairs = [pair for pair in pairs if isinstance(pair, tuple) and len(pair) == 2 or _no_pair(pair)]
     if not pairs:
         raise ValueError("`rates` is empty; give the rate of at least one state.")
-    written = tuple((x, checks.expression(e, f"the rate of {x}")) for x, e in pairs)
-    seen = tuple((str(name), checks.expression(e, f"output {name!r}")) for name, e in (outputs or {}).items())
-    for argument, items, kind in (
-        ("events", events, Event), ("contacts", contacts, Unilateral), ("algebraic", algebraic, Algebraic)
-    ):  # fmt: skip
+    written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
+    seen = tuple(
+        (str(name), checks.expression(e, f"`outputs`, {name!r}"))
+        for name, e in checks.mapping(outputs or {}, "`outputs`").items()
+    )
+    events, contacts, algebraic = (
         checks.all_of_kind(argument, items, kind)
+        for argument, items, kind in (
+            ("events", events, Event), ("contacts", contacts, Unilateral), ("algebraic", algebraic, Algebraic)
+        )
+    )  # fmt: skip
 
     families = families or Expansion()
     pairs, outputs = families.rates(written), families.outputs(dict(seen))
@@ -73,7 +79,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(families.parameters(parameters or {}), names, found, taken | meanings)
+    values = _parameters(
+        families.parameters(checks.mapping(parameters or {}, "`parameters`")), names, found, taken | meanings
+    )
 
     moving |= {time, *states, *unknowns, *map(plain, reactions)}
     lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
@@ -170,6 +178,10 @@ def _reactions(contacts, found):
                 "`.reaction` to the rate of the velocity on which it acts."
             )
     return [s for s in found if isinstance(s, Reaction)]
+
+
+def _no_pair(pair):
+    raise TypeError(f"`rates` contains {checks.shown(pair)}; give a dict of states to rates, or pairs of them.")
 
 
 def _time(time, names, states):

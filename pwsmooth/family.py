@@ -95,6 +95,7 @@ class Family:
         names = checks.name(names, "`names`")
         return tuple(Member(name, self, **assumptions) for name in names.replace(",", " ").split())
 
+    @checks.door(name=checks.name)
     def memory(self, name, initial=0.0):
         """A Memory of the element.
 

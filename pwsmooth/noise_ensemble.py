@@ -72,6 +72,10 @@ class Ensemble:
         return self.x[:, self.states.index(str(name))]
 
 
+@checks.door(
+    system=checks.system, noise=checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"),
+    count=checks.integer(1, 10**8), parameters=checks.optional(checks.mapping),
+)  # fmt: skip
 def ensemble(
     system: Any,
     t_span: Any,
@@ -136,7 +140,6 @@ def ensemble(
     >>> bool(abs(many.end.var() - 0.5) < 0.1)
     True
     """
-    count = checks.whole(count, "`count`", 1)
     if parameters is not None:
         system = system.with_parameters(parameters)
     if isinstance(x0, np.ndarray) and x0.ndim == 2:

@@ -351,7 +351,7 @@ class Event:
             if every.is_number and not (every.is_finite and every > 0):
                 raise ValueError(f"`every` of an Event is {every}; give a period > 0.")
         if at is not None:
-            at = at if isinstance(at, Iterable) and not isinstance(at, str) else (at,)
+            at = at if isinstance(at, Iterable) and not isinstance(at, (str, bytes)) else (at,)
             at = tuple(checks.expression(a, "`at` of an Event") for a in at)
             if not at or any(a.is_number and not a.is_finite for a in at):
                 raise ValueError(f"`at` of an Event is {at}; give finite instants.")

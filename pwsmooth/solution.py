@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
-from . import looped_outputs
+from . import checks, looped_outputs
 from .lambdified import numpy_function
 from .model import Model, Select
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
@@ -247,7 +247,18 @@ class Solution:
             raise ValueError(
                 "No dense output was kept; solve with `dense_output=True` for values between steps."
             )
-        at = np.asarray(t, dtype=float)
+        if isinstance(t, str):
+            raise TypeError(f"`t` is {t!r}; give times, and the name behind them: solution(t, {t!r}).")
+        at = checks.array(t, "`t`")
+        if name is not None and str(checks.key(name, "`name`")) not in (
+            *self.states,
+            *self.multipliers,
+            *self.outputs,
+        ):
+            raise ValueError(
+                f"`name` is {str(name)!r}, which is no state, multiplier or output of this solution; they are "
+                f"{', '.join((*self.states, *self.multipliers, *self.outputs))}."
+            )
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
@@ -312,6 +323,7 @@ class Solution:
         """Names of the segments in order."""
         return tuple(segment.name for segment in self.segments)
 
+    @checks.door(kind=checks.optional(checks.name), switch=checks.optional(checks.key))
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
         """Times of the events of one kind or switch, both, or all.
 

@@ -101,10 +101,8 @@ def solve(
     >>> solve(relay, (0, 5), {x: 0}).itinerary
     ('sgn(x - 2)=-1', 'sgn(x - 2) sliding')
     """
-    if not hasattr(system, "model"):
-        raise TypeError(
-            f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views."
-        )
+    checks.system(system, "`system`")
+    method = checks.name(method, "`method`")
     if parameters is not None:
         system = system.with_parameters(parameters)
     kicks: Any = None  # a KickedRun or a DiffusionRun

@@ -150,9 +150,10 @@ class System:
         algebraic=(),
         convention="hidden",
     ):
-        if convention not in ("hidden", "filippov"):
-            raise ValueError(f"`convention` is {convention!r}; choose 'hidden' (as written) or 'filippov'.")
-        self._arguments = rates, time, parameters, outputs, tuple(events), tuple(contacts), tuple(algebraic)
+        convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
+        lists = {"events": events, "contacts": contacts, "algebraic": algebraic}
+        lists = {name: checks.several(items, f"`{name}`") for name, items in lists.items()}
+        self._arguments = rates, time, parameters, outputs, *lists.values()
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (looping.py): n copies would take time ~ n and more.
@@ -362,7 +363,7 @@ class System:
         given = {}
         for key, r in self._spread(checks.mapping(ratios, "`ratios`", "states to ratios"), "`ratios`").items():
             z = checks.lookup(key, states, "`ratios`", "state")
-            given[z] = checks.ratio(r, f"the ratio of {z.name!r}")
+            given[z] = checks.ratio(r, f"`ratios`, that of {z.name!r}")
         widths = checks.mapping(eps_ratio or {}, "`eps_ratio`", "switches to relative widths")
         relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(widths, "eps_ratio")
         relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
@@ -422,7 +423,7 @@ class System:
         }
         found = {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
         for z, beta in found.items():
-            checks.positive(beta.subs(self.parameters), f"the time constant {beta} of {z.name!r}")
+            checks.positive(beta.subs(self.parameters), f"`time_constant` {beta} of {z.name!r}")
         return found
 
     def _unlayered(self, eps):

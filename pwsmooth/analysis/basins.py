@@ -97,6 +97,10 @@ class Basins:
         return ax
 
 
+@checks.door(
+    system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
+    transient=checks.integer(0), longest=checks.integer(1, 10_000),
+)  # fmt: skip
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
@@ -155,7 +159,7 @@ def basins(
     """
     from ..sweep import Period, Points, sweep
 
-    longest = checks.whole(longest, "`longest`", 1)
+    period = checks.period(period, system.parameters)
     names = [s.name for s in system.model.states]
     found = sweep(
         system, axes, start=start, period=period, transient=transient, periods=2 * longest,
@@ -282,6 +286,10 @@ class OrbitDiagram:
         return ax
 
 
+@checks.door(
+    system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
+    keep=checks.integer(1, 10**7), carry=checks.flag,
+)  # fmt: skip
 def orbit_diagram(
     system: Any,
     parameter: Any,
@@ -343,7 +351,7 @@ def orbit_diagram(
     [1, 2]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
-    at_values = np.asarray(values, float)
+    at_values, period = np.asarray(values), checks.period(period, system.parameters)
     states = tuple(s.name for s in system.model.states)
     if not carry:
         from ..sweep import Points, sweep

@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from .. import checks
+
 __all__ = ["capture_threshold", "critical_ratio"]
 
 # L(u), L'(u), G(u) = 1 - L(u)**2 without cancellation in the tails.
@@ -38,6 +40,10 @@ def _sech(u: float) -> float:
     return 2 * e / (1 + e * e)
 
 
+_SHAPE = checks.one_of(*_SIGMOIDS)
+
+
+@checks.door(rho=checks.nonnegative, ratio=checks.extended, sigmoid=_SHAPE)
 def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -> float:
     """Largest opposing force, in units of N, at which a slipping contact is captured into sticking.
 
@@ -76,9 +82,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     >>> round(capture_threshold(3, 0.1), 6)
     1.456936
     """
-    shape = _checked(rho, sigmoid)
-    if not ratio >= 0:
-        raise ValueError(f"`ratio` is {ratio}; it must be >= 0 (0 and inf are allowed).")
+    shape = _SIGMOIDS[sigmoid]
     if rho <= 0.5 or ratio == 0:
         return 1.0
     u_s = _fold_position(rho, shape)
@@ -101,6 +105,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     return _force(rho, math.sinh(brentq(clearance, low, high, xtol=1e-11, rtol=1e-12)), shape)
 
 
+@checks.door(rho=checks.nonnegative, sigmoid=_SHAPE)
 def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     """Smallest eps/beta from which the capture threshold equals mu_s(rho): the nonlinear region captures.
 
@@ -131,7 +136,7 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     >>> round(critical_ratio(3), 4)
     0.6453
     """
-    shape = _checked(rho, sigmoid)
+    shape = _SIGMOIDS[sigmoid]
     if rho <= 0.5:
         raise ValueError(f"`rho` is {rho}; a fold, and with it a critical ratio, needs rho > 1/2.")
     from scipy.optimize import brentq
@@ -147,14 +152,6 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     while clearance(high) < 0:
         high += 1
     return math.exp(brentq(clearance, low, high, xtol=1e-11))
-
-
-def _checked(rho: float, sigmoid: str) -> Sigmoid:
-    if not 0 <= rho < math.inf:
-        raise ValueError(f"`rho` is {rho}; it must be finite and >= 0.")
-    if sigmoid not in _SIGMOIDS:
-        raise ValueError(f"`sigmoid` is {sigmoid!r}; known are {', '.join(_SIGMOIDS)}.")
-    return _SIGMOIDS[sigmoid]
 
 
 def _static_coefficient(rho: float) -> float:

@@ -116,6 +116,9 @@ class _Frame:
         return LyapunovExponents(exponents[order], errors[order], end - start, outcome)
 
 
+@checks.door(
+    solution=checks.instance(Solution, "a Solution, as solve() gives it"), after=checks.optional(checks.number)
+)
 def largest_exponent(solution: Solution, after: float | None = None) -> float:
     """Largest Lyapunov exponent of a solution.
 
@@ -160,6 +163,7 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     return float(frame.means(begin, end, solution.outcome).exponents[0])
 
 
+@checks.door(system=checks.system, time=checks.positive, transient=checks.nonnegative, start_time=checks.number)
 def lyapunov_exponents(
     system: Any,
     x0: Any,
@@ -216,9 +220,6 @@ def lyapunov_exponents(
     >>> [round(float(e), 2) for e in found.exponents]
     [-0.1, -0.1]
     """
-    time, transient = checks.positive(time, "`time`"), float(transient)
-    if not 0 <= transient < math.inf:
-        raise ValueError(f"`transient` is {transient}; give a time >= 0.")
     x = np.array(system.initial_state(x0), float)
     frame = _Frame(len(x), checks.whole(count, "`count`", 1, len(x)), start_time)
     t, first, last = start_time, start_time + transient, start_time + transient + time

@@ -130,6 +130,7 @@ class PeriodicOrbit:
         """State on the section by name, as `solve` takes it."""
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
 
+    @checks.door(periods=checks.integer(1, 10**9))
     def solution(self, periods: int = 1, **options: Any) -> Solution:
         """The orbit over whole periods.
 
@@ -160,6 +161,10 @@ class PeriodicOrbit:
         return f"{head}\n  at         {state}\n  multipliers {sizes}\n  events      {events}"
 
 
+@checks.door(
+    system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
+    symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
+)  # fmt: skip
 def find_orbit(
     system: Any,
     x0: Any,
@@ -232,7 +237,6 @@ def find_orbit(
         raise ValueError(
             f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
         )
-    transient = checks.whole(transient, "`transient`", 0)
     at = np.array(system.initial_state(x0), float)
     first: Stroboscopic | Section
     if section is not None:
@@ -280,6 +284,7 @@ def _none(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
     return PeriodicOrbit(map_, x, np.inf, np.full((n, n), np.nan), (), np.nan, 0, False, message)
 
 
+@checks.door(map_=checks.instance((Stroboscopic, Section), "a Stroboscopic or Section"))
 def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     """Newton's method from a point on the section; the step is shortened while the return does not improve.
 

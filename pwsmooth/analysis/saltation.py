@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..solution import EventRecord, Solution
 from .linearised import Blocks, Linearised
 
@@ -73,6 +74,13 @@ class Saltation:
     degenerate: str = ""
 
 
+_DOOR: dict[str, checks.Check] = {
+    "line": checks.instance(Linearised, "what linearise() gives"), "p": checks.array,
+    "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
+}  # fmt: skip
+
+
+@checks.door(**_DOOR)
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
     """Saltation matrices of all instants of a solution after its start, in order of time.
 
@@ -268,6 +276,7 @@ def _total(line, blocks, J, surface, t, x, mult, p):
     return h_w, h_t
 
 
+@checks.door(**_DOOR)
 def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
     """Projector on deviations along the surfaces on which a solution starts.
 

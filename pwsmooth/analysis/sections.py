@@ -36,6 +36,9 @@ _INSTANT = 1e-10
 _ROUNDINGS = 20
 
 
+_COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
+
+
 @dataclass(frozen=True)
 class Image:
     """A point's image under a Poincare map, with its derivatives if they were asked for.
@@ -138,6 +141,7 @@ class _Map:
         t0 = getattr(self, "start_time", 0.0)
         return self._solve(self.system, (t0, t0 + time), x, False)
 
+    @checks.door(**_COUNTS)
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`.
 
@@ -281,6 +285,7 @@ class Stroboscopic(_Map):
         """Time that one application of the map takes, in the unit of the model's time."""
         return self.forcing_period * (0.5 if self.symmetry is not None else self.count)
 
+    @checks.door(**_COUNTS)
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`, by one run over all periods.
 
@@ -539,6 +544,7 @@ class Section(_Map):
         return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
 
 
+@checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
 def word_of(solution: Solution) -> Word:
     """The events of a solution after its start: its itinerary in letters.
 

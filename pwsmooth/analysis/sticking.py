@@ -11,7 +11,6 @@ layer: see `capture`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import sympy as sp
 
@@ -94,12 +93,16 @@ class StickingRegion:
     load: sp.Expr
     coefficient: sp.Expr
 
+    def __post_init__(self) -> None:
+        checks.fields(self, **dict.fromkeys(("drive", "stiffness", "load"), checks.expression))
+
     @property
     def bounds(self) -> tuple[sp.Expr, sp.Expr]:
         """Smallest and largest displacement y at which the contact can stick, m."""
         half = self.load * self.coefficient
         return (self.drive - half) / self.stiffness, (self.drive + half) / self.stiffness
 
+    @checks.door(y=checks.expression)
     def condition(self, y: sp.Expr) -> sp.Basic:
         """The region as a relation on the displacement.
 
@@ -145,7 +148,7 @@ def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> Sticki
     >>> linear_sticking(-2 * sp.sin(t), 4, 1).bounds
     (-sin(t)/2 - 1/4, 1/4 - sin(t)/2)
     """
-    return _region(drive, stiffness, load, sp.Integer(1))
+    return StickingRegion(drive, stiffness, load, sp.Integer(1))
 
 
 def nonlinear_sticking(
@@ -190,12 +193,7 @@ def nonlinear_sticking(
     >>> nonlinear_sticking(0, 1, 1, 1 - lam**2, lam, 3).bounds
     (-16/9, 16/9)
     """
-    return _region(drive, stiffness, load, fold(gamma, lam, rho).mu_s)
-
-
-def _region(drive: Any, stiffness: Any, load: Any, mu: sp.Expr) -> StickingRegion:
-    given = {"drive": drive, "stiffness": stiffness, "load": load}
-    return StickingRegion(**{k: checks.expression(e, f"`{k}`") for k, e in given.items()}, coefficient=mu)
+    return StickingRegion(drive, stiffness, load, fold(gamma, lam, rho).mu_s)
 
 
 def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:

@@ -18,6 +18,7 @@ from .linearised import linearise
 __all__ = ["symmetry_matrix"]
 
 
+@checks.door(system=checks.system, period=checks.positive)
 def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
     """The matrix G of a symmetry (x, t) -> (G x, t + T/2), checked against the field.
 

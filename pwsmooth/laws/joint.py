@@ -57,14 +57,16 @@ class Joint:
     (z_left, {z_left: 1e-05})
     """
 
+    @checks.door(
+        v=checks.expression, **dict.fromkeys(("x", "a", "load", "t"), checks.optional(checks.expression)),
+        name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
+    )  # fmt: skip
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
         self.name = name
-        given = {"velocity": v, "position": x, "acceleration": a, "time": t, "normal": load}
-        inputs = {k: None if e is None else checks.expression(e, f"`{k}` of a joint") for k, e in given.items()}
-        self.v, self.x, self.a, self.t = (inputs[k] for k in ("velocity", "position", "acceleration", "time"))
+        self.v, self.x, self.a, self.t = v, x, a, t
         self.beyond = beyond or (lambda level: self.x - level)
         self.past = past or (lambda level: self.x - level)
-        self.load = sp.S.One if load is None else inputs["normal"]
+        self.load: Any = sp.S.One if load is None else load
         self.starts: dict[Any, Any] = {}
         self.scales: dict[Any, float] = {}
 
@@ -83,6 +85,7 @@ class Joint:
         """
         return f"{name}_{self.name}" if self.name else name
 
+    @checks.door(name=checks.name, start=checks.expression, scale=checks.positive)
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
         """An internal state of the law.
 
@@ -111,6 +114,7 @@ class Joint:
         self.starts[symbol], self.scales[symbol] = start, float(scale)
         return symbol
 
+    @checks.door(name=checks.name)
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
         """A value that changes only in events.
 
@@ -130,6 +134,7 @@ class Joint:
         """
         return Memory(self.label(name), initial, **assumptions)
 
+    @checks.door(name=checks.name, surface=checks.expression)
     def switch(self, name: str, surface: sp.Expr) -> Switch:
         """The multiplier of a surface, for terms that are nonlinear in it.
 
@@ -145,7 +150,6 @@ class Joint:
         Expr
             A Switch; of a constant its sign.
         """
-        surface = checks.expression(surface, "`surface` of a switch")
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 
     def family(self, n: int) -> Family:

@@ -13,9 +13,23 @@ import sympy as sp
 
 from .. import checks
 from ..lambdified import numpy_function
+from ..laws import Law
 
 #: Time in every scene, s: drives are expressions of it.
 t = sp.Symbol("t", real=True)
+
+
+#: Checks of the arguments that scenes share.
+DOOR: dict[str, checks.Check] = {
+    "law": checks.instance(Law, "a law of pwsmooth.laws, such as Coulomb()"), "m": checks.positive,
+    "t_span": lambda value, what: value if value is None else checks.span(value, what),
+    "period": checks.optional(checks.positive), "parameters": checks.optional(checks.values), "start": checks.pair,
+}  # fmt: skip
+
+
+def door(*shared: str, **tests: checks.Check) -> Any:
+    """checks.door of `law`, `t_span`, the `shared` ones, and of numbers or what else is given."""
+    return checks.door(**{name: DOOR[name] for name in ("law", "t_span", *shared)}, **tests)
 
 
 def expression(value: Any, what: str) -> sp.Expr:

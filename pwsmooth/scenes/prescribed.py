@@ -12,13 +12,14 @@ import sympy as sp
 
 from .. import checks
 from ..laws import Law
-from .drive import check_continuous, expression, t, value
+from .drive import check_continuous, door, expression, t, value
 from .scene import Scene, assemble
 from .table import Table, within
 
 x, v, done = sp.symbols("x v work", real=True)
 
 
+@door("period", "parameters", work=checks.flag)
 def prescribed_motion(
     law: Law,
     *,
@@ -79,7 +80,7 @@ def prescribed_motion(
             f"{'neither `position` nor `velocity` is' if position is None else '`position` and `velocity` are both'} "
             "given to prescribed_motion; give one of them, an expression of t or a Table."
         )
-    values = checks.values(parameters or {}, "`parameters`")
+    values = dict(parameters or {})
     tables = {"p": position, "w": velocity, "load": normal}
     tables = {name: drive for name, drive in tables.items() if isinstance(drive, Table)}
     t_span = within(t_span, tables.values())

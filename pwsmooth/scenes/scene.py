@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .. import checks
 from ..laws import Pieces
 from ..solution import Solution
 from ..solve import solve
@@ -73,6 +74,13 @@ class Scene:
     note: str = ""
     atol: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        checks.fields(
+            self, name=checks.name, system=checks.system, start=checks.mapping, t_span=checks.span,
+            period=checks.optional(checks.positive), observables=checks.mapping, units=checks.mapping,
+            note=checks.name, atol=checks.mapping,
+        )  # fmt: skip
+
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
         """Solve the system from `start` over `t_span`; both may be replaced.
 
@@ -92,8 +100,11 @@ class Scene:
         """
         if self.atol:
             options.setdefault("atol", [self.atol.get(s.name, ATOL) for s in self.system.states])
-        return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
+        return solve(
+            self.system, self.t_span if t_span is None else t_span, self.start if x0 is None else x0, **options
+        )
 
+    @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
     def observe(self, solution: Solution) -> dict[str, Any]:
         """The observables of a solution of this scene.
 
@@ -113,6 +124,11 @@ class Scene:
         }
 
 
+@checks.door(
+    rates=checks.mapping, start=checks.mapping, begin=checks.number,
+    **dict.fromkeys(("parameters", "outputs"), checks.optional(checks.mapping)),
+    **dict.fromkeys(("events", "contacts", "algebraic"), checks.several),
+)  # fmt: skip
 def assemble(
     rates: Mapping[Any, Any],
     pieces: Pieces | Iterable[Pieces],
@@ -179,7 +195,7 @@ def assemble(
     >>> [event.switch for event in solution.events if event.kind == "reset"]
     ['touch-down_right', 'lift-off_right', 'touch-down_left', 'lift-off_left']
     """
-    all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
+    all_pieces = [pieces] if isinstance(pieces, Pieces) else checks.all_of_kind("pieces", pieces, Pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
     first = dict(start)
     parts = {"events": list(events), "contacts": list(contacts), "algebraic": list(algebraic)}

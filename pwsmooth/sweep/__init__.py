@@ -154,12 +154,14 @@ def sweep(
     from .plan import make_plan
     from .running import chunk_target, cores, run_chunks
 
-    workers = None if workers is None else checks.whole(workers, "`workers`", 1)
-    chunk = None if chunk is None else checks.whole(chunk, "`chunk`", 1)
+    workers = checks.optional(checks.integer(1, 10_000))(workers, "`workers`")
+    chunk = checks.optional(checks.integer(1))(chunk, "`chunk`")
+    progress = checks.optional(checks.flag)(progress, "`progress`")
+    store = checks.optional(checks.path)(store, "`store`")
     if executor is not None and not hasattr(executor, "submit"):
         raise TypeError(
-            f"`executor` is {executor!r}; give a concurrent.futures.Executor, such as ProcessPoolExecutor() or a "
-            "Dask client's `get_executor()`."
+            f"`executor` is {checks.shown(executor)}; give a concurrent.futures.Executor, such as "
+            "ProcessPoolExecutor() or a Dask client's `get_executor()`."
         )
     plan, where = make_plan(
         system,

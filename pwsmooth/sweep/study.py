@@ -42,6 +42,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
+from .. import checks
+
 _HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
 
 
@@ -129,7 +131,7 @@ def read_study(path: Any) -> Study:
         No such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with its key
         and line.
     """
-    path = Path(path)
+    path = checks.path(path, "`path`")
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -223,7 +225,8 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     StudyError
         An object, scene, law or function that does not exist or is of no use.
     """
-    names = names or Names()
+    checks.instance(Study, "what read_study() gives")(study, "`study`")
+    names = checks.optional(checks.instance(Names, "Names(...)"))(names, "`names`") or Names()
     system = _system(study.system, names)
     measures = [names.get(m, "measures") if ":" in m or m in names.registered else m for m in study.measures]
     arguments: dict[str, Any] = dict(
@@ -342,10 +345,12 @@ def run_study(
     """
     from . import sweep
 
-    path = Path(path)
+    path = checks.path(path, "`path`")
+    names = checks.optional(checks.mapping)(names, "`names`")
+    allow_code = checks.flag(allow_code, "`allow_code`")
     study = read_study(path)
-    store = Path(out) / f"{path.stem}.zarr"
-    if store.exists() and not resume:
+    store = checks.path(out, "`out`") / f"{path.stem}.zarr"
+    if store.exists() and not checks.flag(resume, "`resume`"):
         raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
     system, arguments = arguments_of(study, Names(names or {}, path.parent if allow_code else None))
     return sweep(system, store=store, workers=workers, progress=progress, **arguments), store
