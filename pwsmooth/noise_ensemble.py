@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
+from .budget import MOST_STEPS, Budget, within
 from .diffusion import Diffusion
 from .diffusion_run import DiffusionRun, Path
 from .noise import Kicks
@@ -74,7 +75,8 @@ class Ensemble:
 
 @checks.door(
     system=checks.system, noise=checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"),
-    count=checks.integer(1, 10**8), parameters=checks.optional(checks.mapping),
+    count=checks.integer(1, 10**8), max_seconds=checks.optional(checks.positive),
+    parameters=checks.optional(checks.mapping),
 )  # fmt: skip
 def ensemble(
     system: Any,
@@ -85,7 +87,8 @@ def ensemble(
     *,
     t_eval: Any = None,
     parameters: Mapping[Any, float] | None = None,
-    max_steps: int = 10_000_000,
+    max_steps: int = MOST_STEPS,
+    max_seconds: float | None = None,
     **options: Any,
 ) -> Ensemble:
     """Run many trajectories of a system with noise, of which only what is asked for is kept.
@@ -112,6 +115,8 @@ def ensemble(
         Values that replace the system's own, in its units.
     max_steps : int
         Bound on the steps of a trajectory.
+    max_seconds : float, in units of wall time, s, optional
+        Bound on the whole call; a trajectory that it stops, or keeps from starting, has the outcome TIME_LIMIT.
     **options
         With Kicks: further options of `solve`.
 
@@ -152,11 +157,12 @@ def ensemble(
     times = checks.wanted_times(t_eval, t0, t1)
     max_steps = checks.whole(max_steps, "`max_steps`", 1)
     run = DiffusionRun(system, noise) if isinstance(noise, Diffusion) else None
-    if run is None or not run.acts:
-        return _one_by_one(system, (t0, t1), starts, noise, count, times, max_steps, options)
-    if options:
+    if options and run is not None and run.acts:
         raise ValueError(f"{checks.listing(options)} do not act on a diffusion; leave them out.")
-    return _all_at_once(run, (t0, t1), starts, count, times, max_steps)
+    with within(Budget(seconds=max_seconds)) as spending:
+        if run is not None and run.acts:
+            return _all_at_once(run, (t0, t1), starts, count, times, max_steps, spending)
+        return _one_by_one(system, (t0, t1), starts, noise, count, times, max_steps, options)
 
 
 def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options) -> Ensemble:
@@ -182,11 +188,11 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
     return Ensemble(asked, x, end_time, end, tuple(outcomes), steps, names)
 
 
-def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
+def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ensemble:
     """`count` trajectories in one compiled loop; starts (1 or count, n)."""
     from .codegen.units import unit_address
     from .kernels import noise_state as names
-    from .words import OUTCOMES
+    from .words import OUT_OF_TIME, OUTCOMES
 
     first, last = (run.interval(t, "`t_span`") for t in t_span)
     asked = np.empty(0) if times is None else times
@@ -203,7 +209,10 @@ def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
     )
     bundles = (path.problem, control, state, path.first_record(), path.work, noise)
     one = unit_address("diffuse")
+    noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = OUT_OF_TIME, np.nan, np.nan
     for row in range(0, count, _ROWS):
+        if row and spending.late():
+            break
         # Between two visits Ctrl-C works.
         loop(one, row, min(row + _ROWS, count), *(bundle.address for bundle in bundles))
     return Ensemble(

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from .budget import Budget
 from .records import EventRecord, Outcome
 from .solution import Solution
+from .words import OUT_OF_TIME, OUTCOMES
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def solve_smoothed(
     times: np.ndarray | None,
     dense_output: bool,
     max_step: float,
-    max_steps: int,
+    spending: Budget,
     kicks: Any = None,
 ) -> Solution:
     """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
@@ -78,11 +80,11 @@ def solve_smoothed(
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
     common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
     if method in stiff.SCIPY_METHODS:
-        options = dict(common, method=method, dense=dense_output, max_steps=max_steps)
+        options = dict(common, method=method, dense=dense_output, spending=spending)
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        pieces = own(system.model, t_span, start, p, options, max_steps)
+        pieces = own(system.model, t_span, start, p, options, spending)
     t, x, events, dense, outcome, cost = pieces
     none = np.zeros((0, len(t)))
     return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, [], values)
@@ -94,7 +96,7 @@ def of_event(model, i):
     return event.name, "terminal" if event.terminal else "reset", ""
 
 
-def own(model, t_span, start, p, options, max_steps, words=None):
+def own(model, t_span, start, p, options, spending, words=None):
     """Times, states, events, dense output, outcome and cost of a run of the package's own integrator.
 
     `words` gives name, kind and note of an event by its index and the state before it.
@@ -102,7 +104,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
     from . import stiff
     from .kernels import stiff_state as S
 
-    run = stiff.integrate(model, t_span, start, p, max_steps=max_steps, **options)
+    run = stiff.integrate(model, t_span, start, p, spending=spending, **options)
     outcome = {
         S.DONE: Outcome.FINISHED,
         S.TERMINAL: Outcome.TERMINATED,
@@ -111,6 +113,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         S.TOO_MANY: Outcome.TOO_MANY_STEPS,
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
         S.FULL: Outcome.OUT_OF_MEMORY,
+        OUT_OF_TIME: Outcome.TIME_LIMIT,
     }[run.status]
     events = [
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
@@ -146,11 +149,13 @@ def _scipy(model, t_span, start, p, options):
     from . import stiff
 
     run = stiff.integrate_scipy(model, t_span, start, p, **options)
+    # Where no wanted time was reached SciPy gives empty lists.
+    run.t, run.y = np.asarray(run.t, float), np.asarray(run.y, float).reshape(len(start), -1)
     finite = bool(np.isfinite(run.y).all())
     if not finite:
         outcome = Outcome.NOT_FINITE
-    elif run.exhausted:
-        outcome = Outcome.TOO_MANY_STEPS
+    elif run.ended:
+        outcome = OUTCOMES[run.ended]
     else:
         # SciPy tells one more failure apart from success: its step became too small.
         outcome = Outcome.FINISHED if run.success else Outcome.STEP_UNDERFLOW

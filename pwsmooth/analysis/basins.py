@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from .orbits import PeriodicOrbit, refine
 from .sections import Stroboscopic
 
@@ -101,6 +102,7 @@ class Basins:
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
     transient=checks.integer(0), longest=checks.integer(1, 10_000),
 )  # fmt: skip
+@whole
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
@@ -131,7 +133,8 @@ def basins(
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
-        For `sweep`: executor, workers, store, rtol, ...
+        For `sweep`: executor, workers, store, rtol, ...; `max_steps` bounds each start and all that follows the
+        sweep, `max_seconds` the whole call.
 
     Returns
     -------
@@ -290,6 +293,7 @@ class OrbitDiagram:
     system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
     keep=checks.integer(1, 10**7), carry=checks.flag,
 )  # fmt: skip
+@whole
 def orbit_diagram(
     system: Any,
     parameter: Any,

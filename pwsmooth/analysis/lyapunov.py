@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from ..records import Outcome
 from ..solution import Solution
 from ..solve import solve
@@ -164,6 +165,7 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
 
 
 @checks.door(system=checks.system, time=checks.positive, transient=checks.nonnegative, start_time=checks.number)
+@whole
 def lyapunov_exponents(
     system: Any,
     x0: Any,
@@ -191,7 +193,7 @@ def lyapunov_exponents(
     count : int
         1 to the number of states.
     **options
-        For `solve`.
+        For `solve`; `max_steps` and `max_seconds` bound the whole run.
 
     Returns
     -------
@@ -220,9 +222,15 @@ def lyapunov_exponents(
     >>> [round(float(e), 2) for e in found.exponents]
     [-0.1, -0.1]
     """
+    last = start_time + transient + time
+    if math.ulp(last) > 1e-6 * min(time, _CHUNK):
+        raise ValueError(
+            f"`time` is {time:g}: with `start_time` {start_time:g} and `transient` {transient:g} the run ends at t = "
+            f"{last:g}, where floats are {math.ulp(last):g} apart; give less."
+        )
     x = np.array(system.initial_state(x0), float)
     frame = _Frame(len(x), checks.whole(count, "`count`", 1, len(x)), start_time)
-    t, first, last = start_time, start_time + transient, start_time + transient + time
+    t, first = start_time, start_time + transient
     outcome = Outcome.FINISHED
     while t < last:
         # The average begins where a piece does, so that it holds whole periods if `time` does.

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from ..solution import Solution
 from ..solve import solve
 from .sections import Image, Section, Stroboscopic, Word, word_of
@@ -165,6 +166,7 @@ class PeriodicOrbit:
     system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
     symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
 )  # fmt: skip
+@whole
 def find_orbit(
     system: Any,
     x0: Any,
@@ -204,7 +206,7 @@ def find_orbit(
     most : int
         Longest orbit looked for in the transient, in applications of the map.
     **options
-        For `solve`.
+        For `solve`; `max_steps` and `max_seconds` bound the whole search.
 
     Returns
     -------
@@ -285,6 +287,7 @@ def _none(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
 
 
 @checks.door(map_=checks.instance((Stroboscopic, Section), "a Stroboscopic or Section"))
+@whole
 def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     """Newton's method from a point on the section; the step is shortened while the return does not improve.
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from ..model import EventSpec
 from ..pointwise import value
 from ..solution import Solution
@@ -142,6 +143,7 @@ class _Map:
         return self._solve(self.system, (t0, t0 + time), x, False)
 
     @checks.door(**_COUNTS)
+    @whole
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`.
 
@@ -286,6 +288,7 @@ class Stroboscopic(_Map):
         return self.forcing_period * (0.5 if self.symmetry is not None else self.count)
 
     @checks.door(**_COUNTS)
+    @whole
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`, by one run over all periods.
 
