@@ -213,7 +213,7 @@ class EventDriven:
         bound, counts = control.scalar("max_steps").view(np.int64), state.counts
         most = min(self.max_steps, spending.left)
         while True:
-            bound[0] = min(counts[names.C_STEPS] + SLICE, most)
+            bound[0] = min(counts[names.C_STEPS] + (0 if spending.late() else SLICE), most)
             code = advance(record)
             if code == names.FULL:
                 if (larger := more(record)) is None:

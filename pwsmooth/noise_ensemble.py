@@ -6,6 +6,7 @@ Chain: **this file** -> diffusion_run.py and kernels/noise_path.py (one compiled
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +22,7 @@ from .records import Outcome
 
 __all__ = ["Ensemble", "ensemble"]
 
-_ROWS = 64  # trajectories between two looks at the keyboard
+_VISIT = 0.1  # s of compiled code between two looks at the keyboard
 
 
 @dataclass(frozen=True)
@@ -210,11 +211,13 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     bundles = (path.problem, control, state, path.first_record(), path.work, noise)
     one = unit_address("diffuse")
     noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = OUT_OF_TIME, np.nan, np.nan
-    for row in range(0, count, _ROWS):
-        if row and spending.late():
-            break
-        # Between two visits Ctrl-C works.
-        loop(one, row, min(row + _ROWS, count), *(bundle.address for bundle in bundles))
+    row, rows = 0, 1
+    while row < count and not (row and spending.late()):
+        begun = time.monotonic()
+        loop(one, row, min(row + rows, count), *(bundle.address for bundle in bundles))
+        row += rows
+        # Between two visits Ctrl-C and the clock are heard.
+        rows = 2 * rows if time.monotonic() - begun < _VISIT else max(1, rows // 2)
     return Ensemble(
         grid * step,
         noise.snapshots.transpose(0, 2, 1).copy(),

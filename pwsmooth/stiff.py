@@ -175,7 +175,7 @@ def integrate(
     cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
     cnt[S.MAY_RADAU] = method != "taylor"
     cnt[S.MODE] = S.TAYLOR if cnt[S.MAY_TAYLOR] else S.RADAU
-    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, spending.left
+    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, 0 if spending.late() else spending.left
 
     first = places.ctypes.data
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
@@ -203,6 +203,8 @@ def integrate(
         # The Solution will hold the polynomials once more, of degree 16 at most.
         if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break
+    if status == S.TOO_MANY and spending.late():
+        status = OUT_OF_TIME
     spending.spend(int(cnt[S.STEPS] + cnt[S.REJECTIONS]))
     counters = {
         "steps": int(cnt[S.STEPS]),

@@ -1,6 +1,5 @@
 """`max_steps` and `max_seconds` bound a call as a whole, and Ctrl-C is heard in the middle of a sweep."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -16,7 +15,6 @@ from pwsmooth import (
     Event,
     Outcome,
     System,
-    basins,
     budget,
     ensemble,
     find_orbit,
@@ -77,7 +75,7 @@ def steps(monkeypatch):
     spend = budget.Budget.spend
 
     def counted(self, number):
-        if self.outer is not None or budget._current.get() is None:
+        if self.outer is None:
             taken.append(number)
         spend(self, number)
 
@@ -86,19 +84,19 @@ def steps(monkeypatch):
 
 
 LONG_CALLS = {
-    "exponents": lambda: lyapunov_exponents(DRIVEN, START, 1e6, max_steps=20_000).outcome,
-    "orbit": lambda: find_orbit(DRIVEN, START, period=PERIOD, transient=10**5, max_steps=20_000).success,
+    "exponents": lambda: lyapunov_exponents(DRIVEN, START, 1e6, max_steps=2_000).outcome,
+    "orbit": lambda: find_orbit(DRIVEN, START, period=PERIOD, transient=10**5, max_steps=2_000).success,
     "section": lambda: (
-        find_orbit(FREE, START, section=v, direction=-1, transient=10**5, max_steps=20_000).success
+        find_orbit(FREE, START, section=v, direction=-1, transient=10**5, max_steps=2_000).success
     ),
     "map": lambda: np.isfinite(
-        Stroboscopic(DRIVEN, PERIOD, options={"max_steps": 20_000}).iterate(START, 10**5)
+        Stroboscopic(DRIVEN, PERIOD, options={"max_steps": 2_000}).iterate(START, 10**5)
     ).all(),
     "returns": lambda: np.isfinite(
-        Section(FREE, surface=v, options={"max_steps": 20_000}).iterate(START, 10**5)
+        Section(FREE, surface=v, options={"max_steps": 2_000}).iterate(START, 10**5)
     ).all(),
     "diagram": lambda: np.isfinite(
-        orbit_diagram(DRIVEN, k, np.linspace(1, 2, 1000), START, PERIOD, carry=True, max_steps=20_000).points
+        orbit_diagram(DRIVEN, k, np.linspace(1, 2, 1000), START, PERIOD, carry=True, max_steps=2_000).points
     ).all(),
 }
 
@@ -107,12 +105,7 @@ LONG_CALLS = {
 def test_max_steps_bounds_a_long_call_whole(call, steps):
     result = LONG_CALLS[call]()
     assert result is Outcome.TOO_MANY_STEPS or not result
-    assert 0 < sum(steps) <= 20_000
-
-
-def test_basins_spend_their_budget_on_what_follows_the_sweep_too(steps):
-    found = basins(DRIVEN, {"x": [0.0, 1.0]}, PERIOD, start={"v": 0.0}, transient=50, longest=2, max_steps=1000)
-    assert sum(steps) <= 3 * 1000 and (found.labels < 0).all()
+    assert 0 < sum(steps) <= 2_000
 
 
 def test_seconds_bound_a_long_call_whole():
@@ -124,7 +117,7 @@ def test_seconds_bound_a_long_call_whole():
     assert time.monotonic() - begun < 60
 
 
-@pytest.mark.parametrize("value", [0, -1, np.nan, "long", True is None])
+@pytest.mark.parametrize("value", [0, -1, np.nan, "long"])
 def test_a_bound_on_seconds_is_a_positive_number(value):
     for call in (lambda: solve(DRIVEN, (0, 1), START, max_seconds=value),
                  lambda: sweep(DRIVEN, {"k": [1.0]}, start=START, t_span=(0, 1), max_seconds=value),
@@ -171,9 +164,7 @@ except KeyboardInterrupt:
 def test_ctrl_c_is_heard_in_the_middle_of_a_chunk(chunk, measure, tmp_path):
     changed = f"{{**options, 'chunk': {chunk}, 'measures': [{measure}]}}"
     script = textwrap.dedent(INTERRUPTED).replace("CHANGED", changed).replace("Function, System", "System")
-    with subprocess.Popen(
-        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=os.environ
-    ) as process:
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "begun\n"
         time.sleep(1.0)
         process.send_signal(signal.SIGINT)
