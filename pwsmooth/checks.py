@@ -244,6 +244,17 @@ def values(value, what):
     return {str(key): number(entry, f"{what}, value of {key}") for key, entry in given.items()}
 
 
+def pairs(value, what):
+    """A mapping, or pairs of what stands for one, as a tuple of pairs, of which there is at least one."""
+    found = tuple(value.items() if isinstance(value, Mapping) else several(value, what))
+    for item in found:
+        if not isinstance(item, (tuple, list)) or len(item) != 2:
+            raise TypeError(f"{what} contains {shown(item)}; give a dict of states to rates, or pairs of them.")
+    if not found:
+        raise ValueError(f"{what} is empty; give the rate of at least one state.")
+    return tuple(map(tuple, found))
+
+
 def positive(value, what):
     """`value` as a finite float > 0."""
     value = number(value, what)
@@ -350,7 +361,7 @@ def extended(value, what):
 
 def several(value, what):
     """`value` as a tuple of what it holds."""
-    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise TypeError(f"{what} is {shown(value)}; give a sequence.")
     return tuple(value)
 

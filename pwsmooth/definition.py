@@ -5,7 +5,6 @@ Chain: primitives.py, family.py -> definition (here), lifting.py -> lowering.py 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import sympy as sp
@@ -44,15 +43,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     ValueError, TypeError
         What `System` raises at the door.
     """
-    pairs = rates.items() if isinstance(rates, Mapping) else checks.several(rates, "`rates`")
-    pairs = [pair for pair in pairs if isinstance(pair, tuple) and len(pair) == 2 or _no_pair(pair)]
-    if not pairs:
-        raise ValueError("`rates` is empty; give the rate of at least one state.")
+    pairs = list(rates)
     written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
-    seen = tuple(
-        (str(name), checks.expression(e, f"`outputs`, {name!r}"))
-        for name, e in checks.mapping(outputs or {}, "`outputs`").items()
-    )
+    seen = tuple((str(name), checks.expression(e, f"`outputs`, {name!r}")) for name, e in outputs.items())
     events, contacts, algebraic = (
         checks.all_of_kind(argument, items, kind)
         for argument, items, kind in (
@@ -79,9 +72,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(
-        families.parameters(checks.mapping(parameters or {}, "`parameters`")), names, found, taken | meanings
-    )
+    values = _parameters(families.parameters(parameters), names, found, taken | meanings)
 
     moving |= {time, *states, *unknowns, *map(plain, reactions)}
     lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
@@ -166,7 +157,7 @@ class _Names:
             return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
         if isinstance(key, sp.Symbol):
             return self.add(key)
-        raise TypeError(f"{what} names {key!r}; give a Symbol or its name.")
+        raise TypeError(f"{what} names {checks.shown(key)}; give a Symbol or its name.")
 
 
 def _reactions(contacts, found):
@@ -178,10 +169,6 @@ def _reactions(contacts, found):
                 "`.reaction` to the rate of the velocity on which it acts."
             )
     return [s for s in found if isinstance(s, Reaction)]
-
-
-def _no_pair(pair):
-    raise TypeError(f"`rates` contains {checks.shown(pair)}; give a dict of states to rates, or pairs of them.")
 
 
 def _time(time, names, states):

@@ -153,7 +153,11 @@ class System:
         convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
         lists = {"events": events, "contacts": contacts, "algebraic": algebraic}
         lists = {name: checks.several(items, f"`{name}`") for name, items in lists.items()}
-        self._arguments = rates, time, parameters, outputs, *lists.values()
+        outputs, parameters = (
+            checks.mapping({} if value is None else value, f"`{name}`")
+            for name, value in (("outputs", outputs), ("parameters", parameters))
+        )
+        self._arguments = checks.pairs(rates, "`rates`"), time, parameters, outputs, *lists.values()
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (looping.py): n copies would take time ~ n and more.

@@ -118,7 +118,9 @@ def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...
     >>> chosen_parameters(System({x: -k * x}, parameters={k: 1}), ["k"])
     (k,)
     """
-    return tuple(checks.lookup(name, system.parameters, "`names`", "parameter") for name in names)
+    return tuple(
+        checks.lookup(name, system.parameters, "`names` of `parameters`", "parameter") for name in names
+    )
 
 
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)

@@ -54,6 +54,13 @@ t, x, v, k, z = sp.symbols("t x v k z", real=True)
 NO_DOORS = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.plotting")
 
 
+# Made by the package, or bases to derive from: their arguments come from inside, or are any names.
+INSIDE = {
+    "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.records.EventLog",
+    "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
+}  # fmt: skip
+
+
 class _Mute:
     """Something that cannot even be shown."""
 
