@@ -66,6 +66,22 @@ def door(**tests: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorate
 
 
+def closed_form(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorator of a formula in plain floats: numbers that leave their range together are bad input too."""
+    names = tuple(inspect.signature(function).parameters)
+
+    @functools.wraps(function)
+    def computed(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except (OverflowError, ZeroDivisionError):
+            given = {**dict(zip(names, args)), **kwargs}
+            said = ", ".join(f"`{name}` {shown(value)}" for name, value in given.items())
+            raise ValueError(f"{said}: the result is beyond every float; give numbers of usual size.") from None
+
+    return computed
+
+
 def fields(instance: Any, **tests: Check) -> None:
     """Passes fields of a frozen dataclass through their tests."""
     for name, test in tests.items():
@@ -274,6 +290,13 @@ def nonnegative(value, what):
 def optional(test):
     """The test of an argument that may be None."""
     return lambda value, what: None if value is None else test(value, what)
+
+
+def text(value, what):
+    """`value`, which has to be a string that is not empty."""
+    if not name(value, what):
+        raise ValueError(f"{what} is ''; give a string that is not empty.")
+    return value
 
 
 def integer(low, high=2**62):

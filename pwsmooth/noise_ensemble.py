@@ -213,11 +213,11 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = OUT_OF_TIME, np.nan, np.nan
     row, rows = 0, 1
     while row < count and not (row and spending.late()):
-        begun = time.monotonic()
+        since = time.monotonic()
         loop(one, row, min(row + rows, count), *(bundle.address for bundle in bundles))
         row += rows
         # Between two visits Ctrl-C and the clock are heard.
-        rows = 2 * rows if time.monotonic() - begun < _VISIT else max(1, rows // 2)
+        rows = 2 * rows if time.monotonic() - since < _VISIT else max(1, rows // 2)
     return Ensemble(
         grid * step,
         noise.snapshots.transpose(0, 2, 1).copy(),

@@ -368,10 +368,12 @@ class System:
         for key, r in self._spread(checks.mapping(ratios, "`ratios`", "states to ratios"), "`ratios`").items():
             z = checks.lookup(key, states, "`ratios`", "state")
             given[z] = checks.ratio(r, f"`ratios`, that of {z.name!r}")
-        widths = checks.mapping(eps_ratio or {}, "`eps_ratio`", "switches to relative widths")
+        widths = checks.mapping(
+            {} if eps_ratio is None else eps_ratio, "`eps_ratio`", "switches to relative widths"
+        )
         relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(widths, "eps_ratio")
         relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
-        constants = self._constants(given, time_constant or {})
+        constants = self._constants(given, {} if time_constant is None else time_constant)
         symbols, values = {}, {}
         for z, r in given.items():
             symbols[z] = sp.S(0) if r == 0 else r if r == sp.oo else self._fresh(f"ratio_{z.name}")

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from .. import checks
 
@@ -41,9 +42,17 @@ def _sech(u: float) -> float:
 
 
 _SHAPE = checks.one_of(*_SIGMOIDS)
+_LARGEST = 1e6  # of rho: far beyond it the separatrix is no longer integrated to its tolerance
 
 
-@checks.door(rho=checks.nonnegative, ratio=checks.extended, sigmoid=_SHAPE)
+def _rho(value: Any, what: str) -> float:
+    if (rho := checks.nonnegative(value, what)) > _LARGEST:
+        raise ValueError(f"{what} is {rho:g}; give a strength of the hidden term up to {_LARGEST:g}.")
+    return rho
+
+
+@checks.door(rho=_rho, ratio=checks.extended, sigmoid=_SHAPE)
+@checks.closed_form
 def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -> float:
     """Largest opposing force, in units of N, at which a slipping contact is captured into sticking.
 
@@ -105,7 +114,8 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     return _force(rho, math.sinh(brentq(clearance, low, high, xtol=1e-11, rtol=1e-12)), shape)
 
 
-@checks.door(rho=checks.nonnegative, sigmoid=_SHAPE)
+@checks.door(rho=_rho, sigmoid=_SHAPE)
+@checks.closed_form
 def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     """Smallest eps/beta from which the capture threshold equals mu_s(rho): the nonlinear region captures.
 

@@ -161,6 +161,10 @@ def follow(
         raise ValueError(f"`orbit` did not converge: {orbit.message}")
     name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
     begin, end = value_of(orbit, name), to
+    if abs(end - begin) > 1e100:
+        raise ValueError(
+            f"`to` is {end:g}, so far from {begin:g} that no derivative has that scale; give less."
+        )
     if begin == end:
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
     walk = Walk(orbit, name, abs(end - begin))

@@ -17,6 +17,7 @@ Chain: linearised.py -> **saltation** -> variations.py.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -74,8 +75,12 @@ class Saltation:
     degenerate: str = ""
 
 
+def _row(value: Any, what: str) -> np.ndarray:
+    return checks.array(value, what).reshape(-1)
+
+
 _DOOR: dict[str, checks.Check] = {
-    "line": checks.instance(Linearised, "what linearise() gives"), "p": checks.array,
+    "line": checks.instance(Linearised, "what linearise() gives"), "p": _row,
     "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
 }  # fmt: skip
 

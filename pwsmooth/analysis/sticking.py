@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import sympy as sp
+from mpmath.libmp import NoConvergence
 
 from .. import checks
 from ..lambdified import numpy_function
@@ -271,7 +272,10 @@ def _first_positive_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
     numerator = sp.numer(sp.together(slope))
     if not numerator.has(x):
         return None
-    closed = sp.roots(sp.Poly(numerator, x)) if numerator.is_polynomial(x) else {}
+    try:
+        closed = sp.roots(sp.Poly(numerator, x)) if numerator.is_polynomial(x) else {}
+    except NoConvergence:  # of sympy's own numbers
+        closed = {}
     if not closed or sum(closed.values()) < sp.degree(numerator, x):
         if symbols:
             names = ", ".join(map(str, symbols))

@@ -85,7 +85,7 @@ class Joint:
         """
         return f"{name}_{self.name}" if self.name else name
 
-    @checks.door(name=checks.name, start=checks.expression, scale=checks.positive)
+    @checks.door(name=checks.text, start=checks.expression, scale=checks.positive)
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
         """An internal state of the law.
 
@@ -114,7 +114,7 @@ class Joint:
         self.starts[symbol], self.scales[symbol] = start, float(scale)
         return symbol
 
-    @checks.door(name=checks.name)
+    @checks.door(name=checks.text)
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
         """A value that changes only in events.
 
@@ -134,7 +134,7 @@ class Joint:
         """
         return Memory(self.label(name), initial, **assumptions)
 
-    @checks.door(name=checks.name, surface=checks.expression)
+    @checks.door(name=checks.text, surface=checks.expression)
     def switch(self, name: str, surface: sp.Expr) -> Switch:
         """The multiplier of a surface, for terms that are nonlinear in it.
 

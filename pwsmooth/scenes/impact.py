@@ -213,6 +213,7 @@ def impact_oscillator(
 
 
 @checks.door(**dict.fromkeys(("d", "k", "c", "m", "omega"), checks.number))
+@checks.closed_form
 def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> float:
     """Drive at which the steady motion of `impact_oscillator` just touches its stop.
 

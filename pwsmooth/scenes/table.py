@@ -73,7 +73,7 @@ class Table:
             )
         self.t_span = (float(self.times[0]), float(self.times[-1]))
 
-    @checks.door(name=checks.name)
+    @checks.door(name=checks.text)
     def pieces(self, name: str) -> Pieces:
         """The spline as states `name`, `name_1`, `name_2`; its `force` is the value.
 
@@ -109,7 +109,7 @@ class Table:
             events=(passed,),
         )
 
-    @checks.door(name=checks.name)
+    @checks.door(name=checks.text)
     def derivatives(self, name: str) -> tuple[sp.Symbol, sp.Symbol]:
         """Symbols of its first and second derivative.
 

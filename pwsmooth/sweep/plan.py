@@ -221,7 +221,7 @@ def make_plan(
             measure_from = checks.number(measure_from, "`measure_from`")
             if not t0 <= measure_from < t1:
                 raise ValueError(f"`measure_from` is {measure_from:g}; give a time in [{t0:g}, {t1:g}).")
-    chosen = tuple(measure_from_text(m) if isinstance(m, str) else _measure(m) for m in _listing(measures))
+    chosen = tuple(_measure(m) for m in _listing(measures))
     setting = _setting(system, chosen, periods, period is not None, _unit_names(units))
     plan = Plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
@@ -243,6 +243,11 @@ def _listing(measures):
 def _measure(item):
     if isinstance(item, Measure):
         return item
+    if isinstance(item, str):
+        try:
+            return measure_from_text(item)
+        except ValueError as error:
+            raise ValueError(f"`measures`: {error}") from None
     if isinstance(item, type) and issubclass(item, Measure):
         return item()
     if callable(item):

@@ -103,6 +103,7 @@ def damping_factor(name: str, c_r: Any) -> Any:
     >>> float(damping_factor("lankarani-nikravesh", 0.5))
     0.5625
     """
+    c_r = checks.expression(c_r, "`c_r`") if isinstance(c_r, sp.Basic) else c_r
     if not isinstance(c_r, sp.Basic) or c_r.is_number:
         check_c_r(c_r)
     return ETA[name].formula(c_r)

@@ -96,6 +96,7 @@ def exact_eta(e):
 
 
 @checks.door(**dict.fromkeys(("stiffness", "exponent", "mass", "speed"), checks.positive), eta=checks.number)
+@checks.closed_form
 def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
     """Largest indentation of a free impact on F = K delta^n (1 + eta v/v0).
 
@@ -137,6 +138,7 @@ def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
 
 
 @checks.door(**dict.fromkeys(("stiffness", "exponent", "mass", "speed"), checks.positive))
+@checks.closed_form
 def contact_duration(stiffness, exponent, mass, speed):
     """How long an elastic free impact on F = K delta^n lasts.
 
@@ -179,6 +181,7 @@ def contact_duration(stiffness, exponent, mass, speed):
 
 
 @checks.door(eta=checks.number, s=checks.array)
+@checks.closed_form
 def phase_curve(eta, s):
     """Work that the elastic part has done at speed s v0: G(delta)/(m v0^2).
 

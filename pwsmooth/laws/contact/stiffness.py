@@ -22,6 +22,7 @@ __all__ = ["composite_modulus", "hertz_stiffness", "journal_stiffness"]
     E_2=checks.optional(checks.positive),
     nu_2=checks.optional(checks.number),
 )
+@checks.closed_form
 def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: float | None = None) -> float:
     """E* of two bodies, of one material if the second is not given.
 
@@ -62,6 +63,7 @@ def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: f
 
 
 @checks.door(E_star=checks.positive, R_1=checks.extended, R_2=checks.extended)
+@checks.closed_form
 def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
     """Stiffness K of the contact of two spheres, or of a sphere and a plane.
 
@@ -99,6 +101,7 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
 
 
 @checks.door(E_star=checks.positive)
+@checks.closed_form
 def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     """Stiffness K of a journal in its bearing.
 
