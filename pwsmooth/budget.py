@@ -47,6 +47,8 @@ class Stop:
 class Budget:
     """Steps and seconds that are left, of a call and of those that it is part of."""
 
+    __slots__ = ("deadline", "left", "outer", "stop")
+
     def __init__(self, steps: float = math.inf, seconds: float | None = None, stop: Stop | None = None) -> None:
         self.outer = _current.get()
         self.left = steps if self.outer is None else max(0, min(steps, self.outer.left))
@@ -63,7 +65,9 @@ class Budget:
         """Whether the time is up; raises `Stopped` where the caller has gone."""
         if self.stop is not None and self.stop.cell[0]:
             raise Stopped
-        return time.monotonic() > self.deadline or (self.outer is not None and self.outer.late())
+        if self.deadline != math.inf and time.monotonic() > self.deadline:
+            return True
+        return self.outer is not None and self.outer.late()
 
     @contextlib.contextmanager
     def heard(self) -> Iterator[np.ndarray]:
@@ -93,7 +97,11 @@ def opened(max_steps: Any = MOST_STEPS, max_seconds: Any = None) -> Budget:
     """The budget of a call with these options, checked."""
     if max_seconds is not None:
         max_seconds = checks.positive(max_seconds, "`max_seconds`")
-    return Budget(checks.whole(max_steps, "`max_steps`", 1), max_seconds)
+    if (
+        type(max_steps) is not int or not 0 < max_steps <= 2**62
+    ):  # a short run would feel words that nobody reads
+        max_steps = checks.whole(max_steps, "`max_steps`", 1)
+    return Budget(max_steps, max_seconds)
 
 
 @contextlib.contextmanager

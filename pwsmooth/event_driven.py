@@ -141,7 +141,7 @@ class EventDriven:
         )  # fmt: skip
         self.clocked = any(event.every is not None or event.at for event in model.events)
         self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
-        self.t_end = self.control.scalar("t_end")
+        self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
         shapes = {"now": 2, "x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne,
                   "counts": names.N_COUNTS}  # fmt: skip
@@ -210,21 +210,22 @@ class EventDriven:
 
         The kernel comes back after every slice of steps, so that Ctrl-C and the clock are heard.
         """
-        bound, counts = control.scalar("max_steps").view(np.int64), state.counts
-        most = min(self.max_steps, spending.left)
+        bound = self.bound if control is self.control else control.scalar("max_steps").view(np.int64)
+        counts, taken, most = state.counts, 0, min(self.max_steps, spending.left)
         while True:
-            bound[0] = min(counts[names.C_STEPS] + (0 if spending.late() else SLICE), most)
+            bound[0] = min(taken + (0 if spending.late() else SLICE), most)
             code = advance(record)
+            taken = int(counts[names.C_STEPS])
             if code == names.FULL:
                 if (larger := more(record)) is None:
                     break
                 record = larger
-            elif code != names.MAX_STEPS or counts[names.C_STEPS] >= most:
+            elif code != names.MAX_STEPS or taken >= most:
                 break
             if spending.late():
                 code = OUT_OF_TIME
                 break
-        spending.spend(int(counts[names.C_STEPS]))
+        spending.spend(taken)
         return code, record
 
     def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
