@@ -90,6 +90,11 @@ class Family:
         -------
         tuple of Member
             One for each name; it stands for the symbols of all elements.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         assumptions = {"real": True} | assumptions
         names = checks.name(names, "`names`")
@@ -110,6 +115,11 @@ class Family:
         -------
         MemberMemory
             It stands for the memories of all elements.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return MemberMemory(name, initial, self)
 
@@ -161,6 +171,11 @@ class Family:
         -------
         Expr
             To stand in the rates of any state.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         expr = checks.expression(expr, "`expr` of a sum")
         return MemberSum(expr) if members(expr) else self.n * expr

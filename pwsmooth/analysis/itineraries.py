@@ -126,6 +126,11 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     bool
         Where their period begins does not matter.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.
@@ -163,6 +168,11 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     -------
     Change
         Its name and its events; "jump of the orbit" where they lie far apart.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

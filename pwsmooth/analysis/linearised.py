@@ -329,6 +329,11 @@ def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearise
     Linearised
         The same object for the same model and parameters.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.

@@ -103,6 +103,11 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     list of Saltation
         One for each instant with events.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
@@ -300,6 +305,11 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
         1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it;
         None if it
         slides on none.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -305,6 +305,11 @@ class Stroboscopic(_Map):
         -------
         ndarray, shape (count, n)
             In the units of the states; nan from a failure on.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         if self.symmetry is not None:
             return super().iterate(x, count, discard)
@@ -560,6 +565,11 @@ def word_of(solution: Solution) -> Word:
     -------
     tuple of (str, str, str)
         (switch, kind, from and to) of each event.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -107,6 +107,11 @@ def parameter(
     dataclasses.Field
         With all this as its metadata.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.

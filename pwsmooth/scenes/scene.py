@@ -47,6 +47,11 @@ class Scene:
         Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
         unless it is given others.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here; `note` has that of the model.
@@ -117,6 +122,11 @@ class Scene:
         -------
         dict of str to ndarray
             Arrays over the solution's times, shape (nt,), in the scene's `units`, or what the functions return.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return {
             name: what(solution) if callable(what) else solution[what]

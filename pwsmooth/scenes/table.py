@@ -86,6 +86,11 @@ class Table:
         -------
         Pieces
             For `assemble`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         from scipy.interpolate import CubicSpline
 
@@ -122,6 +127,11 @@ class Table:
         -------
         (Symbol, Symbol)
             In the unit of the values over s and over s^2.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         first, second = sp.symbols(f"{name}_1 {name}_2", real=True)
         return first, second

@@ -98,6 +98,11 @@ class Period(Measure):
     tol : float, dimensionless
         How nearly the state must repeat.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.
@@ -388,6 +393,11 @@ class Points(Measure):
     ----------
     names : tuple of str
         The states.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
