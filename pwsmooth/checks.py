@@ -1,16 +1,26 @@
-"""Checks at the door: names, parameter values and initial states, each error with its remedy."""
+"""Checks at the door: each takes a value and what it is called, gives what the call goes on with, or says the remedy.
+
+    positive(value, "`mass`") -> a finite float > 0, or TypeError/ValueError with the argument, its value, the remedy
+
+`door` passes the arguments of a function through such checks, `fields` those of a dataclass.
+"""
 
 from __future__ import annotations
 
 import functools
+import inspect
 import math
-from collections.abc import Mapping
+import os
+import reprlib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
-from .primitives import Reaction, Switch
+from . import formula
 
 _PREDICATES = {
     "positive": lambda v: v > 0,
@@ -28,75 +38,103 @@ _PREDICATES = {
 }
 
 
-def expression(value, what):
-    """`value` as a sympy expression that a system can contain."""
+P = ParamSpec("P")
+R = TypeVar("R")
+Check = Callable[[Any, str], Any]
+_HUGE = 2**1023  # near the largest float
+
+
+def door(**tests: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator: each named argument that is given passes its test before the function is called."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                given = signature.bind(*args, **kwargs)
+            except TypeError:
+                return function(*args, **kwargs)  # which says it with its own name
+            for name, test in tests.items():
+                if name in given.arguments:
+                    given.arguments[name] = test(given.arguments[name], f"`{name}`")
+            return function(*given.args, **given.kwargs)
+
+        return checked
+
+    return decorate
+
+
+def closed_form(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorator of a formula in plain floats: numbers that leave their range together are bad input too."""
+    names = tuple(inspect.signature(function).parameters)
+
+    @functools.wraps(function)
+    def computed(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except (OverflowError, ZeroDivisionError):
+            given = {**dict(zip(names, args)), **kwargs}
+            said = ", ".join(f"`{name}` {shown(value)}" for name, value in given.items())
+            raise ValueError(f"{said}: the result is beyond every float; give numbers of usual size.") from None
+
+    return computed
+
+
+def fields(instance: Any, **tests: Check) -> None:
+    """Passes fields of a frozen dataclass through their tests."""
+    for name, test in tests.items():
+        value = test(getattr(instance, name), f"`{name}` of {type(instance).__name__}")
+        object.__setattr__(instance, name, value)
+
+
+def shown(value: Any) -> str:
+    """repr(), but short, and of anything: a message must not fail, nor fill a screen."""
     try:
-        e = sp.sympify(value, strict=True)
-    except (sp.SympifyError, TypeError):
+        text = repr(value) if isinstance(value, (str, sp.Basic)) else reprlib.repr(value)
+    except Exception:  # int beyond 4300 digits; a repr of the caller's own
+        return f"a {type(value).__name__}"
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def expression(value, what, names=None):
+    """`value` as a sympy expression that a system can contain; text only where `names` says what stands in it."""
+    try:
+        if isinstance(value, str):
+            e = None if names is None else formula.read(value, names, what)
+        else:
+            e = sp.sympify(value, strict=True)
+    except (sp.SympifyError, TypeError, AttributeError, ArithmeticError):
         e = None
-    if not isinstance(e, sp.Expr):
-        raise TypeError(f"{what} is {value!r}; give a sympy expression or a number.")
+    if not isinstance(e, sp.Expr) or e.is_Matrix or e.atoms(sp.Dummy):
+        raise TypeError(
+            f"{what} is {shown(value)}, no expression; give a sympy expression or a number (conditions "
+            "belong into Piecewise or `when`)."
+        )
     undefined = e.atoms(AppliedUndef, sp.Derivative)
     if undefined:
         first = sorted(map(str, undefined))[0]
         raise ValueError(f"{what} contains {first}; states are plain Symbols here, write y and not y(t).")
-    if e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
-        raise ValueError(f"{what} is {e}, which is not a finite real expression.")
+    huge = any(abs(n.p) > _HUGE * n.q for n in e.atoms(sp.Rational))
+    if huge or e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
+        raise ValueError(f"{what} is {shown(e)}, which is not a finite real expression.")
     return e
 
 
-def symbols_of(expressions):
-    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
-    found: dict[sp.Symbol, None] = {}
-
-    def visit(e):
-        for s in sorted(e.free_symbols, key=lambda s: s.name):
-            if s in found:
-                continue
-            if isinstance(s, Switch):
-                visit(s.surface)
-            elif isinstance(s, Reaction):
-                visit(s.gap)
-                visit(s.restitution)
-            found[s] = None
-
-    for e in expressions:
-        visit(e)
-    return list(found)
-
-
-class Names:
-    """Symbols by name: a name stands for one symbol in a system."""
-
-    def __init__(self, symbols):
-        self.by_name: dict[str, sp.Symbol] = {}
-        for s in symbols:
-            self.add(s)
-
-    def add(self, symbol):
-        if isinstance(symbol, sp.Dummy):
-            raise TypeError(f"{symbol} is a Dummy, which has no name of its own; give a Symbol.")
-        known = self.by_name.setdefault(symbol.name, symbol)
-        if known == symbol:
-            return symbol
-        if isinstance(known, Switch) and isinstance(symbol, Switch):
-            raise ValueError(
-                f"two switches are named {symbol.name!r}, with the surfaces {known.surface} and "
-                f"{symbol.surface}; give each its own name."
-            )
-        kinds = [f"{type(s).__name__} {assumptions(s)}".strip() for s in (known, symbol)]
+def period(value, parameters, what="`period`"):
+    """A period > 0 as an expression in parameters, from a number, an expression or text; `parameters`: with values."""
+    e = expression(value, what, {p.name: p for p in parameters})
+    known = {p.name: p for p in parameters}
+    e = e.xreplace({s: known[s.name] for s in e.free_symbols if s.name in known})
+    unknown = e.free_symbols - parameters.keys()
+    if unknown:
         raise ValueError(
-            f"two different symbols are named {symbol.name!r} ({kinds[0]}; {kinds[1]}). sympy tells symbols "
-            "apart by their assumptions: make the symbol once and use it everywhere, or rename one."
+            f"{what} is {e}, in which {listing(unknown)} is no parameter of the system; they are {listing(parameters)}."
         )
-
-    def __call__(self, key, what):
-        """The symbol that a Symbol or a string names."""
-        if isinstance(key, str):
-            return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
-        if isinstance(key, sp.Symbol):
-            return self.add(key)
-        raise TypeError(f"{what} names {key!r}; give a Symbol or its name.")
+    if not (T := number(e.subs(parameters), what)) > 0:
+        raise ValueError(f"{what} is {e} = {T:g}; give a positive period.")
+    return e
 
 
 def assumptions(symbol):
@@ -108,14 +146,21 @@ def listing(symbols):
     return ", ".join(str(s) for s in symbols) or "none"
 
 
+def _float(value, what, remedy="give a number"):
+    """`value` as a float, which may be inf or nan."""
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{what} is {shown(value)}, beyond every float; {remedy}.") from None
+    except (TypeError, ValueError, ArithmeticError, RecursionError):
+        raise TypeError(f"{what} is {shown(value)}; {remedy}.") from None
+
+
 def number(value, what):
     """`value` as a finite float."""
-    try:
-        result = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{what} is {value!r}; give a number.") from None
+    result = _float(value, what)
     if not math.isfinite(result):
-        raise ValueError(f"{what} is {value}; give a finite number.")
+        raise ValueError(f"{what} is {shown(value)}; give a finite number.")
     return result
 
 
@@ -136,10 +181,10 @@ def _declared(symbol):
 
 def parameter_value(symbol, value):
     """The value of a parameter as a float that fits the symbol's assumptions."""
-    result = number(value, f"parameter {symbol.name!r}")
+    result = number(value, f"`parameters`, value of {symbol.name!r}")
     if not fits(symbol, result):
         raise ValueError(
-            f"parameter {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
+            f"`parameters`, value of {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
             "give such a value, or declare the symbol without that assumption."
         )
     return result
@@ -173,19 +218,24 @@ def values_fit(field, parameters):
 
 def lookup(key, symbols, what, owner):
     """The one of `symbols` that a Symbol or name stands for."""
-    name = key if isinstance(key, str) else getattr(key, "name", None)
+    if not isinstance(key, (str, sp.Symbol)):
+        raise TypeError(f"{what} names {shown(key)}; give a Symbol or its name.")
+    name = str(getattr(key, "name", key))
     for s in symbols:
-        if s == key or s.name == name:
+        if s.name == name:
             return s
     raise ValueError(
-        f"{what} names {str(key)!r}, which is no {owner} of this system; it has {listing(symbols)}."
+        f"{what} names {shown(name)}, which is no {owner} of this system; it has {listing(symbols)}."
     )
 
 
 def all_of_kind(argument, items, kind):
+    """`items`, objects of a kind, as a tuple."""
+    items = several(items, f"`{argument}`")
     for item in items:
         if not isinstance(item, kind):
-            raise TypeError(f"`{argument}` contains {item!r}; give {kind.__name__} objects.")
+            raise TypeError(f"`{argument}` contains {shown(item)}; give {kind.__name__} objects.")
+    return items
 
 
 def states(symbols):
@@ -197,39 +247,161 @@ def states(symbols):
             raise ValueError(f"`rates` gives a rate to {x.name!r}, a {type(x).__name__}; a state is a Symbol.")
 
 
-def reactions(contacts, found):
-    """Reactions in the equations; those of the given contacts must be among them."""
-    for c in contacts:
-        if c.reaction not in found:
-            raise ValueError(
-                f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
-                "`.reaction` to the rate of the velocity on which it acts."
-            )
-    return [s for s in found if isinstance(s, Reaction)]
-
-
-def mapping(value, what, contents):
+def mapping(value, what, contents="names to values"):
     """`value`, which has to be a mapping of `contents` ("states to ratios")."""
     if not isinstance(value, Mapping):
-        raise TypeError(f"{what} is {value!r}; give a dict of {contents}.")
+        raise TypeError(f"{what} is {shown(value)}; give a dict of {contents}.")
     return value
 
 
+def values(value, what):
+    """A mapping of Symbols or names to numbers, as name -> float."""
+    given = mapping(value, what, "Symbols or names to numbers")
+    return {str(key): number(entry, f"{what}, value of {key}") for key, entry in given.items()}
+
+
+def pairs(value, what):
+    """A mapping, or pairs of what stands for one, as a tuple of pairs, of which there is at least one."""
+    found = tuple(value.items() if isinstance(value, Mapping) else several(value, what))
+    for item in found:
+        if not isinstance(item, (tuple, list)) or len(item) != 2:
+            raise TypeError(f"{what} contains {shown(item)}; give a dict of states to rates, or pairs of them.")
+    if not found:
+        raise ValueError(f"{what} is empty; give the rate of at least one state.")
+    return tuple(map(tuple, found))
+
+
 def positive(value, what):
+    """`value` as a finite float > 0."""
     value = number(value, what)
     if value <= 0:
         raise ValueError(f"{what} is {value:g}; give a number > 0.")
     return value
 
 
-def ratio(value, what):
-    """sp.oo, 0 or a positive float."""
-    if value == sp.oo or value == math.inf:
-        return sp.oo
+def nonnegative(value, what):
+    """`value` as a finite float >= 0."""
     value = number(value, what)
     if value < 0:
-        raise ValueError(f"{what} is {value:g}; give 0, a positive number or sympy.oo.")
-    return value or 0
+        raise ValueError(f"{what} is {value:g}; give a number >= 0.")
+    return value
+
+
+def optional(test):
+    """The test of an argument that may be None."""
+    return lambda value, what: None if value is None else test(value, what)
+
+
+def text(value, what):
+    """`value`, which has to be a string that is not empty."""
+    if not name(value, what):
+        raise ValueError(f"{what} is ''; give a string that is not empty.")
+    return value
+
+
+def integer(low, high=2**62):
+    """The test of an integer in this range."""
+    return lambda value, what: whole(value, what, low, high)
+
+
+def one_of(*choices):
+    """The test of an argument with a few values."""
+
+    def test(value, what):
+        if not isinstance(value, (str, int)) or isinstance(value, bool) or value not in choices:
+            raise ValueError(f"{what} is {shown(value)}; choose one of {', '.join(map(str, choices))}.")
+        return value
+
+    return test
+
+
+def instance(kind, remedy):
+    """The test of an argument that is an object of a kind."""
+
+    def test(value, what):
+        if not isinstance(value, kind):
+            raise TypeError(f"{what} is {shown(value)}; give {remedy}.")
+        return value
+
+    return test
+
+
+name = instance(str, "a string")
+key = instance((str, sp.Symbol), "a Symbol or its name")
+
+
+def system(value, what):
+    """`value`, which has to be a System or a view of one."""
+    if isinstance(value, type) or not (hasattr(value, "model") and hasattr(value, "initial_state")):
+        raise TypeError(
+            f"{what} is {shown(value)}; give a System, such as System({{x: -x}}), or one of its views."
+        )
+    return value
+
+
+def function(value, what):
+    """`value`, which has to be callable."""
+    if not callable(value):
+        raise TypeError(f"{what} is {shown(value)}; give a function.")
+    return value
+
+
+def array(value, what):
+    """`value` as an array of finite floats, of any shape."""
+    try:
+        result = np.array(value, float)
+    except (TypeError, ValueError, ArithmeticError, RecursionError):
+        raise TypeError(f"{what} is {shown(value)}; give a number or a sequence of numbers.") from None
+    if not np.isfinite(result).all():
+        at = int(np.flatnonzero(~np.isfinite(result.ravel()))[0])
+        raise ValueError(f"{what} is {result.ravel()[at]} at index {at}; drop or mend what is not finite.")
+    return result
+
+
+def numbers(value, what):
+    """`value` as an array of finite floats, of one dimension with at least one number."""
+    result = array(value, what)
+    if result.ndim != 1 or not result.size:
+        raise ValueError(f"{what} has the shape {result.shape}; give a sequence of at least one number.")
+    return result
+
+
+def pair(value, what):
+    """`value` as two finite floats."""
+    result = numbers(value, what)
+    if len(result) != 2:
+        raise ValueError(f"{what} has {len(result)} numbers; give two.")
+    return tuple(result.tolist())
+
+
+def extended(value, what):
+    """`value` as a float >= 0; inf is one."""
+    result = _float(value, what)
+    if not result >= 0:
+        raise ValueError(f"{what} is {result:g}; give a number >= 0 (0 and inf are allowed).")
+    return result
+
+
+def several(value, what):
+    """`value` as a tuple of what it holds."""
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+        raise TypeError(f"{what} is {shown(value)}; give a sequence.")
+    return tuple(value)
+
+
+def path(value, what):
+    """`value` as a Path."""
+    if not isinstance(value, (str, os.PathLike)) or not str(value) or "\0" in str(value):
+        raise TypeError(f"{what} is {shown(value)}; give a path.")
+    return Path(value)
+
+
+def ratio(value, what):
+    """sp.oo, 0 or a positive float."""
+    result = _float(value, what, "give 0, a positive number or sympy.oo")
+    if not result >= 0:
+        raise ValueError(f"{what} is {result:g}; give 0, a positive number or sympy.oo.")
+    return sp.oo if result == math.inf else result or 0
 
 
 def initial_value(symbol, value):
@@ -281,7 +453,7 @@ def initial_state(x0, states, initial_memory, gone):
     try:
         sequence = list(x0)
     except TypeError:
-        raise TypeError(f"`x0` is {x0!r}; give a dict of states, or a sequence in their order.") from None
+        raise TypeError(f"`x0` is {shown(x0)}; give a dict of states, or a sequence in their order.") from None
     if len(sequence) not in (len(states), len(states) + len(memories)):
         raise ValueError(
             f"`x0` has {len(sequence)} values; this view has {len(states)} states ({listing(states)})"
@@ -295,15 +467,14 @@ def initial_state(x0, states, initial_memory, gone):
 # ---- options of solve()
 
 
-def span(t_span):
+def span(t_span, what="`t_span`"):
     """`t_span` as two finite, increasing floats."""
     try:
-        start, end = t_span
-        t0, t1 = float(start), float(end)
-    except (TypeError, ValueError):
-        raise TypeError(f"`t_span` is {t_span!r}; give two numbers, (start, end).") from None
+        t0, t1 = map(float, t_span)
+    except (TypeError, ValueError, ArithmeticError, KeyError, RecursionError):
+        raise TypeError(f"{what} is {shown(t_span)}; give two numbers, (start, end).") from None
     if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
-        raise ValueError(f"`t_span` is ({t0!r}, {t1!r}); give finite times with start < end.")
+        raise ValueError(f"{what} is ({t0!r}, {t1!r}); give finite times with start < end.")
     return t0, t1
 
 
@@ -313,8 +484,8 @@ def wanted_times(t_eval, t0, t1):
         return None
     try:
         times = np.array(t_eval, float)  # the solution keeps it
-    except (TypeError, ValueError):
-        raise TypeError(f"`t_eval` is {t_eval!r}; give a sequence of times.") from None
+    except (TypeError, ValueError, ArithmeticError):
+        raise TypeError(f"`t_eval` is {shown(t_eval)}; give a sequence of times.") from None
     if times.ndim != 1 or times.size == 0:
         raise ValueError(
             f"`t_eval` has the shape {times.shape}; give a sequence of times, or leave it out for the steps' own."
@@ -340,7 +511,7 @@ def relative_tolerance(rtol):
     """`rtol` as a float between 0 and 1."""
     result = number(rtol, "`rtol`")
     if not 0 < result < 1:
-        raise ValueError(f"`rtol` is {rtol!r}; give a number between 0 and 1, such as 1e-9.")
+        raise ValueError(f"`rtol` is {result!r}; give a number between 0 and 1, such as 1e-9.")
     return result
 
 
@@ -352,8 +523,8 @@ def absolute_tolerance(atol, states):
 
     try:
         result = np.asarray(atol, float)
-    except (TypeError, ValueError):
-        raise TypeError(f"`atol` is {atol!r}; {remedy()}.") from None
+    except (TypeError, ValueError, ArithmeticError):
+        raise TypeError(f"`atol` is {shown(atol)}; {remedy()}.") from None
     if result.shape not in ((), (len(states),)):
         raise ValueError(f"`atol` has the shape {result.shape}; {remedy()}.")
     if not (np.isfinite(result).all() and (result >= 0).all()):
@@ -363,29 +534,24 @@ def absolute_tolerance(atol, states):
 
 def longest_step(max_step):
     """`max_step` as a positive float; inf is no bound."""
-    try:
-        result = float(max_step)
-    except (TypeError, ValueError):
-        raise TypeError(f"`max_step` is {max_step!r}; give a number > 0, or math.inf for no bound.") from None
+    remedy = "give a number > 0, or math.inf for no bound"
+    result = _float(max_step, "`max_step`", remedy)
     if not result > 0:
-        raise ValueError(f"`max_step` is {max_step!r}; give a number > 0, or math.inf for no bound.")
+        raise ValueError(f"`max_step` is {shown(max_step)}; {remedy}.")
     return result
 
 
 def whole(value, what, low, high=2**62):
     """`value` as an int from `low` to `high`; 1e6 is one, True is none."""
     wanted = f"give an integer from {low} to {high}" if high < 2**62 else f"give an integer >= {low}"
-    try:
-        result = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{what} is {value!r}; {wanted}.") from None
+    result = math.nan if isinstance(value, bool) else _float(value, what, wanted)
     if not (low <= result <= high and result == math.floor(result)):
-        raise ValueError(f"{what} is {value!r}; {wanted}.")
+        raise ValueError(f"{what} is {shown(value)}; {wanted}.")
     return int(value)
 
 
 def flag(value, what):
     """`value`, which has to be True or False."""
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{what} is {value!r}; give True or False.")
+        raise TypeError(f"{what} is {shown(value)}; give True or False.")
     return bool(value)

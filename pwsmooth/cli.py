@@ -5,6 +5,8 @@ Only typer is imported here, so that `pwsmooth --help` is quick; each command im
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +26,23 @@ def _version(wanted: bool) -> None:
 
         typer.echo(f"pwsmooth {version('pwsmooth')}")
         raise typer.Exit
+
+
+@contextlib.contextmanager
+def _in_words(command: str, interrupted: str = "interrupted.") -> Iterator[None]:
+    """What a call refuses, a disk cannot do and a user stops, in one line and an exit code."""
+    try:
+        yield
+    except typer.Exit:
+        raise
+    except (ValueError, TypeError, ImportError, RuntimeError, KeyError, OSError, MemoryError) as error:
+        said = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+        said = said or "there is not enough memory"
+        typer.echo(f"pwsmooth {command}: {said}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo(f"pwsmooth {command}: {interrupted}", err=True)
+        raise typer.Exit(130) from None
 
 
 @app.callback()
@@ -52,17 +71,11 @@ def figures(
     """
     from pwsmooth import figures as machinery
 
-    try:
+    with _in_words("figures", "interrupted; the figures listed above are complete."):
         if list_only:
             machinery.print_list()
             return
         all_made = machinery.make(names or [], out=out, fast=fast)
-    except machinery.FiguresError as error:
-        typer.echo(f"pwsmooth figures: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("pwsmooth figures: interrupted; the figures listed above are complete.", err=True)
-        raise typer.Exit(130) from None
     if not all_made:
         raise typer.Exit(1)
 
@@ -80,11 +93,8 @@ def verify(
     """
     from pwsmooth.compare import report
 
-    try:
+    with _in_words("verify"):
         held = report.list_problems() if list_only else report.run(names or [])
-    except ValueError as error:
-        typer.echo(f"pwsmooth verify: {error}", err=True)
-        raise typer.Exit(2) from None
     if not held:
         raise typer.Exit(1)
 
@@ -95,21 +105,18 @@ def sweep(
     out: Annotated[Path, typer.Option(help="Directory for the store, <STUDY>.zarr.")] = Path("."),
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")] = False,
     workers: Annotated[int | None, typer.Option(help="Threads; one a core without.")] = None,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Let the study run code: 'file.py:name', a file beside it.")
+    ] = False,
 ) -> None:
     """Run a parameter study into a Zarr store that survives any kill.
 
-    The format of the file is described in pwsmooth/sweep/study.py.
+    The file is data: it names scenes, laws, axes and measures of the package. The page on sweeps describes it.
     """
-    from pwsmooth.sweep.study import run_study
+    with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."):
+        from pwsmooth.sweep.study import run_study
 
-    try:
-        data, store = run_study(study, out, resume, workers, None)
-    except (ValueError, TypeError, ImportError, RuntimeError) as error:
-        typer.echo(f"pwsmooth sweep: {error}", err=True)
-        raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("pwsmooth sweep: interrupted; finished chunks are kept, --resume goes on.", err=True)
-        raise typer.Exit(130) from None
+        data, store = run_study(study, out, resume, workers, allow_code=allow_code)
     names = dict(zip(data.outcome.attrs["flag_values"], data.outcome.attrs["flag_meanings"].split()))
     codes = data.outcome.values.ravel().tolist()
     told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
@@ -131,11 +138,8 @@ def ladder(
     """The simplest model that a scene needs: an observable on models of growing fidelity, and their cost."""
     from pwsmooth.compare.ladders import report
 
-    try:
+    with _in_words("ladder"):
         report.show_list(scene) if list_only else report.run(scene, observable, tolerance, out)
-    except (ValueError, TypeError) as error:
-        typer.echo(f"pwsmooth ladder: {error}", err=True)
-        raise typer.Exit(2) from None
 
 
 def main() -> None:

@@ -5,7 +5,6 @@ Chain: primitives.py, family.py -> definition (here), lifting.py -> lowering.py 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import sympy as sp
@@ -44,15 +43,15 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     ValueError, TypeError
         What `System` raises at the door.
     """
-    pairs = list(rates.items()) if isinstance(rates, Mapping) else [tuple(pair) for pair in rates]
-    if not pairs:
-        raise ValueError("`rates` is empty; give the rate of at least one state.")
-    written = tuple((x, checks.expression(e, f"the rate of {x}")) for x, e in pairs)
-    seen = tuple((str(name), checks.expression(e, f"output {name!r}")) for name, e in (outputs or {}).items())
-    for argument, items, kind in (
-        ("events", events, Event), ("contacts", contacts, Unilateral), ("algebraic", algebraic, Algebraic)
-    ):  # fmt: skip
+    pairs = list(rates)
+    written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
+    seen = tuple((str(name), checks.expression(e, f"`outputs`, {name!r}")) for name, e in outputs.items())
+    events, contacts, algebraic = (
         checks.all_of_kind(argument, items, kind)
+        for argument, items, kind in (
+            ("events", events, Event), ("contacts", contacts, Unilateral), ("algebraic", algebraic, Algebraic)
+        )
+    )  # fmt: skip
 
     families = families or Expansion()
     pairs, outputs = families.rates(written), families.outputs(dict(seen))
@@ -60,12 +59,12 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         tuple(copy for item in items for copy in families.items(item))
         for items in (events, contacts, algebraic)
     )
-    found = checks.symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    found = _symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
     meanings, moving, behind = families.further()
-    found = list(dict.fromkeys([*found, *checks.symbols_of(behind)]))
-    reactions = checks.reactions(contacts, found)
-    found = checks.symbols_of([*found, *outputs.values(), *_event_expressions(events)])
-    names = checks.Names(found)
+    found = list(dict.fromkeys([*found, *_symbols_of(behind)]))
+    reactions = _reactions(contacts, found)
+    found = _symbols_of([*found, *outputs.values(), *_event_expressions(events)])
+    names = _Names(found)
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
     time = _time(time, names, states)
@@ -73,7 +72,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(families.parameters(parameters or {}), names, found, taken | meanings)
+    values = _parameters(families.parameters(parameters), names, found, taken | meanings)
 
     moving |= {time, *states, *unknowns, *map(plain, reactions)}
     lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
@@ -105,6 +104,71 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     return Definition(
         written, seen, events, tuple(reactions), algebraic, switches, memories, values, families.groups, field
     )  # fmt: skip
+
+
+def _symbols_of(expressions):
+    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
+    found: dict[sp.Symbol, None] = {}
+
+    def visit(e):
+        for s in sorted(e.free_symbols, key=lambda s: s.name):
+            if s in found:
+                continue
+            if isinstance(s, Switch):
+                visit(s.surface)
+            elif isinstance(s, Reaction):
+                visit(s.gap)
+                visit(s.restitution)
+            found[s] = None
+
+    for e in expressions:
+        visit(e)
+    return list(found)
+
+
+class _Names:
+    """Symbols by name: a name stands for one symbol in a system."""
+
+    def __init__(self, symbols):
+        self.by_name: dict[str, sp.Symbol] = {}
+        for s in symbols:
+            self.add(s)
+
+    def add(self, symbol):
+        if isinstance(symbol, sp.Dummy):
+            raise TypeError(f"{symbol} is a Dummy, which has no name of its own; give a Symbol.")
+        known = self.by_name.setdefault(symbol.name, symbol)
+        if known == symbol:
+            return symbol
+        if isinstance(known, Switch) and isinstance(symbol, Switch):
+            raise ValueError(
+                f"two switches are named {symbol.name!r}, with the surfaces {known.surface} and "
+                f"{symbol.surface}; give each its own name."
+            )
+        kinds = [f"{type(s).__name__} {checks.assumptions(s)}".strip() for s in (known, symbol)]
+        raise ValueError(
+            f"two different symbols are named {symbol.name!r} ({kinds[0]}; {kinds[1]}). sympy tells symbols "
+            "apart by their assumptions: make the symbol once and use it everywhere, or rename one."
+        )
+
+    def __call__(self, key, what):
+        """The symbol that a Symbol or a string names."""
+        if isinstance(key, str):
+            return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
+        if isinstance(key, sp.Symbol):
+            return self.add(key)
+        raise TypeError(f"{what} names {checks.shown(key)}; give a Symbol or its name.")
+
+
+def _reactions(contacts, found):
+    """Reactions in the equations; those of the given contacts must be among them."""
+    for c in contacts:
+        if c.reaction not in found:
+            raise ValueError(
+                f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
+                "`.reaction` to the rate of the velocity on which it acts."
+            )
+    return [s for s in found if isinstance(s, Reaction)]
 
 
 def _time(time, names, states):

@@ -98,15 +98,15 @@ class Diffusion:
         set_to("resolution", checks.positive(self.resolution, "`resolution`"))
         if self.resolution > 0.5:
             raise ValueError(f"`resolution` is {self.resolution:g}; give a number up to 0.5, such as 0.1.")
-        if self.convention not in ("ito", "stratonovich"):
-            raise ValueError(f"`convention` is {self.convention!r}; choose 'ito' or 'stratonovich'.")
+        checks.fields(self, convention=checks.one_of("ito", "stratonovich"))
         for name in ("seed", "trajectory"):
             set_to(name, whole(getattr(self, name), f"`{name}`"))
         for name in ("level", "finest"):
             set_to(name, checks.whole(getattr(self, name), f"`{name}`", 0, 20))
         if not isinstance(self.amplitude, (Mapping, sp.MatrixBase)):
             raise TypeError(
-                f"`amplitude` is {self.amplitude!r}; give state -> expression, such as {{v: 0.1}}, or a sympy Matrix."
+                f"`amplitude` is {checks.shown(self.amplitude)}; give state -> expression, such as {{v: 0.1}}, or a "
+                "sympy Matrix."
             )
         if isinstance(self.amplitude, Mapping):
             set_to("amplitude", {str(key): _entry(key, value) for key, value in self.amplitude.items()})
@@ -114,11 +114,18 @@ class Diffusion:
                 raise ValueError(
                     "`amplitude` is empty; name the states that the noise drives, such as {v: 0.1}."
                 )
-        given = checks.mapping(self.parameters, "`parameters` of the diffusion", "symbols to numbers")
-        set_to(
-            "parameters",
-            {str(k): checks.number(v, f"`parameters` of the diffusion, {k}") for k, v in given.items()},
-        )
+        set_to("parameters", checks.values(self.parameters, "`parameters` of the diffusion"))
+        inside = {s.name for e in self._expressions() for s in e.free_symbols}
+        if unknown := [name for name in self.parameters if name not in inside]:
+            raise ValueError(
+                f"`parameters` of the diffusion names {checks.listing(unknown)}, which is not in the amplitude; leave "
+                "it out."
+            )
+
+    def _expressions(self) -> list[sp.Expr]:
+        if isinstance(self.amplitude, sp.MatrixBase):
+            return [checks.expression(e, "`amplitude`, an entry") for e in self.amplitude]
+        return [e for row in self.amplitude.values() for e in row.values()]
 
     def entries(self, states: list[sp.Symbol]) -> list[tuple[int, str, sp.Expr]]:
         """The entries of the amplitude that are not 0.

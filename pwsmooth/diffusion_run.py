@@ -110,7 +110,7 @@ class DiffusionRun:
             )
         return number
 
-    def solve(self, t_span, start, times, max_steps, strict, max_step=math.inf, dense_output=False, order=None):
+    def solve(self, t_span, start, times, strict, spending, max_step, dense_output, order):
         """The Solution of one trajectory."""
         if dense_output:
             raise ValueError(
@@ -125,7 +125,7 @@ class DiffusionRun:
             raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
         for t in () if times is None else times:
             self.interval(t, "an entry of `t_eval`")
-        return Path(self, max_steps, strict).diffuse(first, last, start, times)
+        return Path(self, int(spending.left), strict).diffuse(first, last, start, times, spending)
 
     def bundle(self, problem, starts=None, snapshots=None, grid=None):
         """The kernel's Diffused; without an ensemble its arrays are empty."""
@@ -196,11 +196,11 @@ class Path(EventDriven):
         self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
                            "finest": noise.finest}  # fmt: skip
 
-    def diffuse(self, first, last, start, times):
+    def diffuse(self, first, last, start, times, spending):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
         from .kernels import noise_state as names
-        from .kernels.state import C_STEPS, FULL
+        from .kernels.state import C_STEPS
 
         owner = self.owner
         step = owner.noise.step
@@ -209,13 +209,14 @@ class Path(EventDriven):
         noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 1
         noise.place[names.TRAJECTORY] = owner.noise.trajectory
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
-        record = self.first_record(times)
-        while True:
-            bundles = (self.problem, control, state, record, self.work, noise)
-            code = diffuse(*(bundle.address for bundle in bundles))
-            if code != FULL:
-                break
-            record = self._record(max(4 * len(record.t), 65536), record, state.counts)
+
+        def advance(record):
+            return diffuse(*(b.address for b in (self.problem, control, state, record, self.work, noise)))
+
+        def more(record):
+            return self._record(max(4 * len(record.t), 65536), record, state.counts)
+
+        code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         solution = self.finish(owner.system, code, self.problem, state, record, times)
         solution.noise = owner.noise
         solution.cost = {"steps": int(state.counts[C_STEPS]),

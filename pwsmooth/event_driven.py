@@ -13,12 +13,13 @@ import numpy as np
 import sympy as sp
 
 from . import checks, memory
+from .budget import MOST_STEPS, SLICE, Budget
 from .compiled import compiled_problem
 from .kernels import state as names
 from .model import Model
 from .records import Dense, EventLog, Outcome, course
 from .solution import Solution
-from .words import OUTCOMES, ambiguities_in_words, event_words
+from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words
 
 _LOOP = 40  # events in a row at one instant that make a loop
 _ROOM, _LEAST_ROOM = 1024, 64  # points that the first buffers hold: the fewer, the larger the system
@@ -142,7 +143,7 @@ class EventDriven:
         )  # fmt: skip
         self.clocked = any(event.every is not None or event.at for event in model.events)
         self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
-        self.t_end = self.control.scalar("t_end")
+        self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
         shapes = {"now": 2, "x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne,
                   "counts": names.N_COUNTS}  # fmt: skip
@@ -174,8 +175,9 @@ class EventDriven:
         return self.control
 
     def solve(
-        self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, kicks: Any = None
-    ):
+        self, system: Any, p: np.ndarray, t0: float, t1: float, start: Any, times: Any, spending: Budget,
+        kicks: Any = None,
+    ):  # fmt: skip
         """The Solution of one run: the kernel runs to its end, its buffers emptied as they fill.
 
         `p` has one value per symbol of model.parameters, `times` are the wanted ones or None.
@@ -184,15 +186,18 @@ class EventDriven:
         if kicks is not None:
             problem = kicks.problem(problem)
         control, state = self.timed(t0, t1, system.parameters), self.begin(t0, start)
-        record = self.first_record(times)
-        while (code := self.loop(problem, control, state, record, self.work)) == names.FULL:
-            # Between two visits Ctrl-C works; the room grows geometrically, more slowly where it is large.
+
+        def more(record: Any) -> Any:
+            # The room grows geometrically, more slowly where it is large.
             room = _next_room(len(record.t), self.room, t0, state.now[0], t1)
             if self._bytes(room) >= _LARGE:
                 room = min(room, 2 * len(record.t))
-            if not memory.fits(self._bytes(room)):
-                break
-            record = self._record(room, record, state.counts)
+            return self._record(room, record, state.counts) if memory.fits(self._bytes(room)) else None
+
+        def advance(record: Any) -> int:
+            return self.loop(problem, control, state, record, self.work)
+
+        code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         if code == names.BROKEN:
             mu = self.model.multipliers[int(self.work.code[names.I_TOUCHED])].symbol
             raise AssertionError(
@@ -207,6 +212,29 @@ class EventDriven:
         if room > self.room and self._bytes(room) <= _KEPT_BYTES:
             self._keep(room)
         return solution
+
+    def advanced(self, advance: Any, more: Any, control: Any, state: Any, record: Any, spending: Budget) -> Any:
+        """(code, record) of `advance(record)` at its end; full buffers go on as `more(record)`, or are the end.
+
+        The kernel comes back after every slice of steps, so that Ctrl-C and the clock are heard.
+        """
+        bound = self.bound if control is self.control else control.scalar("max_steps").view(np.int64)
+        counts, taken, most = state.counts, 0, min(self.max_steps, spending.left)
+        while True:
+            bound[0] = min(taken + (0 if spending.late() else SLICE), most)
+            code = advance(record)
+            taken = int(counts[names.C_STEPS])
+            if code == names.FULL:
+                if (larger := more(record)) is None:
+                    break
+                record = larger
+            elif code != names.MAX_STEPS or taken >= most:
+                break
+            if spending.late():
+                code = OUT_OF_TIME
+                break
+        spending.spend(taken)
+        return code, record
 
     def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
         """Shapes of the buffers for `room` points and events."""
@@ -399,8 +427,10 @@ def _clock(
             if not every > 0:
                 raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")
             # Every instant costs a step: beyond the bound on steps none is reached.
-            first, last = math.floor(t0 / every), math.floor(t1 / every) + 1
-            when = every * np.arange(first, min(last, first + most + 2) + 1, dtype=float)
+            first = np.floor(t0 / every)
+            when = every * np.arange(
+                first, min(np.floor(t1 / every) + 1, first + min(most, MOST_STEPS) + 2) + 1
+            )
         when = np.unique(when[(when > t0) & (when <= t1)])
         instants.append(when)
         owners.append(np.full(len(when), i))

@@ -14,6 +14,7 @@ from functools import singledispatchmethod
 
 import sympy as sp
 
+from . import checks
 from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
 
@@ -73,8 +74,7 @@ class Family:
     name: str = "element"
 
     def __post_init__(self):
-        if not isinstance(self.n, int) or self.n < 1:
-            raise ValueError(f"`n` of a Family is {self.n!r}; give a number of copies >= 1.")
+        checks.fields(self, n=checks.integer(1, 10**7), periodic=checks.flag, name=checks.name)
 
     def symbols(self, names, **assumptions):
         """Symbols of the element: states, parameters or unknowns, by what the System makes of them.
@@ -90,10 +90,17 @@ class Family:
         -------
         tuple of Member
             One for each name; it stands for the symbols of all elements.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         assumptions = {"real": True} | assumptions
+        names = checks.name(names, "`names`")
         return tuple(Member(name, self, **assumptions) for name in names.replace(",", " ").split())
 
+    @checks.door(name=checks.name)
     def memory(self, name, initial=0.0):
         """A Memory of the element.
 
@@ -108,6 +115,11 @@ class Family:
         -------
         MemberMemory
             It stands for the memories of all elements.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return MemberMemory(name, initial, self)
 
@@ -140,10 +152,11 @@ class Family:
             `outside` in a periodic family; a symbol of another one.
         """
         if not isinstance(member, Member) or member.family != self:
-            raise TypeError(f"`member` is {member!r}; give a symbol of this family.")
+            raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of this family.")
+        offset = checks.whole(offset, "`offset`", -self.n, self.n)
         if self.periodic and outside is not None:
             raise ValueError("`outside` has no meaning in a periodic family, which has no ends.")
-        outside = member if outside is None else sp.sympify(outside)
+        outside = member if outside is None else checks.expression(outside, "`outside`")
         return Member(member.name, self, member.offset + offset, outside, **member._assumptions_orig)
 
     def sum(self, expr):
@@ -158,8 +171,13 @@ class Family:
         -------
         Expr
             To stand in the rates of any state.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
-        expr = sp.sympify(expr)
+        expr = checks.expression(expr, "`expr` of a sum")
         return MemberSum(expr) if members(expr) else self.n * expr
 
 

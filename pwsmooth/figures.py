@@ -23,7 +23,7 @@ from typing import Any
 __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 
 
-class FiguresError(Exception):
+class FiguresError(ValueError):
     """The command cannot run as asked; the text says what to do.
 
     Notes

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from . import checks
 from .laws import Law
 from .scenes import Table, prescribed_motion
 
@@ -88,6 +89,16 @@ class Fit:
         return f"{type(self.law).__name__}: rms {self.residual:.4g}; " + ", ".join(rows)
 
 
+_OPTIONS: dict[str, checks.Check] = {
+    "t": checks.numbers, "motion": checks.numbers, "force": checks.numbers,
+    "kind": checks.one_of("position", "velocity"), "settle": checks.nonnegative, "max_runs": checks.integer(1),
+    "rtol": lambda value, what: checks.relative_tolerance(value),
+}  # fmt: skip
+
+
+@checks.door(
+    law=checks.instance(Law, "a friction or contact law"), free=checks.optional(checks.several), **_OPTIONS
+)
 def fit(
     law: Law,
     t: Any,
@@ -156,17 +167,11 @@ def fit(
     """
     from scipy.optimize import least_squares
 
-    t, motion, force = (np.asarray(a, float) for a in (t, motion, force))
-    if not t.shape == motion.shape == force.shape or t.ndim != 1:
+    if not t.shape == motion.shape == force.shape:
         raise ValueError(
             f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one "
             "sequence of the same length each."
         )
-    if not np.isfinite(force).all():
-        first = np.flatnonzero(~np.isfinite(force))[0]
-        raise ValueError(f"`force` is {force[first]} at sample {first}; drop or mend what is not finite.")
-    if kind not in ("position", "velocity"):
-        raise ValueError(f"`kind` is {kind!r}; `motion` is a 'position' or a 'velocity'.")
     drive = Table(t, motion)
     scene = (
         prescribed_motion(law, position=drive) if kind == "position" else prescribed_motion(law, velocity=drive)
@@ -224,6 +229,7 @@ def fit(
     )
 
 
+@checks.door(laws=checks.several)
 def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any) -> list[Fit]:
     """Fit several laws to one data set.
 
@@ -266,6 +272,7 @@ def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any
     >>> [type(found.law).__name__ for found in compare(laws, t, v, force, kind="velocity")]
     ['StribeckFriction', 'Coulomb']
     """
+    checks.all_of_kind("laws", laws, Law)
     if "free" in options:
         raise ValueError("`free` belongs to one law; call `fit` for each.")
     return sorted((fit(law, t, motion, force, **options) for law in laws), key=lambda found: found.residual)
@@ -279,7 +286,7 @@ def _free(law: Law, names: Sequence[str] | None) -> list[str]:
     for name in names:
         if name not in known:
             raise ValueError(
-                f"`free` names {name!r}; parameters of {type(law).__name__} are {', '.join(known)}."
+                f"`free` names {checks.shown(name)}; parameters of {type(law).__name__} are {', '.join(known)}."
             )
     return list(names)
 

@@ -150,7 +150,7 @@ class Element:
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic):
     """The `Element` of a system with families, or None where their copies have to be written out."""
-    whole = [*rates.items(), *(outputs or {}).items()] if hasattr(rates, "items") else list(rates)
+    whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
     if not any(isinstance(e, MemberSum) or involved(e) for e in pieces):
         return None

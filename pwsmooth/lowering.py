@@ -199,7 +199,7 @@ def lower(field, *, layer=(), layer_field=None, eps_ratio=None, sigmoid="algebra
 def _all_expressions(field, model):
     yield from field.expressions()
     yield from (s.rate for s in model.layer_states)
-    yield from (sp.sympify(s.ratio) for s in model.layer_states)
+    yield from (sp.sympify(s.ratio, strict=True) for s in model.layer_states)
     for h, eps in model.smoothing:
         yield from (h, eps)
     yield from model.layer_residuals

@@ -86,8 +86,7 @@ class Kicks:
 
     def __post_init__(self) -> None:
         every = checks.positive(self.every, "`every` of the kicks")
-        if self.law not in LAWS:
-            raise ValueError(f"`law` is {self.law!r}; choose 'uniform' or 'normal'.")
+        checks.fields(self, law=checks.one_of(*LAWS))
         for name in ("seed", "trajectory"):
             object.__setattr__(self, name, whole(getattr(self, name), f"`{name}`"))
         object.__setattr__(self, "every", every)
@@ -130,7 +129,7 @@ def _names(on: Any) -> tuple[str, ...]:
     if isinstance(on, (str, sp.Symbol)):
         return (str(on),)
     if not isinstance(on, Sequence) or not all(isinstance(s, (str, sp.Symbol)) for s in on):
-        raise TypeError(f"`on` is {on!r}; give states by name or Symbol, such as on=('y', 'v').")
+        raise TypeError(f"`on` is {checks.shown(on)}; give states by name or Symbol, such as on=('y', 'v').")
     return tuple(str(s) for s in on)
 
 
@@ -148,9 +147,9 @@ def whole(value: Any, what: str) -> int:
             raise TypeError
         result = operator.index(value)
     except TypeError:
-        raise TypeError(f"{what} is {value!r}; give an integer >= 0.") from None
+        raise TypeError(f"{what} is {checks.shown(value)}; give an integer >= 0.") from None
     if not 0 <= result < 2**63:
-        raise ValueError(f"{what} is {result}; give an integer from 0 to 2**63 - 1.")
+        raise ValueError(f"{what} is {checks.shown(value)}; give an integer from 0 to 2**63 - 1.")
     return result
 
 
@@ -253,7 +252,7 @@ def prepared(system: Any, noise: Any, method: str) -> Any:
         return diffusion if diffusion.acts else None
     if not isinstance(noise, Kicks):
         raise TypeError(
-            f"`noise` is {noise!r}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v')), or "
+            f"`noise` is {checks.shown(noise)}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v')), or "
             "Diffusion(...), such as Diffusion({v: 0.1}, step=0.01)."
         )
     if method in SCIPY_METHODS:

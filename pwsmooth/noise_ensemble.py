@@ -6,6 +6,7 @@ Chain: **this file** -> diffusion_run.py and kernels/noise_path.py (one compiled
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
+from .budget import MOST_STEPS, Budget, within
 from .diffusion import Diffusion
 from .diffusion_run import DiffusionRun, Path
 from .noise import Kicks
@@ -20,7 +22,7 @@ from .records import Outcome
 
 __all__ = ["Ensemble", "ensemble"]
 
-_ROWS = 64  # trajectories between two looks at the keyboard
+_VISIT = 0.1  # s of compiled code between two looks at the keyboard
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,11 @@ class Ensemble:
         return self.x[:, self.states.index(str(name))]
 
 
+@checks.door(
+    system=checks.system, noise=checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"),
+    count=checks.integer(1, 10**8), max_seconds=checks.optional(checks.positive),
+    parameters=checks.optional(checks.mapping),
+)  # fmt: skip
 def ensemble(
     system: Any,
     t_span: Any,
@@ -81,7 +88,8 @@ def ensemble(
     *,
     t_eval: Any = None,
     parameters: Mapping[Any, float] | None = None,
-    max_steps: int = 10_000_000,
+    max_steps: int = MOST_STEPS,
+    max_seconds: float | None = None,
     **options: Any,
 ) -> Ensemble:
     """Run many trajectories of a system with noise, of which only what is asked for is kept.
@@ -108,6 +116,8 @@ def ensemble(
         Values that replace the system's own, in its units.
     max_steps : int
         Bound on the steps of a trajectory.
+    max_seconds : float, in units of wall time, s, optional
+        Bound on the whole call; a trajectory that it stops, or keeps from starting, has the outcome TIME_LIMIT.
     **options
         With Kicks: further options of `solve`.
 
@@ -136,7 +146,6 @@ def ensemble(
     >>> bool(abs(many.end.var() - 0.5) < 0.1)
     True
     """
-    count = checks.whole(count, "`count`", 1)
     if parameters is not None:
         system = system.with_parameters(parameters)
     if isinstance(x0, np.ndarray) and x0.ndim == 2:
@@ -149,11 +158,12 @@ def ensemble(
     times = checks.wanted_times(t_eval, t0, t1)
     max_steps = checks.whole(max_steps, "`max_steps`", 1)
     run = DiffusionRun(system, noise) if isinstance(noise, Diffusion) else None
-    if run is None or not run.acts:
-        return _one_by_one(system, (t0, t1), starts, noise, count, times, max_steps, options)
-    if options:
+    if options and run is not None and run.acts:
         raise ValueError(f"{checks.listing(options)} do not act on a diffusion; leave them out.")
-    return _all_at_once(run, (t0, t1), starts, count, times, max_steps)
+    with within(Budget(seconds=max_seconds)) as spending:
+        if run is not None and run.acts:
+            return _all_at_once(run, (t0, t1), starts, count, times, max_steps, spending)
+        return _one_by_one(system, (t0, t1), starts, noise, count, times, max_steps, options)
 
 
 def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options) -> Ensemble:
@@ -179,11 +189,11 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
     return Ensemble(asked, x, end_time, end, tuple(outcomes), steps, names)
 
 
-def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
+def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ensemble:
     """`count` trajectories in one compiled loop; starts (1 or count, n)."""
     from .codegen.units import unit_address
     from .kernels import noise_state as names
-    from .words import OUTCOMES
+    from .words import OUT_OF_TIME, OUTCOMES
 
     first, last = (run.interval(t, "`t_span`") for t in t_span)
     asked = np.empty(0) if times is None else times
@@ -200,9 +210,14 @@ def _all_at_once(run, t_span, starts, count, times, max_steps) -> Ensemble:
     )
     bundles = (path.problem, control, state, path.first_record(), path.work, noise)
     one = unit_address("diffuse")
-    for row in range(0, count, _ROWS):
-        # Between two visits Ctrl-C works.
-        loop(one, row, min(row + _ROWS, count), *(bundle.address for bundle in bundles))
+    noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = OUT_OF_TIME, np.nan, np.nan
+    row, rows = 0, 1
+    while row < count and not (row and spending.late()):
+        since = time.monotonic()
+        loop(one, row, min(row + rows, count), *(bundle.address for bundle in bundles))
+        row += rows
+        # Between two visits Ctrl-C and the clock are heard.
+        rows = 2 * rows if time.monotonic() - since < _VISIT else max(1, rows // 2)
     return Ensemble(
         grid * step,
         noise.snapshots.transpose(0, 2, 1).copy(),

@@ -16,9 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import isfinite
 
 import sympy as sp
+
+from . import checks
 
 
 class Switch(sp.Symbol):
@@ -57,13 +58,14 @@ class Switch(sp.Symbol):
     __slots__ = ("surface",)
 
     def __new__(cls, name, surface):
-        surface = _expression(surface, f"the surface of Switch {name!r}")
+        name = _name(name, "Switch")
+        surface = checks.expression(surface, f"`surface` of Switch {name!r}")
         if not surface.free_symbols:
             raise ValueError(
                 f"`surface` of Switch {name!r} is the constant {surface}: it never switches. "
                 "Give an expression of time and states that changes sign."
             )
-        self = sp.Symbol.__xnew__(cls, _name(name, "Switch"), real=True)
+        self = sp.Symbol.__xnew__(cls, name, real=True)
         self.surface = surface
         return self
 
@@ -109,13 +111,9 @@ class Memory(sp.Symbol):
     __slots__ = ("initial",)
 
     def __new__(cls, name, initial=0.0, **assumptions):
-        try:
-            initial = float(initial)
-        except (TypeError, ValueError):
-            raise TypeError(f"`initial` of Memory {name!r} is {initial!r}; give a number.") from None
-        if not isfinite(initial):
-            raise ValueError(f"`initial` of Memory {name!r} is {initial}; give a finite number.")
-        self = sp.Symbol.__xnew__(cls, _name(name, "Memory"), **({"real": True} | assumptions))
+        name = _name(name, "Memory")
+        initial = checks.number(initial, f"`initial` of Memory {name!r}")
+        self = sp.Symbol.__xnew__(cls, name, **({"real": True} | assumptions))
         self.initial = initial
         return self
 
@@ -195,8 +193,9 @@ class Unilateral:
     name: str
 
     def __init__(self, gap, restitution=0, name="R"):
-        gap = _expression(gap, "`gap` of a Unilateral")
-        restitution = _expression(restitution, "`restitution` of a Unilateral")
+        name = _name(name, "Unilateral")
+        gap = checks.expression(gap, "`gap` of a Unilateral")
+        restitution = checks.expression(restitution, "`restitution` of a Unilateral")
         if not gap.free_symbols:
             raise ValueError(f"`gap` of Unilateral {name!r} is the constant {gap}; give a distance h(t, x).")
         # An elastic impact returns all; more would make energy out of nothing at every bounce.
@@ -204,7 +203,7 @@ class Unilateral:
             raise ValueError(f"`restitution` of Unilateral {name!r} is {restitution}; give 0 <= e <= 1.")
         object.__setattr__(self, "gap", gap)
         object.__setattr__(self, "restitution", restitution)
-        object.__setattr__(self, "name", _name(name, "Unilateral"))
+        object.__setattr__(self, "name", name)
 
     @property
     def reaction(self):
@@ -247,12 +246,12 @@ class Algebraic:
     residual: sp.Expr
 
     def __init__(self, unknown, residual):
-        residual = _expression(residual, "`residual` of an Algebraic")
+        residual = checks.expression(residual, "`residual` of an Algebraic")
         if isinstance(unknown, str):
             named = [s for s in residual.free_symbols if s.name == unknown]
             unknown = named[0] if len(named) == 1 else sp.Symbol(unknown, real=True)
         if not isinstance(unknown, sp.Symbol):
-            raise TypeError(f"`unknown` of an Algebraic is {unknown!r}; give a Symbol or its name.")
+            raise TypeError(f"`unknown` of an Algebraic is {checks.shown(unknown)}; give a Symbol or its name.")
         if unknown not in residual.free_symbols:
             raise ValueError(
                 f"`residual` of Algebraic {unknown.name!r} is {residual}, in which the unknown does not stand; "
@@ -340,53 +339,43 @@ class Event:
             raise ValueError(
                 f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(given) or 'none'}."
             )
-        if direction not in (0, 1, -1):
-            raise ValueError(
-                f"`direction` of an Event is {direction!r}; give 1 (rising), -1 (falling) or 0 (both)."
-            )
+        direction = checks.one_of(1, -1, 0)(direction, "`direction` of an Event")
         if given[0] != "surface" and direction:
             raise ValueError(f"`direction` has no meaning for an Event with `{given[0]}`; leave it out.")
         if surface is not None:
-            surface = _expression(surface, "`surface` of an Event")
+            surface = checks.expression(surface, "`surface` of an Event")
             if not surface.free_symbols:
                 raise ValueError(f"`surface` of an Event is the constant {surface}; it never reaches zero.")
         if every is not None:
-            every = _expression(every, "`every` of an Event")
+            every = checks.expression(every, "`every` of an Event")
             if every.is_number and not (every.is_finite and every > 0):
                 raise ValueError(f"`every` of an Event is {every}; give a period > 0.")
         if at is not None:
-            at = at if isinstance(at, Iterable) and not isinstance(at, str) else (at,)
-            at = tuple(_expression(a, "`at` of an Event") for a in at)
+            at = at if isinstance(at, Iterable) and not isinstance(at, (str, bytes)) else (at,)
+            at = tuple(checks.expression(a, "`at` of an Event") for a in at)
             if not at or any(a.is_number and not a.is_finite for a in at):
                 raise ValueError(f"`at` of an Event is {at}; give finite instants.")
         if update is not None and not isinstance(update, Mapping):
-            raise TypeError(f"`update` of an Event is {update!r}; give a dict of state or memory to value.")
+            raise TypeError(
+                f"`update` of an Event is {checks.shown(update)}; give a dict of state or memory to value."
+            )
         update = tuple(
-            (key, _expression(value, f"`update` of an Event, value of {key}"))
+            (key, checks.expression(value, f"`update` of an Event, value of {key}"))
             for key, value in (update or {}).items()
         )
-        when = sp.sympify(when)
+        when = sp.true if when is True else sp.false if when is False else when
         if isinstance(when, sp.Symbol) or not isinstance(when, sp.logic.boolalg.Boolean):
-            raise TypeError(f"`when` of an Event is {when!r}; give a condition, as sp.Eq(flag, 0) or v > 0.")
-        values = (surface, every, at or (), direction, update, when, bool(terminal), name)
+            raise TypeError(
+                f"`when` of an Event is {checks.shown(when)}; give a condition, as sp.Eq(flag, 0) or v > 0."
+            )
+        terminal = checks.flag(terminal, "`terminal` of an Event")
+        name = None if name is None else _name(name, "Event")
+        values = (surface, every, at or (), direction, update, when, terminal, name)
         for key, value in zip(self.__dataclass_fields__, values, strict=True):
             object.__setattr__(self, key, value)
 
 
-def _expression(value, what):
-    """`value` as a sympy expression, or a TypeError that says what it was meant to be."""
-    try:
-        value = sp.sympify(value, strict=True)
-    except (sp.SympifyError, TypeError):
-        raise TypeError(f"{what} is {value!r}; give a sympy expression or a number.") from None
-    if not isinstance(value, sp.Expr):
-        raise TypeError(f"{what} is {value!r}, no expression; conditions belong into Piecewise or `when`.")
-    if value.has(sp.nan, sp.zoo, sp.oo, -sp.oo):
-        raise ValueError(f"{what} is {value}, which is not finite.")
-    return value
-
-
 def _name(name, kind):
     if not isinstance(name, str) or not name:
-        raise TypeError(f"the name of a {kind} is {name!r}; give a string that is not empty.")
+        raise TypeError(f"`name` of a {kind} is {checks.shown(name)}; give a string that is not empty.")
     return name

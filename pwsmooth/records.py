@@ -50,6 +50,8 @@ class Outcome(IntEnum):
         A two-fold, from which many solutions leave.
     OUT_OF_MEMORY
         The steps that are kept no longer fit into memory.
+    TIME_LIMIT
+        `max_seconds` are over.
 
     Notes
     -----
@@ -79,6 +81,7 @@ class Outcome(IntEnum):
     LAYER_UNSETTLED = -11
     DETERMINACY_LOST = -12
     OUT_OF_MEMORY = -13
+    TIME_LIMIT = -14
 
     @property
     def text(self) -> str:
@@ -121,6 +124,7 @@ _TEXTS = {
     "is distinguished: see `ambiguities`; a smoothed view decides for one.",
     Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
     "without `dense_output`, go in several spans, or see why the steps are so short.",
+    Outcome.TIME_LIMIT: "The time that the call was given is over: raise `max_seconds`, or go on from the last state.",
 }
 
 

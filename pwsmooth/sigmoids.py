@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
+from . import checks
+
 __all__ = ["SIGMOIDS", "Sigmoid", "sigmoid"]
 
 ALGEBRAIC, TANH, ERF = 0, 1, 2  # what the kernels are given
@@ -166,4 +168,7 @@ def sigmoid(name):
     try:
         return SIGMOIDS[name]
     except (KeyError, TypeError):
-        raise ValueError(f"`sigmoid` is {name!r}; choose one of {', '.join(SIGMOIDS)}.") from None
+        given = checks.shown(name)
+        raise ValueError(
+            f"`sigmoid` is {given}, the name of none; choose one of {', '.join(SIGMOIDS)}."
+        ) from None

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from .budget import Budget
 from .pointwise import value
 from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 from .solution import Solution
+from .words import OUT_OF_TIME, OUTCOMES
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def solve_smoothed(
     times: np.ndarray | None,
     dense_output: bool,
     max_step: float,
-    max_steps: int,
+    spending: Budget,
     kicks: Any = None,
 ) -> Solution:
     """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
@@ -80,11 +82,11 @@ def solve_smoothed(
     tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
     common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
     if method in stiff.SCIPY_METHODS:
-        options = dict(common, method=method, dense=dense_output, max_steps=max_steps)
+        options = dict(common, method=method, dense=dense_output, spending=spending)
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        *pieces, _ = own(system.model, t_span, start, p, options, max_steps)
+        *pieces, _ = own(system.model, t_span, start, p, options, spending)
     t, x, events, dense, outcome, cost, ambiguities = pieces
     none = np.zeros((0, len(t)))
     return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
@@ -96,7 +98,7 @@ def of_event(model, i):
     return event.name, "terminal" if event.terminal else "reset", ""
 
 
-def own(model, t_span, start, p, options, max_steps, words=None):
+def own(model, t_span, start, p, options, spending, words=None):
     """Times, states, events, dense output, outcome, cost and all columns of a run of the package's own integrator.
 
     `words` gives name, kind and note of an event by its index and the state before it.
@@ -104,7 +106,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
     from . import stiff
     from .kernels import stiff_state as S
 
-    run = stiff.integrate(model, t_span, start, p, max_steps=max_steps, **options)
+    run = stiff.integrate(model, t_span, start, p, spending=spending, **options)
     outcome = {
         S.DONE: Outcome.FINISHED,
         S.TERMINAL: Outcome.TERMINATED,
@@ -113,6 +115,7 @@ def own(model, t_span, start, p, options, max_steps, words=None):
         S.TOO_MANY: Outcome.TOO_MANY_STEPS,
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
         S.FULL: Outcome.OUT_OF_MEMORY,
+        OUT_OF_TIME: Outcome.TIME_LIMIT,
     }[run.status]
     events = [
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
@@ -170,11 +173,13 @@ def _scipy(model, t_span, start, p, options):
     from . import stiff
 
     run = stiff.integrate_scipy(model, t_span, start, p, **options)
+    # Where no wanted time was reached SciPy gives empty lists.
+    run.t, run.y = np.asarray(run.t, float), np.asarray(run.y, float).reshape(len(start), -1)
     finite = bool(np.isfinite(run.y).all())
     if not finite:
         outcome = Outcome.NOT_FINITE
-    elif run.exhausted:
-        outcome = Outcome.TOO_MANY_STEPS
+    elif run.ended:
+        outcome = OUTCOMES[run.ended]
     else:
         # SciPy tells one more failure apart from success: its step became too small.
         outcome = Outcome.FINISHED if run.success else Outcome.STEP_UNDERFLOW

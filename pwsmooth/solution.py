@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
-from . import looped_outputs
+from . import checks, looped_outputs
 from .lambdified import numpy_function
 from .model import Model, Select
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
@@ -196,8 +196,10 @@ class Solution:
             for switch in self.system.switches:
                 if switch.surface in widths:
                     smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
-                    named[str(switch)] = sp.sympify(smooth)
-        named.update({str(name): sp.sympify(expression) for name, expression in self.model.outputs})
+                    named[str(switch)] = sp.sympify(smooth, strict=True)
+        named.update(
+            {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        )
         return named
 
     def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
@@ -250,7 +252,18 @@ class Solution:
             raise ValueError(
                 "No dense output was kept; solve with `dense_output=True` for values between steps."
             )
-        at = np.asarray(t, dtype=float)
+        if isinstance(t, str):
+            raise TypeError(f"`t` is {t!r}; give times, and the name behind them: solution(t, {t!r}).")
+        at = checks.array(t, "`t`")
+        if name is not None and str(checks.key(name, "`name`")) not in (
+            *self.states,
+            *self.multipliers,
+            *self.outputs,
+        ):
+            raise ValueError(
+                f"`name` is {str(name)!r}, which is no state, multiplier or output of this solution; they are "
+                f"{', '.join((*self.states, *self.multipliers, *self.outputs))}."
+            )
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
@@ -304,6 +317,7 @@ class Solution:
         """Names of the segments in order."""
         return tuple(segment.name for segment in self.segments)
 
+    @checks.door(kind=checks.optional(checks.name), switch=checks.optional(checks.key))
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
         """Times of the events of one kind or switch, both, or all.
 
@@ -318,6 +332,11 @@ class Solution:
         -------
         ndarray, shape (ne,)
             In the unit of the model's time.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
 
         def wanted(e: EventRecord) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import checks
+from .budget import MOST_STEPS, opened
 from .event_driven import LOOSEST, Options, ready
 from .solution import Solution
 
@@ -28,7 +29,8 @@ def solve(
     t_eval: Any = None,
     dense_output: bool = False,
     max_step: float = math.inf,
-    max_steps: int = 10_000_000,
+    max_steps: int = MOST_STEPS,
+    max_seconds: float | None = None,
     order: int | None = None,
     strict: bool = False,
     parameters: Mapping[Any, float] | None = None,
@@ -67,6 +69,8 @@ def solve(
         Bound on the step.
     max_steps : int
         Bound on the number of steps; reaching it is an outcome with the partial solution.
+    max_seconds : float, in units of wall time, s, optional
+        Bound on the time of the run, without that of compiling; reaching it is the outcome TIME_LIMIT.
     order : int, optional
         Order of the Taylor polynomials (8 to 31), by default chosen by `rtol`.
     strict : bool
@@ -102,10 +106,8 @@ def solve(
     >>> solve(relay, (0, 5), {x: 0}).itinerary
     ('sgn(x - 2)=-1', 'sgn(x - 2) sliding')
     """
-    if not hasattr(system, "model"):
-        raise TypeError(
-            f"`system` is {system!r}; give a System, such as System({{x: -x}}), or one of its views."
-        )
+    checks.system(system, "`system`")
+    method = checks.name(method, "`method`")
     if parameters is not None:
         system = system.with_parameters(parameters)
     kicks: Any = None  # a KickedRun or a DiffusionRun
@@ -121,17 +123,18 @@ def solve(
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
     stiff = method == "stiff" and not smoothed
+    spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict)
-        solution = ready(model, options).solve(system, p, t0, t1, start, times, kicks)
+        solution = ready(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         return solution
     initial = np.array(start)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
-    max_step, max_steps = checks.longest_step(max_step), checks.whole(max_steps, "`max_steps`", 1)
+    max_step = checks.longest_step(max_step)
     strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")
     if diffuses:
-        return kicks.solve((t0, t1), initial, times, max_steps, strict, max_step, dense, order)
+        return kicks.solve((t0, t1), initial, times, strict, spending, max_step, dense, order)
     if order is not None or strict:
         raise ValueError(
             "`order` and `strict` belong to Taylor steps and the pair; leave them out for a smoothed view and with "
@@ -143,12 +146,12 @@ def solve(
         if kicks is not None:
             raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
         return solve_stiff(
-            system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, max_steps
+            system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, spending
         )
     from .smooth_path import solve_smoothed
 
     solution = solve_smoothed(
-        system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, max_steps,
+        system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, spending,
         kicks,
     )  # fmt: skip
     solution.noise = noise

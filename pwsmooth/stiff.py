@@ -14,9 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pwsmooth import memory
+from pwsmooth.budget import MOST_STEPS, opened
 from pwsmooth.kernels import stiff_state as S
+from pwsmooth.kernels.state import MAX_STEPS
 from pwsmooth.model import Model
 from pwsmooth.stiff_run import core
+from pwsmooth.words import OUT_OF_TIME
 
 METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
@@ -73,7 +76,7 @@ def internal_tolerances(rtol: float, method: str, exact: bool) -> tuple[int, int
 
 def integrate(
     model: Model, t_span, x0, p, *, rtol=1e-9, atol=1e-12, first_step=None, max_step=np.inf,
-    max_steps=10_000_000, method="auto", dense=False, t_eval=None, kicks=None, remembers=None,
+    spending=None, method="auto", dense=False, t_eval=None, kicks=None, remembers=None,
 ) -> StiffResult:  # fmt: skip
     """Integrate a smoothed model over `t_span`.
 
@@ -91,8 +94,8 @@ def integrate(
         test.
     first_step, max_step : float
         By default the first step is found, and none is longer than a tenth of the span.
-    max_steps : int
-        Attempted steps before the run stops with TOO_MANY.
+    spending : Budget, optional
+        Attempted steps before the run stops with TOO_MANY, and its seconds.
     method : {"auto", "radau5", "radau9", "radau13", "taylor"}
         "auto" chooses the order by the tolerance and takes Taylor steps where the motion is not stiff.
     dense : bool
@@ -129,6 +132,7 @@ def integrate(
     if method not in METHODS:
         raise ValueError(f"`method` is {method!r}; the smoothed path knows {', '.join(METHODS)}.")
     chunk, units = stiff_loop()
+    spending = spending or opened()
     compiled = codegen.compile_stiff(model)
     has_taylor = compiled.address[codegen.NAMES.index("taylor")] != 0
     if method == "taylor" and not has_taylor:
@@ -145,7 +149,7 @@ def integrate(
     addresses = np.array([*address, *units], dtype=np.int64)
     if method != "taylor":
         addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
-    instants = _instants(model, p, t0, t1)
+    instants = _instants(model, p, t0, t1, int(min(spending.left, MOST_STEPS)))
     wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
     given = dict(
         adr=addresses, surface_state=compiled.surface_state, surface_row=compiled.surface_row, p=p,
@@ -171,7 +175,7 @@ def integrate(
     cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
     cnt[S.MAY_RADAU] = method != "taylor"
     cnt[S.MODE] = S.TAYLOR if cnt[S.MAY_TAYLOR] else S.RADAU
-    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, max_steps
+    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, 0 if spending.late() else spending.left
 
     first = places.ctypes.data
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
@@ -193,9 +197,15 @@ def integrate(
         ]
         if status != S.FULL:
             break
+        if spending.late():
+            status = OUT_OF_TIME
+            break
         # The Solution will hold the polynomials once more, of degree 16 at most.
         if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break
+    if status == S.TOO_MANY and spending.late():
+        status = OUT_OF_TIME
+    spending.spend(int(cnt[S.STEPS] + cnt[S.REJECTIONS]))
     counters = {
         "steps": int(cnt[S.STEPS]),
         "rejected": int(cnt[S.REJECTIONS]),
@@ -209,17 +219,16 @@ def integrate(
     return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
 
 
-def _instants(model, p, t0, t1):
-    """Times and indices of all events of time in (t0, t1], ascending."""
+def _instants(model, p, t0, t1, most):
+    """Times and indices of the events of time in (t0, t1], ascending; of each the first `most`, which cost a step."""
     found = []
     values = dict(zip(model.parameters, p, strict=True)) if model.events else {}
     for j, event in enumerate(model.events):
         found += [(float(a.subs(values)), j) for a in event.at]
         if event.every is not None:
             period = float(event.every.subs(values))
-            found += [
-                (k * period, j) for k in range(int(np.floor(t0 / period)), int(np.floor(t1 / period)) + 1)
-            ]
+            first = math.floor(t0 / period)
+            found += [(k * period, j) for k in range(first, math.floor(min(t1 / period, first + most + 2)) + 1)]
     found = sorted(pair for pair in found if t0 < pair[0] <= t1)
     return np.array([t for t, _ in found]), np.array([j for _, j in found], dtype=np.int64)
 
@@ -234,7 +243,7 @@ def integrate_scipy(
     rtol=1e-9,
     atol=1e-12,
     max_step=np.inf,
-    max_steps=10_000_000,
+    spending=None,
     t_eval=None,
     dense=False,
 ):
@@ -244,15 +253,15 @@ def integrate_scipy(
 
     Parameters
     ----------
-    model, t_span, x0, p, rtol, atol, max_step, max_steps, t_eval, dense
-        As for `integrate`; `max_steps` bounds the accepted steps, the only ones that SciPy shows.
+    model, t_span, x0, p, rtol, atol, max_step, spending, t_eval, dense
+        As for `integrate`; `spending` bounds the accepted steps, the only ones that SciPy shows.
     method : {"Radau", "BDF", "LSODA", "DOP853"}
 
     Returns
     -------
     scipy.integrate._ivp.ivp.OdeResult
-        With three more entries: `steps`, `exhausted` (whether `max_steps` stopped it), and `last`, the time and the
-        state at which it ended.
+        With three more entries: `steps`, `ended` (the code of the bound that stopped it, or 0), and `last`, the
+        time and the state at which it ended.
 
     Raises
     ------
@@ -270,6 +279,7 @@ def integrate_scipy(
             f"`method={method!r}` runs without events; this model has {len(model.events)}. Use 'auto'."
         )
     compiled = codegen.compile_stiff(model)
+    spending = spending or opened()
     n = compiled.n
     p, x = np.ascontiguousarray(p, float), np.zeros(n)
     f, J = np.zeros(n), np.zeros((n, n))
@@ -286,16 +296,18 @@ def integrate_scipy(
     class Bounded(getattr(scipy.integrate, method)):
         """SciPy's solver, which knows no bound on its steps, with one."""
 
-        steps, exhausted = 0, False
+        steps, ended = 0, 0
 
         def __init__(self, *arguments, **options):
             super().__init__(*arguments, **options)
             solvers.append(self)
 
         def step(self):
-            if self.steps >= max_steps:
-                self.status, self.exhausted = "failed", True
-                return "The bound on steps was reached."
+            self.ended = MAX_STEPS if self.steps >= spending.left else 0
+            self.ended = self.ended or (OUT_OF_TIME if spending.late() else 0)
+            if self.ended:
+                self.status = "failed"
+                return "The bound on steps or seconds was reached."
             self.steps += 1
             return super().step()
 
@@ -305,5 +317,6 @@ def integrate_scipy(
         lambda t, y: call(rates, t, y, f), t_span, x0, method=Bounded, rtol=rtol, atol=atol, max_step=max_step,
         t_eval=t_eval, dense_output=dense, **implicit,
     )  # fmt: skip
-    run.steps, run.exhausted, run.last = solvers[0].steps, solvers[0].exhausted, (solvers[0].t, solvers[0].y)
+    run.steps, run.ended, run.last = solvers[0].steps, solvers[0].ended, (solvers[0].t, solvers[0].y)
+    spending.spend(run.steps)
     return run

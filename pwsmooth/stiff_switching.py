@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .budget import Budget
 from .compiled import FLAT
 from .event_driven import Options, ready
 from .model import EventSpec, Model, Select
@@ -111,7 +112,7 @@ class Divided:
 
 def solve_stiff(
     system: Any, t_span: tuple[float, float], start: np.ndarray, p: np.ndarray, rtol: float, atol: np.ndarray,
-    times: np.ndarray | None, dense: bool, max_step: float, max_steps: int,
+    times: np.ndarray | None, dense: bool, max_step: float, spending: Budget,
 ) -> Solution:  # fmt: skip
     """The Solution of a system whose switches never slide, with checked arguments.
 
@@ -127,7 +128,7 @@ def solve_stiff(
     view = switched_by_events(model)
     # On which side a start on a surface goes on is for the kernels to say, which know all its derivatives.
     first_step = Options("auto", rtol, tuple(atol.tolist()), False, max_step, 1, None, False)
-    begun = ready(model, first_step).solve(system, p, *t_span, start, None)
+    begun = ready(model, first_step).solve(system, p, *t_span, start, None, Budget())
     moved = np.flatnonzero(begun.t > t_span[0])
     if not moved.size:
         return begun  # it stopped where it began, and says why
@@ -142,7 +143,7 @@ def solve_stiff(
     options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
                    dense=dense, kicks=None, remembers=remembers)  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])
-    *pieces, ambiguities, columns = own(view, t_span, both, p, options, max_steps, words)
+    *pieces, ambiguities, columns = own(view, t_span, both, p, options, spending, words)
     t, x, events, polynomials, outcome, cost = pieces
     side = x[n:]
     return Solution(

@@ -150,9 +150,14 @@ class System:
         algebraic=(),
         convention="hidden",
     ):
-        if convention not in ("hidden", "filippov"):
-            raise ValueError(f"`convention` is {convention!r}; choose 'hidden' (as written) or 'filippov'.")
-        self._arguments = rates, time, parameters, outputs, tuple(events), tuple(contacts), tuple(algebraic)
+        convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
+        lists = {"events": events, "contacts": contacts, "algebraic": algebraic}
+        lists = {name: checks.several(items, f"`{name}`") for name, items in lists.items()}
+        outputs, parameters = (
+            checks.mapping({} if value is None else value, f"`{name}`")
+            for name, value in (("outputs", outputs), ("parameters", parameters))
+        )
+        self._arguments = checks.pairs(rates, "`rates`"), time, parameters, outputs, *lists.values()
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (looping.py): n copies would take time ~ n and more.
@@ -362,14 +367,16 @@ class System:
         given = {}
         for key, r in self._spread(checks.mapping(ratios, "`ratios`", "states to ratios"), "`ratios`").items():
             z = checks.lookup(key, states, "`ratios`", "state")
-            given[z] = checks.ratio(r, f"the ratio of {z.name!r}")
-        widths = checks.mapping(eps_ratio or {}, "`eps_ratio`", "switches to relative widths")
+            given[z] = checks.ratio(r, f"`ratios`, that of {z.name!r}")
+        widths = checks.mapping(
+            {} if eps_ratio is None else eps_ratio, "`eps_ratio`", "switches to relative widths"
+        )
         relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(widths, "eps_ratio")
         relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
-        constants = self._constants(given, time_constant or {})
+        constants = self._constants(given, {} if time_constant is None else time_constant)
         symbols, values = {}, {}
         for z, r in given.items():
-            symbols[z] = sp.sympify(r) if r in (0, sp.oo) else self._fresh(f"ratio_{z.name}")
+            symbols[z] = sp.S(0) if r == 0 else r if r == sp.oo else self._fresh(f"ratio_{z.name}")
             if isinstance(symbols[z], sp.Symbol):
                 values[symbols[z]] = r
         settings = (symbols, relative, constants)
@@ -422,7 +429,7 @@ class System:
         }
         found = {z: given.get(z) or time_constant(z, rates[z], self.parameters) for z in layered_states}
         for z, beta in found.items():
-            checks.positive(beta.subs(self.parameters), f"the time constant {beta} of {z.name!r}")
+            checks.positive(beta.subs(self.parameters), f"`time_constant` {beta} of {z.name!r}")
         return found
 
     def _unlayered(self, eps):

@@ -117,7 +117,9 @@ def layered(field, ratios, constants):
     layer = {z: _cancelled(rates[z], constants[z]) for z in ratios}
     equilibrium = _equilibrium(layer) if layer else {}
     free = without(field, ratios)
-    states = tuple(LayerState(z, sp.sympify(r), layer[z], equilibrium[z]) for z, r in ratios.items())
+    states = tuple(
+        LayerState(z, sp.sympify(r, strict=True), layer[z], equilibrium[z]) for z, r in ratios.items()
+    )
     return free.map(lambda e: e.xreplace(equilibrium)), free, states
 
 

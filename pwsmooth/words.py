@@ -13,7 +13,9 @@ from .kernels import state as names
 from .model import Model
 from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 
+OUT_OF_TIME = -1  # no code of the kernels, which know no clock
 OUTCOMES = {
+    OUT_OF_TIME: Outcome.TIME_LIMIT,
     names.DONE: Outcome.FINISHED,
     names.TERMINAL: Outcome.TERMINATED,
     names.NOT_FINITE: Outcome.NOT_FINITE,

@@ -102,7 +102,7 @@ def test_bad_input_is_refused_by_name():
         restitution(-1)
     with pytest.raises(ValueError, match="0 < e <= 1"):
         exact_eta([0.5, 1.01])
-    with pytest.raises(ValueError, match="`eta` is 'newton'; the table has hunt-crossley"):
+    with pytest.raises(ValueError, match="`name` of `eta` is 'newton'; choose one of hunt-crossley"):
         damping_factor("newton", 0.5)
     with pytest.raises(ValueError, match="`c_r` is 0"):
         damping_factor("flores", 0)

@@ -138,7 +138,7 @@ def test_members_survive_pickling_and_keep_their_offset():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Family(0), "`n` of a Family is 0"),
+        (lambda: Family(0), "`n` of Family is 0"),
         (lambda: System({x: Family(2).symbols("f")[0]}), "outside of its rates take a sum"),
         (lambda: parallel().with_parameters({"kappa": [1, 2]}), "gives 2 values to kappa, which has 3 copies"),
         (lambda: System({Family(2).symbols("f")[0]: Family(3).symbols("g")[0]}), "members of several families"),

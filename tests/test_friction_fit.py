@@ -95,9 +95,9 @@ def test_bad_data_is_named():
         fit(law, TIMES, MOTION, MOTION, free=["stiffness"])
     with pytest.raises(ValueError, match="`kind` is 'speed'"):
         fit(law, TIMES, MOTION, MOTION, kind="speed")
-    with pytest.raises(ValueError, match="`force` is nan at sample 0"):
+    with pytest.raises(ValueError, match="`force` is nan at index 0"):
         fit(law, TIMES, MOTION, np.full(TIMES.size, np.nan))
-    with pytest.raises(ValueError, match="times of a Table must increase; 0.5 follows 1"):
+    with pytest.raises(ValueError, match="`times` of a Table must increase; 0.5 follows 1"):
         Table([0, 1, 0.5, 2], [0, 0, 0, 0])
     with pytest.raises(ValueError, match="covers .*begin with it"):
         prescribed_motion(law, position=Table(TIMES, MOTION), t_span=(0, 4))

@@ -82,7 +82,7 @@ def test_motions_are_given_once():
             prescribed_motion(friction.Dahl(), **motion)
     with pytest.raises(TypeError, match="`velocity` is 'fast'"):
         prescribed_motion(friction.Dahl(), velocity="fast")
-    with pytest.raises(ValueError, match="`mass` is 0"):
+    with pytest.raises(ValueError, match="`m` is 0"):
         force_driven(friction.Dahl(), 1, m=0)
 
 

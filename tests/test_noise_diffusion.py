@@ -315,7 +315,7 @@ def test_an_algebraic_unknown_is_solved_along_the_path():
         (TypeError, dict(amplitude={x: 1}, step=1, seed=0.5), "`seed` is 0.5"),
         (ValueError, dict(amplitude={x: 1}, step=1, resolution=2), "`resolution` is 2"),
         (ValueError, dict(amplitude={x: 1}, step=1, level=21), "`level`"),
-        (ValueError, dict(amplitude={x: 1}, step=1, convention="kinetic"), "choose 'ito' or 'stratonovich'"),
+        (ValueError, dict(amplitude={x: 1}, step=1, convention="kinetic"), "choose one of ito, stratonovich"),
         (ValueError, dict(amplitude={x: 1}, step=1, parameters={"D": math.nan}), "give a finite number"),
     ],
 )

@@ -203,7 +203,7 @@ def test_residual_indentation_comes_back_to_a_wall_that_its_force_begins_at():
     "options, text",
     [
         (dict(clearance=-1e-4), "`clearance` is -0.0001"),
-        (dict(clearance=0.0), "`clearance` is 0.0"),
+        (dict(clearance=0.0), "`clearance` is 0;"),
         (dict(clearance=0.02), "journal's radius"),
         (dict(c_r=0.0), "`c_r` of LiuImpact is 0"),
         (dict(c_r=1.5), "`c_r` of LiuImpact is 1.5"),
@@ -211,7 +211,7 @@ def test_residual_indentation_comes_back_to_a_wall_that_its_force_begins_at():
         (dict(start=(5e-4, 0)), "on or inside its wall"),
         (dict(rod=0.05), "longer than crank"),
         (dict(normal=LiuImpact(clearance=1e-3)), "the joint 0.0005"),
-        (dict(tangential="coulomb"), "give a friction law"),
+        (dict(tangential="coulomb"), "`tangential`, if no law, is 'coulomb'"),
         (dict(tangential=BoucWen()), "needs the position"),
     ],
 )

@@ -182,7 +182,7 @@ def test_bad_numbers_are_refused_at_the_door(arguments, message):
 
 
 def test_an_unknown_sigmoid_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match="'cubic'; known are algebraic, tanh, erf"):
+    with pytest.raises(ValueError, match="'cubic'; choose one of algebraic, tanh, erf"):
         capture_threshold(3, 0.1, sigmoid="cubic")
     with pytest.raises(ValueError, match="needs rho > 1/2"):
         critical_ratio(0.4)

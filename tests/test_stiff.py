@@ -9,6 +9,7 @@ import sympy as sp
 from stiff_models import PERIOD, dense_relaxation, friction, slowed_chain, two_blocks, values
 
 from pwsmooth import stiff
+from pwsmooth.budget import Budget
 from pwsmooth.codegen import stiff as codegen
 from pwsmooth.codegen import units
 from pwsmooth.codegen.cache import load_kernels
@@ -221,7 +222,7 @@ def test_the_bits_do_not_depend_on_the_chunks(monkeypatch):
 
 
 def test_failures_are_outcomes_with_what_was_reached():
-    bounded = stiff.integrate(friction(), (0, 50.0), START, values(1e-4, 1e-4), max_steps=40)
+    bounded = stiff.integrate(friction(), (0, 50.0), START, values(1e-4, 1e-4), spending=Budget(40))
     assert bounded.status == status("TOO_MANY") and 0 < bounded.t[-1] < 50
     explosion = Model(t, (x,), (), (x**2,))
     run = stiff.integrate(explosion, (0, 2.0), (1.0,), (), rtol=1e-8)
@@ -241,13 +242,13 @@ def test_failures_are_outcomes_with_what_was_reached():
 ], ids=["friction", "erf", "two blocks"])  # fmt: skip
 def test_the_attempt_written_out_and_the_general_one_agree(monkeypatch, model, start, p, method):
     # A few steps: later, rounding tips a decision between two iterations now and then.
-    options = dict(rtol=1e-7, atol=1e-7, method=method, max_steps=20)
-    fast = stiff.integrate(model, (0, 6.0), start, p, **options)
+    options = dict(rtol=1e-7, atol=1e-7, method=method)
+    fast = stiff.integrate(model, (0, 6.0), start, p, spending=Budget(20), **options)
     compiled = codegen.compile_stiff(model)
     assert compiled.written_out
     plain = dataclasses.replace(compiled, written_out=False)
     monkeypatch.setattr(codegen, "compile_stiff", lambda model: plain)
-    general = stiff.integrate(model, (0, 6.0), start, p, **options)
+    general = stiff.integrate(model, (0, 6.0), start, p, spending=Budget(20), **options)
     assert fast.counters == general.counters
     # Lengths of steps come from error estimates, in which what cancels leaves about 1e-8 of relative rounding.
     assert np.allclose(fast.t, general.t, rtol=1e-6) and np.allclose(fast.x, general.x, rtol=1e-6, atol=1e-9)

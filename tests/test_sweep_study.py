@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 from pwsmooth import sweep
 from pwsmooth.cli import app
-from pwsmooth.sweep.study import StudyError, arguments_of, read_study
+from pwsmooth.sweep import Function
+from pwsmooth.sweep.study import Names, StudyError, arguments_of, read_study, run_study
 
 MODEL = """
 import sympy as sp
@@ -62,7 +63,7 @@ def study(tmp_path):
 
 
 def command(*arguments):
-    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+    return CliRunner().invoke(app, ["sweep", *map(str, arguments), "--allow-code"])
 
 
 def test_a_study_gives_what_sweep_gives_and_resumes_only_when_asked(study, tmp_path):
@@ -129,23 +130,66 @@ def test_a_scene_brings_its_start_period_and_units(tmp_path):
     path.write_text(
         'measures = ["sticks"]\n[system]\nscene = "block_on_belt"\nlaw = "Coulomb"\n[axes]\nspring = [1.0, 2.0]\n'
     )
-    scene, arguments = arguments_of(read_study(path), tmp_path)
+    scene, arguments = arguments_of(read_study(path))
     found = sweep(scene, t_span=(0, 5), **{k: v for k, v in arguments.items() if k != "t_span"})
     assert (found.outcome >= 0).all() and found.sizes == {"spring": 2}
+
+
+def test_a_registered_name_needs_no_code(study):
+    text = STUDY.replace("model.py:last", "last").replace("model.py:oscillator", "oscillator")
+    study.write_text(text.replace("parameters = { c = 0.1 }", ""))
+    registered = {"oscillator": coulomb(), "last": lambda s: {"last": s["y"][-1]}}
+    data, _ = run_study(
+        study, study.parent, names={**registered, "last": Function(registered["last"], names="last")}
+    )
+    assert (data.outcome == 0).all() and np.isfinite(data["last"]).all()
+
+
+def test_code_runs_only_when_it_is_allowed_and_lies_beside_the_study(study, tmp_path):
+    refused = CliRunner().invoke(app, ["sweep", str(study), "--out", str(tmp_path)])
+    assert refused.exit_code == 2 and "--allow-code" in refused.output
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "link.py").symlink_to(tmp_path / "model.py")
+    for reference in ("../model.py", str(tmp_path / "model.py"), "link.py"):
+        (inner / "study.toml").write_text(STUDY.replace("model.py:oscillator", f"{reference}:oscillator"))
+        refused = command(inner / "study.toml", "--out", tmp_path)
+        assert refused.exit_code == 2 and "outside of the study's folder" in refused.output
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("[system]\nscene = 'block_on_belt'\n[axes]\nspring = { from = 1, to = 2, count = 2000000000 }",
+         ["count", "2000000000"]),
+        ("x = " + "[" * 3000 + "]" * 3000, ["no TOML"]),
+        ("\ufeffa = \x00", ["no TOML"]),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_said_in_a_line(text, words, tmp_path):
+    (tmp_path / "s.toml").write_text(text)
+    done = command(tmp_path / "s.toml", "--out", tmp_path)
+    assert done.exit_code == 2 and all(word in done.output for word in words), done.output
+
+
+def test_a_disk_that_refuses_is_said_in_a_line(study, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = command(study, "--out", tmp_path / "file" / "below")
+    assert done.exit_code == 2 and "file" in done.output and "Traceback" not in done.output
 
 
 def test_views_are_named_in_the_study(study):
     hidden = MODEL.replace('Switch("lam", v)', "sp.sign(v)")
     (study.parent / "model.py").write_text(hidden)
     study.write_text(STUDY.replace("parameters = { c = 0.1 }", "smoothed = { eps = 0.01, sigmoid = 'tanh' }"))
-    system, _ = arguments_of(read_study(study), study.parent)
+    system, _ = arguments_of(read_study(study), Names(folder=study.parent))
     assert system.model.smoothing and system.model.sigmoid == "tanh"
 
 
 def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
     page = (Path(__file__).resolve().parent.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```{code-cell} python\n---\n.*?\n---\n(.*?)```", page, flags=re.DOTALL)
-    (text,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    data, text = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     matplotlib.use("Agg")
     names = {}
     # A tenth of the grid in each direction.
@@ -154,3 +198,6 @@ def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
     study = tmp_path / "study.toml"
     study.write_text(text)
     assert read_study(study).axes["sigma"].values().size == 25
+    study.write_text(data)
+    scene, arguments = arguments_of(read_study(study))
+    assert scene.system.states and arguments["axes"]["amplitude"].size == 25

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from .. import checks
+from ..budget import whole
 from ..records import Outcome
 from .orbits import PeriodicOrbit, refine
 from .sections import Stroboscopic
@@ -99,6 +99,11 @@ class Basins:
         return ax
 
 
+@checks.door(
+    system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
+    transient=checks.integer(0), longest=checks.integer(1, 10_000),
+)  # fmt: skip
+@whole
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
@@ -129,7 +134,8 @@ def basins(
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
-        For `sweep`: executor, workers, store, rtol, ...
+        For `sweep`: executor, workers, store, rtol, ...; `max_steps` bounds each start and all that follows the
+        sweep, `max_seconds` the whole call.
 
     Returns
     -------
@@ -157,7 +163,7 @@ def basins(
     """
     from ..sweep import Period, Points, sweep
 
-    longest = checks.whole(longest, "`longest`", 1)
+    period = checks.period(period, system.parameters)
     names = [s.name for s in system.model.states]
     found = sweep(
         system, axes, start=start, period=period, transient=transient, periods=2 * longest,
@@ -279,6 +285,11 @@ class OrbitDiagram:
         return ax
 
 
+@checks.door(
+    system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
+    keep=checks.integer(1, 10**7), carry=checks.flag,
+)  # fmt: skip
+@whole
 def orbit_diagram(
     system: Any,
     parameter: Any,
@@ -340,7 +351,7 @@ def orbit_diagram(
     [1, 2]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
-    at_values = np.asarray(values, float)
+    at_values, period = np.asarray(values), checks.period(period, system.parameters)
     states = tuple(s.name for s in system.model.states)
     if not carry:
         from ..sweep import Points, sweep
@@ -356,7 +367,7 @@ def orbit_diagram(
     at = np.array(system.initial_state(start), float)
     points, reasons = np.full((len(at_values), keep, len(states)), np.nan), []
     for k, value in enumerate(at_values):
-        step = Stroboscopic(system.with_parameters({name: value}), sp.sympify(period), options=options)
+        step = Stroboscopic(system.with_parameters({name: value}), period, options=options)
         points[k], reason = step._iterated(at, keep, transient)
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():

@@ -13,6 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
+
+from .. import checks
 
 __all__ = ["capture_threshold", "critical_ratio"]
 
@@ -38,6 +41,18 @@ def _sech(u: float) -> float:
     return 2 * e / (1 + e * e)
 
 
+_SHAPE = checks.one_of(*_SIGMOIDS)
+_LARGEST = 1e6  # of rho: far beyond it the separatrix is no longer integrated to its tolerance
+
+
+def _rho(value: Any, what: str) -> float:
+    if (rho := checks.nonnegative(value, what)) > _LARGEST:
+        raise ValueError(f"{what} is {rho:g}; give a strength of the hidden term up to {_LARGEST:g}.")
+    return rho
+
+
+@checks.door(rho=_rho, ratio=checks.extended, sigmoid=_SHAPE)
+@checks.closed_form
 def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -> float:
     """Largest opposing force, in units of N, at which a slipping contact is captured into sticking.
 
@@ -76,9 +91,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     >>> round(capture_threshold(3, 0.1), 6)
     1.456936
     """
-    shape = _checked(rho, sigmoid)
-    if not ratio >= 0:
-        raise ValueError(f"`ratio` is {ratio}; it must be >= 0 (0 and inf are allowed).")
+    shape = _SIGMOIDS[sigmoid]
     if rho <= 0.5 or ratio == 0:
         return 1.0
     u_s = _fold_position(rho, shape)
@@ -101,6 +114,8 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     return _force(rho, math.sinh(brentq(clearance, low, high, xtol=1e-11, rtol=1e-12)), shape)
 
 
+@checks.door(rho=_rho, sigmoid=_SHAPE)
+@checks.closed_form
 def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     """Smallest eps/beta from which the capture threshold equals mu_s(rho): the nonlinear region captures.
 
@@ -131,7 +146,7 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     >>> round(critical_ratio(3), 4)
     0.6453
     """
-    shape = _checked(rho, sigmoid)
+    shape = _SIGMOIDS[sigmoid]
     if rho <= 0.5:
         raise ValueError(f"`rho` is {rho}; a fold, and with it a critical ratio, needs rho > 1/2.")
     from scipy.optimize import brentq
@@ -147,14 +162,6 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     while clearance(high) < 0:
         high += 1
     return math.exp(brentq(clearance, low, high, xtol=1e-11))
-
-
-def _checked(rho: float, sigmoid: str) -> Sigmoid:
-    if not 0 <= rho < math.inf:
-        raise ValueError(f"`rho` is {rho}; it must be finite and >= 0.")
-    if sigmoid not in _SIGMOIDS:
-        raise ValueError(f"`sigmoid` is {sigmoid!r}; known are {', '.join(_SIGMOIDS)}.")
-    return _SIGMOIDS[sigmoid]
 
 
 def _static_coefficient(rho: float) -> float:

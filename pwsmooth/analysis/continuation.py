@@ -98,6 +98,10 @@ class Branch:
         return "\n".join([*lines, *(f"  {b}" for b in self.bifurcations)])
 
 
+@checks.door(
+    orbit=checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives it"), to=checks.number,
+    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), most=checks.integer(1),
+)  # fmt: skip
 def follow(
     orbit: PeriodicOrbit,
     parameter: Any,
@@ -157,22 +161,22 @@ def follow(
     >>> [b.kind for b in follow(orbit, F, to=0.8, step=0.1).bifurcations]
     ['crossing-sliding']
     """
-    if not isinstance(orbit, PeriodicOrbit):
-        raise TypeError(f"`orbit` is {orbit!r}; give a PeriodicOrbit, as find_orbit() returns it.")
     if not orbit.success:
         raise ValueError(f"`orbit` did not converge: {orbit.message}")
     name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
-    begin, end = value_of(orbit, name), checks.number(to, "`to`")
+    begin, end = value_of(orbit, name), to
+    if abs(end - begin) > 1e100:
+        raise ValueError(
+            f"`to` is {end:g}, so far from {begin:g} that no derivative has that scale; give less."
+        )
     if begin == end:
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
-    for what, number in (("step", step), ("longest_step", longest_step), ("shortest_step", shortest_step)):
-        checks.positive(number, f"`{what}`")
     walk = Walk(orbit, name, abs(end - begin))
     branch = Branch(name, [orbit])
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
     ds = min(step, longest_step)
-    while len(branch.orbits) < checks.whole(most, "`most`", 1):
+    while len(branch.orbits) < most:
         if not here.alone:
             branch.end = (
                 f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
@@ -236,6 +240,9 @@ def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> 
     return None
 
 
+@checks.door(
+    bifurcation=checks.instance(Bifurcation, "one of a branch's `bifurcations`"), amplitude=checks.positive
+)
 def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrbit:
     """An orbit on the branch that begins at a flip or where the symmetry breaks.
 

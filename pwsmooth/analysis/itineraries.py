@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .. import checks
 from .orbits import PeriodicOrbit
 from .sections import after_start
 
@@ -26,6 +27,7 @@ __all__ = ["Change", "change_between", "same_itinerary"]
 # Events that both orbits have differ by the square root of the bracket at most: 1e-6 at a bracket of 1e-12.
 _TOGETHER = 1e-3
 _AT_ONCE = 1e-12  # of the period: events of one instant, whose order is that of their roundings
+_ORBIT = checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives it")
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
     return sorted(found, key=lambda letter: (letter.time, letter.switch))
 
 
+@checks.door(one=_ORBIT, other=_ORBIT)
 def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     """Whether two orbits have the same events in the same cyclic order.
 
@@ -127,6 +130,11 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     -------
     bool
         Where their period begins does not matter.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -152,6 +160,7 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     return len(a) == len(b) and (not a or any(b[k:] + b[:k] == a for k in range(len(b))))
 
 
+@checks.door(one=_ORBIT, other=_ORBIT)
 def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     """What happens between two orbits close to each other on both sides of a change of itinerary.
 
@@ -164,6 +173,11 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     -------
     Change
         Its name and its events; "jump of the orbit" where they lie far apart.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..model import Model
 from ..regularity import total_derivative
 from ..solution import vectorised
@@ -106,6 +107,11 @@ class Blocks:
         return self.f_w + self.f_lam[:, :, J] @ self.solved(J)[0]
 
 
+def _symbols(value: Any, what: str) -> tuple[sp.Symbol, ...]:
+    test = checks.instance(sp.Symbol, "Symbols of parameters")
+    return tuple(test(symbol, what) for symbol in checks.several(value, what))
+
+
 class Linearised:
     """Numpy functions of a model's Jacobians.
 
@@ -131,6 +137,7 @@ class Linearised:
     (1, 0, 2)
     """
 
+    @checks.door(model=checks.instance(Model, "the `model` of a System"), parameters=_symbols)
     def __init__(self, model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> None:
         self.model, self.chosen = model, parameters
         self.n, self.m, self.N = (
@@ -305,6 +312,7 @@ def _jump(model: Model, chosen: tuple[sp.Symbol, ...], new: tuple[sp.Expr, ...])
     return _stacked(model, [*new, *(e.diff(s) for e in new for s in w), *(e.diff(model.time) for e in new)])
 
 
+@checks.door(model=checks.instance(Model, "the `model` of a System"), parameters=_symbols)
 @functools.lru_cache(maxsize=64)
 def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearised:
     """The `Linearised` of a model, kept: its functions take longer to make than to use.
@@ -320,6 +328,11 @@ def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearise
     -------
     Linearised
         The same object for the same model and parameters.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

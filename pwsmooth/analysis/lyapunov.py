@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from ..records import Outcome
 from ..solution import Solution
 from ..solve import solve
@@ -124,6 +125,9 @@ class _Frame:
         return LyapunovExponents(exponents[order], errors[order], end - start, outcome, said)
 
 
+@checks.door(
+    solution=checks.instance(Solution, "a Solution, as solve() gives it"), after=checks.optional(checks.number)
+)
 def largest_exponent(solution: Solution, after: float | None = None) -> float:
     """Largest Lyapunov exponent of a solution.
 
@@ -168,6 +172,8 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     return float(frame.means(begin, end, solution.outcome).exponents[0])
 
 
+@checks.door(system=checks.system, time=checks.positive, transient=checks.nonnegative, start_time=checks.number)
+@whole
 def lyapunov_exponents(
     system: Any,
     x0: Any,
@@ -195,7 +201,7 @@ def lyapunov_exponents(
     count : int
         1 to the number of states.
     **options
-        For `solve`.
+        For `solve`; `max_steps` and `max_seconds` bound the whole run.
 
     Returns
     -------
@@ -224,12 +230,15 @@ def lyapunov_exponents(
     >>> [round(float(e), 2) for e in found.exponents]
     [-0.1, -0.1]
     """
-    time, transient = checks.positive(time, "`time`"), float(transient)
-    if not 0 <= transient < math.inf:
-        raise ValueError(f"`transient` is {transient}; give a time >= 0.")
+    last = start_time + transient + time
+    if math.ulp(last) > 1e-6 * min(time, _CHUNK):
+        raise ValueError(
+            f"`time` is {time:g}: with `start_time` {start_time:g} and `transient` {transient:g} the run ends at t = "
+            f"{last:g}, where floats are {math.ulp(last):g} apart; give less."
+        )
     x = np.array(system.initial_state(x0), float)
     frame = _Frame(len(x), checks.whole(count, "`count`", 1, len(x)), start_time)
-    t, first, last = start_time, start_time + transient, start_time + transient + time
+    t, first = start_time, start_time + transient
     outcome = Outcome.FINISHED
     while t < last:
         # The average begins where a piece does, so that it holds whole periods if `time` does.

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import whole
 from ..solution import Solution
 from ..solve import solve
 from .sections import Image, Section, Stroboscopic, Word, depends_on_time, why_stopped
@@ -139,6 +140,7 @@ class PeriodicOrbit:
         """State on the section by name, as `solve` takes it."""
         return {str(s): float(value) for s, value in zip(self.system.model.states, self.x)}
 
+    @checks.door(periods=checks.integer(1, 10**9))
     def solution(self, periods: int = 1, **options: Any) -> Solution:
         """The orbit over whole periods.
 
@@ -153,6 +155,11 @@ class PeriodicOrbit:
         -------
         Solution
             With dense output.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
@@ -171,6 +178,11 @@ class PeriodicOrbit:
         return f"{head}\n  at         {state}\n  multipliers {sizes}\n  events      {events}"
 
 
+@checks.door(
+    system=checks.system, direction=checks.one_of(1, -1), count=checks.optional(checks.integer(1)), phase=checks.number,
+    symmetry=checks.optional(checks.mapping), transient=checks.integer(0, 10**7), most=checks.integer(1),
+)  # fmt: skip
+@whole
 def find_orbit(
     system: Any,
     x0: Any,
@@ -210,7 +222,7 @@ def find_orbit(
     most : int
         Longest orbit looked for in the transient, in applications of the map.
     **options
-        For `solve`.
+        For `solve`; `max_steps` and `max_seconds` bound the whole search.
 
     Returns
     -------
@@ -244,7 +256,6 @@ def find_orbit(
         raise ValueError(
             f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
         )
-    transient = checks.whole(transient, "`transient`", 0)
     at = np.array(system.initial_state(x0), float)
     first: Stroboscopic | Section
     if section is not None:
@@ -287,6 +298,8 @@ def none_found(map_: Any, x: np.ndarray, message: str) -> PeriodicOrbit:
     return PeriodicOrbit(map_, x, np.inf, np.full((n, n), np.nan), (), np.nan, 0, False, message)
 
 
+@checks.door(map_=checks.instance((Stroboscopic, Section), "a Stroboscopic or Section"))
+@whole
 def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     """Newton's method from a point on the section; the step is shortened while the return does not improve.
 
@@ -301,6 +314,11 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     -------
     PeriodicOrbit
         With `success` False and a `message` where it did not converge.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

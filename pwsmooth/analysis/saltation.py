@@ -19,10 +19,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..solution import EventRecord, Solution, vectorised
 from .linearised import Blocks, Linearised
 
@@ -77,6 +79,17 @@ class Saltation:
     degenerate: str = ""
 
 
+def _row(value: Any, what: str) -> np.ndarray:
+    return checks.array(value, what).reshape(-1)
+
+
+_DOOR: dict[str, checks.Check] = {
+    "line": checks.instance(Linearised, "what linearise() gives"), "p": _row,
+    "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
+}  # fmt: skip
+
+
+@checks.door(**_DOOR)
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
     """Saltation matrices of all instants of a solution after its start, in order of time.
 
@@ -93,6 +106,11 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     -------
     list of Saltation
         One for each instant with events.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -320,6 +338,7 @@ def _total(line, blocks, J, surface, t, x, mult, p):
     return h_w, h_t
 
 
+@checks.door(**_DOOR)
 def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
     """Projector on deviations along the surfaces on which a solution starts.
 
@@ -338,6 +357,11 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
         1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it;
         None if it
         slides on none.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

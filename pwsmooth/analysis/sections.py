@@ -16,9 +16,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from .. import checks
+from ..budget import whole
 from ..model import EventSpec, Model
 from ..pointwise import value
 from ..records import Outcome
@@ -35,6 +35,9 @@ Word = tuple[tuple[str, str, str], ...]
 _RETURN = "pws_return"
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
+
+
+_COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,8 @@ class _Map:
         t0 = getattr(self, "start_time", 0.0)
         return self._solve(self.system, (t0, t0 + time), x, False, **options)
 
+    @checks.door(**_COUNTS)
+    @whole
     def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
         """The points P(x), P(P(x)), ... after the first `discard`.
 
@@ -233,23 +238,13 @@ class Stroboscopic(_Map):
     symmetry: Any = None
 
     def __post_init__(self) -> None:
-        if not hasattr(self.system, "model"):
-            raise TypeError(f"`system` is {self.system!r}; give a System or one of its views.")
-        period = sp.sympify(self.period)
-        unknown = [s for s in period.free_symbols if s not in self.system.parameters]
-        if unknown:
-            raise ValueError(
-                f"`period` is {period}, in which {checks.listing(unknown)} is no parameter of the system; "
-                f"they are {checks.listing(self.system.parameters)}."
-            )
-        if not math.inf > (T := float(period.subs(self.system.parameters))) > 0:
-            raise ValueError(f"`period` is {T:g}; give the period of the forcing, a number > 0.")
-        checks.whole(self.count, "`count`", 1)
-        if not math.isfinite(self.phase):
-            raise ValueError(f"`phase` is {self.phase}; give the section's part of the period, as 0.25.")
+        checks.system(self.system, "`system`")
+        period = checks.period(self.period, self.system.parameters)
+        checks.fields(self, count=checks.integer(1), phase=checks.number, options=checks.mapping)
         object.__setattr__(self, "period", period)
         if self.symmetry is not None and not isinstance(self.symmetry, np.ndarray):
-            object.__setattr__(self, "symmetry", symmetry_matrix(self.system, self.symmetry, T))
+            matrix = symmetry_matrix(self.system, self.symmetry, self.forcing_period)
+            object.__setattr__(self, "symmetry", matrix)
 
     def doubled(self) -> Stroboscopic:
         """The map over twice as long: a half period becomes a whole one without symmetry, one becomes two.
@@ -419,10 +414,13 @@ class Section(_Map):
     _watched: Any = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        model, surface = self.system.model, sp.sympify(self.surface)
-        if self.direction not in (1, -1):
-            raise ValueError(f"`direction` is {self.direction!r}; give 1 (h rises) or -1 (it falls).")
+        model = checks.system(self.system, "`system`").model
         known = {*model.states, *self.system.parameters}
+        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in known})
+        checks.fields(
+            self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
+            options=checks.mapping,
+        )  # fmt: skip
         if not surface.free_symbols & set(model.states) or not surface.free_symbols <= known:
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
@@ -432,7 +430,6 @@ class Section(_Map):
                 "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
                 "with the period of the forcing."
             )
-        checks.whole(self.count, "`count`", 1)
         object.__setattr__(self, "surface", surface)
         spec = EventSpec(_RETURN, surface, direction=self.direction, when=model.time > 0, terminal=True)
         names = {p for p in self.system.parameters if p in surface.free_symbols}
@@ -604,6 +601,7 @@ def why_stopped(run: Solution) -> str:
     return f"{where}it ended, {run.message}"
 
 
+@checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
 def word_of(solution: Solution) -> Word:
     """The events of a solution after its start: its itinerary in letters.
 
@@ -616,6 +614,11 @@ def word_of(solution: Solution) -> Word:
     -------
     tuple of (str, str, str)
         (switch, kind, from and to) of each event.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -13,7 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import sympy as sp
+from mpmath.libmp import NoConvergence
 
+from .. import checks
 from ..lambdified import numpy_function
 from .capture import capture_threshold, critical_ratio
 
@@ -75,6 +77,11 @@ class StickingRegion:
     coefficient : Expr
         mu, dimensionless: 1 for the linear region, mu_s for the nonlinear one.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 18 and 19.
@@ -92,12 +99,16 @@ class StickingRegion:
     load: sp.Expr
     coefficient: sp.Expr
 
+    def __post_init__(self) -> None:
+        checks.fields(self, **dict.fromkeys(("drive", "stiffness", "load"), checks.expression))
+
     @property
     def bounds(self) -> tuple[sp.Expr, sp.Expr]:
         """Smallest and largest displacement y at which the contact can stick, m."""
         half = self.load * self.coefficient
         return (self.drive - half) / self.stiffness, (self.drive + half) / self.stiffness
 
+    @checks.door(y=checks.expression)
     def condition(self, y: sp.Expr) -> sp.Basic:
         """The region as a relation on the displacement.
 
@@ -110,6 +121,11 @@ class StickingRegion:
         -------
         sympy Boolean
             abs(k y - drive) <= N mu.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 
@@ -143,7 +159,7 @@ def linear_sticking(drive: sp.Expr, stiffness: sp.Expr, load: sp.Expr) -> Sticki
     >>> linear_sticking(-2 * sp.sin(t), 4, 1).bounds
     (-sin(t)/2 - 1/4, 1/4 - sin(t)/2)
     """
-    return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), sp.Integer(1))
+    return StickingRegion(drive, stiffness, load, sp.Integer(1))
 
 
 def nonlinear_sticking(
@@ -188,8 +204,7 @@ def nonlinear_sticking(
     >>> nonlinear_sticking(0, 1, 1, 1 - lam**2, lam, 3).bounds
     (-16/9, 16/9)
     """
-    mu_s = fold(gamma, lam, rho).mu_s
-    return StickingRegion(sp.sympify(drive), sp.sympify(stiffness), sp.sympify(load), mu_s)
+    return StickingRegion(drive, stiffness, load, fold(gamma, lam, rho).mu_s)
 
 
 def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
@@ -232,7 +247,8 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
     >>> fold(1 - lam**2, lam, rho).lam_s.subs(rho, 3)
     2/3
     """
-    gamma, rho = sp.sympify(gamma), sp.sympify(rho)
+    gamma, rho = checks.expression(gamma, "`gamma`"), checks.expression(rho, "`rho`")
+    lam = checks.instance(sp.Symbol, "the Symbol in which `gamma` is written")(lam, "`lam`")
     x = sp.Dummy("lam", positive=True)
     shape = gamma.subs(lam, x)
     if sp.simplify(shape.subs(x, 1)) != 0:
@@ -266,7 +282,10 @@ def _first_positive_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
     numerator = sp.numer(sp.together(slope))
     if not numerator.has(x):
         return None
-    closed = sp.roots(sp.Poly(numerator, x)) if numerator.is_polynomial(x) else {}
+    try:
+        closed = sp.roots(sp.Poly(numerator, x)) if numerator.is_polynomial(x) else {}
+    except NoConvergence:  # of sympy's own numbers
+        closed = {}
     if not closed or sum(closed.values()) < sp.degree(numerator, x):
         if symbols:
             names = ", ".join(map(str, symbols))

@@ -18,6 +18,7 @@ from .linearised import linearise
 __all__ = ["symmetry_matrix"]
 
 
+@checks.door(system=checks.system, period=checks.positive)
 def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> np.ndarray:
     """The matrix G of a symmetry (x, t) -> (G x, t + T/2), checked against the field.
 
@@ -57,9 +58,10 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
     """
     states = system.model.states
     images = {x: x for x in states}
-    for key, image in symmetry.items():
+    named = {s.name: s for s in states}
+    for key, image in checks.mapping(symmetry, "`symmetry`", "states to linear expressions").items():
         x = checks.lookup(key, states, "`symmetry`", "state")
-        images[x] = sp.sympify(image)
+        images[x] = checks.expression(image, f"`symmetry`, image of {x}", named)
     rows = [[sp.expand(images[x]).diff(y) for y in states] for x in states]
     if any(not e.is_number for row in rows for e in row) or any(
         images[x].subs(dict.fromkeys(states, 0)) != 0 for x in states

@@ -84,6 +84,7 @@ class Variations:
         return [s.degenerate for s in self.saltations if s.degenerate] + self.ambiguous
 
 
+@checks.door(system=checks.system, names=checks.several)
 def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
     """Symbols of parameters given by name.
 
@@ -117,9 +118,12 @@ def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...
     >>> chosen_parameters(System({x: -k * x}, parameters={k: 1}), ["k"])
     (k,)
     """
-    return tuple(checks.lookup(name, system.parameters, "`parameters`", "parameter") for name in names)
+    return tuple(
+        checks.lookup(name, system.parameters, "`names` of `parameters`", "parameter") for name in names
+    )
 
 
+@checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
 def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations:
     """Fundamental matrix of a solution from its start to its end.
 

@@ -78,7 +78,7 @@ class Graph(Nodes):
 
     def expression(self, expr) -> int:
         """The node of a sympy expression or condition."""
-        expr = sp.sympify(expr)
+        expr = sp.sympify(expr, strict=True)
         found = self._memo.get(expr)
         if found is None:
             found = self._memo[expr] = self._convert(expr)

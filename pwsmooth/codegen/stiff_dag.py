@@ -110,7 +110,7 @@ class Graph:
 
     def add_expressions(self, expressions) -> list[int]:
         """Nodes of sympy expressions; powers -1/2, -3/2, ... of one base share one reciprocal root."""
-        expressions = [tidy(sp.sympify(e), self._states) for e in expressions]
+        expressions = [tidy(sp.sympify(e, strict=True), self._states) for e in expressions]
         for e in expressions:
             for p in e.atoms(sp.Pow):
                 if p.exp.is_Rational and p.exp.q == 2 and p.exp < 0:

@@ -331,6 +331,8 @@ def ensemble(P, C, S, R, W, E, first, stop):
         R.x_eval[:] = math.nan
         code = FULL
         while code == FULL:
+            if E.stop[0] != 0:
+                break  # what is asked for no more keeps the code FULL
             code = call_unit(E.run, P, C, S, R, W)
             _follow_points(P, S, R, E, i)
             _follow_steps(P, C, S, R, E, i)

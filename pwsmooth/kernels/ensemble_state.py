@@ -14,6 +14,7 @@ class Ensemble(Bundle):
     outputs: "int"  # address of the model's outputs, 0 where none is wanted
     longest: "int"  # largest period looked for, in drive periods
     period_tol: "float"
+    stop: "i8[1]"  # (1,) set to 1 by another thread: no orbit goes on
     t_end: "f8[1]"  # (1,) the cell of Control.t_end
     p: "f8[2]"  # (N, np) parameters
     ratio: "f8[2]"  # (N, nz) Problem.ratio

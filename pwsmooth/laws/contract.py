@@ -17,14 +17,13 @@ Chain: primitives.py, family.py -> **law** -> laws/friction, laws/contact -> sce
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, ClassVar, dataclass_transform
 
-import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..lambdified import numpy_function
 from ..primitives import Algebraic, Event, Unilateral
 from .documenting import documented
@@ -71,6 +70,9 @@ def law(declared: Any) -> Any:
     return documented(dataclasses.dataclass(frozen=True, kw_only=True)(declared))
 
 
+@checks.door(
+    unit=checks.name, meaning=checks.name, sign=checks.one_of(*_SIGNS), each=checks.flag, structural=checks.flag
+)
 def parameter(
     default: Any,
     unit: str,
@@ -105,6 +107,11 @@ def parameter(
     dataclasses.Field
         With all this as its metadata.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.
@@ -115,8 +122,9 @@ def parameter(
     >>> parameter(1.0, "N", "Coulomb force").metadata["unit"]
     'N'
     """
+    choices = checks.several(choices, "`choices`")
     about = {"unit": unit, "meaning": meaning, "sign": sign, "each": each,
-             "structural": structural or bool(choices), "choices": tuple(choices)}  # fmt: skip
+             "structural": structural or bool(choices), "choices": choices}  # fmt: skip
     return dataclasses.field(default=default, metadata=about)
 
 
@@ -263,6 +271,11 @@ class Law:
 
     # ---- for users and scenes
 
+    @checks.door(
+        velocity=checks.expression,
+        **dict.fromkeys(("position", "normal", "acceleration", "time"), checks.optional(checks.expression)),
+        name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
+    )  # fmt: skip
     def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
                time: Any = None, name: str = "", beyond: Any = None, past: Any = None) -> Pieces:  # fmt: skip
         """The law's pieces at a joint.
@@ -315,6 +328,7 @@ class Law:
             outputs={at.label(key): e for key, e in pieces.outputs.items()},
         )
 
+    @checks.door(velocity=checks.array)
     def steady_force(self, velocity: Any) -> Any:
         """Steady force at constant velocities.
 
@@ -335,7 +349,7 @@ class Law:
         """
         v = sp.Symbol("v", real=True)
         p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return numpy_function(v, sp.sympify(self.steady(v, p)))(np.asarray(velocity, float))
+        return numpy_function(v, sp.sympify(self.steady(v, p), strict=True))(velocity)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -378,13 +392,9 @@ class Law:
     def _check(self, field):
         about, value = field.metadata, getattr(self, field.name)
         if about["choices"]:
-            if value not in about["choices"]:
-                known = ", ".join(about["choices"])
-                raise ValueError(
-                    f"`{field.name}` of {type(self).__name__} is {value!r}; choose one of {known}."
-                )
+            checks.one_of(*about["choices"])(value, f"`{field.name}` of {type(self).__name__}")
             return
-        if about["each"] and isinstance(value, Sequence):
+        if about["each"] and isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
             value = tuple(value)
         elif about["each"] and hasattr(value, "tolist"):
             value = value.tolist()
@@ -393,12 +403,12 @@ class Law:
         owner = f"`{field.name}` of {type(self).__name__}"
         if isinstance(value, tuple):
             if not about["each"]:
-                raise TypeError(f"{owner} is {value!r}; give one number.")
+                raise TypeError(f"{owner} is {checks.shown(value)}; give one number.")
             if not value:
                 raise ValueError(f"{owner} is empty; give one value for each element.")
-            value = tuple(_number(v, owner) for v in value)
+            value = tuple(checks.number(v, owner) for v in value)
         else:
-            value = _number(value, owner)
+            value = checks.number(value, owner)
         for v in value if isinstance(value, tuple) else (value,):
             if not test(v):
                 raise ValueError(f"{owner} is {v!r}; the {about['meaning']} must be {words} ({about['unit']}).")
@@ -455,16 +465,6 @@ def _ends_of(load, when):
         if isinstance(contact, sp.core.relational.Relational):
             return {contact.lhs - contact.rhs: when} | _ends_of(force, when & contact)
     return {}
-
-
-def _number(value, owner):
-    try:
-        value = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{owner} is {value!r}; give a number.") from None
-    if not math.isfinite(value):
-        raise ValueError(f"{owner} is {value}; give a finite number.")
-    return value
 
 
 def _symbols_of(pieces):

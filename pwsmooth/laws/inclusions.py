@@ -9,9 +9,12 @@ with Sgn(0) = [-1, 1] and the diode map dio(w) = {0} for w > 0, [0, inf) for w =
 
 import sympy as sp
 
+from .. import checks
+
 __all__ = ["clip", "dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
 
 
+@checks.door(x=checks.expression, limit=checks.expression)
 def clip(x, limit):
     """The value x, cut off at -limit and limit; its two surfaces are x - limit and x + limit, neither inside the
     other.
@@ -28,6 +31,11 @@ def clip(x, limit):
     Expr
         A Piecewise, in the unit of x.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: the projection onto [-limit, limit].
@@ -41,6 +49,7 @@ def clip(x, limit):
     return sp.Piecewise((limit, x > limit), (-limit, x < -limit), (x, True))
 
 
+@checks.door(x=checks.expression, limit=checks.expression, sigma=checks.expression)
 def sat_of_sgn(x, limit, sigma):
     """The y with  y in limit Sgn(x - y/sigma).
 
@@ -55,6 +64,11 @@ def sat_of_sgn(x, limit, sigma):
     -------
     Expr
         y = clip(sigma x, limit), in the unit of `limit`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -71,6 +85,7 @@ def sat_of_sgn(x, limit, sigma):
     return clip(sigma * x, limit)
 
 
+@checks.door(A=checks.expression, B=checks.expression, c=checks.expression)
 def max_of_dio(A, B, c):
     """The (a', y) with  y = c (a' - A) in dio(a' - B).
 
@@ -86,6 +101,11 @@ def max_of_dio(A, B, c):
     (Expr, Expr)
         a' = max(A, B) and y = c max(0, B - A).
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem dio
@@ -100,6 +120,7 @@ def max_of_dio(A, B, c):
     return sp.Max(A, B), c * sp.Max(0, B - A)
 
 
+@checks.door(y=checks.number, w=checks.number, limit=checks.nonnegative)
 def sgn_defect(y, w, limit):
     """How far y is from y in limit Sgn(w): 0 if and only if it holds.
 
@@ -115,6 +136,11 @@ def sgn_defect(y, w, limit):
     float
         Distance of y from its projection of y + w, in the unit of y.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: the projection theorem; defined here.
@@ -128,6 +154,7 @@ def sgn_defect(y, w, limit):
     return abs(y - max(-limit, min(limit, y + w)))
 
 
+@checks.door(y=checks.number, w=checks.number)
 def dio_defect(y, w):
     """How far y is from y in dio(w): 0 if and only if it holds.
 
@@ -140,6 +167,11 @@ def dio_defect(y, w):
     -------
     float
         abs(min(w, y)), in the unit of both.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

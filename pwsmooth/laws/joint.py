@@ -9,6 +9,7 @@ from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..family import Family
 from ..primitives import Memory, Switch
 
@@ -56,13 +57,16 @@ class Joint:
     (z_left, {z_left: 1e-05})
     """
 
+    @checks.door(
+        v=checks.expression, **dict.fromkeys(("x", "a", "load", "t"), checks.optional(checks.expression)),
+        name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
+    )  # fmt: skip
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
         self.name = name
-        inputs: list[Any] = [None if e is None else sp.sympify(e) for e in (v, x, a, t)]
-        self.v, self.x, self.a, self.t = inputs
+        self.v, self.x, self.a, self.t = v, x, a, t
         self.beyond = beyond or (lambda level: self.x - level)
         self.past = past or (lambda level: self.x - level)
-        self.load = sp.S.One if load is None else sp.sympify(load)
+        self.load: Any = sp.S.One if load is None else load
         self.starts: dict[Any, Any] = {}
         self.scales: dict[Any, float] = {}
 
@@ -81,6 +85,7 @@ class Joint:
         """
         return f"{name}_{self.name}" if self.name else name
 
+    @checks.door(name=checks.text, start=checks.expression, scale=checks.positive)
     def state(self, name: str, start: Any = 0.0, scale: float = 1.0, **assumptions: bool) -> sp.Symbol:
         """An internal state of the law.
 
@@ -101,6 +106,11 @@ class Joint:
         -------
         Symbol
             To stand in rates and force.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         symbol = sp.Symbol(self.label(name), **({"real": True} | assumptions))
         return self._known(symbol, start, scale)
@@ -109,6 +119,7 @@ class Joint:
         self.starts[symbol], self.scales[symbol] = start, float(scale)
         return symbol
 
+    @checks.door(name=checks.text)
     def memory(self, name: str, initial: float = 0.0, **assumptions: bool) -> Memory:
         """A value that changes only in events.
 
@@ -125,9 +136,15 @@ class Joint:
         -------
         Memory
             To stand in rates, surfaces and updates.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return Memory(self.label(name), initial, **assumptions)
 
+    @checks.door(name=checks.text, surface=checks.expression)
     def switch(self, name: str, surface: sp.Expr) -> Switch:
         """The multiplier of a surface, for terms that are nonlinear in it.
 
@@ -142,8 +159,12 @@ class Joint:
         -------
         Expr
             A Switch; of a constant its sign.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
-        surface = sp.sympify(surface)
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 
     def family(self, n: int) -> Family:

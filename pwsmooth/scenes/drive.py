@@ -11,10 +11,25 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..lambdified import numpy_function
+from ..laws import Law
 
 #: Time in every scene, s: drives are expressions of it.
 t = sp.Symbol("t", real=True)
+
+
+#: Checks of the arguments that scenes share.
+DOOR: dict[str, checks.Check] = {
+    "law": checks.instance(Law, "a law of pwsmooth.laws, such as Coulomb()"), "m": checks.positive,
+    "t_span": lambda value, what: value if value is None else checks.span(value, what),
+    "period": checks.optional(checks.positive), "parameters": checks.optional(checks.values), "start": checks.pair,
+}  # fmt: skip
+
+
+def door(*shared: str, **tests: checks.Check) -> Any:
+    """checks.door of `law`, `t_span`, the `shared` ones, and of numbers or what else is given."""
+    return checks.door(**{name: DOOR[name] for name in ("law", "t_span", *shared)}, **tests)
 
 
 def expression(value: Any, what: str) -> sp.Expr:
@@ -25,12 +40,7 @@ def expression(value: Any, what: str) -> sp.Expr:
     TypeError
         No expression and no number.
     """
-    try:
-        e = sp.sympify(value, strict=True)
-    except (sp.SympifyError, TypeError):
-        e = None
-    if not isinstance(e, sp.Expr):
-        raise TypeError(f"`{what}` is {value!r}; give a sympy expression of t, or a number.")
+    e = checks.expression(value, f"`{what}`")
     return e.xreplace({s: t for s in e.free_symbols if s.name == "t"})
 
 
@@ -46,7 +56,7 @@ def check_continuous(e: sp.Expr, what: str, t_span: Any, parameters: Mapping[Any
         inside = e.diff(t)
         if inside.has(sp.DiracDelta) or e.has(sp.floor, sp.ceiling, sp.Mod):
             raise ValueError(remedy.format(where=f" ({e})"))
-    values = {str(key): value for key, value in parameters.items()}
+    values = checks.values(parameters, "`parameters`")
     e = e.xreplace({s: sp.Float(values[s.name]) for s in e.free_symbols if s.name in values})
     f = numpy_function(t, e)
     grid = np.linspace(t_span[0], t_span[1], 513)
@@ -70,9 +80,9 @@ def _edges(piece: sp.Piecewise, t_span: Any) -> list[float]:
     return edges
 
 
-def value_at(e: Any, time: float, parameters: Mapping[Any, Any]) -> float:
-    """The value of an expression at an instant."""
-    values = {str(key): value for key, value in parameters.items()}
-    e = sp.sympify(e)
-    known = {s: values[s.name] for s in e.free_symbols if s.name in values}
-    return float(e.subs({t: time} | known))
+def value(e: Any, known: Mapping[str, float], what: str) -> float:
+    """The value of an expression in which the symbols of these names have values."""
+    e = checks.expression(e, what)
+    return checks.number(
+        e.xreplace({s: sp.Float(known[s.name]) for s in e.free_symbols if s.name in known}), what
+    )

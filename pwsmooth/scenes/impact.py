@@ -13,8 +13,9 @@ from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..laws import Law
-from .drive import expression, t
+from .drive import door, expression, t
 from .scene import Scene, assemble
 
 p, v = sp.symbols("p v", real=True)
@@ -22,6 +23,7 @@ mass, gravity, spring, damper, gap = sp.symbols("mass gravity spring damper gap"
 UNITS = {"p": "m", "v": "m/s", "force": "N", "energy": "J", "mass": "kg", "gravity": "m/s^2"}
 
 
+@door("m", speed=checks.positive, approach=checks.nonnegative)
 def free_impact(
     law: Law,
     *,
@@ -68,15 +70,11 @@ def free_impact(
     >>> bool(abs(e - effective_restitution("lankarani-nikravesh", 0.5)) < 1e-8)  # ten times rtol
     True
     """
-    _check_mass(m)
-    if not (math.isfinite(speed) and speed > 0):
-        raise ValueError(f"`speed` is {speed!r}; the mass approaches the wall, so give a speed > 0.")
-    if not (math.isfinite(approach) and approach >= 0):
-        raise ValueError(f"`approach` is {approach!r}; the mass starts outside the wall, so give a gap >= 0.")
     start = {p: -approach, v: speed}
     return _scene("free impact", law, sp.S.Zero, start, t_span, {mass: m}, speed=speed)
 
 
+@door("m", height=checks.positive, g=checks.positive)
 def falling_ball(
     law: Law,
     *,
@@ -125,10 +123,6 @@ def falling_ball(
     >>> [f"{apex:.6f}" for apex in scene.observe(solution)["apexes"][:2]]
     ['0.640000', '0.409600']
     """
-    _check_mass(m)
-    for name, value in (("height", height), ("g", g)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"`{name}` is {value!r}; give a number > 0.")
     scene = _scene(
         "falling ball",
         law,
@@ -143,6 +137,7 @@ def falling_ball(
     return scene
 
 
+@door("m", "start", omega=checks.positive, **dict.fromkeys(("d", "k", "c", "amplitude"), checks.number))
 def impact_oscillator(
     law: Law,
     *,
@@ -206,9 +201,6 @@ def impact_oscillator(
     0.99 False
     1.01 True
     """
-    _check_mass(m)
-    if not (math.isfinite(omega) and omega > 0):
-        raise ValueError(f"`omega` is {omega!r}; give a frequency > 0.")
     if start[0] > d:
         raise ValueError(f"`start` has x = {start[0]:g}, inside the stop at d = {d:g}; give x <= d.")
     strength, frequency, where = sp.symbols("amplitude omega d", real=True)
@@ -220,6 +212,8 @@ def impact_oscillator(
                   period=2 * math.pi / omega)  # fmt: skip
 
 
+@checks.door(**dict.fromkeys(("d", "k", "c", "m", "omega"), checks.number))
+@checks.closed_form
 def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> float:
     """Drive at which the steady motion of `impact_oscillator` just touches its stop.
 
@@ -241,6 +235,11 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     float
         Amplitude d sqrt((k - m omega^2)^2 + (c omega)^2), N.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: the amplitude of the linear oscillator's steady motion.
@@ -254,6 +253,7 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     return d * math.hypot(k - m * omega**2, c * omega)
 
 
+@door("m", "parameters", p0=checks.number)
 def pressed_block(
     law: Law,
     force: Any,
@@ -306,7 +306,6 @@ def pressed_block(
     KelvinVoigt pulls with 5.1 N
     LinearResidual pulls with 0.0 N
     """
-    _check_mass(m)
     u = expression(force, "force")
     return _scene("pressed block", law, u, {p: p0, v: 0.0}, t_span, {mass: m, **(parameters or {})},
                   outputs={"pull": u})  # fmt: skip
@@ -331,11 +330,6 @@ def apexes(solution: Any) -> Any:
             a, b, _ = np.polyfit(grid[i - 1 : i + 2] - grid[i], height[i - 1 : i + 2], 2)
             found.append(height[i] - b**2 / (4 * a))
     return np.array(found)
-
-
-def _check_mass(m):
-    if not (math.isfinite(m) and m > 0):
-        raise ValueError(f"`m` is {m!r}; a body needs a mass > 0.")
 
 
 def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential=sp.S.Zero, outputs=None,

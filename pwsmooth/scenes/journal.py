@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
+from .. import checks
 from ..laws import Law, Pieces
 from ..primitives import Event, Memory
 
@@ -67,6 +68,17 @@ class ClearanceJoint(NamedTuple):
     events: tuple[Event, ...]
 
 
+def _two(value: Any, what: str) -> tuple[sp.Expr, ...]:
+    found = tuple(checks.expression(e, what) for e in checks.several(value, what))
+    if len(found) != 2:
+        raise ValueError(f"{what} has {len(found)} parts; give two.")
+    return found
+
+
+@checks.door(
+    e=_two, rate=_two, **dict.fromkeys(("c", "R_B", "R_J", "spin_B", "spin_J"), checks.expression), name=checks.name,
+    normal=checks.instance(Law, "a contact law"), tangential=checks.optional(checks.instance(Law, "a friction law")),
+)  # fmt: skip
 def clearance_joint(
     e: Sequence[Any],
     rate: Sequence[Any],

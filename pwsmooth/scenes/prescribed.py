@@ -10,14 +10,16 @@ from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..laws import Law
-from .drive import check_continuous, expression, t, value_at
+from .drive import check_continuous, door, expression, t, value
 from .scene import Scene, assemble
 from .table import Table, within
 
 x, v, done = sp.symbols("x v work", real=True)
 
 
+@door("period", "parameters", work=checks.flag)
 def prescribed_motion(
     law: Law,
     *,
@@ -88,9 +90,9 @@ def prescribed_motion(
     begins: dict[Any, float] = {}
     place, speed, acceleration = _motion(position, velocity, t_span, values)
     if t not in speed.free_symbols and not tables.keys() & {"p", "w"}:
-        begins[v], own[v] = value_at(speed, t_span[0], values), sp.S.Zero
+        begins[v], own[v] = value(speed, values | {"t": t_span[0]}, "`velocity`"), sp.S.Zero
         speed, acceleration = v, sp.S.Zero
-        values = {key: value for key, value in values.items() if str(key) in map(str, place.free_symbols)}
+        values = {key: value for key, value in values.items() if key in map(str, place.free_symbols)}
     own[x] = speed
     begins[x] = 0.0 if position is None else _first(position, place, t_span, values)
     load = None if normal is None else sp.Symbol("load", real=True)
@@ -138,4 +140,6 @@ def _motion(position, velocity, t_span, values):
 
 def _first(position, place, t_span, values):
     """The position at the start."""
-    return float(position.values[0]) if isinstance(position, Table) else value_at(place, t_span[0], values)
+    if isinstance(position, Table):
+        return float(position.values[0])
+    return value(place, values | {"t": t_span[0]}, "`position`")

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import sympy as sp
-
+from .. import checks
 from ..laws import Pieces
 from ..solution import Solution
 from ..solve import solve
 from ..system import System
+from . import drive
 
 __all__ = ["Scene", "assemble"]
 
@@ -47,6 +47,11 @@ class Scene:
         Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
         unless it is given others.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here; `note` has that of the model.
@@ -74,6 +79,13 @@ class Scene:
     note: str = ""
     atol: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        checks.fields(
+            self, name=checks.name, system=checks.system, start=checks.mapping, t_span=checks.span,
+            period=checks.optional(checks.positive), observables=checks.mapping, units=checks.mapping,
+            note=checks.name, atol=checks.mapping,
+        )  # fmt: skip
+
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
         """Solve the system from `start` over `t_span`; both may be replaced.
 
@@ -93,8 +105,11 @@ class Scene:
         """
         if self.atol:
             options.setdefault("atol", [self.atol.get(s.name, ATOL) for s in self.system.states])
-        return solve(self.system, t_span or self.t_span, self.start if x0 is None else x0, **options)
+        return solve(
+            self.system, self.t_span if t_span is None else t_span, self.start if x0 is None else x0, **options
+        )
 
+    @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
     def observe(self, solution: Solution) -> dict[str, Any]:
         """The observables of a solution of this scene.
 
@@ -107,6 +122,11 @@ class Scene:
         -------
         dict of str to ndarray
             Arrays over the solution's times, shape (nt,), in the scene's `units`, or what the functions return.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         return {
             name: what(solution) if callable(what) else solution[what]
@@ -114,6 +134,11 @@ class Scene:
         }
 
 
+@checks.door(
+    rates=checks.mapping, start=checks.mapping, begin=checks.number,
+    **dict.fromkeys(("parameters", "outputs"), checks.optional(checks.mapping)),
+    **dict.fromkeys(("events", "contacts", "algebraic"), checks.several),
+)  # fmt: skip
 def assemble(
     rates: Mapping[Any, Any],
     pieces: Pieces | Iterable[Pieces],
@@ -180,7 +205,7 @@ def assemble(
     >>> [event.switch for event in solution.events if event.kind == "reset"]
     ['touch-down_right', 'lift-off_right', 'touch-down_left', 'lift-off_left']
     """
-    all_pieces = [pieces] if isinstance(pieces, Pieces) else list(pieces)
+    all_pieces = [pieces] if isinstance(pieces, Pieces) else checks.all_of_kind("pieces", pieces, Pieces)
     rates, values, shown = dict(rates), dict(parameters or {}), dict(outputs or {})
     first = dict(start)
     parts = {"events": list(events), "contacts": list(contacts), "algebraic": list(algebraic)}
@@ -198,12 +223,13 @@ def assemble(
             items += getattr(piece, name)
     system = System(rates, time=time, parameters=values, outputs=shown, **parts)
     groups = system.groups
-    known = {k: v for k, v in {**values, **start}.items() if not hasattr(v, "__len__")}
-    known |= {} if time is None else {time: begin}
+    known = {p.name: v for p, v in system.parameters.items()} | ({} if time is None else {str(time): begin})
+    for own in (start, first):  # the mechanism's own are numbers; a law's may be expressions of them
+        known |= {str(key): drive.value(e, known, f"`start`, value of {key}") for key, e in own.items()}
 
     def each(of: Mapping[Any, Any], number: Callable[[Any], float]) -> dict[str, float]:
         return {name: number(e) for key, e in of.items() for name in groups.get(str(key), (str(key),))}
 
     scales = {key: scale for piece in all_pieces for key, scale in piece.scales.items()}
-    begin_values = each(first, lambda e: float(sp.sympify(e).subs(known)))
+    begin_values = each({key: known[str(key)] for key in first}, float)
     return system, begin_values, each(scales, lambda scale: ATOL * scale)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..laws import Law
 from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb
@@ -43,6 +44,13 @@ UNITS = {
 }  # fmt: skip
 
 
+_LENGTHS = ("rpm", "crank", "rod", "rod_mass", "rod_inertia", "slider_mass")
+
+
+@checks.door(
+    normal=checks.optional(checks.instance(Law, "a contact law")), c_r=checks.number, gravity=checks.number,
+    start=checks.pair, **dict.fromkeys(("clearance", "bearing", "revolutions", *_LENGTHS), checks.positive),
+)  # fmt: skip
 def slider_crank(
     normal: Law | None = None,
     tangential: Law | None | str = "modified Coulomb",
@@ -118,11 +126,6 @@ def slider_crank(
     >>> print(f"{1e3 * first:.6f} ms")
     8.860950 ms
     """
-    sizes = dict(clearance=clearance, rpm=rpm, bearing=bearing, crank=crank, rod=rod, rod_mass=rod_mass,
-                 rod_inertia=rod_inertia, slider_mass=slider_mass)  # fmt: skip
-    for name, value in sizes.items():
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"`{name}` is {value!r}; give a number > 0.")
     if not clearance < bearing:
         raise ValueError(
             f"`clearance` is {clearance:g} and `bearing` {bearing:g}; the journal's radius, their difference, must be "
@@ -145,9 +148,9 @@ def slider_crank(
             f"`normal` has clearance={normal.clearance:g}, the joint {clearance:g}; give them the same one."  # type: ignore[attr-defined]
         )
     if isinstance(tangential, str):
-        if tangential != "modified Coulomb":
-            raise ValueError(f"`tangential` is {tangential!r}; give a friction law, or None.")
+        tangential = checks.one_of("modified Coulomb")(tangential, "`tangential`, if no law,")
         tangential = ModifiedCoulomb(F_c=FRICTION)
+    checks.optional(checks.instance(Law, "a friction law, or None"))(tangential, "`tangential`")
 
     phi = omega * t
     P = sp.Matrix([r * sp.cos(phi), r * sp.sin(phi)])
@@ -256,6 +259,7 @@ class IdealSliderCrank:
     -25.588 -25.588
     """
 
+    @checks.door(**dict.fromkeys(_LENGTHS, checks.positive))
     def __init__(self, *, rpm: float = RPM, crank: float = CRANK, rod: float = ROD, rod_mass: float = ROD_MASS,
                  rod_inertia: float = ROD_INERTIA, slider_mass: float = SLIDER_MASS) -> None:  # fmt: skip
         self.omega, self.r, self.l = 2 * math.pi * rpm / 60, crank, rod

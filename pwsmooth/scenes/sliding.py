@@ -13,9 +13,10 @@ from typing import Any
 
 import sympy as sp
 
+from .. import checks
 from ..laws import Law
 from ..primitives import Algebraic
-from .drive import expression, t
+from .drive import door, expression, t
 from .scene import Scene, assemble
 from .table import Table, within
 
@@ -26,9 +27,7 @@ mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, normal=None, parameters,
            period=None, outputs=None, pull=1, extra=()):  # fmt: skip
     """The scene of one body: `drive` is the force on it without friction, `pull` the sign of v in dv/dt."""
-    m = parameters.get(mass, parameters.get("mass"))
-    if m is not None and not m > 0:
-        raise ValueError(f"`mass` is {m!r}; a body needs a mass > 0.")
+    checks.positive(parameters.get("mass", parameters.get(mass, 1.0)), "`mass`")
     load = None if normal is None else expression(normal, "normal")
     needs = "acceleration" in law.needs
     pieces = law.attach(
@@ -46,6 +45,7 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, no
                  law.source, atol)  # fmt: skip
 
 
+@door("m", "period", "parameters")
 def force_driven(
     law: Law, force: Any, *, m: float = 1.0, normal: Any = None, t_span: tuple[float, float] | None = None,
     period: float | None = None, parameters: Mapping[Any, float] | None = None,
@@ -101,6 +101,7 @@ def force_driven(
                   parameters=values, extra=[table.pieces("u") for table in tables])  # fmt: skip
 
 
+@door("m", **dict.fromkeys(("k", "pull", "c"), checks.number))
 def block_on_belt(
     law: Law, *, k: float = 2.0, pull: float = 0.1, m: float = 1.0, c: float = 0.0, normal: Any = None,
     t_span: tuple[float, float] = (0.0, 35.0),
@@ -163,6 +164,7 @@ def block_on_belt(
                   position=speed * t - e, parameters=values, outputs={"x": speed * t - e})  # fmt: skip
 
 
+@door("m", "start", **dict.fromkeys(("k", "c", "amplitude", "omega"), checks.number))
 def friction_oscillator(
     law: Law, *, k: float = 3.1, c: float = 0.1, m: float = 1.0, amplitude: float = 2.4, omega: float = 1.0,
     normal: Any = None, t_span: tuple[float, float] = (0.0, 60.0), start: tuple[float, float] = (0.5, 0.3),
@@ -223,6 +225,7 @@ def friction_oscillator(
                   parameters=values, period=period)  # fmt: skip
 
 
+@door("m", **dict.fromkeys(("target", "proportional", "derivative", "integral"), checks.number))
 def position_control(
     law: Law, *, target: float = 1.0, proportional: float = 3.0, derivative: float = 6.0, integral: float = 4.0,
     m: float = 1.0, normal: Any = None, t_span: tuple[float, float] = (0.0, 100.0),

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from .. import checks
 from ..laws import Pieces
 from ..primitives import Event, Memory
 
@@ -59,25 +60,20 @@ class Table:
     """
 
     def __init__(self, times: Any, values: Any):
-        self.times, self.values = (np.array(a, float) for a in (times, values))
-        if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) < 4:
+        self.times, self.values = checks.numbers(times, "`times`"), checks.numbers(values, "`values`")
+        if self.times.shape != self.values.shape or len(self.times) < 4:
             raise ValueError(
-                f"a Table has times of shape {self.times.shape} and values of shape {self.values.shape}; give two "
+                f"a Table has `times` of shape {self.times.shape} and `values` of shape {self.values.shape}; give two "
                 "sequences of one length, at least 4."
-            )
-        if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
-            bad = int(np.flatnonzero(~(np.isfinite(self.times) & np.isfinite(self.values)))[0])
-            raise ValueError(
-                f"a Table has the sample ({self.times[bad]}, {self.values[bad]}) at index {bad}; drop or mend what is "
-                "not finite."
             )
         if not (np.diff(self.times) > 0).all():
             i = int(np.flatnonzero(np.diff(self.times) <= 0)[0])
             raise ValueError(
-                f"times of a Table must increase; {self.times[i + 1]:g} follows {self.times[i]:g}."
+                f"`times` of a Table must increase; {self.times[i + 1]:g} follows {self.times[i]:g}."
             )
         self.t_span = (float(self.times[0]), float(self.times[-1]))
 
+    @checks.door(name=checks.text)
     def pieces(self, name: str) -> Pieces:
         """The spline as states `name`, `name_1`, `name_2`; its `force` is the value.
 
@@ -90,6 +86,11 @@ class Table:
         -------
         Pieces
             For `assemble`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         from scipy.interpolate import CubicSpline
 
@@ -113,6 +114,7 @@ class Table:
             events=(passed,),
         )
 
+    @checks.door(name=checks.text)
     def derivatives(self, name: str) -> tuple[sp.Symbol, sp.Symbol]:
         """Symbols of its first and second derivative.
 
@@ -125,6 +127,11 @@ class Table:
         -------
         (Symbol, Symbol)
             In the unit of the values over s and over s^2.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
         """
         first, second = sp.symbols(f"{name}_1 {name}_2", real=True)
         return first, second
@@ -160,7 +167,8 @@ def within(t_span: Any, tables: Any) -> tuple[float, float]:
     >>> within(None, [Table([0, 1, 2, 3], [0, 1, 0, 1])])
     (0.0, 3.0)
     """
-    for table in tables:
+    t_span = None if t_span is None else checks.span(t_span)
+    for table in checks.all_of_kind("tables", tables, Table):
         if t_span is None:
             t_span = table.t_span
         if t_span[0] != table.t_span[0] or t_span[1] > table.t_span[1]:
@@ -168,7 +176,7 @@ def within(t_span: Any, tables: Any) -> tuple[float, float]:
                 f"`t_span` is {tuple(t_span)}, but a table of the drive covers {table.t_span}; begin with it and "
                 "end inside of it."
             )
-    return (0.0, 1.0) if t_span is None else (float(t_span[0]), float(t_span[1]))
+    return (0.0, 1.0) if t_span is None else t_span
 
 
 def _lookup(entries: np.ndarray, index: sp.Symbol, first: int = 0) -> sp.Expr:

@@ -8,6 +8,8 @@ dataset.py   the result               study.py     a sweep in a TOML file
 
 from __future__ import annotations
 
+import math
+import time
 from typing import TYPE_CHECKING, Any
 
 from .contract import Measure, Window
@@ -66,6 +68,7 @@ def sweep(
     chunk: int | None = None,
     store: Any = None,
     progress: bool | None = None,
+    max_seconds: float | None = None,
     **options: Any,
 ) -> xarray.Dataset:
     """Run a system over a grid or a list of points and keep measures of every orbit.
@@ -116,6 +119,9 @@ def sweep(
         it was stopped, and gives the same bits as a run that was not; another sweep's store is refused.
     progress : bool, optional
         Progress bar with rate and failures, by default on a terminal.
+    max_seconds : float, in units of wall time, s, optional
+        Bound on the whole sweep. Points that it leaves out have the outcome TIME_LIMIT; in a store they have not run,
+        and the same call goes on with them.
     **options
         rtol, atol, method, order, max_step, max_steps of `solve`.
 
@@ -150,16 +156,19 @@ def sweep(
     ['S R S L', 'R L']
     """
     from .. import checks
+    from ..records import Outcome
     from .dataset import empty_arrays, make_dataset
     from .plan import make_plan
     from .running import chunk_target, cores, run_chunks
 
-    workers = None if workers is None else checks.whole(workers, "`workers`", 1)
-    chunk = None if chunk is None else checks.whole(chunk, "`chunk`", 1)
+    workers = checks.optional(checks.integer(1, 10_000))(workers, "`workers`")
+    chunk = checks.optional(checks.integer(1))(chunk, "`chunk`")
+    progress = checks.optional(checks.flag)(progress, "`progress`")
+    store = checks.optional(checks.path)(store, "`store`")
     if executor is not None and not hasattr(executor, "submit"):
         raise TypeError(
-            f"`executor` is {executor!r}; give a concurrent.futures.Executor, such as ProcessPoolExecutor() or a "
-            "Dask client's `get_executor()`."
+            f"`executor` is {checks.shown(executor)}; give a concurrent.futures.Executor, such as "
+            "ProcessPoolExecutor() or a Dask client's `get_executor()`."
         )
     plan, where = make_plan(
         system,
@@ -176,16 +185,25 @@ def sweep(
         noise,
         options,
     )
+    limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
+    deadline = math.inf if limit is None else time.time() + limit
     _ = plan.variables  # two measures of one name are refused before anything runs
 
     def target() -> int:
-        return chunk or chunk_target(plan, where, workers or getattr(executor, "_max_workers", None) or cores())
+        threads = workers or getattr(executor, "_max_workers", None) or cores()
+        return chunk or chunk_target(plan, where, threads, deadline)
 
     if store is not None:
         from .store import Store
 
         kept = Store(store, plan, where, target)
-        run_chunks(plan, where, kept.todo, executor, workers, kept.keep, progress)
+
+        def complete(first: int, stop: int, result: dict[str, Any]) -> None:
+            # What ran out of time has not run: the same call goes on there.
+            if not (result["outcome"] == Outcome.TIME_LIMIT).any():
+                kept.keep(first, stop, result)
+
+        run_chunks(plan, where, kept.todo, executor, workers, complete, progress, deadline)
         return kept.dataset()
     arrays = empty_arrays(plan, where)
 
@@ -194,5 +212,5 @@ def sweep(
             arrays[name][first:stop] = values
 
     _, chunks = where.boxes(target())
-    run_chunks(plan, where, chunks, executor, workers, keep, progress)
+    run_chunks(plan, where, chunks, executor, workers, keep, progress, deadline)
     return make_dataset(plan, where, arrays)

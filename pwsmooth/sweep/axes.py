@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from .. import checks
 
@@ -80,7 +81,7 @@ def read_axes(system: Any, grid: Any, points: Any) -> Axes:
     """
     for what, given in (("axes", grid), ("points", points)):
         if given is not None and not isinstance(given, Mapping):
-            raise TypeError(f"`{what}` is {given!r}; give a dict of names to sequences of numbers.")
+            raise TypeError(f"`{what}` is {checks.shown(given)}; give a dict of names to sequences of numbers.")
     if not grid and not points:
         raise ValueError(
             "the sweep has no axes; give `axes={'k': [1, 2, 3]}`, or `points=` for a list of points."
@@ -112,10 +113,12 @@ def read_axes(system: Any, grid: Any, points: Any) -> Axes:
 
 
 def _identify(system, key, what):
+    if not isinstance(key, (str, sp.Symbol)):
+        raise TypeError(f"`{what}` names {checks.shown(key)}; give a Symbol or its name.")
     name = str(key)
     for kind, symbols in (("parameter", system.parameters), ("state", system.states)):
         for symbol in symbols:
-            if symbol == key or symbol.name == name:
+            if symbol.name == name:
                 return symbol.name, kind, symbol
     if system.model.time is not None and name == str(system.model.time):
         return name, "time", system.model.time
@@ -132,14 +135,16 @@ def _numbers(system, name, kind, symbol, numbers, what):
     try:
         array = np.array(numbers, dtype=np.int64 if kind == "noise" else float)
     except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"`{what}` of {name!r} is {numbers!r}; give a sequence of numbers.") from None
+        raise TypeError(
+            f"`{what}` of {name!r} is {checks.shown(numbers)}; give a sequence of numbers."
+        ) from None
     if array.ndim != 1 or not array.size:
         raise ValueError(
             f"`{what}` of {name!r} has shape {array.shape}; give a one-dimensional sequence of at least one number."
         )
     if kind == "noise":
         if not np.array_equal(array, np.asarray(numbers)):
-            raise TypeError(f"`{what}` of {name!r} is {numbers!r}; it is made of whole numbers.")
+            raise TypeError(f"`{what}` of {name!r} is {checks.shown(numbers)}; it is made of whole numbers.")
         return array
     if not np.isfinite(array).all():
         raise ValueError(f"`{what}` of {name!r} contains {array[~np.isfinite(array)][0]}; give finite numbers.")

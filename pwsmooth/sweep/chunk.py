@@ -6,17 +6,32 @@ through solve(), point by point. Both give the same bits wherever a point is com
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ..budget import Budget, Stop, within
 from ..records import Outcome
 from .plan import FUNCTION_FAILED, REFUSED, Plan, with_number
 
 
-def run_chunk(plan: Plan, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Name -> values, shape (points, ...), of the points whose swept values are `columns`."""
+def run_chunk(
+    plan: Plan, columns: Mapping[str, np.ndarray], deadline: float = math.inf, stop: Stop | None = None
+) -> dict[str, np.ndarray]:
+    """Name -> values, shape (points, ...), of the points whose swept values are `columns`.
+
+    A point that `deadline` (of time.time(), which machines share) finds unfinished has the outcome TIME_LIMIT; `stop`
+    is set where nobody waits for the result.
+    """
+    seconds = None if deadline == math.inf else deadline - time.time()
+    with within(Budget(seconds=seconds, stop=stop)) as spending:
+        return _values(plan, columns, spending)
+
+
+def _values(plan, columns, spending):
     count = len(next(iter(columns.values())))
     result = {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in plan.variables.items()}
     ensemble = goes_as_ensemble(plan)
@@ -31,7 +46,7 @@ def run_chunk(plan: Plan, columns: Mapping[str, np.ndarray]) -> dict[str, np.nda
         result["ambiguities"][:] = orbits.counts[:, 2]
         result["outcome"][:] = orbits.outcome
     if plan.functions or not ensemble:
-        _one_by_one(plan, columns, result, plan.functions if ensemble else plan.measures, ensemble)
+        _one_by_one(plan, columns, result, plan.functions if ensemble else plan.measures, ensemble, spending)
     return result
 
 
@@ -71,10 +86,13 @@ def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bo
     return solution, window
 
 
-def _one_by_one(plan, columns, result, measures, outcome_known):
+def _one_by_one(plan, columns, result, measures, outcome_known, spending):
     dense = any(getattr(m, "dense", True) for m in measures)
     for i in range(len(result["outcome"])):
         if outcome_known and result["outcome"][i] < 0:
+            continue
+        if spending.late():
+            result["outcome"][i] = Outcome.TIME_LIMIT
             continue
         try:
             solution, window = solve_point(plan, columns, i, dense)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from .. import checks
 from ..solution import Solution, _is_slip_velocity
 
 
@@ -206,6 +207,8 @@ class OfQuantities(Measure):
     names: tuple[str, ...]
 
     def __init__(self, *names: Any) -> None:
+        for name in names:
+            checks.key(name, f"`names` of {type(self).__name__}")
         if not names:
             raise ValueError(f"{type(self).__name__} needs the name of a state, multiplier or output.")
         object.__setattr__(self, "names", tuple(str(name) for name in names))

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .. import checks
 from .contract import Measure, real
 
 
@@ -57,11 +58,15 @@ class Function(Measure):
     units: Any = None
 
     def __post_init__(self) -> None:
-        if not callable(self.function):
-            raise TypeError(f"Function needs a callable, not {self.function!r}.")
+        checks.fields(
+            self, function=checks.function, dense=checks.flag, units=checks.optional(checks.mapping),
+            names=checks.optional(lambda value, what: value if isinstance(value, str) else checks.several(value, what)),
+        )  # fmt: skip
         own = getattr(self.function, "__name__", "<lambda>")
         names = self.names or ("value" if own == "<lambda>" else own)
         names = (names,) if isinstance(names, str) else tuple(names)
+        for name in names:
+            checks.name(name, "`names` of Function")
         object.__setattr__(self, "names", tuple(re.sub(r"\W", "_", name) for name in names))
         object.__setattr__(self, "units", tuple(sorted(dict(self.units or {}).items())))
 

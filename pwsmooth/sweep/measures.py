@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .. import checks
 from .contract import Measure, OfQuantities, Variable, real
 from .functions import Function, Lyapunov
 from .of_solution import moments, range_of, segments_in, strobes
@@ -97,6 +98,11 @@ class Period(Measure):
     tol : float, dimensionless
         How nearly the state must repeat.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.
@@ -119,6 +125,9 @@ class Period(Measure):
 
     longest: int = 8
     tol: float = 1e-6
+
+    def __post_init__(self) -> None:
+        checks.fields(self, longest=checks.integer(1), tol=checks.positive)
 
     def variables(self, setting):
         about = {"long_name": "period in drive periods, 0 for none", "units": "1"}
@@ -385,6 +394,11 @@ class Points(Measure):
     names : tuple of str
         The states.
 
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
     Notes
     -----
     Source: defined here.
@@ -406,7 +420,7 @@ class Points(Measure):
 
     def __init__(self, *names: Any, last: int | None = None) -> None:
         object.__setattr__(self, "names", tuple(str(name) for name in names))
-        object.__setattr__(self, "last", last)
+        object.__setattr__(self, "last", checks.optional(checks.integer(1))(last, "`last`"))
 
     def _states(self, setting):
         return self.names or setting.states
@@ -506,10 +520,11 @@ def measure_from_text(text: str) -> Measure:
     >>> measure_from_text("amplitude(y)")
     Amplitude(names=('y',))
     """
+    text = checks.name(text, "`text`")
     match = re.fullmatch(r"\s*(\w+)\s*(?:\(([^()]*)\))?\s*", text)
     if not match or match[1] not in _BY_NAME:
         raise ValueError(
-            f"{text!r} is no measure; they are {', '.join(_BY_NAME)}, some with names: amplitude(y)."
+            f"`text` is {text!r}, no measure; they are {', '.join(_BY_NAME)}, some with names: amplitude(y)."
         )
     kind, names = _BY_NAME[match[1]], [name.strip() for name in (match[2] or "").split(",") if name.strip()]
     if names and not issubclass(kind, (OfQuantities, Points)):

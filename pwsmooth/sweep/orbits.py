@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..budget import spending
 from ..event_driven import EventDriven, Options
 from ..records import Outcome
 from .measures import Itinerary
@@ -78,6 +79,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             outputs=run.sizes.outputs if outputs else 0,
             longest=setting.period_detector.longest if setting.forced else 0,
             period_tol=setting.period_detector.tol,
+            stop=gone,
             t_end=control.scalar("t_end"),
             p=p,
             ratio=_ratios(plan, columns, problem.ratio, count),
@@ -106,18 +108,20 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
         bundles = (problem, control, now, record, run.work, many)
         call(*(bundle.address for bundle in bundles), first, stop)
 
-    if run.clocked:
-        # The instants of time events depend on the parameters and the span: one orbit a call.
-        for i in range(count):
-            values = system.parameters | {s: v for s, v in zip(model.parameters, p[i].tolist())}
-            go(run.timed(t0[i], end[i], values), i, i + 1)
-    else:
-        go(run.control, 0, count)
+    with spending().heard() as gone:
+        if run.clocked:
+            # The instants of time events depend on the parameters and the span: one orbit a call.
+            for i in range(count):
+                values = system.parameters | {s: v for s, v in zip(model.parameters, p[i].tolist())}
+                go(run.timed(t0[i], end[i], values), i, i + 1)
+        else:
+            go(run.control, 0, count)
     orbits.code_done = orbits.code == state.DONE
     orbits.ok = orbits.code_done | (orbits.code == state.TERMINAL)
     orbits.outcome = np.where(orbits.code_done, int(Outcome.FINISHED), int(Outcome.TERMINATED))
     for i in np.flatnonzero(~orbits.ok).tolist():
-        orbits.outcome[i] = _outcome(plan, columns, i)
+        late = orbits.code[i] == state.FULL
+        orbits.outcome[i] = Outcome.TIME_LIMIT if late else _outcome(plan, columns, i)
     return orbits
 
 

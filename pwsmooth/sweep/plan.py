@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
+from .. import checks, memory
+from ..diffusion import Diffusion
 from ..event_driven import LOOSEST
 from ..lambdified import numpy_function
+from ..noise import Kicks
 from ..stiff import LOOSEST_RTOL
 from ..stiff_switching import switched_by_events
 from .axes import Axes, read_axes
@@ -28,6 +30,7 @@ from .measures import Function, Period, measure_from_text
 # Outcomes of a point beyond those of a solve.
 REFUSED, FUNCTION_FAILED, NOT_RUN = -101, -102, -128
 _RTOL, _ATOL = 1e-9, 1e-12  # solve's own
+_PILOTS = 8  # points of which a worker holds the periods at once, at least
 
 
 @dataclass(frozen=True)
@@ -175,14 +178,17 @@ def make_plan(
     """
     if hasattr(system, "system") and hasattr(system, "start"):
         scene, system = system, system.system
+        start, units = (
+            checks.optional(checks.mapping)(e, f"`{n}`") for n, e in (("start", start), ("units", units))
+        )
         start = {**scene.start, **{str(k): v for k, v in (start or {}).items()}}
         units = {**getattr(scene, "units", {}), **(units or {})}
         if getattr(scene, "atol", None) and "atol" not in options:
             options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
         if period is None and t_span is None:
             period, t_span = scene.period, None if scene.period else scene.t_span
-    if not hasattr(system, "model"):
-        raise TypeError(f"`system` is {system!r}; give a System, one of its views, or a scene.")
+    checks.system(system, "`system`")
+    checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
     if start is not None and not isinstance(start, Mapping):
@@ -197,8 +203,14 @@ def make_plan(
     if period is not None:
         if t_span is not None:
             raise ValueError("give `period` (with `transient` and `periods`) or `t_span`, not both.")
+        if measure_from is not None:
+            raise ValueError(
+                "`measure_from` belongs to `t_span`; with `period` measuring begins after `transient`."
+            )
         transient = checks.whole(transient, "`transient`", 0)
         periods = checks.whole(periods, "`periods`", 1)
+        if not memory.fits(_PILOTS * 8 * (periods + 1) * len(system.states)):
+            raise ValueError(f"`periods` is {periods}; that many points do not fit into memory. Give fewer.")
         t0, span, measure_from = 0.0, None, None
     elif t_span is None:
         raise ValueError("give `period`, the period of the drive, or `t_span`, how long a run lasts.")
@@ -209,7 +221,7 @@ def make_plan(
             measure_from = checks.number(measure_from, "`measure_from`")
             if not t0 <= measure_from < t1:
                 raise ValueError(f"`measure_from` is {measure_from:g}; give a time in [{t0:g}, {t1:g}).")
-    chosen = tuple(measure_from_text(m) if isinstance(m, str) else _measure(m) for m in _listing(measures))
+    chosen = tuple(_measure(m) for m in _listing(measures))
     setting = _setting(system, chosen, periods, period is not None, _unit_names(units))
     plan = Plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
@@ -225,24 +237,31 @@ def make_plan(
 def _listing(measures):
     if isinstance(measures, (str, Measure)) or callable(measures):
         return (measures,)
-    return tuple(measures)
+    return checks.several(measures, "`measures`")
 
 
 def _measure(item):
     if isinstance(item, Measure):
         return item
+    if isinstance(item, str):
+        try:
+            return measure_from_text(item)
+        except ValueError as error:
+            raise ValueError(f"`measures`: {error}") from None
     if isinstance(item, type) and issubclass(item, Measure):
         return item()
     if callable(item):
         return Function(item)
     raise TypeError(
-        f"`measures` contains {item!r}; give names such as 'sticks', Measures, or functions of a Solution."
+        f"`measures` contains {checks.shown(item)}; give names such as 'sticks', Measures, or functions of a Solution."
     )
 
 
 def _unit_names(units):
     if units is not None and not isinstance(units, Mapping):
-        raise TypeError(f"`units` is {units!r}; give a dict of names to units, such as {{'k': 'N/m'}}.")
+        raise TypeError(
+            f"`units` is {checks.shown(units)}; give a dict of names to units, such as {{'k': 'N/m'}}."
+        )
     return tuple(sorted((str(k), str(v)) for k, v in (units or {}).items()))
 
 
@@ -250,25 +269,10 @@ def _period(system, period, where):
     """The drive's period as an expression in the parameters."""
     if period is None:
         return None
-    known = {p.name: p for p in system.parameters}
-    try:
-        expression = sp.sympify(period, locals=known)
-        expression = expression.subs({s: known[s.name] for s in expression.free_symbols if s.name in known})
-    except (sp.SympifyError, TypeError, AttributeError) as error:
-        raise ValueError(
-            f"`period` is {period!r}; give a number or an expression in the parameters."
-        ) from error
-    unknown = expression.free_symbols - set(system.parameters)
-    if unknown:
-        raise ValueError(
-            f"`period` is {expression}, which contains {checks.listing(unknown)}; it may depend on parameters: "
-            f"{checks.listing(system.parameters)}."
-        )
-    at = dict(system.parameters) | {known[n]: v[1].min() for n, v in where.values.items() if n in known}
-    value = complex(expression.subs(at))
-    if not (value.imag == 0 and value.real > 0 and math.isfinite(value.real)):
-        raise ValueError(f"`period` is {expression} = {expression.subs(at)}; give a positive period.")
-    return expression
+    values = {
+        p: where.values[p.name][1].min() if p.name in where.values else q for p, q in system.parameters.items()
+    }
+    return checks.period(period, values)
 
 
 def _setting(system, measures, periods, forced, units):
@@ -286,7 +290,7 @@ def _setting(system, measures, periods, forced, units):
         for name in measure.quantities:
             if name not in (*states, *names, *outputs):
                 raise ValueError(
-                    f"a measure names {name!r}, which is no state, multiplier or output of this system; they are "
+                    f"`measures` names {name!r}, which is no state, multiplier or output of this system; they are "
                     f"{', '.join((*states, *names, *outputs))}."
                 )
             quantities[name] = quantities.get(name, 0) | measure.bits
@@ -296,7 +300,9 @@ def _setting(system, measures, periods, forced, units):
             if not measure.quantities and measure.compiled and n not in states
         ]
         if lacking:
-            raise ValueError(f"Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}.")
+            raise ValueError(
+                f"`measures`: Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}."
+            )
     kinds = {type(m).__name__ for m in measures}
     if model.smoothing and not model.multipliers and kinds & {"Sticks", "Itinerary"}:
         raise ValueError(
@@ -332,7 +338,7 @@ def _options(system, options):
     checked["max_steps"] = checks.whole(checked.get("max_steps", 10_000_000), "`max_steps`", 1)
     order = checked.pop("order", None)
     checked["order"] = None if order is None else checks.whole(order, "`order`", 8, 31)
-    checked.setdefault("method", "auto")
+    checked["method"] = checks.name(checked.get("method", "auto"), "`method`")
     known = {"rtol", "atol", "max_step", "max_steps", "order", "method"}
     if set(checked) - known:
         raise TypeError(

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..budget import Stop
 from .axes import Axes
 from .chunk import run_chunk
 from .plan import Plan
@@ -31,17 +32,29 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def chunk_target(plan: Plan, axes: Axes, workers: int) -> int:
+def chunk_target(plan: Plan, axes: Axes, workers: int, deadline: float = math.inf) -> int:
     """Points in a chunk, from the time that a few points take; it does not change any value."""
     pilots = np.unique(np.linspace(0, axes.size - 1, min(_PILOTS, axes.size)).astype(int))
     whole = [axes.columns(int(i), int(i) + 1) for i in pilots]
     columns = {name: np.concatenate([c[name] for c in whole]) for name in whole[0]}
-    run_chunk(plan, {name: c[:1] for name, c in columns.items()})  # compiles, or loads what was compiled
+    _apart(plan, {name: c[:1] for name, c in columns.items()}, deadline)  # compiles, or loads what was compiled
     begin = time.perf_counter()
-    run_chunk(plan, columns)
+    _apart(plan, columns, deadline)
     per_point = (time.perf_counter() - begin) / len(pilots)
     target = min(_SECONDS / max(per_point, 1e-7), _MOST, math.ceil(axes.size / (4 * workers)))
     return max(1, int(target))
+
+
+def _apart(plan: Plan, columns: dict[str, np.ndarray], deadline: float) -> None:
+    """A chunk in a thread of its own: in this one Ctrl-C would be heard only at its end."""
+    stop = Stop()
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(run_chunk, plan, columns, deadline, stop)
+        try:
+            future.result()
+        except BaseException:
+            stop.set()
+            raise
 
 
 def run_chunks(
@@ -52,6 +65,7 @@ def run_chunks(
     workers: int | None,
     keep: Callable[[int, int, dict[str, np.ndarray]], None],
     progress: Any,
+    deadline: float = math.inf,
 ) -> None:
     """Run the chunks (start, stop) of `todo` and hand each result to `keep`, in the order in which they finish.
 
@@ -65,7 +79,9 @@ def run_chunks(
     pool: Executor = ThreadPoolExecutor(workers) if executor is None else executor
     if own and todo:
         # Once, before the threads: else each would compile the model for itself.
-        run_chunk(plan, axes.columns(todo[0][0], todo[0][0] + 1))
+        _apart(plan, axes.columns(todo[0][0], todo[0][0] + 1), deadline)
+    # Compiled orbits of this process hear it; other processes end their chunks first.
+    stop = Stop() if own else None
     waiting = iter(todo)
     running: dict[Any, tuple[int, int]] = {}
     try:
@@ -73,7 +89,7 @@ def run_chunks(
             while True:
                 # A few more than there are workers, so that none is idle; not all, so that memory stays bounded.
                 while len(running) < 2 * workers and (chunk := next(waiting, None)) is not None:
-                    running[pool.submit(run_chunk, plan, axes.columns(*chunk))] = chunk
+                    running[pool.submit(run_chunk, plan, axes.columns(*chunk), deadline, stop)] = chunk
                 if not running:
                     break
                 # A time limit, so that Ctrl-C is heard.
@@ -91,6 +107,8 @@ def run_chunks(
                     keep(*chunk, result)
                     advance(chunk[1] - chunk[0], int(np.sum(result["outcome"] < 0)))
     except BaseException:
+        if stop is not None:
+            stop.set()
         for future in running:
             future.cancel()
         raise

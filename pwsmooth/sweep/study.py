@@ -8,35 +8,43 @@
     rtol = 1e-9
 
     [system]
-    object = "models.py:oscillator"  # a System, a scene, or a function that returns one; beside the study
-    parameters = { rho = 0 }         # or: scene = "block_on_belt", law = "LuGre", arguments = { pull = 0.1 }
+    scene = "friction_oscillator"    # of pwsmooth.scenes
+    law = "HiddenStatic"             # of pwsmooth.laws
+    arguments = { omega = 1.1 }
+    parameters = { rho = 0 }
     layered = { z = inf }            # a view; or smoothed = { eps = 1e-3 }
 
     [axes]
-    sigma = { from = 0.6, to = 3, count = 25 }   # spacing = "log"
-    k = [2, 3.1, 4]
+    amplitude = { from = 0.6, to = 3, count = 25 }   # spacing = "log"
+    spring = [2, 3.1, 4]
 
     [start]
     y = 0.5
     v = 0.3
 
     [units]
-    k = "N/m"
+    spring = "N/m"
 
-A measure may be a function beside the study: "models.py:peak_force".
+A study is data: it names scenes and laws of the package, and what the caller of run_study() registers in `names`.
+Only with allow_code=True (--allow-code) may it also name code in a file beside it: object = "models.py:oscillator"
+(a System, a scene, or a function that returns one), measures = ["models.py:peak_force"]. That file is run.
 """
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import inspect
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+
+from .. import checks
+
+_HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
 
 
 class StudyError(ValueError):
@@ -52,7 +60,7 @@ class Spaced(_Table):
 
     from_: float = Field(alias="from")
     to: float
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=10_000_000)]
     spacing: Literal["linear", "log"] = "linear"
 
     @model_validator(mode="after")
@@ -74,7 +82,7 @@ Values = Annotated[
 
 
 class SystemTable(_Table):
-    """What is swept: an object of a Python file, or a scene with a law."""
+    """What is swept: a scene with a law, or an object that is registered or stands in a file."""
 
     object: str | None = None
     scene: str | None = None
@@ -123,14 +131,16 @@ def read_study(path: Any) -> Study:
         No such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with its key
         and line.
     """
-    path = Path(path)
+    path = checks.path(path, "`path`")
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise StudyError(f"{path}: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise StudyError(f"{path}: no text in UTF-8: {error.reason} at byte {error.start}") from None
     try:
         return Study.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise StudyError(f"{path}: no TOML: {error}") from None
     except ValidationError as error:
         lines = []
@@ -165,17 +175,60 @@ def _line(text: str, keys: list[str]) -> str:
     return f", line {best}" if best else ""
 
 
-def arguments_of(study: Study, folder: Any) -> tuple[Any, dict[str, Any]]:
-    """System (or scene) and keyword arguments of sweep(); names of files are relative to `folder`.
+class Names(NamedTuple):
+    """What a study may name besides the package's own: registered objects and, if allowed, code in its folder."""
+
+    registered: Mapping[str, Any] = {}
+    folder: Path | None = None  # None: no code
+
+    def get(self, reference: str, key: str) -> Any:
+        """The object of a registered name or of "file.py:name"."""
+        if reference in self.registered:
+            return self.registered[reference]
+        where, _, name = reference.partition(":")
+        if not (where.endswith(".py") and name):
+            known = f"; registered are {', '.join(self.registered)}" if self.registered else ""
+            raise StudyError(
+                f"{key} is {reference!r}; write 'file.py:name', a file beside the study, with --allow-code{known}."
+            )
+        if self.folder is None:
+            raise StudyError(
+                f"{key} is {reference!r}, which is code: a study is data. If you trust that file, add --allow-code "
+                "(allow_code=True), which runs it."
+            )
+        folder = self.folder.resolve()
+        path = (folder / where).resolve()
+        if not path.is_relative_to(folder):
+            raise StudyError(
+                f"{key} is {reference!r}, outside of the study's folder {str(folder)!r}; move it there."
+            )
+        if not path.is_file():
+            raise StudyError(f"{key}: there is no file {str(path)!r}.")
+        # Under its own name, so that workers in other processes can be told what to import.
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:  # a user's file may raise anything
+            raise StudyError(f"{key}: {where} raised {type(error).__name__}: {error}.") from error
+        if not hasattr(module, name):
+            raise StudyError(f"{key}: {where} has no {name!r}.")
+        return getattr(module, name)
+
+
+def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[str, Any]]:
+    """System (or scene) and keyword arguments of sweep().
 
     Raises
     ------
     StudyError
         An object, scene, law or function that does not exist or is of no use.
     """
-    folder = Path(folder)
-    system = _system(study.system, folder)
-    measures = [_load(m, folder, "measures") if ":" in m else m for m in study.measures]
+    checks.instance(Study, "what read_study() gives")(study, "`study`")
+    names = checks.optional(checks.instance(Names, "Names(...)"))(names, "`names`") or Names()
+    system = _system(study.system, names)
+    measures = [names.get(m, "measures") if ":" in m or m in names.registered else m for m in study.measures]
     arguments: dict[str, Any] = dict(
         axes={name: _values(v) for name, v in study.axes.items()},
         points={name: _values(v) for name, v in study.points.items()},
@@ -198,17 +251,20 @@ def _values(values: Any) -> Any:
     return values.values() if isinstance(values, Spaced) else values
 
 
-def _system(table: SystemTable, folder: Path) -> Any:
+def _system(table: SystemTable, names: Names) -> Any:
     if table.object is not None:
-        system = _load(table.object, folder, "system.object")
+        system = names.get(table.object, "system.object")
         if callable(system) and not hasattr(system, "model"):
             system = _call(system, table.arguments, "system.arguments")
     else:
-        scenes = importlib.import_module("pwsmooth.scenes")
-        builder = getattr(scenes, table.scene or "", None)
-        if not inspect.isfunction(builder) or table.scene == "assemble":
-            known = [n for n in scenes.__all__ if inspect.isfunction(getattr(scenes, n)) and n != "assemble"]
+        from .. import scenes
+
+        known = {
+            n: f for n in scenes.__all__ if inspect.isfunction(f := getattr(scenes, n)) and n not in _HELPERS
+        }
+        if table.scene not in known:
             raise StudyError(f"system.scene is {table.scene!r}; scenes are {', '.join(known)}.")
+        builder = known[table.scene]
         arguments = dict(table.arguments)
         if table.law is not None:
             arguments["law"] = _call(_law(table.law), table.law_parameters, "system.law_parameters")
@@ -249,16 +305,13 @@ def _oo(ratio: float) -> Any:
 
 
 def _law(name: str) -> Any:
-    known = []
-    for family in ("friction", "contact"):
-        try:
-            module = importlib.import_module(f"pwsmooth.laws.{family}")
-        except ModuleNotFoundError:
-            continue
-        known += module.__all__
-        if name in module.__all__:
-            return getattr(module, name)
-    raise StudyError(f"system.law is {name!r}; laws are {', '.join(known)}.")
+    from ..laws import Law, contact, friction
+
+    found = {n: getattr(module, n) for module in (friction, contact) for n in module.__all__}
+    known = {n: law for n, law in found.items() if isinstance(law, type) and issubclass(law, Law)}
+    if name not in known:
+        raise StudyError(f"system.law is {name!r}; laws are {', '.join(known)}.")
+    return known[name]
 
 
 def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
@@ -268,34 +321,20 @@ def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
         raise StudyError(f"{key}: {error}") from None
 
 
-def _load(reference: str, folder: Path, key: str) -> Any:
-    """The object of "file.py:name" or "package.module:name"."""
-    where, _, name = reference.partition(":")
-    if not name:
-        raise StudyError(f"{key} is {reference!r}; write 'file.py:name' or 'package.module:name'.")
-    try:
-        if where.endswith(".py"):
-            path = (folder / where).resolve()
-            if not path.is_file():
-                raise StudyError(f"{key}: there is no file {str(path)!r}.")
-            # Under its own name, so that workers in other processes can be told what to import.
-            spec = importlib.util.spec_from_file_location(path.stem, path)
-            assert spec is not None and spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            spec.loader.exec_module(module)
-        else:
-            module = importlib.import_module(where)
-    except ImportError as error:
-        raise StudyError(f"{key}: {error}.") from None
-    if not hasattr(module, name):
-        raise StudyError(f"{key}: {where} has no {name!r}.")
-    return getattr(module, name)
-
-
 def run_study(
-    path: Any, out: Any, resume: bool, workers: int | None, progress: bool | None
+    path: Any,
+    out: Any,
+    resume: bool = False,
+    workers: int | None = None,
+    progress: bool | None = None,
+    *,
+    names: Mapping[str, Any] | None = None,
+    allow_code: bool = False,
 ) -> tuple[Any, Path]:
     """Run a study into the store OUT/<name of the file>.zarr; returns its Dataset and the store's path.
+
+    `names` registers what the study may name as `object` or in `measures`; `allow_code` lets it name, and so run, code
+    in files beside it.
 
     Raises
     ------
@@ -306,10 +345,12 @@ def run_study(
     """
     from . import sweep
 
-    path = Path(path)
+    path = checks.path(path, "`path`")
+    names = checks.optional(checks.mapping)(names, "`names`")
+    allow_code = checks.flag(allow_code, "`allow_code`")
     study = read_study(path)
-    store = Path(out) / f"{path.stem}.zarr"
-    if store.exists() and not resume:
+    store = checks.path(out, "`out`") / f"{path.stem}.zarr"
+    if store.exists() and not checks.flag(resume, "`resume`"):
         raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
-    system, arguments = arguments_of(study, path.parent)
+    system, arguments = arguments_of(study, Names(names or {}, path.parent if allow_code else None))
     return sweep(system, store=store, workers=workers, progress=progress, **arguments), store

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
+from ... import checks
 from .restitution import exact_eta, restitution
 
 __all__ = ["ETA", "Factor", "damping_factor", "effective_restitution"]
@@ -71,6 +72,7 @@ ETA: dict[str, Factor] = {
 }
 
 
+@checks.door(name=lambda value, what: checks.one_of(*ETA)(value, f"{what} of `eta`"))
 def damping_factor(name: str, c_r: Any) -> Any:
     """The factor eta of a law of the table at `c_r`.
 
@@ -101,13 +103,13 @@ def damping_factor(name: str, c_r: Any) -> Any:
     >>> float(damping_factor("lankarani-nikravesh", 0.5))
     0.5625
     """
-    if name not in ETA:
-        raise ValueError(f"`eta` is {name!r}; the table has {', '.join(ETA)}.")
+    c_r = checks.expression(c_r, "`c_r`") if isinstance(c_r, sp.Basic) else c_r
     if not isinstance(c_r, sp.Basic) or c_r.is_number:
-        check_c_r(float(c_r))
+        check_c_r(c_r)
     return ETA[name].formula(c_r)
 
 
+@checks.door(c_r=checks.number)
 def effective_restitution(name: str, c_r: float) -> float:
     """The restitution that a law of the table really has when it is asked for `c_r`.
 
@@ -143,5 +145,5 @@ def effective_restitution(name: str, c_r: float) -> float:
 
 def check_c_r(c_r, what="`c_r`"):
     """A coefficient of restitution is above 0 (where these laws divide by it) and at most 1."""
-    if not 0 < c_r <= 1:
+    if not 0 < checks.number(c_r, what) <= 1:
         raise ValueError(f"{what} is {c_r:g}; a coefficient of restitution must be > 0 and <= 1.")

@@ -14,9 +14,11 @@ Chain: restitution (here) -> family.py, which puts eta(c_r) into a force.
 
 from __future__ import annotations
 
-from math import exp, gamma, isfinite, log1p, pi, sqrt
+from math import exp, gamma, log1p, pi, sqrt
 
 import numpy as np
+
+from ... import checks
 
 __all__ = ["contact_duration", "exact_eta", "maximal_indentation", "phase_curve", "restitution"]
 
@@ -25,6 +27,7 @@ _SERIES = (1.0, -2 / 3, 4 / 9, -44 / 135, 104 / 405, -40 / 189, 7648 / 42525, -2
 _SMALL_ETA = 1e-2  # the first dropped term is below 0.13 * 1e-18 there
 
 
+@checks.door(eta=checks.array)
 def restitution(eta):
     """Coefficient of restitution e of the law F = g(delta) (1 + eta v/v0).
 
@@ -60,6 +63,7 @@ def restitution(eta):
     return _elementwise(_restitution, eta)
 
 
+@checks.door(e=checks.array)
 def exact_eta(e):
     """The damping factor eta whose restitution is exactly `e`: the inverse of `restitution`.
 
@@ -91,6 +95,8 @@ def exact_eta(e):
     return _elementwise(_exact_eta, e)
 
 
+@checks.door(**dict.fromkeys(("stiffness", "exponent", "mass", "speed"), checks.positive), eta=checks.number)
+@checks.closed_form
 def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
     """Largest indentation of a free impact on F = K delta^n (1 + eta v/v0).
 
@@ -127,11 +133,12 @@ def maximal_indentation(stiffness, exponent, mass, speed, eta=0.0):
     >>> float(maximal_indentation(1e5, 1, 1.0, 2.0)) == 2.0 * (1 / 1e5) ** 0.5
     True
     """
-    _positive(stiffness=stiffness, exponent=exponent, mass=mass, speed=speed)
     work = mass * speed**2 * _phi_ratio(_eta(eta))
     return ((exponent + 1) * work / stiffness) ** (1 / (exponent + 1))
 
 
+@checks.door(**dict.fromkeys(("stiffness", "exponent", "mass", "speed"), checks.positive))
+@checks.closed_form
 def contact_duration(stiffness, exponent, mass, speed):
     """How long an elastic free impact on F = K delta^n lasts.
 
@@ -173,6 +180,8 @@ def contact_duration(stiffness, exponent, mass, speed):
     return 2 * depth / speed * sqrt(pi) * gamma(1 + q) / gamma(0.5 + q)
 
 
+@checks.door(eta=checks.number, s=checks.array)
+@checks.closed_form
 def phase_curve(eta, s):
     """Work that the elastic part has done at speed s v0: G(delta)/(m v0^2).
 
@@ -207,7 +216,6 @@ def phase_curve(eta, s):
     0.5
     """
     eta = _eta(eta)
-    s = np.asarray(s, float)
     ratio = np.vectorize(lambda x: _phi_ratio(eta * x), otypes=[float])
     return _phi_ratio(eta) - s**2 * ratio(s)
 
@@ -289,13 +297,6 @@ def _elementwise(function, value):
 
 
 def _eta(value):
-    value = float(value)
     if not value >= 0:
         raise ValueError(f"`eta` is {value:g}; the damping factor of a contact is >= 0.")
     return value
-
-
-def _positive(**values):
-    for name, value in values.items():
-        if not (isfinite(value) and value > 0):
-            raise ValueError(f"`{name}` is {value:g}; give a positive number.")

@@ -9,11 +9,20 @@ Chain: stiffness (here) -> impact.py, scenes/slider_crank.py.
 
 from __future__ import annotations
 
-from math import inf, isfinite, sqrt
+from math import inf, sqrt
+
+from ... import checks
 
 __all__ = ["composite_modulus", "hertz_stiffness", "journal_stiffness"]
 
 
+@checks.door(
+    E_1=checks.positive,
+    nu_1=checks.number,
+    E_2=checks.optional(checks.positive),
+    nu_2=checks.optional(checks.number),
+)
+@checks.closed_form
 def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: float | None = None) -> float:
     """E* of two bodies, of one material if the second is not given.
 
@@ -47,14 +56,14 @@ def composite_modulus(E_1: float, nu_1: float, E_2: float | None = None, nu_2: f
     113.7363
     """
     E_2, nu_2 = E_1 if E_2 is None else E_2, nu_1 if nu_2 is None else nu_2
-    for name, E in (("E_1", E_1), ("E_2", E_2)):
-        _positive(name, E)
     for name, nu in (("nu_1", nu_1), ("nu_2", nu_2)):
         if not -1 < nu <= 0.5:
             raise ValueError(f"`{name}` is {nu:g}; Poisson's ratio lies above -1 and is at most 1/2.")
     return 1 / ((1 - nu_1**2) / E_1 + (1 - nu_2**2) / E_2)
 
 
+@checks.door(E_star=checks.positive, R_1=checks.extended, R_2=checks.extended)
+@checks.closed_form
 def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
     """Stiffness K of the contact of two spheres, or of a sphere and a plane.
 
@@ -85,13 +94,14 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
     >>> hertz_stiffness(3.0, 4.0)
     8.0
     """
-    _positive("E_star", E_star)
     for name, R in (("R_1", R_1), ("R_2", R_2)):
         if not R > 0:
             raise ValueError(f"`{name}` is {R:g}; a radius is positive (inf: a plane).")
     return 4 / 3 * E_star * sqrt(1 / (1 / R_1 + 1 / R_2))
 
 
+@checks.door(E_star=checks.positive)
+@checks.closed_form
 def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     """Stiffness K of a journal in its bearing.
 
@@ -123,21 +133,13 @@ def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095) / 1e10, 3)
     6.61
     """
-    _positive("E_star", E_star)
     check_radii(R_B, R_J)
     return 4 / 3 * E_star * sqrt(R_B * R_J / (R_B - R_J))
 
 
 def check_radii(R_B: float, R_J: float) -> None:
     """A journal is smaller than its bearing."""
-    _positive("R_B", R_B)
-    _positive("R_J", R_J)
-    if not R_J < R_B:
+    if not checks.positive(R_J, "`R_J`") < checks.positive(R_B, "`R_B`"):
         raise ValueError(
             f"`R_J` is {R_J:g} and `R_B` is {R_B:g}; the journal must be smaller than its bearing, by the clearance."
         )
-
-
-def _positive(name, value):
-    if not (isfinite(value) and value > 0):
-        raise ValueError(f"`{name}` is {value:g}; give a positive number.")

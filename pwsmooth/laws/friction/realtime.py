@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import checks
 from ..contract import Law
 from . import stepping
 from .coulomb import Coulomb, StribeckFriction
@@ -138,6 +139,7 @@ def _compiled(kind: str) -> tuple[Callable[..., float], Callable[..., float]]:
     return compiled(getattr(stepping, f"{kind}_given")), compiled(getattr(stepping, f"{kind}_coupled"))
 
 
+@checks.door(law=checks.instance(Law, "a friction law"), v=checks.number)
 def real_time(law: Law, v: float = 0.0) -> RealTime:
     """The one-step form of a law.
 
