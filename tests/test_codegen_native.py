@@ -7,7 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from pwsmooth.codegen import native
+from pwsmooth.codegen import cache, native
 from pwsmooth.codegen.jets import SOLVERS
 from pwsmooth.codegen.scalar import HELPERS
 
@@ -178,11 +178,12 @@ def test_an_unknown_function_is_named():
 
 
 def test_machine_code_is_stored_and_found_again(tmp_path, monkeypatch):
-    path = tmp_path / "m0.py"
-    path.write_text("ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n")
-    assert native.load(path).constants == {"ORDER": 3}
-    assert native.load(path) is native.load(path)
+    monkeypatch.setattr(cache, "roots", lambda: [tmp_path])
+    monkeypatch.setattr(native, "models", lambda: cache.Folder("models", "key"))
+    text = "ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n"
+    assert native.load(text).constants == {"ORDER": 3}
+    assert native.load(text) is native.load(text)
     monkeypatch.setattr(native, "_loaded", {})
     monkeypatch.setattr(native, "build", None)  # a second process must not need it
-    code = native.load(path)
+    code = native.load(text)
     assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(1.5) == 3.0

@@ -52,12 +52,12 @@ class Compiled:
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
-    def _load(self, paths, name: str):
-        if name not in paths:
+    def _load(self, texts, name: str):
+        if name not in texts:
             return None
         from . import native
 
-        code = native.load(paths[name], self._sizes)
+        code = native.load(texts[name], self._sizes)
         self._modules.append(code)
         return code
 
@@ -81,7 +81,7 @@ class Compiled:
 
             return write_fields(self.model)
 
-        return cache.cached_modules(f"{self._key}-fields", build)
+        return cache.cached_texts(f"{self._key}-fields", build)
 
     @cached_property
     def _jets(self):
@@ -94,7 +94,7 @@ class Compiled:
 
             return write_jets(self.model)
 
-        return cache.cached_modules(f"{self._key}-jets", build)
+        return cache.cached_texts(f"{self._key}-jets", build)
 
     @cached_property
     def _slip(self):

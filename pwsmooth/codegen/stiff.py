@@ -59,8 +59,8 @@ class CompiledStiff:
             return 0
         if order not in self.codes:
             key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
-            paths = cache.cached_modules(key, lambda: {"radau": attempt_text(self.model, order)})
-            code = _machine_code(paths["radau"])
+            texts = cache.cached_texts(key, lambda: {"radau": attempt_text(self.model, order)})
+            code = _machine_code(texts["radau"])
             self.codes[order] = code, code.address("radau")
         return self.codes[order][1]
 
@@ -93,15 +93,15 @@ def compile_stiff(model: Model) -> CompiledStiff:
                 f"The smoothed path integrates models without multipliers; this one still has {names}. "
                 "Contacts and algebraic unknowns run on the event-driven path."
             )
-        paths = cache.cached_modules(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
-        found = _compiled[model] = _load(model, _machine_code(paths["stiff"]))
+        texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
+        found = _compiled[model] = _load(model, _machine_code(texts["stiff"]))
     return found
 
 
-def _machine_code(path):
+def _machine_code(text):
     from pwsmooth.codegen import stiff_native
 
-    return stiff_native.load(path)
+    return stiff_native.load(text)
 
 
 def _load(model: Model, code) -> CompiledStiff:
