@@ -10,13 +10,14 @@ symbolic work nor compilation. Chain: model.py -> dag.py, scalar.py, fields.py, 
 from __future__ import annotations
 
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from ..model import Model
 from . import cache
 
-_compiled: dict[Model, Compiled] = {}
+_compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
 
 
 class Compiled:
@@ -187,7 +188,7 @@ class Compiled:
 
 
 def compile_model(model: Model) -> Compiled:
-    """Compiled functions of a model; one object for equal models, kept for the life of the process.
+    """Compiled functions of a model; one object for equal models. Its addresses live as long as the object.
 
     Examples
     --------
@@ -197,6 +198,7 @@ def compile_model(model: Model) -> Compiled:
     >>> compile_model(Model(time=t, states=(x,), parameters=(), rhs=(-x,))).n
     1
     """
-    if model not in _compiled:
-        _compiled[model] = Compiled(model)
-    return _compiled[model]
+    found = _compiled.get(model)
+    if found is None:
+        found = _compiled[model] = Compiled(model)
+    return found

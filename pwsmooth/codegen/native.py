@@ -23,6 +23,7 @@ import re
 import threading
 from functools import cache
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -476,7 +477,17 @@ def emit(translated: ir.Module) -> bytes:
     module.data_layout = str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(module, passes)
+    manager = passes.getModulePassManager()
+    manager.run(module, passes)
+    # llvmlite would keep it for ever, 0.3 MB a text: an empty method of another base hides its destructor.
+    own = [
+        k._dispose
+        for k in type(manager).__mro__
+        if k.__module__.endswith("passmanagers") and "_dispose" in vars(k)
+    ]
+    if own:
+        own[0](manager)
+        manager.detach()
     return machine.emit_object(module)
 
 
@@ -522,7 +533,8 @@ class Code:
         return self._engine.get_function_address(name)
 
 
-_loaded: dict[tuple[str, tuple[int, ...]], Code] = {}
+# Code that models share; it goes with the last of them.
+_loaded: WeakValueDictionary[tuple[str, tuple[int, ...]], Code] = WeakValueDictionary()
 _lock = threading.Lock()
 
 
@@ -534,11 +546,12 @@ def load(text: str, sizes: tuple[int, ...] = (), translate=None) -> Code:
     """
     name = hashlib.sha256(text.encode()).hexdigest()[:24]
     with _lock:
-        if (name, sizes) not in _loaded:
+        code = _loaded.get((name, sizes))
+        if code is None:
             stored = f"{name}.{machine_mark()}.o"
             image = models().read(stored)
             if image is None:
                 image = (translate or build)(text)
                 models().write(stored, image)
-            _loaded[name, sizes] = Code(text, image, sizes)
-        return _loaded[name, sizes]
+            code = _loaded[name, sizes] = Code(text, image, sizes)
+        return code
