@@ -20,9 +20,9 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# The command line, the solver's two paths, stores, the cache: one file of each, and none of minutes.
-TESTS = ("test_cli", "test_exact_switching", "test_smooth_path", "test_sweep", "test_sweep_store", "test_cache",
-         "test_contact_laws", "test_sweep_study", "test_docs")  # fmt: skip
+# The command line, the solver's two paths, impacts, stores, pages: none of many minutes.
+TESTS = ("test_cli", "test_exact_switching", "test_smooth_path", "test_contact_laws", "test_sweep", "test_docs")
+STORES = "tests/test_sweep_store.py::test_a_finished_store_is_read_and_opens_in_xarray"
 SHOWN = ("numpy", "scipy", "sympy", "numba", "typer", "xarray", "zarr")
 
 
@@ -38,7 +38,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--python", nargs="*", default=["3.11", "3.12", "3.13"])
     parser.add_argument("--newest", action="store_true")
-    parser.add_argument("--tests", nargs="*", default=[f"tests/{name}.py" for name in TESTS])
+    parser.add_argument("--tests", nargs="*", default=[*(f"tests/{name}.py" for name in TESTS), STORES])
     given = parser.parse_args()
     resolution = "highest" if given.newest else "lowest-direct"
     failed = 0

@@ -129,7 +129,8 @@ def _versions() -> str:
     from importlib.metadata import version
 
     packages = ("numba", "llvmlite", "numpy", "sympy")
-    return "|".join((platform.python_version(), platform.machine(), *(version(name) for name in packages)))
+    # The format of the files too: versions that write another one keep to their own folders.
+    return "|".join(("sha256", platform.python_version(), platform.machine(), *map(version, packages)))
 
 
 def sources_key(*packages: str) -> str:

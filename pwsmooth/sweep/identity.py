@@ -10,7 +10,6 @@ Chain: plan.identity -> **this** -> store.py.
 from __future__ import annotations
 
 import copyreg
-import dataclasses
 import dis
 import hashlib
 import inspect
@@ -23,6 +22,7 @@ import numpy as np
 import sympy as sp
 
 from ..codegen.cache import fingerprint
+from ..system import System
 
 UNKNOWN = "holds what cannot be compared"
 # What a class says of itself beyond its code.
@@ -87,17 +87,14 @@ class _Teller:
         if isinstance(item, types.CodeType):
             code = item.co_code, item.co_names, item.co_varnames, item.co_freevars, item.co_exceptiontable
             return f"code {tell(code)} {tell(item.co_consts)}"
-        for inner in (
-            "__wrapped__",
-            "__func__",
-            "func",
-            "py_func",
-            "fget",
-        ):  # of caches, methods, properties, numba
+        # Of partials, methods, properties, numba, caches; a class of the user's may hold more beside.
+        for inner in ("func", "__func__", "fget", "py_func", "__wrapped__") * bool(
+            installed(type(item).__module__)
+        ):
             if isinstance(function := getattr(item, inner, None), types.FunctionType):
                 held = [getattr(item, name, None) for name in ("__self__", "args", "keywords", "fset")]
                 return f"{kind} {tell(function)} {tell(held)}"
-        if hasattr(item, "model") and dataclasses.is_dataclass(item.model):
+        if isinstance(item, System):
             return f"system {fingerprint(item.model)} {tell(dict(item.parameters))}"
         try:
             reduce = copyreg.dispatch_table.get(type(item))  # as pickle sees it

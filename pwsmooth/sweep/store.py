@@ -10,6 +10,7 @@ attributes, bears a sha256 too.
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 import re
@@ -97,7 +98,7 @@ class Store:
             )
         if other:
             self.attrs["versions"] = there["versions"]
-            warnings.warn(f"`store` {str(self.path)!r} {other}; it is finished, and only read.", stacklevel=4)
+            warnings.warn(f"`store` {str(self.path)!r} {other}; it is finished, and only read.", stacklevel=3)
         if damaged:
             say_damage(self.path, damaged, "computed again")
 
@@ -232,7 +233,7 @@ def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
 
 def _remove_scratch(path: Path) -> None:
     """Remove what processes left beside the store that were killed while they made it."""
-    for scratch in path.parent.glob(f".{path.name}-*"):
+    for scratch in path.parent.glob(f".{glob.escape(path.name)}-*"):
         maker = re.fullmatch(r"(\d+)@(.+)-\w{8}", scratch.name[len(path.name) + 2 :])
         if maker and maker[2] == socket.gethostname() and not _lives(int(maker[1])):
             shutil.rmtree(scratch, ignore_errors=True)
