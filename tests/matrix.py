@@ -64,15 +64,10 @@ def main() -> int:
             env |= {"VIRTUAL_ENV": str(home), "PWSMOOTH_CACHE_DIR": str(home / "cache"), "MPLBACKEND": "Agg"}
             try:
                 run(python, "-m", "venv", "--without-pip", home)
-                install = [
-                    tools / "uv",
-                    "pip",
-                    "install",
-                    "--resolution",
-                    resolution,
-                    f"pwsmooth[test] @ {sdist.as_uri()}",
-                ]
-                run(*install, env=env)
+                install = tools / "uv", "pip", "install"
+                wanted = "-r", source / "pyproject.toml", "--extra", "test"
+                run(*install, "--resolution", resolution, *wanted, env=env)
+                run(*install, "--no-deps", sdist, env=env)
                 listed = dict(line.split("==") for line in run(tools / "uv", "pip", "freeze", env=env).split()
                               if "==" in line)  # fmt: skip
                 print(f"{version}:", ", ".join(f"{n} {listed.get(n, '-')}" for n in SHOWN), flush=True)
