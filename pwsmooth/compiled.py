@@ -343,7 +343,7 @@ def _surface_state(model: Model, mu: Multiplier) -> int:
     return -1
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=64)
 def compiled_problem(model: Model) -> CompiledProblem:
-    """The compiled problem of a model; kept, so that its addresses stay valid."""
+    """The compiled problem of a model; the last ones are kept. Its addresses live as long as the object."""
     return CompiledProblem(model)

@@ -139,8 +139,9 @@ class DiffusionRun:
         out = np.zeros(len(lowered.model.outputs))
         from .codegen import compile_model
 
+        self._code = compile_model(lowered.model)  # its addresses live as long as it
         return names.Diffused(
-            outputs=compile_model(lowered.model).outputs,
+            outputs=self._code.outputs,
             q=q,
             pairs=lowered.pairs,
             moving=int(lowered.moving),

@@ -294,9 +294,9 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
 
 def _announce_compilation(console: Any) -> None:
     """Say why the first solved figure takes long, if it will."""
-    from .codegen.cache import kernels_dir
+    from .codegen.cache import kernels
 
-    if not any(kernels_dir().iterdir()):
+    if kernels().empty():
         console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")
 
 

@@ -1,5 +1,6 @@
 """The compile cache: hits in a second process, and none that is stale."""
 
+import errno
 import json
 import os
 import shutil
@@ -7,106 +8,24 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
-from pwsmooth.codegen import cache
+from pwsmooth.codegen import cache, native
 from pwsmooth.model import Model, Multiplier
 
 X = sp.Symbol("x", real=True)
 PACKAGE = Path(cache.__file__).resolve().parent.parent
 
-# Three models through one kernel, which reaches each of them by address; reports what was compiled and loaded.
-PROGRAM = """
-import json, sys
-import numpy as np, sympy as sp
-from pwsmooth.codegen import cache, compile_model, native
-from pwsmooth.model import Model
 
-built = []
-original = cache.cached_modules
-def counting(key, build):
-    def counted():
-        built.append(key)
-        return build()
-    return original(key, counted)
-cache.cached_modules = counting
-
-machine_code = []
-build = native.build
-native.build = lambda text: machine_code.append(text) or build(text)
-
-probe = cache.load_kernels("probe")
-t, x = sp.symbols("t x", real=True)
-results = []
-for rate in (-x, sp.sin(x), x * t):
-    compiled = compile_model(Model(t, (x,), (), (rate,)))
-    results.append(probe.sum_of_jet(compiled.jet_slip, np.array([2.0]), np.zeros((compiled.nrows_slip, 8))))
-core = probe.sum_of_jet.stats
-print(json.dumps({
-    "results": results, "built": len(built),
-    "core": [sum(core.cache_hits.values()), sum(core.cache_misses.values())],
-    "models": len(machine_code),
-    "kernels": cache.kernels_dir().name, "signatures": len(probe.sum_of_jet.signatures)}))
-"""
-
-PROBE = """
-import numpy as np
-from numba import njit
-
-from .helper import weight
-from .pointers import call_jet_slip
-
-
-@njit(cache=True)
-def sum_of_jet(address, x, rows):
-    call_jet_slip(address, 0.5, x, x, x, 2, rows.shape[1], rows)
-    return weight() * rows[0, :3].sum()
-"""
-
-HELPER = """
-from numba import njit
-
-
-@njit(cache=True)
-def weight():
-    return {value}
-"""
-
-
-def run(tmp_path, program=PROGRAM):
+def run(tmp_path, program):
     """Run a program in a new process on the copy of the package; its report."""
     env = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-def test_one_core_serves_three_models_hits_in_a_second_process_and_is_never_stale(tmp_path):
-    kernels = tmp_path / "pwsmooth" / "kernels"
-    shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
-    (kernels / "probe.py").write_text(PROBE)
-    (kernels / "helper.py").write_text(HELPER.format(value=1.0))
-    sums = [2 - 2 + 1, None, 2 + 1 + 1.25]
-
-    first = run(tmp_path)
-    assert first["signatures"] == 1 and first["core"] == [0, 1]
-    assert first["models"] == 3 and first["built"] == 3
-    assert first["results"][0] == sums[0] and first["results"][2] == sums[2]
-
-    second = run(tmp_path)
-    assert second["core"] == [1, 0] and second["models"] == 0 and second["built"] == 0
-    assert second["results"] == first["results"]
-
-    # A helper in another file than the jitted core: numba's own stamp would not see it. Its size stays equal,
-    # and so does its time.
-    stamp = (kernels / "helper.py").stat()
-    (kernels / "helper.py").write_text(HELPER.format(value=3.0))
-    os.utime(kernels / "helper.py", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    third = run(tmp_path)
-    assert third["results"] == [3 * r for r in first["results"]]
-    assert third["core"] == [0, 1] and third["kernels"] != first["kernels"]
 
 
 # Systems through solve(): a forced oscillator with dry friction, a relay, a hidden term; the first smoothed, too.
@@ -156,26 +75,142 @@ def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a
     assert third["core"] == first["core"] and third["steps"][0] > 2 * first["steps"][0]
 
 
-def test_a_source_is_written_once_and_keeps_its_stamp(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache, "models_dir", lambda: tmp_path)
-    path = cache.write_module("value = 1\n")
-    stamp = path.stat().st_mtime_ns
-    os.utime(path, ns=(stamp - 10**9, stamp - 10**9))
-    assert cache.write_module("value = 1\n") == path
-    assert path.stat().st_mtime_ns == stamp - 10**9
-    assert cache.write_module("value = 2\n") != path
-    assert not list(tmp_path.glob(".*"))  # no temporary file is left behind
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A Folder of two empty roots."""
+    monkeypatch.setattr(cache, "roots", lambda: [tmp_path / "one", tmp_path / "two"])
+    cache._warn_once.cache_clear()
+    return cache.Folder("models", "key")
 
 
-def test_an_unwritable_directory_falls_back_to_a_temporary_one(tmp_path, monkeypatch):
-    blocked = tmp_path / "file"
-    blocked.write_text("no directory")
-    monkeypatch.setenv("PWSMOOTH_CACHE_DIR", str(blocked / "below"))
-    root = cache.cache_root.__wrapped__()
-    assert root.is_dir() and blocked not in root.parents
-    with (root / "probe").open("w") as stream:
-        stream.write("writable")
-    (root / "probe").unlink()
+def forbid(monkeypatch, *roots, error=errno.EROFS):
+    """Let writing into these fail, as on a disk that is full or read-only (the tests may run as root)."""
+    write = cache.write_atomically
+
+    def refuse(path, content):
+        if any(root in path.parents for root in roots):
+            raise OSError(error, os.strerror(error))
+        write(path, content)
+
+    monkeypatch.setattr(cache, "write_atomically", refuse)
+
+
+def flip(content, bit=1234):
+    return content[: bit // 8] + bytes([content[bit // 8] ^ 1 << bit % 8]) + content[bit // 8 + 1 :]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:-1],
+        lambda content: content[: len(content) // 2],
+        lambda content: bytes(len(content)),
+        lambda content: content[:-64] + bytes(64),
+        lambda content: content + b"0",
+        flip,
+        lambda content: flip(content, 3),
+    ],
+)
+def test_a_damaged_file_is_a_miss_and_is_written_again(folder, damage):
+    content = bytes(range(256))
+    folder.write("a.o", content)
+    path = folder.places[0] / "a.o"
+    path.write_bytes(damage(path.read_bytes()))
+    assert folder.read("a.o") is None
+    folder.write("a.o", content)
+    assert folder.read("a.o") == content
+    assert not list(path.parent.glob(".*"))  # no temporary file is left behind
+
+
+def test_a_file_is_not_taken_for_another(folder):
+    folder.write("a.o", b"code")
+    shutil.copy(folder.places[0] / "a.o", folder.places[0] / "b.o")
+    assert folder.read("b.o") is None
+    newer = cache.Folder("models", "other")
+    shutil.copytree(folder.places[0], newer.places[0])
+    assert newer.read("a.o") is None
+
+
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_what_another_user_may_have_written_is_neither_read_nor_added_to(folder, what):
+    folder.write("a.o", b"code")
+    place = folder.places[0]
+    path = place if what == "folder" else place / "a.o"
+    changes = [lambda: path.chmod(0o777), lambda: path.chmod(0o775)]
+    if os.getuid() == 0:
+        changes.append(lambda: os.chown(path, 12345, 12345))
+    for change in changes:
+        path.chmod(0o755)
+        assert folder.read("a.o") == b"code"
+        change()
+        assert folder.read("a.o") is None
+    if what == "folder":
+        folder.write("b.o", b"code")
+        assert not (place / "b.o").exists() and folder.read("b.o") == b"code"
+
+
+def test_folders_are_closed_to_others_whatever_the_umask(folder):
+    before = os.umask(0)
+    try:
+        folder.write("a.o", b"code")
+    finally:
+        os.umask(before)
+    assert not (folder.places[0].stat().st_mode | folder.places[0].parent.stat().st_mode) & 0o022
+
+
+def test_a_folder_that_can_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhere(
+    folder, monkeypatch, recwarn
+):
+    folder.write("a.o", b"code")
+    forbid(monkeypatch, folder.places[0].parent)
+    assert folder.read("a.o") == b"code"
+    folder.write("b.o", b"more")
+    assert folder.read("b.o") == b"more" and not recwarn.list
+    assert [place.name for place in folder.places[1].iterdir()] == ["b.o"]
+
+
+def test_on_a_full_disk_a_new_model_is_compiled_in_memory_and_that_is_said_once(folder, monkeypatch):
+    solve(System({X: -sp.sign(X)}), (0, 1), {X: 2})  # compiles the units, if this is the first process
+    a = sp.Symbol("a", positive=True)
+    system = System({X: -a * sp.sign(X) - sp.cos(X)}, parameters={a: 2})
+    for module in (cache, native):
+        monkeypatch.setattr(module, "models", lambda: folder)
+    forbid(monkeypatch, *cache.roots(), error=errno.ENOSPC)
+    with pytest.warns(RuntimeWarning, match="PWSMOOTH_CACHE_DIR") as said:
+        solution = solve(system, (0, 3), {X: 1})
+    assert len(said) == 1 and str(folder.places[0]) in str(said[0].message)
+    assert "No space left" in str(said[0].message)
+    assert solution.success and abs(solution.x[0, -1]) < 1e-9  # |cos 0| < 2: it rests on the surface
+
+
+def test_folders_of_older_sources_are_removed_but_for_the_last_ones(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "roots", lambda: [tmp_path])
+    (tmp_path / "kernels-key").mkdir()
+    (tmp_path / "thesis").mkdir()
+    for k in range(cache.KEPT + 2):
+        (tmp_path / f"models-{k}").mkdir()
+        os.utime(tmp_path / f"models-{k}", (k, k))
+    cache.Folder("models", "0")  # used again
+    cache.Folder("models", "new").write("a.o", b"code")
+    left = {path.name for path in tmp_path.iterdir()}
+    kept = {"new", 0, *range(4, cache.KEPT + 2)}
+    assert left == {"kernels-key", "thesis", *(f"models-{k}" for k in kept)}
+
+
+def test_the_mark_of_a_machine_holds_the_settings_that_change_code(monkeypatch, tmp_path):
+    mark = native.machine_mark.__wrapped__
+    usual = mark()
+    for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT", "NUMBA_BOUNDSCHECK"):
+        with monkeypatch.context() as m:
+            m.setenv(name, "1")
+            assert mark() != usual
+    with monkeypatch.context() as m:
+        m.setenv("NUMBA_NUM_THREADS", "1")
+        assert mark() == usual
+        m.chdir(tmp_path)
+        (tmp_path / ".numba_config.yaml").write_text("opt: 0")
+        assert mark() != usual
 
 
 def test_models_have_one_fingerprint_exactly_if_they_are_equal():
@@ -190,10 +225,11 @@ def test_models_have_one_fingerprint_exactly_if_they_are_equal():
 
     same = cache.fingerprint(model())
     assert cache.fingerprint(model(sp.sin(x) * -a)) == same
-    others = [model(-a * sp.sin(2 * x)), model(name="mu"), model(hidden=True), model(-a * sp.cos(x))]
+    assumed = Model(t, (x,), (a,), (-sp.Symbol("a", real=True) * sp.sin(x),))
+    others = [assumed, model(-a * sp.sin(2 * x)), model(name="mu"), model(hidden=True), model(-a * sp.cos(x))]
     renamed = Model(t, (sp.Symbol("w"),), (a,), (-a * sp.sin(sp.Symbol("w")),))
     plain = Model(t, (x,), (a,), (rate,))
-    assert len({same, *map(cache.fingerprint, (*others, renamed, plain))}) == 7
+    assert len({same, *map(cache.fingerprint, (*others, renamed, plain))}) == 8
 
 
 def test_fingerprints_do_not_depend_on_the_process():

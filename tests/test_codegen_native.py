@@ -1,15 +1,25 @@
 """The typed subset of Python that generated code is written in: machine code against Python itself."""
 
 import ctypes
+import gc
 import math
+import os
+import threading
+import weakref
+from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
+import sympy as sp
 
-from pwsmooth.codegen import native
+from pwsmooth import System, solve
+from pwsmooth.codegen import cache, compile_model, native
 from pwsmooth.codegen.jets import SOLVERS
 from pwsmooth.codegen.scalar import HELPERS
+from pwsmooth.codegen.stiff import compile_stiff
+from pwsmooth.compiled import compiled_problem
+from pwsmooth.model import Model
 
 
 def both(text, name, *arguments):
@@ -178,11 +188,66 @@ def test_an_unknown_function_is_named():
 
 
 def test_machine_code_is_stored_and_found_again(tmp_path, monkeypatch):
-    path = tmp_path / "m0.py"
-    path.write_text("ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n")
-    assert native.load(path).constants == {"ORDER": 3}
-    assert native.load(path) is native.load(path)
+    monkeypatch.setattr(cache, "roots", lambda: [tmp_path])
+    monkeypatch.setattr(native, "models", lambda: cache.Folder("models", "key"))
+    text = "ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n"
+    assert native.load(text).constants == {"ORDER": 3}
+    assert native.load(text) is native.load(text)
     monkeypatch.setattr(native, "_loaded", {})
     monkeypatch.setattr(native, "build", None)  # a second process must not need it
-    code = native.load(path)
+    code = native.load(text)
     assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(1.5) == 3.0
+
+
+def test_the_machine_code_of_a_model_goes_with_it_and_not_before():
+    t, x = sp.symbols("t x", real=True)
+    model = Model(t, (x,), (), (-sp.cos(x) * sp.Rational(355, 113),))
+    compiled = compile_model(model)
+    compiled.fields  # noqa: B018
+    code = weakref.ref(compiled._modules[0])
+    gc.collect()
+    assert code() is not None and compile_model(model) is compiled
+    del compiled
+    gc.collect()
+    assert code() is None
+
+
+def test_a_run_keeps_the_machine_code_that_it_uses():
+    """A long run in one thread, while others drop every model that is kept."""
+    t, x, v = sp.symbols("t x v", real=True)
+    rate = sp.sin(t) - x - sp.sign(v) * sp.Rational(22, 7) / 10
+    systems = [System({x: v, v: rate}, time=t), System({x: v, v: rate}, time=t).smoothed(eps=1e-2)]
+    alone = [solve(s, (0, 300), {x: 1, v: 0.5}).x.tobytes() for s in systems]
+    done = threading.Event()
+
+    def drop():
+        while not done.is_set():
+            compiled_problem.cache_clear()
+            compile_stiff.cache_clear()
+            gc.collect()
+
+    dropping = threading.Thread(target=drop)
+    dropping.start()
+    try:
+        beside = [[solve(s, (0, 300), {x: 1, v: 0.5}).x.tobytes() for s in systems] for _ in range(3)]
+    finally:
+        done.set()
+        dropping.join()
+    assert beside == [alone] * 3
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory of a process is read there")
+def test_compiling_leaves_no_memory_behind():
+    def size():
+        gc.collect()
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    terms = " + ".join(f"math.sin({k}.0 * u)" for k in range(1, 30))
+    text = f"def f(u: D) -> D:\n    return {terms}\n"
+    for _ in range(3):
+        native.build(text)
+    before = size()
+    for _ in range(40):
+        native.build(text)
+    # A pass manager that is not freed takes 0.3 MB.
+    assert (size() - before) / 40 < 0.1e6

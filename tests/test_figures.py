@@ -168,12 +168,12 @@ def test_a_first_run_says_that_it_compiles(only, tmp_path, capsys, monkeypatch):
     from pwsmooth.codegen import cache
 
     only(a_figure())
-    compiled = tmp_path / "compiled"
-    compiled.mkdir()
-    monkeypatch.setattr(cache, "kernels_dir", lambda: compiled)
+    monkeypatch.setattr(cache, "roots", lambda: [tmp_path / "compiled"])
+    compiled = cache.Folder("kernels", "key")
+    monkeypatch.setattr(cache, "kernels", lambda: compiled)
     figures.make(out=tmp_path)
     assert "compiled once" in capsys.readouterr().out
-    (compiled / "core.nbi").touch()
+    compiled.write("core.o", b"")
     figures.make(out=tmp_path)
     assert "compiled once" not in capsys.readouterr().out
 

@@ -10,13 +10,14 @@ symbolic work nor compilation. Chain: model.py -> dag.py, scalar.py, fields.py, 
 from __future__ import annotations
 
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from ..model import Model
 from . import cache
 
-_compiled: dict[Model, Compiled] = {}
+_compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
 
 
 class Compiled:
@@ -52,12 +53,12 @@ class Compiled:
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
-    def _load(self, paths, name: str):
-        if name not in paths:
+    def _load(self, texts, name: str):
+        if name not in texts:
             return None
         from . import native
 
-        code = native.load(paths[name], self._sizes)
+        code = native.load(texts[name], self._sizes)
         self._modules.append(code)
         return code
 
@@ -81,7 +82,7 @@ class Compiled:
 
             return write_fields(self.model)
 
-        return cache.cached_modules(f"{self._key}-fields", build)
+        return cache.cached_texts(f"{self._key}-fields", build)
 
     @cached_property
     def _jets(self):
@@ -94,7 +95,7 @@ class Compiled:
 
             return write_jets(self.model)
 
-        return cache.cached_modules(f"{self._key}-jets", build)
+        return cache.cached_texts(f"{self._key}-jets", build)
 
     @cached_property
     def _slip(self):
@@ -187,7 +188,7 @@ class Compiled:
 
 
 def compile_model(model: Model) -> Compiled:
-    """Compiled functions of a model; one object for equal models, kept for the life of the process.
+    """Compiled functions of a model; one object for equal models. Its addresses live as long as the object.
 
     Examples
     --------
@@ -197,6 +198,7 @@ def compile_model(model: Model) -> Compiled:
     >>> compile_model(Model(time=t, states=(x,), parameters=(), rhs=(-x,))).n
     1
     """
-    if model not in _compiled:
-        _compiled[model] = Compiled(model)
-    return _compiled[model]
+    found = _compiled.get(model)
+    if found is None:
+        found = _compiled[model] = Compiled(model)
+    return found

@@ -1,14 +1,16 @@
-"""Where compiled code lives: one directory of kernels, one of models, both named by what they were made from.
+"""Where compiled code lives: one folder of kernels, one of models, both named by what they were made from.
 
-numba keys its disk cache by the stamp of *one* source file: a jitted helper edited in another file still hits
-the old machine code. Here the directory carries the hash of every source that can reach the code in it:
+The name carries the hash of every source that can reach the code in it, so that no stamp of a file decides:
 
-    <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels
-    <root>/models-<hash of kernels/ and codegen/>  generated sources m<hash of text>.py, their machine code
-                                                   (*.o by native.py, stiff_native.py), and
-                                                   f<hash of model>.txt: which sources belong to a model
+    <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels (units.py)
+    <root>/models-<hash of kernels/ and codegen/>  <hash of model>.json: generated sources of a model,
+                                                   <hash of source>.<machine>.o: their machine code (native.py)
 
-Chain: Model -> fingerprint -> (text cache, or symbolic work) -> write_module -> native.load.
+Every file begins with the sha256 of its place and its content. A file that does not bear it out, as of a disk that
+lost a page, or that another user may have written, is none: its content is made again. Code is looked up in every
+folder of the roots, kept in the first that takes it, and in memory alone where none does.
+
+Chain: Model -> fingerprint -> (text cache, or symbolic work) -> native.load.
 """
 
 from __future__ import annotations
@@ -17,40 +19,109 @@ import contextlib
 import dataclasses
 import hashlib
 import importlib
+import json
 import os
 import platform
-import sys
+import shutil
 import tempfile
-import threading
+import warnings
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 import sympy as sp
 
-_lock = threading.RLock()
+PACKAGE = Path(__file__).resolve().parent.parent
+KEPT = 8  # folders of a kind in a root, the ones used last
+_USER = os.geteuid() if hasattr(os, "geteuid") else None
 
 
 @cache
-def cache_root() -> Path:
-    """Directory of everything compiled: PWSMOOTH_CACHE_DIR, or the user's cache, or a temporary one."""
+def roots() -> list[Path]:
+    """Where folders may be: PWSMOOTH_CACHE_DIR or the user's cache, then a temporary one of this user."""
     named = os.environ.get("PWSMOOTH_CACHE_DIR")
-    if named:
-        candidates = [Path(named)]
-    else:
+    if not named:
         import platformdirs
 
-        candidates = [Path(platformdirs.user_cache_dir("pwsmooth"))]
-    user = os.getuid() if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
-    candidates.append(Path(tempfile.gettempdir()) / f"pwsmooth-{user}")
-    for path in candidates:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=path):
-                return path
-        except OSError:
-            continue
-    return Path(tempfile.mkdtemp(prefix="pwsmooth-"))
+        named = platformdirs.user_cache_dir("pwsmooth")
+    user = os.environ.get("USERNAME", "user") if _USER is None else _USER
+    return [Path(named).absolute(), Path(tempfile.gettempdir()) / f"pwsmooth-{user}"]
+
+
+def _trusted(found: os.stat_result, path: Path) -> bool:
+    """Whether only the user, root, or who installed the package can have written it: machine code is run unread."""
+    if _USER is None:
+        return True  # Windows: a user's folders are closed to others by their access lists
+    owned = found.st_uid in (0, _USER) or path.resolve().is_relative_to(PACKAGE)
+    return owned and not found.st_mode & 0o022
+
+
+class Folder:
+    """Checked files of one kind, in the folder `<root>/<kind>-<key>` of every root."""
+
+    def __init__(self, kind: str, key: str):
+        self.kind, self.name = kind, f"{kind}-{key}"
+        self.places = [root / self.name for root in roots()]
+        for place in self.places:
+            with contextlib.suppress(OSError):
+                os.utime(place)  # used last: see _tidy
+
+    def _mark(self, file: str, content: bytes) -> bytes:
+        # With the place, so that one file renamed to another is not taken for it.
+        return hashlib.sha256(f"{self.name}/{file}\0".encode() + content).digest()
+
+    def read(self, file: str) -> bytes | None:
+        """Content of the file; None where no trusted folder holds it undamaged."""
+        for place in self.places:
+            with contextlib.suppress(OSError):
+                if not _trusted(place.stat(), place):
+                    continue
+                with open(place / file, "rb") as stream:
+                    if not _trusted(os.fstat(stream.fileno()), place / file):
+                        continue
+                    content = stream.read()
+                if content[:32] == self._mark(file, content[32:]):
+                    return content[32:]
+        return None
+
+    def write(self, file: str, content: bytes) -> None:
+        """Keep the content for later processes, in the first folder that takes it; a warning where none does."""
+        refused = []
+        for place in self.places:
+            try:
+                if not place.exists():
+                    # Whatever the umask, as others may not write here; they may read, as a shared cache must be.
+                    place.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+                    place.mkdir(mode=0o755, exist_ok=True)
+                    self._tidy(place.parent)
+                if not _trusted(place.stat(), place):
+                    raise PermissionError("it belongs to another user, or others may write to it")
+                return write_atomically(place / file, self._mark(file, content) + content)
+            except OSError as error:
+                refused.append(f"{place}: {error}")
+        _warn_once(tuple(refused))
+
+    def _tidy(self, root: Path) -> None:
+        """Remove the folders of older sources."""
+        with contextlib.suppress(OSError):  # another process may do the same
+            found = [(p.stat().st_mtime, p) for p in root.glob(f"{self.kind}-*")]
+            for _, old in sorted(found, reverse=True)[KEPT:]:
+                shutil.rmtree(old, ignore_errors=True)
+
+    def empty(self) -> bool:
+        """Whether nothing was compiled yet."""
+        return not any(place.is_dir() and any(place.iterdir()) for place in self.places)
+
+
+@cache
+def _warn_once(refused: tuple[str, ...]) -> None:
+    warnings.warn(
+        f"compiled code cannot be kept ({'; '.join(refused)}), so every process compiles again. Make room, or name a "
+        "folder of yours in PWSMOOTH_CACHE_DIR.",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 @cache
@@ -58,88 +129,53 @@ def _versions() -> str:
     from importlib.metadata import version
 
     packages = ("numba", "llvmlite", "numpy", "sympy")
-    return "|".join((platform.python_version(), platform.machine(), *(version(name) for name in packages)))
+    # The format of the files too: versions that write another one keep to their own folders.
+    return "|".join(("sha256", platform.python_version(), platform.machine(), *map(version, packages)))
 
 
 def sources_key(*packages: str) -> str:
-    """Hash of every source of the named subpackages and of the versions that compile them."""
+    """Hash of every source of the named subpackages, or of all, and of the versions that compile them."""
     digest = hashlib.sha256(_versions().encode())
-    here = Path(__file__).resolve().parent.parent
     # These two define what the generators read.
-    files = [here / "model.py", here / "template.py"] if "codegen" in packages else []
-    for package in packages:
-        files += sorted((here / package).rglob("*.py"))
+    files = [PACKAGE / "model.py", PACKAGE / "template.py"] if "codegen" in packages else []
+    for package in packages or ("",):
+        files += sorted((PACKAGE / package).rglob("*.py"))
     for path in files:
-        digest.update(path.relative_to(here).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
 
 
 @cache
-def kernels_dir() -> Path:
-    """Directory of the kernels' machine code; its name changes with any kernel source."""
-    path = cache_root() / f"kernels-{sources_key('kernels')}"
-    path.mkdir(parents=True, exist_ok=True)
-    return path
+def kernels() -> Folder:
+    """The kernels' machine code; the folder's name changes with any kernel source."""
+    return Folder("kernels", sources_key("kernels"))
 
 
 @cache
-def models_dir() -> Path:
-    """Directory of generated models; its name changes with any source of kernels or codegen."""
-    path = cache_root() / f"models-{sources_key('kernels', 'codegen')}"
-    path.mkdir(parents=True, exist_ok=True)
-    return path
-
-
-@contextlib.contextmanager
-def numba_cache(directory: Path | None = None):
-    """`cache=True` functions decorated inside keep their machine code in `directory` (default: kernels_dir)."""
-    from numba import config
-
-    with _lock:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = str(directory or kernels_dir())
-        try:
-            yield
-        finally:
-            config.CACHE_DIR = before
+def models() -> Folder:
+    """Generated models; the folder's name changes with any source of kernels or codegen."""
+    return Folder("models", sources_key("kernels", "codegen"))
 
 
 def load_kernels(name: str) -> ModuleType:
-    """Import `pwsmooth.kernels.<name>`, with its machine code in the kernels' directory.
-
-    The first import decides, also for the kernels that it imports in turn: import kernels only through here.
-    """
-    full = f"pwsmooth.kernels.{name}"
-    module = sys.modules.get(full)
-    # A module that another thread is still importing stands in sys.modules too.
-    if module is not None and not getattr(module.__spec__, "_initializing", False):
-        return module
-    with numba_cache():
-        return importlib.import_module(full)
+    """Import `pwsmooth.kernels.<name>`, which compiles it."""
+    return importlib.import_module(f"pwsmooth.kernels.{name}")
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """Write a file under a temporary name and move it into place, so that no reader meets half of it."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())  # else a power cut may leave the name without the content
+        os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
-
-
-def write_module(text: str) -> Path:
-    """Path of the generated source `text`, named by its content and written only if absent.
-
-    A second writing would move the file's stamp, by which numba judges its own cache.
-    """
-    path = models_dir() / f"m{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
-    if not path.exists():
-        write_atomically(path, text)
-    return path
 
 
 def fingerprint(model) -> str:
@@ -155,8 +191,10 @@ def fingerprint(model) -> str:
             if item in number:
                 return number[item]
             if item.is_Symbol:
-                # Two symbols of one name and different assumptions keep different numbers.
-                line = f"{type(item).__name__}:{item.name}"
+                # Two symbols of one name and different assumptions keep different numbers. What is known of a
+                # symbol may decide how an expression of it is written.
+                known = sorted(item.assumptions0.items())
+                line = f"{type(item).__name__}:{item.name}:{known}"
             elif item.args:
                 line = f"{type(item).__name__}({','.join(visit(a) for a in item.args)})"
             else:
@@ -175,17 +213,14 @@ def fingerprint(model) -> str:
     return digest.hexdigest()[:24]
 
 
-def cached_modules(key: str, build) -> dict[str, Path]:
-    """Paths of the sources filed under `key`; `build()` -> {name: text} runs only if some are missing.
+def cached_texts(key: str, build: Callable[[], dict[str, str]]) -> dict[str, str]:
+    """The sources filed under `key`; `build()` -> {name: text} runs only if they are missing.
 
     This is what spares a second process the symbolic work.
     """
-    index = models_dir() / f"f{key}.txt"
-    with contextlib.suppress(OSError, ValueError):
-        lines = index.read_text(encoding="utf-8").split("\n")
-        paths = {name: models_dir() / file for name, file in (line.split(" ") for line in lines if line)}
-        if paths and all(p.exists() for p in paths.values()):
-            return paths
-    paths = {name: write_module(text) for name, text in build().items()}
-    write_atomically(index, "".join(f"{name} {p.name}\n" for name, p in paths.items()))
-    return paths
+    content = models().read(f"{key}.json")
+    if content is not None:
+        return json.loads(content)
+    texts = build()
+    models().write(f"{key}.json", json.dumps(texts).encode())
+    return texts

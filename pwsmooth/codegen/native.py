@@ -8,23 +8,27 @@ of forty blocks 22 s and 2 s.
 
     double t: D    integer i: I    pointer to doubles x: P    pointer to integers mask: Q
 
-Chain: fields.py, jets.py -> text -> cache.write_module -> `load` (this file) -> addresses.
+Chain: fields.py, jets.py -> text -> cache.cached_texts -> `load` (this file) -> addresses.
 """
 
 from __future__ import annotations
 
 import ast
+import contextlib
 import ctypes
 import ctypes.util
 import hashlib
+import os
+import re
 import threading
 from functools import cache
 from pathlib import Path
+from weakref import WeakValueDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from .cache import write_atomically
+from .cache import models
 
 DOUBLE, INT, BOOL, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.IntType(32)
 KINDS = {"D": DOUBLE, "I": INT, "P": DOUBLE.as_pointer(), "Q": INT.as_pointer()}
@@ -473,14 +477,34 @@ def emit(translated: ir.Module) -> bytes:
     module.data_layout = str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(module, passes)
+    manager = passes.getModulePassManager()
+    manager.run(module, passes)
+    # llvmlite would keep it for ever, 0.3 MB a text: an empty method of another base hides its destructor.
+    own = [
+        k._dispose
+        for k in type(manager).__mro__
+        if k.__module__.endswith("passmanagers") and "_dispose" in vars(k)
+    ]
+    if own:
+        own[0](manager)
+        manager.detach()
     return machine.emit_object(module)
 
 
+# Settings of numba that do not reach machine code; any other may.
+_HARMLESS = re.compile("NUMBA_(CACHE|NUM_THREADS|THREADING|WARNINGS|.*WARNING|FULL_TRACE|COLOR|CUDA)")
+
+
+@cache
 def machine_mark() -> str:
-    """Short name of this processor: object code of another one is not used."""
+    """Short name of this processor and of numba's settings: object code of another one is not used."""
     _, cpu, features = _host()
-    return hashlib.sha256(f"{cpu}{features}".encode()).hexdigest()[:8]
+    settings = sorted(
+        f"{k}={v}" for k, v in os.environ.items() if k.startswith("NUMBA_") and not _HARMLESS.match(k)
+    )
+    with contextlib.suppress(OSError):
+        settings.append(Path(".numba_config.yaml").read_text())
+    return hashlib.sha256(f"{cpu}{features}{settings or ''}".encode()).hexdigest()[:8]
 
 
 def link(image: bytes) -> llvm.ExecutionEngine:
@@ -509,23 +533,25 @@ class Code:
         return self._engine.get_function_address(name)
 
 
-_loaded: dict[tuple[Path, tuple[int, ...]], Code] = {}
+# Code that models share; it goes with the last of them.
+_loaded: WeakValueDictionary[tuple[str, tuple[int, ...]], Code] = WeakValueDictionary()
 _lock = threading.Lock()
 
 
-def load(path: Path, sizes: tuple[int, ...] = (), translate=None) -> Code:
-    """Machine code of a generated source, from the object file beside it where this machine made one.
+def load(text: str, sizes: tuple[int, ...] = (), translate=None) -> Code:
+    """Machine code of a generated source, from the cache where this machine made it before.
 
     `sizes` are the numbers of elements of its families: the loops' bounds, in memory of this copy of the code.
     `translate(text)` -> object code; by default `build`.
     """
+    name = hashlib.sha256(text.encode()).hexdigest()[:24]
     with _lock:
-        if (path, sizes) not in _loaded:
-            text, stored = path.read_text(encoding="utf-8"), path.with_suffix(f".{machine_mark()}.o")
-            try:
-                image = stored.read_bytes()
-            except OSError:
+        code = _loaded.get((name, sizes))
+        if code is None:
+            stored = f"{name}.{machine_mark()}.o"
+            image = models().read(stored)
+            if image is None:
                 image = (translate or build)(text)
-                write_atomically(stored, image)
-            _loaded[path, sizes] = Code(text, image, sizes)
-        return _loaded[path, sizes]
+                models().write(stored, image)
+            code = _loaded[name, sizes] = Code(text, image, sizes)
+        return code

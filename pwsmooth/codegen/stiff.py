@@ -17,6 +17,7 @@ Chain: Model (with `smoothing`, without multipliers) -> text -> stiff_native.py 
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -60,17 +61,15 @@ class CompiledStiff:
             return 0
         if order not in self.codes:
             key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
-            paths = cache.cached_modules(key, lambda: {"radau": attempt_text(self.model, order)})
-            code = _machine_code(paths["radau"])
+            texts = cache.cached_texts(key, lambda: {"radau": attempt_text(self.model, order)})
+            code = _machine_code(texts["radau"])
             self.codes[order] = code, code.address("radau")
         return self.codes[order][1]
 
 
-_compiled: dict[Model, CompiledStiff] = {}
-
-
+@functools.lru_cache(maxsize=64)
 def compile_stiff(model: Model) -> CompiledStiff:
-    """Compile the stiff functions of a model without multipliers.
+    """Compile the stiff functions of a model without multipliers; the last ones are kept.
 
     Parameters
     ----------
@@ -86,23 +85,20 @@ def compile_stiff(model: Model) -> CompiledStiff:
     ValueError
         The model still has multipliers, or an expression has no compiled form.
     """
-    found = _compiled.get(model)
-    if found is None:
-        if model.multipliers:
-            names = ", ".join(str(m.symbol) for m in model.multipliers)
-            raise ValueError(
-                f"The smoothed path integrates models without multipliers; this one still has {names}. "
-                "Contacts and algebraic unknowns run on the event-driven path."
-            )
-        paths = cache.cached_modules(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
-        found = _compiled[model] = _load(model, _machine_code(paths["stiff"]))
-    return found
+    if model.multipliers:
+        names = ", ".join(str(m.symbol) for m in model.multipliers)
+        raise ValueError(
+            f"The smoothed path integrates models without multipliers; this one still has {names}. "
+            "Contacts and algebraic unknowns run on the event-driven path."
+        )
+    texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
+    return _load(model, _machine_code(texts["stiff"]))
 
 
-def _machine_code(path):
+def _machine_code(text):
     from pwsmooth.codegen import stiff_native
 
-    return stiff_native.load(path)
+    return stiff_native.load(text)
 
 
 def _load(model: Model, code) -> CompiledStiff:

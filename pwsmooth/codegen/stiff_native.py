@@ -8,13 +8,12 @@ is a constant; total8 and largest8 fold; vsqrt, vabs, vmax, vfma, vfloor, vrint 
 like call the C library lane by lane, vsin and vcos are polynomials. vmax and largest8 are for lanes that are not
 negative, where a nan wins; of negative lanes only that they are less than the others is kept.
 
-Chain: codegen/stiff*.py -> text -> cache.write_module -> `load` (this file) -> addresses.
+Chain: codegen/stiff*.py -> text -> cache.cached_texts -> `load` (this file) -> addresses.
 """
 
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 
 import llvmlite.binding as llvm
 from llvmlite import ir
@@ -259,6 +258,6 @@ def build(text: str) -> bytes:
     return native.emit(Module(text).module)
 
 
-def load(path: Path) -> native.Code:
-    """Machine code of a generated source, from the object file beside it where this machine made one."""
-    return native.load(path, translate=build)
+def load(text: str) -> native.Code:
+    """Machine code of a generated source with vectors, from the cache where this machine made it before."""
+    return native.load(text, translate=build)

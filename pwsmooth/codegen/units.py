@@ -1,8 +1,8 @@
 """The compiled units of the kernels, without numba once they are compiled.
 
 A unit (kernels/compiling.py) is self-contained: it calls generated functions and other units through addresses only.
-So its object code is kept beside numba's own cache and linked by llvmlite in later processes, which then import no
-numba at all (a third of the time to the first solution).
+So its object code is kept and linked by llvmlite in later processes, which then import no numba at all (a third of the
+time to the first solution).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import cache
 
 import llvmlite.binding as llvm
 
-from .cache import kernels_dir, load_kernels, write_atomically
+from .cache import kernels, load_kernels
 from .native import link, machine_mark
 
 # Name in state.Problem -> (kernel module, function).
@@ -98,17 +98,16 @@ def _resolve_symbols() -> None:
 def unit_address(name: str) -> int:
     """Address of a unit: from its object file, or compiled by numba now."""
     module, function = (UNITS | MORE_UNITS | STIFF_UNITS)[name]
-    path = kernels_dir() / f"{module}.{function}.{machine_mark()}.o"
-    try:
-        symbol, _, image = path.read_bytes().partition(b"\0")
-    except OSError:
+    file = f"{module}.{function}.{machine_mark()}.o"
+    content = kernels().read(file)
+    if content is None:
         compiled = getattr(load_kernels(module), function)
         _kept.append(compiled)
         # numba has no public way to an object file; without this one every process would load numba.
-        write_atomically(
-            path, compiled._wrapper_name.encode() + b"\0" + compiled._library._get_compiled_object()
-        )
+        image = compiled._library._get_compiled_object()
+        kernels().write(file, compiled._wrapper_name.encode() + b"\0" + image)
         return compiled.address
+    symbol, _, image = content.partition(b"\0")
     _resolve_symbols()
     engine = link(_detached(image))
     _kept.append(engine)

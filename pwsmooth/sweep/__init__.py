@@ -3,6 +3,7 @@
 axes.py      what is swept            measures.py  what is kept of an orbit
 plan.py      a checked sweep          chunk.py     what a worker does with a chunk of points
 running.py   executors, progress      store.py     chunks on disk, resumed after a kill
+stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
 """
 
@@ -25,6 +26,7 @@ from .measures import (
     Statistics,
     Sticks,
 )
+from .stored import read_store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,6 +47,7 @@ __all__ = [
     "Statistics",
     "Sticks",
     "Window",
+    "read_store",
     "sweep",
 ]
 

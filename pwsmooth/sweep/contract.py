@@ -14,6 +14,8 @@ import numpy as np
 from .. import checks
 from ..solution import Solution, _is_slip_velocity
 
+NOT_RUN = -128  # outcome of a point that has not run
+
 
 class Window(NamedTuple):
     """The part of an orbit that is measured: from `start` to `end`, strobed every `period`.

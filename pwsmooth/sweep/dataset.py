@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import json
+import platform
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .axes import POINT, Axes
 from .plan import Plan
+from .stored import fixed_width
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +32,9 @@ def version_items() -> dict[str, str]:
     # The sources' hash holds the versions of Python, numpy, numba, llvmlite and sympy too.
     return {
         "pwsmooth": package,
-        "sources": sources_key("kernels", "codegen", "sweep"),
+        "sources": sources_key(),
+        "scipy": version("scipy"),
+        "C library": "-".join(platform.libc_ver()),
         "processor": machine_mark(),
     }
 
@@ -71,9 +75,5 @@ def make_dataset(plan: Plan, axes: Axes, arrays: dict[str, np.ndarray]) -> xarra
 
     data = {}
     for name, v in plan.variables.items():
-        values = arrays[name].reshape(*axes.shape, *v.shape)
-        if isinstance(v.dtype, np.dtypes.StringDType):
-            # Of fixed width: every tool around xarray reads it.
-            values = values.astype(f"U{max(1, int(np.strings.str_len(values).max()))}")
-        data[name] = ((*axes.dims, *v.dims), values, v.attrs)
+        data[name] = ((*axes.dims, *v.dims), fixed_width(arrays[name].reshape(*axes.shape, *v.shape)), v.attrs)
     return xarray.Dataset(data, coords=coordinates(plan, axes), attrs=attributes(plan, axes))

@@ -24,11 +24,11 @@ from ..noise import Kicks
 from ..stiff import LOOSEST_RTOL
 from ..stiff_switching import switched_by_events
 from .axes import Axes, read_axes
-from .contract import Measure, Setting, Variable, Window, alphabet
+from .contract import NOT_RUN, Measure, Setting, Variable, Window, alphabet
 from .measures import Function, Period, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
-REFUSED, FUNCTION_FAILED, NOT_RUN = -101, -102, -128
+REFUSED, FUNCTION_FAILED = -101, -102
 _RTOL, _ATOL = 1e-9, 1e-12  # solve's own
 _PILOTS = 8  # points of which a worker holds the periods at once, at least
 
@@ -107,17 +107,21 @@ class Plan:
     def identity(self, axes: Axes) -> dict[str, str]:
         """What a store must agree with, item by item in words: equal identities give equal bits."""
         from ..codegen.cache import fingerprint
+        from .identity import digest as told
 
+        floats = sorted(map(sp.srepr, self.period.atoms(sp.Float))) if self.forced else []
+        own = ("pwsmooth.sweep.", "pwsmooth.analysis.")
+        coded = [m for m in self.measures if isinstance(m, Function) or not type(m).__module__.startswith(own)]
         items = {
             "system": fingerprint(self.system.model),
             "parameters": _listed({str(p): v for p, v in self.system.parameters.items()}),
             "start": _listed(dict(zip(self.setting.states, self.start))),
             "time": _listed(dict(t0=self.t0, span=self.span, measure_from=self.measure_from)),
-            "period": str(self.period),
+            "period": str(self.period) + (f" with {', '.join(floats)}" if floats else ""),
             "transient and periods": f"{self.transient}, {self.periods}",
             "tolerances and method": _listed(dict(self.options)),
-            "noise": repr(self.noise),
-            "measures": "; ".join(_described(m) for m in self.measures),
+            "noise": repr(self.noise) + (f" {told(self.noise)}" if self.noise else ""),
+            "measures": "; ".join(_described(m) for m in self.measures) + (f"; {told(coded)}" if coded else ""),
         }
         for name, (dim, values) in axes.values.items():
             digest = hashlib.sha256(values.tobytes()).hexdigest()[:12]

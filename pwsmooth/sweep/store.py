@@ -1,22 +1,52 @@
-"""A sweep on disk that survives: Zarr, one file for every variable and chunk, `outcome` written last.
+"""A sweep on disk that survives: Zarr, one file for every variable and chunk, and the sha256 of every chunk.
 
 Why Zarr: a chunk is its own file, moved into place whole, so no kill can damage what was finished; half-finished
 stores open in xarray like finished ones; the same layout works on object stores. (NetCDF/HDF5 keeps one file whose
-index a kill can corrupt.) `outcome` is the mark: a chunk counts as finished when its outcomes are there, and they
-are written after everything else of it.
+index a kill can corrupt.) A chunk counts as finished when what is read of it bears out its sha256, which is written
+after everything else of it: one that a disk lost or damaged is run again. What the store says of itself, the root's
+attributes, bears a sha256 too.
 """
 
 from __future__ import annotations
 
+import contextlib
+import glob
 import json
+import os
+import re
+import shutil
+import socket
+import tempfile
+import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .axes import Axes
 from .dataset import attributes, coordinates, empty_arrays, make_dataset
-from .plan import NOT_RUN, Plan
+from .identity import UNKNOWN
+from .plan import Plan
+from .stored import (
+    EVERY_CHUNK,
+    NOT_RUN,
+    SUM_DIMS,
+    SUMS,
+    check_array,
+    explained,
+    files_of,
+    opened,
+    read_chunks,
+    region_of,
+    say_damage,
+    sum_of_array,
+    sum_of_attributes,
+    sum_of_chunk,
+    zarr_itself,
+)
+
+if TYPE_CHECKING:
+    import xarray
 
 
 class Store:
@@ -26,110 +56,171 @@ class Store:
     ----------
     path : str or Path
     plan, axes
-        A directory made by another sweep, or by another version, is refused.
+        A directory made by another sweep is refused. One made by another version is read, and refused if there is
+        something to run.
     target : callable -> int
         Points in a chunk, asked only if the store is new: a resumed one keeps its own layout.
+
+    Attributes
+    ----------
+    todo : list of (int, int)
+        First and last + 1 of the points of every chunk that has to run.
     """
 
     def __init__(self, path: Any, plan: Plan, axes: Axes, target: Any) -> None:
-        try:
-            import zarr
-        except ImportError as error:
-            raise ImportError("`store` needs zarr, 3.1 or newer: pip install 'zarr>=3.1'.") from error
+        zarr = zarr_itself()
         self.path, self.plan, self.axes = Path(path), plan, axes
-        self.group: Any
-        if (self.path / "zarr.json").exists():
-            self.group = zarr.open_group(self.path, mode="r+")
-            self._compare()
-        elif self.path.exists() and any(self.path.iterdir()):
+        self.arrays, self.attrs = empty_arrays(plan, axes), attributes(plan, axes)
+        new = False
+        if not (self.path / "zarr.json").exists():
+            if self.path.exists() and any(self.path.iterdir()):
+                raise ValueError(
+                    f"`store` {str(self.path)!r} exists and is no store of a sweep (it has no zarr.json); give another "
+                    "path."
+                )
+            chunk = int(target())
+            with explained(self.path, "be made", "make room, or give a path that may be written"):
+                new = self._create(zarr, chunk)
+        self.group, there = opened(self.path, "r+")
+        other = "" if new else self._compare(there)
+        self.boxes = axes.boxes(there["chunk"])[1]
+        damaged = [] if other else self._mend(there)
+        with zarr.config.set(EVERY_CHUNK):
+            self.files = files_of(self.path, self.group, [*plan.variables] + [SUMS] * ("sha256" in there))
+        sound, lost = read_chunks(self.files, self.arrays, self.boxes, axes.shape)
+        damaged += lost
+        done = self.arrays["outcome"] != NOT_RUN
+        self.todo = [box for i, box in enumerate(self.boxes) if not (sound[i] and done[slice(*box)].all())]
+        if other and self.todo:
             raise ValueError(
-                f"`store` {str(self.path)!r} exists and is no store of a sweep; give another path."
+                f"`store` {str(self.path)!r} {other}, and {len(self.todo)} of its {len(self.boxes)} chunks have still "
+                "to run; finish it with that version, or give another path (pwsmooth.sweep.read_store reads this one)."
             )
-        else:
-            self._create(zarr, int(target()))
-        self.shape, boxes = axes.boxes(int(self.group.attrs["chunk"]))
-        self._finished = self._read_finished()
-        self.todo = [box for box in boxes if not self._finished[slice(*box)].all()]
+        if other:
+            self.attrs["versions"] = there["versions"]
+            warnings.warn(f"`store` {str(self.path)!r} {other}; it is finished, and only read.", stacklevel=3)
+        if damaged:
+            say_damage(self.path, damaged, "computed again")
 
-    def _create(self, zarr: Any, target: int) -> None:
-        """Everything but the chunks, in a directory that is moved into place whole."""
-        import os
-        import shutil
-        import tempfile
-
+    def _create(self, zarr: Any, target: int) -> bool:
+        """Everything but the chunks, in a directory that is moved into place whole, unless another process did it."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{self.path.name}-", dir=self.path.parent))
+        _remove_scratch(self.path)
+        prefix = f".{self.path.name}-{os.getpid()}@{socket.gethostname()}-"
+        scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=self.path.parent))
         try:
             group = zarr.open_group(scratch / "new", mode="w")
-            group.attrs.update({**attributes(self.plan, self.axes), "chunk": target})
-            for name, (dims, values, attrs) in coordinates(self.plan, self.axes).items():
-                values = (
-                    values.astype(str).astype(np.dtypes.StringDType()) if values.dtype == object else values
-                )
-                array = group.create_array(
-                    name,
-                    shape=values.shape,
-                    dtype=_stored(values.dtype),
-                    dimension_names=dims,
-                    attributes=attrs,
-                )
-                array[...] = values
-            shape, _ = self.axes.boxes(target)
-            for name, v in self.plan.variables.items():
-                group.create_array(
-                    name, shape=(*self.axes.shape, *v.shape), chunks=(*shape, *(max(s, 1) for s in v.shape)),
-                    dtype=_stored(v.dtype), fill_value=v.fill, dimension_names=(*self.axes.dims, *v.dims),
-                    attributes=_plain(v.attrs),
-                )  # fmt: skip
-            if self.path.exists():
+            layout = self._layout(target)
+            sums = {name: _describe(group, name, *parts) for name, parts in layout.items()}
+            about = {
+                **self.attrs, "chunk": target, "variables": [*self.plan.variables], "arrays": sums,
+                "coordinates": [name for name, (_, values) in layout.items() if values is not None],
+            }  # fmt: skip
+            group.attrs.update({**about, "sha256": sum_of_attributes(about)})
+            with contextlib.suppress(OSError):
                 self.path.rmdir()  # empty: see __init__
-            os.replace(scratch / "new", self.path)
+            try:
+                os.replace(scratch / "new", self.path)
+            except OSError:
+                if (self.path / "zarr.json").exists():
+                    return False
+                raise
+            return True
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
-        self.group = zarr.open_group(self.path, mode="r+")
 
-    def _compare(self) -> None:
-        """Refuses a store of another sweep, and says in what they differ."""
-        there, here = dict(self.group.attrs), attributes(self.plan, self.axes)
-        if "identity" not in there or "versions" not in there:
+    def _layout(self, chunk: int) -> dict[str, tuple[dict[str, Any], Any]]:
+        """Name -> arguments of create_array, and the values of a coordinate."""
+        from zarr.codecs import ZstdCodec
+
+        usual = {"compressors": ZstdCodec(checksum=True), "config": {"write_empty_chunks": True}}
+        layout: dict[str, tuple[dict[str, Any], Any]] = {}
+        for name, (dims, values, attrs) in coordinates(self.plan, self.axes).items():
+            if values.dtype == object:
+                values = values.astype(str).astype(np.dtypes.StringDType())
+            layout[name] = {"shape": values.shape, "chunks": values.shape, "dtype": _stored(values.dtype),
+                            "dimension_names": dims, "attributes": attrs, **usual}, values  # fmt: skip
+        shape, boxes = self.axes.boxes(chunk)
+        for name, v in self.plan.variables.items():
+            layout[name] = {
+                "shape": (*self.axes.shape, *v.shape), "chunks": (*shape, *(max(s, 1) for s in v.shape)),
+                "dtype": _stored(v.dtype), "fill_value": v.fill, "dimension_names": (*self.axes.dims, *v.dims),
+                "attributes": _plain(v.attrs), **usual,
+            }, None  # fmt: skip
+        layout[SUMS] = {"shape": (len(boxes), 32), "chunks": (1, 32), "dtype": "uint8", "fill_value": 0,
+                         "dimension_names": SUM_DIMS, **usual}, None  # fmt: skip
+        return layout
+
+    def _compare(self, there: dict[str, Any]) -> str:
+        """In what way it was made by another version, "" for none; refuses a store of another sweep in words."""
+        before = "sha256" not in there
+        old, new = json.loads(there["identity"]), json.loads(self.attrs["identity"])
+        unknown = [key for key in new if UNKNOWN in new[key]]
+        # A store of before tells less: no last digits, no code behind a measure, another hash of the system.
+        keys = [k for k in old if k != "system"] if before else list({**old, **new})
+        differing = [
+            k for k in keys if old.get(k) != new.get(k) and not (before and new.get(k, "").startswith(old[k]))
+        ]
+        if unknown or differing:
+            key = (unknown or differing)[0]
+            more = len(differing) - 1
             raise ValueError(
-                f"`store` {str(self.path)!r} is a Zarr group, but none of a sweep; give another path."
+                f"`store` {str(self.path)!r} was made by another sweep, or one that cannot be known to be this: its "
+                f"{key} is {old.get(key, 'absent')}, this one's is {new.get(key, 'absent')}"
+                + (f" (and {more} more differ)" if more > 0 else "")
+                + "; give another path, or the sweep that it was made with (pwsmooth.sweep.read_store reads this one)."
             )
-        for item, advice in (
-            ("versions", "finish it with that version, or give another path"),
-            ("identity", "give another path, or the sweep that it was made with"),
-        ):
-            old, new = json.loads(there[item]), json.loads(here[item])
-            differing = [key for key in {**old, **new} if old.get(key) != new.get(key)]
-            if differing:
-                key = differing[0]
-                raise ValueError(
-                    f"`store` {str(self.path)!r} was made by another sweep: its {key} is {old.get(key, 'absent')}, "
-                    f"this one's is {new.get(key, 'absent')}"
-                    + (f" (and {len(differing) - 1} more differ)" if len(differing) > 1 else "")
-                    + f"; {advice}."
-                )
+        old, new = json.loads(there["versions"]), json.loads(self.attrs["versions"])
+        differing = [k for k in {**old, **new} if old.get(k) != new.get(k)]
+        words = [f"its {k} is {old.get(k, 'absent')}, this one's is {new.get(k, 'absent')}" for k in differing]
+        if before:
+            words = [
+                "it has no checksums, and of its system and measures only names and values can be compared"
+            ]
+        return f"was made by another version: {'; '.join(words)}" if words else ""
 
-    def _read_finished(self) -> np.ndarray:
-        return self.group["outcome"][...].reshape(-1) != NOT_RUN
+    def _mend(self, there: dict[str, Any]) -> list[str]:
+        """Describe arrays again whose description is damaged, and write damaged coordinates; what was mended."""
+        mended = []
+        for name, (array, values) in self._layout(there["chunk"]).items():
+            try:
+                check_array(self.group, name, there)
+            except Exception as error:  # zarr raises whatever its parsers raise
+                mended.append(f"{name}/zarr.json: {type(error).__name__}: {error}")
+                with explained(
+                    self.path, f"be mended in {name}", "restore it from a copy, or give another path"
+                ):
+                    # The chunks stay: their sums tell what they are worth.
+                    (self.path / name / "zarr.json").unlink(missing_ok=True)
+                    _describe(self.group, name, array, values)
+        return mended
 
     def keep(self, start: int, stop: int, result: dict[str, np.ndarray]) -> None:
-        """Write a chunk; `outcome`, the last of the plan's variables, marks it as finished."""
-        low = np.unravel_index(start, self.axes.shape)
-        high = np.unravel_index(stop - 1, self.axes.shape)
-        region = tuple(slice(a, b + 1) for a, b in zip(low, high))
-        box = tuple(b - a + 1 for a, b in zip(low, high))
+        """Write a chunk, then its sum, which marks it as finished."""
+        for name, values in result.items():
+            self.arrays[name][start:stop] = values
+        number = self.boxes.index((start, stop))
+        region = region_of((start, stop), self.axes.shape)
+        box = tuple(s.stop - s.start for s in region)
+        remedy = "what had finished is kept; make room, or wait for the disk, and call sweep() again to go on"
         for name in self.plan.variables:
-            values = result[name]
-            self.group[name][region] = values.reshape(*box, *values.shape[1:])
-        self._finished[start:stop] = True
+            values = self.arrays[name][start:stop]
+            with explained(self.path, f"be written at {name}", remedy):
+                self.files[name][region] = values.reshape(*box, *values.shape[1:])
+        with explained(self.path, f"be written at {SUMS}", remedy):
+            self.files[SUMS][number] = np.frombuffer(sum_of_chunk(self.arrays, start, stop), np.uint8)
 
-    def dataset(self) -> Any:
-        """The whole sweep, read into memory."""
-        arrays = empty_arrays(self.plan, self.axes)
-        for name in arrays:
-            arrays[name][:] = self.group[name][...].reshape(arrays[name].shape)
-        return make_dataset(self.plan, self.axes, arrays)
+    def dataset(self) -> xarray.Dataset:
+        """The whole sweep."""
+        return make_dataset(self.plan, self.axes, self.arrays).assign_attrs(self.attrs)
+
+
+def _describe(group: Any, name: str, array: dict[str, Any], values: Any) -> str:
+    """Make an array, with the values of a coordinate; its sum."""
+    made = group.create_array(name, **array)
+    if values is not None:
+        made[...] = values
+    return sum_of_array(made, values)
 
 
 def _stored(dtype: Any) -> Any:
@@ -138,3 +229,23 @@ def _stored(dtype: Any) -> Any:
 
 def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
     return {k: [int(i) for i in v] if isinstance(v, list) else v for k, v in attrs.items()}
+
+
+def _remove_scratch(path: Path) -> None:
+    """Remove what processes left beside the store that were killed while they made it."""
+    for scratch in path.parent.glob(f".{glob.escape(path.name)}-*"):
+        maker = re.fullmatch(r"(\d+)@(.+)-\w{8}", scratch.name[len(path.name) + 2 :])
+        if maker and maker[2] == socket.gethostname() and not _lives(int(maker[1])):
+            shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _lives(process: int) -> bool:
+    if os.name != "posix":
+        return True  # there, os.kill would end it
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass
+    return True
