@@ -39,7 +39,7 @@ def structure(seed):
         if kind == "instant" or r.random() < 0.6:
             row.append(M.term(1))
         if any(_same(row, other) for other in M.surfaces[:j]):
-            row.append(M.term(1, int(r.integers(n)), M.T))  # one surface twice is one switch: invariance.py has these
+            row.append(M.term(1))  # one surface twice is one switch: invariance.py has these
         M.surfaces[j] = row
     M.notation = [str(r.choice(["Switch", "sign"])) for _ in range(m)]
     for i in x:

@@ -652,7 +652,7 @@ def fire(D, v, status, side, touched, hit, tags):
 
 
 @njit(**_CACHED)
-def run(D, v0, status0, t0, instants, log, graze, tags, most=3000):
+def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
     """From t0 through the instants: (code, time reached, states at the instants). `log` takes (t, what) of events."""
     N, m, c, E = D.N, D.m, D.c, D.e
     M, W = m + c, 2 * m + c + E
@@ -774,6 +774,8 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=3000):
         events += 1
         touched[:] = False
         forced = -1
+        for j in range(m):
+            touched[j] = status[j] != 0 and abs(value(D, N + j, v)) < 1e-12
         closed = np.any(act[m:])
         jumped = v[:N].copy()
         if found < 2 * m:
