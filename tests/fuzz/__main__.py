@@ -27,7 +27,7 @@ def one_structure(name, seed, number, cases):
     counts, failures, slow = Counter(), [], []
     key = seed * 100_000 + number
     try:
-        played = module.compiled(key) if hasattr(module, "compiled") else judging.compiled(module, key)
+        played = getattr(module, "compiled", judging.compiled)(module, key)
     except Exception as error:  # a model that the package refuses to build is a finding
         text = f"structure raised {type(error).__name__}: {error}"
         return {"structure": number, "counts": {judging.WRONG: cases}, "failures": [[key, -1, text[:300], 0, 0]]}
