@@ -24,7 +24,7 @@ def one_structure(name, seed, number, cases):
     """Counts and failures of one structure's cases, as JSON has them."""
     began = time.monotonic()
     module = importlib.import_module(f"tests.fuzz.{name}")
-    counts, failures, slow = Counter(), [], []
+    counts, failures, slow, examples = Counter(), [], [], {}
     key = seed * 100_000 + number
     try:
         played = getattr(module, "compiled", judging.compiled)(module, key)
@@ -35,12 +35,15 @@ def one_structure(name, seed, number, cases):
     for i in range(cases):
         before = time.monotonic()
         verdict = play(played, key * 1000 + i)
-        counts[" ".join(filter(None, (verdict.kind, verdict.reason)))[:60]] += 1
+        what = " ".join(filter(None, (verdict.kind, verdict.reason)))[:60]
+        counts[what] += 1
+        if verdict.kind not in (judging.RIGHT, judging.UNDECIDED):
+            examples.setdefault(what, [key, key * 1000 + i])
         if verdict.kind == judging.WRONG:
             failures.append([key, key * 1000 + i, verdict.reason, verdict.error, verdict.tags])
         if time.monotonic() - before > SLOW and i:
             slow.append([key, key * 1000 + i, round(time.monotonic() - before, 1)])
-    return {"structure": number, "counts": counts, "failures": failures, "slow": slow,
+    return {"structure": number, "counts": counts, "failures": failures, "slow": slow, "examples": examples,
             "seconds": time.monotonic() - began}  # fmt: skip
 
 
@@ -49,7 +52,7 @@ def _task(arguments):
 
 
 def fuzz(name, cases, structures, seed, resume=None, jobs=1):
-    """All verdicts of a fuzzer: counts, failures. With `resume` a file keeps what is done, a line a structure."""
+    """All verdicts of a fuzzer: counts, failures, an example of each kind. With `resume` a file keeps what is done, a line a structure."""
     each = min(999, -(-cases // structures))
     done = {}
     if resume and Path(resume).exists():
@@ -58,21 +61,22 @@ def fuzz(name, cases, structures, seed, resume=None, jobs=1):
             if found["run"] == [name, seed, each]:
                 done[found["structure"]] = found
     left = [(name, seed, k, each) for k in range(structures) if k not in done]
-    counts, failures = Counter(), []
+    counts, failures, examples = Counter(), [], {}
     for found in done.values():
         counts.update(found["counts"])
         failures += found["failures"]
+        examples = found.get("examples", {}) | examples
 
     def take(found):
         counts.update(found["counts"])
         failures.extend(found["failures"])
+        for what, where in found.get("examples", {}).items():
+            examples.setdefault(what, where)
         for item in found.get("slow", []):
             print("slow", *item, flush=True)
         if resume:
             with open(resume, "a") as file:
                 file.write(json.dumps(found | {"run": [name, seed, each]}) + "\n")
-        if len(failures) and found["failures"]:
-            print("failure", *found["failures"][0], flush=True)
 
     if jobs == 1:
         for arguments in left:
@@ -81,7 +85,7 @@ def fuzz(name, cases, structures, seed, resume=None, jobs=1):
         with multiprocessing.get_context("spawn").Pool(jobs) as pool:
             for found in pool.imap_unordered(_task, left):
                 take(found)
-    return counts, failures
+    return counts, failures, examples
 
 
 def show(name, structure, seed):
@@ -117,9 +121,9 @@ def main(arguments=None):
     if given.show:
         print(show(given.name, *given.show))
         return 0
-    counts, failures = fuzz(given.name, given.cases, given.structures, given.seed, given.resume, given.jobs)
+    counts, failures, examples = fuzz(given.name, given.cases, given.structures, given.seed, given.resume, given.jobs)
     for kind, count in counts.most_common():
-        print(f"{count:8d}  {kind}")
+        print(f"{count:8d}  {kind}", *("--show", *examples[kind]) if kind in examples else ())
     for structure, seed, reason, error, tags in failures[:20]:
         print(f"  --show {structure} {seed}: {reason}, error {error:.3g}, tags {tags}")
     return 1 if failures else 0

@@ -23,11 +23,17 @@ _BASES = (affine, affine, hidden, resets)
 
 @dataclass
 class Variant:
-    """A System that says the same, and the order of its states (old place of each new one)."""
+    """A System that says the same, its text, and the order of its states (old place of each new one)."""
 
+    text: str
     system: object
     known: set
     order: list
+
+
+def _variant(model, order=None, **changes):
+    changes |= {"order": order} if order else {}
+    return Variant(model.text(**changes), *model.system(**changes), order or list(range(model.n)))
 
 
 def structure(seed):
@@ -45,17 +51,15 @@ def compiled(_, seed):
     """The structure, itself and in other words."""
     module, model = structure(seed)
     r = np.random.default_rng([11, seed])
-    as_is = Variant(*model.system(), list(range(model.n)))
+    as_is = _variant(model)
     order = _order(model, r)
     switch_order = r.permutation(len(model.surfaces)).tolist()
     variants = {"as is": as_is}
-    variants["renamed, reordered"] = Variant(
-        *model.system(order=order, switch_order=switch_order, prefix="z"), order
-    )
+    variants["renamed, reordered"] = _variant(model, order, switch_order=switch_order, prefix="z")
     if model.surfaces:
         j = int(r.integers(len(model.surfaces)))
         factor = float(r.choice([1.0, -1.0, 2.5, -0.125, 1e3, 1e-3]))
-        variants["said twice"] = Variant(*model.system(repeat={j: factor}), list(range(model.n)))
+        variants["said twice"] = _variant(model, repeat={j: factor})
     return judging.Played(module, model, variants, seed)
 
 
@@ -77,6 +81,8 @@ def scaled(model, case, s):
     for kind, row, (_, q, powers) in _terms(model):
         if q is not None and not (kind == "surface" and _is_instant(model, row)):
             p[q] *= s ** (1 - sum(power for v, power in powers.items() if v < model.n))
+    for _, _, q, j, _ in model.kinks:
+        p[q] *= s if _is_instant(model, model.surfaces[j]) else 1
     options = {**case.options, "atol": case.options.get("atol", 1e-12) * s}
     return dataclasses.replace(case, p=p, start=case.start * s, options=options)
 
@@ -89,8 +95,8 @@ def slowed(model, case, s):
             p[q] /= s
         if q is not None and kind == "surface" and _is_instant(model, row):
             p[q] *= s
-    for _, _, q, _, _ in model.kinks:
-        p[q] /= s
+    for _, _, q, j, _ in model.kinks:
+        p[q] /= s * (s if _is_instant(model, model.surfaces[j]) else 1)
     options = dict(case.options)
     if "max_step" in options:
         options["max_step"] *= s
@@ -236,16 +242,29 @@ def play(played, seed):
 
 
 def script(number, seed):
-    """The case as it is; the change is said behind it."""
+    """The case as it is, then the run that is compared with it."""
     from . import models
 
     played = compiled(None, number)
     case = played.module.case(played.model, seed)
     r = np.random.default_rng([12, seed])
-    if r.random() < 0.15:
-        change = "number of events at rtol 1e-6 and 1e-12"
-    else:
-        change, rows, _, _ = other_run(played, case, r)
-        change += f"; there the states are\n# {rows.tolist()}"
     expected = answer(played.model, case)
-    return models.script(played.model, case, expected.states) + f"\n# changed: {change}"
+    text = models.script(played.model, case, expected.states)
+    if r.random() < 0.15:
+        return text + "\n# compare the events at rtol 1e-6, atol 1e-9 with those at rtol 1e-12, atol 1e-15"
+    calls, real = [], judging.solve
+
+    def noted(system, span, start, **options):
+        if options.get("t_eval") is not None:
+            options["t_eval"] = options["t_eval"].tolist()
+        which = next(v for v in played.system.values() if v.system is system)
+        calls.append(f"{which.text}\ns = solve(S, {span}, {start}, **{options!r})")
+        return real(system, span, start, **options)
+
+    judging.solve = noted
+    try:
+        change = other_run(played, case, r)[0]
+    finally:
+        judging.solve = real
+    other = "\n".join(calls)
+    return f"{text}\n# {change}\n{other}\nprint(s.outcome.name, s.ambiguities, list(s.events), s.x)"

@@ -265,7 +265,7 @@ def script(model, case, expected=None):
         "print(s.x[:, :])",
     ]
     if expected is not None:
-        lines.append(f"# expected {np.array2string(np.asarray(expected).T, precision=9)}")
+        lines.append(f"# expected {np.asarray(expected).T.round(9).tolist()}")
     return "\n".join(lines)
 
 
