@@ -11,6 +11,7 @@ import numpy as np
 
 from .affine import draw_options
 from .models import Case, Event, Model
+from .oracle import sensitivity
 
 TITLE = "impacts and contacts"
 
@@ -77,6 +78,14 @@ def structure(seed):
 def case(M, seed, options=True):
     """Random numbers for it: weights press on the walls, some bodies begin at rest in contact."""
     r = np.random.default_rng([4, seed])
+    for _ in range(50):
+        drawn = _draw(M, r, options)
+        if _possible(M, drawn):
+            break
+    return drawn
+
+
+def _draw(M, r, options):
     p = r.uniform(-1.2, 1.2, M.parameters)
     p[: M.n // 2] = r.uniform(0.5, 2, M.n // 2)
     for q in M.restitution:
@@ -124,8 +133,12 @@ def _at(M, start, powers, angle):
     return float(np.prod([values[v] for v in powers])) if powers else 1.0
 
 
-def possible(M, case):
-    """Whether all gaps are open or closed at the start: the last offset of a chain may have closed another."""
+def _possible(M, case):
+    """Whether all gaps are open or closed at the start, and the closed ones constrain different motions."""
+    D, v = M.tables(case.p, case.w), np.zeros(M.n + 3 + len(M.surfaces) + len(M.gaps))
+    pushes = [[sensitivity(D, D.m + i, v, D.m + k) for k in case.closed] for i in case.closed]
+    if case.closed and np.linalg.matrix_rank(pushes) < len(case.closed):
+        return False
     for k, gap in enumerate(M.gaps):
         value = sum(
             n * (1 if q is None else case.p[q]) * _at(M, case.start, powers, case.w * case.t0 + case.a)
