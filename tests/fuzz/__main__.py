@@ -30,7 +30,11 @@ def one_structure(name, seed, number, cases):
         played = getattr(module, "compiled", judging.compiled)(module, key)
     except Exception as error:  # a model that the package refuses to build is a finding
         text = f"structure raised {type(error).__name__}: {error}"
-        return {"structure": number, "counts": {judging.WRONG: cases}, "failures": [[key, -1, text[:300], 0, 0]]}
+        return {
+            "structure": number,
+            "counts": {judging.WRONG: cases},
+            "failures": [[key, -1, text[:300], 0, 0]],
+        }
     play = getattr(module, "play", judging.play)
     for i in range(cases):
         before = time.monotonic()
@@ -111,7 +115,9 @@ def main(arguments=None):
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--resume", help="file of what is done")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--show", nargs=2, type=int, metavar=("STRUCTURE", "CASE"), help="print a case as a script")
+    parser.add_argument(
+        "--show", nargs=2, type=int, metavar=("STRUCTURE", "CASE"), help="print a case as a script"
+    )
     parser.add_argument("--self-test", action="store_true", help="plant faults: every fuzzer must see them")
     given = parser.parse_args(arguments)
     if given.self_test:
@@ -121,7 +127,9 @@ def main(arguments=None):
     if given.show:
         print(show(given.name, *given.show))
         return 0
-    counts, failures, examples = fuzz(given.name, given.cases, given.structures, given.seed, given.resume, given.jobs)
+    counts, failures, examples = fuzz(
+        given.name, given.cases, given.structures, given.seed, given.resume, given.jobs
+    )
     for kind, count in counts.most_common():
         print(f"{count:8d}  {kind}", *("--show", *examples[kind]) if kind in examples else ())
     for structure, seed, reason, error, tags in failures[:20]:

@@ -28,7 +28,9 @@ def structure(seed):
     forced = r.random() < 0.4
     jumps = r.random() < 0.5  # a force that jumps at an instant, or where another body passes a point
     frictional = [i for i in forces if r.random() < 0.2]
-    M.surfaces = [[M.term(1, M.T if r.random() < 0.7 or bodies == 1 else 0, parameter=False), M.term(1)]] * jumps
+    M.surfaces = [
+        [M.term(1, M.T if r.random() < 0.7 or bodies == 1 else 0, parameter=False), M.term(1)]
+    ] * jumps
     M.surfaces += [[M.term(1, 2 * i + 1, parameter=False)] for i in frictional]
     M.notation = [str(r.choice(["Switch", "sign"])) for _ in M.surfaces]
     pairs = []

@@ -111,9 +111,7 @@ def shifted(model, case, by):
     for kind, row, (_, q, powers) in _terms(model):
         if kind == "surface" and q is not None and not powers and _is_instant(model, row):
             p[q] -= by
-    return dataclasses.replace(
-        case, p=p, a=case.a - case.w * by, t0=case.t0 + by, instants=case.instants + by
-    )
+    return dataclasses.replace(case, p=p, a=case.a - case.w * by, t0=case.t0 + by, instants=case.instants + by)
 
 
 def _run(variant, case, instants=None, start=None, t0=None, **more):
@@ -182,21 +180,22 @@ def other_run(played, case, r):
 
 
 def events_agree(played, case):
-    """Whether loose and tight runs meet the same events, where the oracle says that they must; or None."""
+    """(Whether loose and tight runs meet the same events, where the oracle says that they must; or None), tags."""
     as_is = played.system["as is"]
     if case.options.get("method") == "rk":
-        return None
+        return None, 0
     loose = _run(as_is, dataclasses.replace(case, options={"rtol": 1e-6, "atol": 1e-9}))
     tight = _run(as_is, dataclasses.replace(case, options={"rtol": 1e-12, "atol": 1e-15}))
     if not (loose.success and tight.success) or loose.ambiguities or tight.ambiguities:
-        return None
+        return None, 0
     if [e.switch + e.kind for e in loose.events] == [e.switch + e.kind for e in tight.events]:
-        return True
+        return True, 0
     expected = answer(played.model, case)
     if expected.code:
-        return None
+        return None, 0
     growth = judging.spread(played.model, case, len(case.instants) - 1, 1e-8) / 1e-8
-    return None if 1e-6 * growth > 1e-3 * min(expected.graze.min(), 1.0) else False
+    close = 1e-6 * growth > 1e-3 * min(expected.graze.min(), 1.0)
+    return None if close else False, expected.tags
 
 
 def play(played, seed):
@@ -206,10 +205,8 @@ def play(played, seed):
     r = np.random.default_rng([12, seed])
     try:
         if r.random() < 0.15:
-            same = events_agree(played, case)
-            if same is None:
-                return Verdict(UNDECIDED, "events")
-            return Verdict(RIGHT if same else WRONG, "events")
+            same, tags = events_agree(played, case)
+            return Verdict({None: UNDECIDED, True: RIGHT, False: WRONG}[same], "events", tags=tags)
         one = _run(played.system["as is"], case)
         change, rows, others = other_run(played, case, r)
     except Exception as error:  # what a solve raises is a finding
@@ -218,7 +215,11 @@ def play(played, seed):
     if not one.success or failed:
         if not one.success and failed and failed[-1].outcome == one.outcome:
             return Verdict(RIGHT, "both refused")
-        which = f"after {change}: {failed[-1].outcome.name}" if failed else f"not after {change}: {one.outcome.name}"
+        which = (
+            f"after {change}: {failed[-1].outcome.name}"
+            if failed
+            else f"not after {change}: {one.outcome.name}"
+        )
         return Verdict(REFUSED, which)
     got = one.x.T
     if rows.shape != got.shape:

@@ -55,7 +55,8 @@ def spread(model, case, tag, size, tries=5):
         moved = dataclasses.replace(
             case,
             p=case.p * (1 + size * moves * random.uniform(-1, 1, len(case.p))),
-            start=case.start + size * random.uniform(-1, 1, len(case.start)) * (case.start != 0) * (not case.closed),
+            start=case.start
+            + size * random.uniform(-1, 1, len(case.start)) * (case.start != 0) * (not case.closed),
             w=case.w * (1 + size * random.uniform(-1, 1)),
         )
         other = answer(model, moved).states[: tag + 1]

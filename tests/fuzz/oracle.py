@@ -28,7 +28,10 @@ def _picard():
     basis = np.polynomial.chebyshev.chebvander(2 * s - 1, NODES - 1)
     whole = np.stack(
         [
-            0.5 * np.polynomial.chebyshev.chebval(2 * s - 1, np.polynomial.chebyshev.chebint(np.eye(NODES)[k], lbnd=-1))
+            0.5
+            * np.polynomial.chebyshev.chebval(
+                2 * s - 1, np.polynomial.chebyshev.chebint(np.eye(NODES)[k], lbnd=-1)
+            )
             for k in range(NODES)
         ],
         axis=1,
@@ -636,16 +639,13 @@ def fire(D, v, status, side, touched, hit, tags):
         v[:] = new
         for e in range(E):
             h, was = value(D, first + e, v), value(D, first + e, before)
-            if abs(h - was) > 1e-14:
-                if fired[e] and abs(h) > 1e-9:
-                    if h * side[e] < 0:
-                        tags[0] |= RESET_BEYOND
-                if not fired[e] and h * side[e] < -1e-11:
+            if abs(h - was) > 1e-14 and abs(h) > 1e-11 and h * side[e] < 0:
+                if fired[e]:
+                    tags[0] |= RESET_BEYOND
+                else:
                     now[e] = D.direction[e] == 0 or D.direction[e] * h > 0
-                if abs(h) > 1e-11:
-                    side[e] = 1.0 if h > 0 else -1.0
-                elif fired[e]:
-                    side[e] = -side[e]
+            if abs(h) > 1e-11:
+                side[e] = 1.0 if h > 0 else -1.0
             elif fired[e]:
                 side[e] = -side[e]
     return False

@@ -64,7 +64,9 @@ def structure(seed):
     for x in xs:
         # Bounded outside, damped, so that runs stay in one place.
         body = _expression(r, leaves, int(r.integers(2, 5)), fresh)
-        rates.append(f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body}) + p{fresh()}*sp.cos(t) - {x}/4")
+        rates.append(
+            f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body}) + p{fresh()}*sp.cos(t) - {x}/4"
+        )
     ps = [f"p{q}" for q in range(4)]
     given = [p for p in ps if p in " ".join(rates)]
     text = "\n".join(

@@ -16,7 +16,7 @@ from .oracle import JUMP_WHILE_CLOSED, RESET_BEYOND, SEVERAL_IMPACTS, SIMULTANEO
 # beyond the own surface, several events at one instant. An entry goes when its class is mended.
 KNOWN = JUMP_WHILE_CLOSED | SEVERAL_IMPACTS | RESET_BEYOND | SIMULTANEOUS
 # Structures and cases: of each fuzzer some seconds.
-SHORT = {"affine": (8, 25), "contacts": (8, 10), "resets": (6, 20), "hidden": (6, 15), "smooth": (6, 8),
+SHORT = {"affine": (8, 25), "contacts": (8, 8), "resets": (6, 20), "hidden": (6, 15), "smooth": (6, 8),
          "invariance": (6, 15)}  # fmt: skip
 
 
@@ -55,7 +55,10 @@ def base():
 
 
 PROPERTY = settings(
-    max_examples=60, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60,
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
