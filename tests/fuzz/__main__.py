@@ -23,7 +23,7 @@ SLOW = 5.0  # seconds of a case that are reported
 def one_structure(name, seed, number, cases):
     """Counts and failures of one structure's cases, as JSON has them."""
     began = time.monotonic()
-    module = importlib.import_module(f"tests.fuzz.{name}")
+    module = importlib.import_module(f".{name}", __package__)
     counts, failures, slow, examples = Counter(), [], [], {}
     key = seed * 100_000 + number
     try:
@@ -41,7 +41,7 @@ def one_structure(name, seed, number, cases):
         verdict = play(played, key * 1000 + i)
         what = " ".join(filter(None, (verdict.kind, verdict.reason)))[:60]
         counts[what] += 1
-        if verdict.kind not in (judging.RIGHT, judging.UNDECIDED):
+        if verdict.kind != judging.RIGHT:
             examples.setdefault(what, [key, key * 1000 + i])
         if verdict.kind == judging.WRONG:
             failures.append([key, key * 1000 + i, verdict.reason, verdict.error, verdict.tags])
@@ -56,7 +56,7 @@ def _task(arguments):
 
 
 def fuzz(name, cases, structures, seed, resume=None, jobs=1):
-    """All verdicts of a fuzzer: counts, failures, an example of each kind. With `resume` a file keeps what is done, a line a structure."""
+    """Counts of verdicts, failures, an example of each kind; `resume` is a file with a line a structure."""
     each = min(999, -(-cases // structures))
     done = {}
     if resume and Path(resume).exists():
@@ -94,7 +94,7 @@ def fuzz(name, cases, structures, seed, resume=None, jobs=1):
 
 def show(name, structure, seed):
     """The script of a case, with what the oracle expects."""
-    module = importlib.import_module(f"tests.fuzz.{name}")
+    module = importlib.import_module(f".{name}", __package__)
     if hasattr(module, "script"):
         return module.script(structure, seed)
     from .models import answer, script

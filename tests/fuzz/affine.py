@@ -1,4 +1,4 @@
-"""Piecewise-affine systems with one to three switches: crossing, sliding on one and on several, exits, repelling starts.
+"""Piecewise-affine systems with one to three switches: crossing, sliding on one and on several, exits.
 
 Linear rates and forces in lambda, products of two multipliers, multipliers times states, |h| and max(h, 0); surfaces
 that are a state, a sum, move with time, are an instant, or bend.

@@ -3,7 +3,8 @@
 Scales of states and of time (1e-9 to 1e9), shift of time, names and order of states and switches, a surface said twice
 or as a multiple, cuts at random instants, what is returned, tolerances and methods; and the number of events at loose
 and at tight tolerance, on runs whose error stays far below their distance to the nearest grazing.
-The oracle only tells whether a difference is due to an ill-conditioned motion. Chain: the fuzzers -> invariance.py (here) -> __main__.py.
+The oracle only tells whether a difference is due to an ill-conditioned motion.
+Chain: the fuzzers -> invariance.py (here) -> __main__.py.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def scaled(model, case, s):
 def slowed(model, case, s):
     """The case with its time s times as long."""
     p = case.p.copy()
-    for kind, row, (_, q, powers) in _terms(model):
+    for kind, row, (_, q, _) in _terms(model):
         if q is not None and kind == "rate":
             p[q] /= s
         if q is not None and kind == "surface" and _is_instant(model, row):
@@ -116,10 +117,11 @@ def shifted(model, case, by):
 
 def _run(variant, case, instants=None, start=None, t0=None, **more):
     start = case.start if start is None else start
+    instants = case.instants if instants is None else instants
     return judging.solve(
-        variant.system, (case.t0 if t0 is None else t0, float((case.instants if instants is None else instants)[-1])),
+        variant.system, (case.t0 if t0 is None else t0, float(instants[-1])),
         start[variant.order].tolist(), parameters=case.parameters(variant.known),
-        **{"max_steps": judging.STEPS, "t_eval": case.instants if instants is None else instants, **case.options, **more},
+        **{"max_steps": judging.STEPS, "t_eval": instants, **case.options, **more},
     )  # fmt: skip
 
 

@@ -116,12 +116,11 @@ def compiled(module, seed):
 
 def play(played, seed):
     """The verdict on one case."""
-    from . import judging  # so that a planted `solve` is seen
-
     case = played.module.case(played.model, seed)
     expected = answer(played.model, case)
     try:
-        solution = judging.solve(
+        solution = solve(  # the name of this module, in which faults are planted
+
             played.system, (case.t0, float(case.instants[-1])), case.start.tolist(), t_eval=case.instants,
             parameters=case.parameters(played.known), max_steps=STEPS, **case.options,
         )  # fmt: skip

@@ -141,7 +141,7 @@ class Model:
     def system(self, **changes):
         """(System, names of its parameters) of the text."""
         space = {}
-        exec(self.text(**changes), space)  # noqa: S102 - the text is made above
+        exec(self.text(**changes), space)
         return space["S"], {p.name for p in space["S"].parameters}
 
     # ---- tables

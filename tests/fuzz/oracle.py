@@ -2,8 +2,8 @@
 
     dy/dt = F(y, lambda, R),  lambda_j = sign h_j(y) or solved on h_j = 0,  0 <= g_k(y)  complementary to  R_k >= 0
 
-All right-hand sides are polynomials in states and multipliers, kept as tables (models.py makes them; time and its sines are
-states there). A step is Picard's iteration on Chebyshev nodes, so that it is a polynomial without Taylor series or
+All right-hand sides are polynomials in states and multipliers, kept as tables (models.py makes them; time and its sines
+are states there). A step is Picard's iteration on Chebyshev nodes, so that it is a polynomial without Taylor series or
 Runge-Kutta pairs; the next event is the first bracketed zero of all that is watched, bisected. One switch alone is
 decided by all real roots of its polynomial in lambda, several by the layer's differential equation, contacts by trying
 every complementary set. What the oracle cannot decide ends its run with a code: it is then compared up to there only.
@@ -152,14 +152,13 @@ def rates(D, v, F):
 @njit(**_CACHED)
 def solve_multipliers(D, v, act, F):
     """Newton's iteration for push = 0 of the multipliers marked in `act`, into v; F are the rates."""
-    M = D.m + D.c
     which = np.flatnonzero(act)
     n = len(which)
     rates(D, v, F)
     if n == 0:
         return True
     J, r = np.empty((n, n)), np.empty(n)
-    for trial in range(30):
+    for _ in range(30):
         for i in range(n):
             r[i] = push(D, which[i], v, F)
             for k in range(n):
@@ -181,7 +180,7 @@ def solve_multipliers(D, v, act, F):
 @njit(**_CACHED)
 def picard(D, v, dt, act, Y, L, G):
     """A step of length dt: states at the nodes into Y, multipliers into L. Returns 0 or what failed."""
-    N, M = D.N, D.m + D.c
+    N = D.N
     w, F = v.copy(), np.empty(N)
     if not solve_multipliers(D, w, act, F):
         return 1
@@ -436,7 +435,6 @@ def classify(D, v, status, group, contacts, forced):
 
     forced: a switch that has met its bound and goes there, or -1.
     """
-    M = D.m + D.c
     which = np.flatnonzero(group)
     act = contacts.copy()
     F = np.empty(D.N)
@@ -520,7 +518,7 @@ def settle(D, v, status, touched, forced, tags, first=False):
     m, c, N = D.m, D.c, D.N
     F = np.empty(N)
     near = np.zeros(c, np.bool_)
-    for trial in range(200):
+    for _ in range(200):
         count = 0
         closing, U, after = np.empty(c, np.int64), np.empty(c), np.empty(c)
         worst = 0.0
@@ -550,7 +548,7 @@ def settle(D, v, status, touched, forced, tags, first=False):
                 else:
                     status[j], touched[j] = (1 if h > 0 else -1), False
                     v[N + j] = status[j]
-    if trial == 199:
+    else:
         return UNDECIDED
     group = np.zeros(m, np.bool_)
     for j in range(m):
@@ -616,7 +614,7 @@ def fire(D, v, status, side, touched, hit, tags):
     N, m, c, E = D.N, D.m, D.c, D.e
     first = N + m + 2 * c
     now = hit.copy()
-    for trial in range(20):
+    for _ in range(20):
         if not np.any(now):
             return True
         if np.sum(now) > 1:
@@ -674,7 +672,7 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
     if failed:
         return failed, t, out, events
     act = status == 0
-    for step in range(most):
+    for _ in range(most):
         ahead = instants[k] - t
         h = min(dt, ahead)
         short = False

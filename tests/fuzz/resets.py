@@ -1,6 +1,6 @@
 """Events: resets to a place, beyond the own surface, kicks, reversals, latches, several at one instant.
 
-Smooth rates between, sometimes with a switch; surfaces that are a state, a sum, or an instant, in both directions or one.
+Smooth rates between, sometimes with a switch; surfaces that are a state, a sum or an instant.
 Chain: models.py, judging.py -> resets.py (here) -> __main__.py.
 """
 
@@ -80,7 +80,7 @@ def case(M, seed, options=True):
                 p[q] = abs(p[q]) + 0.5  # the oscillator's stiffness
     for e in M.events:
         for row in e.update.values():
-            for number, q, powers in row:
+            for number, q, _ in row:
                 if number == -1 and q is not None:
                     p[q] = r.uniform(0.2, 0.95)
     t0 = float(r.choice([0.0, 0.0, r.uniform(-3, 3)]))

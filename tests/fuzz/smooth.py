@@ -86,7 +86,7 @@ def compiled(_, seed):
     """The System and its right-hand side."""
     text, n = structure(seed)
     space = {}
-    exec(text, space)  # noqa: S102 - the text is made above
+    exec(text, space)
     arguments = [space["t"], *(space[f"x{i}"] for i in range(n)), *(space[f"p{q}"] for q in range(4))]
     f = sp.lambdify(arguments, list(space["rates"].values()), modules="math", cse=True)
     return Played(text, space["S"], n, 4, f)

@@ -1,6 +1,6 @@
 """The adversary in the suite: fixed seeds, a few structures a fuzzer; `python -m tests.fuzz` is the long mode.
 
-No case is silently wrong beyond the classes of KNOWN; each fuzzer sees planted faults; the oracle agrees with closed forms.
+No case is silently wrong beyond the classes of KNOWN; each fuzzer sees planted faults; the oracle meets closed forms.
 """
 
 import numpy as np
@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from . import affine, invariance, judging, planted
-from .__main__ import NAMES, fuzz
-from .oracle import JUMP_WHILE_CLOSED, RESET_BEYOND, SEVERAL_IMPACTS, SIMULTANEOUS
+from tests.fuzz import affine, invariance, judging, planted  # one name, one compile cache of the oracle
+from tests.fuzz.__main__ import NAMES, fuzz
+from tests.fuzz.oracle import JUMP_WHILE_CLOSED, RESET_BEYOND, SEVERAL_IMPACTS, SIMULTANEOUS
 
 # Classes of wrong answers that are being mended: what jumps at a closed contact, several impacts at one instant, resets
 # beyond the own surface, several events at one instant. An entry goes when its class is mended.
