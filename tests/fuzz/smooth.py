@@ -1,0 +1,159 @@
+"""Random smooth expressions in ordinary notation, against SciPy's DOP853 at 1e-13.
+
+The oracle calls the expression through `math`, so that neither the recurrences nor the simplifications take part.
+Chain: models.py, judging.py -> smooth.py (here) -> __main__.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+from scipy.integrate import solve_ivp
+
+from . import judging
+from .affine import draw_options
+
+TITLE = "random smooth expressions"
+_UNARY = [
+    "sp.sin({0})", "sp.cos({0})", "sp.tanh({0})", "sp.atan({0})", "sp.exp(-({0})**2)", "sp.exp(sp.sin({0}))",
+    "sp.sqrt(1 + ({0})**2)", "sp.log(2 + ({0})**2)", "1/(1 + ({0})**2)", "({0})/(1 + ({0})**2)", "sp.asinh({0})",
+    "sp.erf({0})", "sp.sinh(sp.sin({0}))", "sp.cosh(sp.cos({0}))", "(1 + ({0})**2)**sp.Rational(3, 4)",
+    "(1.5 + sp.cos({0}))**p{1}", "sp.tan(sp.sin({0}))", "sp.asin(sp.sin({0})/2)", "sp.acos(sp.cos({0})/2)",
+    "sp.atan2({0}, 2 + sp.sin({0}))", "sp.log(2 + sp.sin({0}))**2", "p{1}**(sp.sin({0}))", "sp.cbrt(2 + sp.cos({0}))",
+    "sp.sin({0})**3", "({0})**2", "sp.tanh({0})**5", "sp.sec(sp.sin({0}))", "sp.cot(1 + sp.sin({0})/2)",
+]  # fmt: skip
+
+
+@dataclass
+class Played:
+    """Text, System, and the right-hand side as a Python function."""
+
+    text: str
+    system: object
+    n: int
+    parameters: int
+    f: object
+
+
+def _expression(r, leaves, depth, fresh):
+    if depth == 0 or r.random() < 0.15:
+        return str(r.choice(leaves))
+    kind = r.random()
+    if kind < 0.5:
+        return str(r.choice(_UNARY)).format(_expression(r, leaves, depth - 1, fresh), fresh())
+    a, b = (_expression(r, leaves, depth - 1, fresh) for _ in range(2))
+    return f"({a} {'*' if kind < 0.75 else '+' if kind < 0.9 else '-'} {b})"
+
+
+def structure(seed):
+    """Text that makes a System S, and the numbers of its states and parameters."""
+    r = np.random.default_rng([9, seed])
+    n = int(r.integers(1, 4))
+    used = set()
+
+    def fresh():
+        q = int(r.integers(4))
+        used.add(q)
+        return q
+
+    xs = [f"x{i}" for i in range(n)]
+    leaves = [*xs, *xs, "t", "sp.sin(t)"]
+    rates = []
+    for x in xs:
+        # Bounded outside, damped, so that runs stay in one place.
+        body = _expression(r, leaves, int(r.integers(2, 5)), fresh)
+        rates.append(
+            f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body}) + p{fresh()}*sp.cos(t) - {x}/4"
+        )
+    ps = [f"p{q}" for q in range(4)]
+    given = [p for p in ps if p in " ".join(rates)]
+    text = "\n".join(
+        [
+            "import sympy as sp",
+            "from pwsmooth import System, solve",
+            f't, {", ".join(xs)} = sp.symbols("t {" ".join(xs)}", real=True)',
+            f'{", ".join(ps)} = sp.symbols("{" ".join(ps)}", positive=True)',
+            f"rates = {{{', '.join(rates)}}}",
+            f"S = System(rates, time=t, parameters=dict.fromkeys([{', '.join(given)}], 1))",
+        ]
+    )
+    return text, n
+
+
+def compiled(_, seed):
+    """The System and its right-hand side."""
+    text, n = structure(seed)
+    space = {}
+    exec(text, space)
+    arguments = [space["t"], *(space[f"x{i}"] for i in range(n)), *(space[f"p{q}"] for q in range(4))]
+    f = sp.lambdify(arguments, list(space["rates"].values()), modules="math", cse=True)
+    return Played(text, space["S"], n, 4, f)
+
+
+def case(n, seed):
+    """Start, span, parameters and options."""
+    r = np.random.default_rng([10, seed])
+    t0 = float(r.choice([0.0, r.uniform(-5, 5)]))
+    end = float(r.uniform(0.5, 5))
+    instants = np.sort(np.append(t0 + end * r.uniform(0, 1, 3), t0 + end))
+    return r.uniform(-1.5, 1.5, n), t0, instants, r.uniform(0.3, 1.5, 4), draw_options(r)
+
+
+def play(played, seed):
+    """The verdict on one case."""
+    start, t0, instants, p, options = case(played.n, seed)
+
+    def reference(start, p):
+        run = solve_ivp(lambda t, x: played.f(t, *x, *p), (t0, instants[-1]), start, method="DOP853",
+                        t_eval=instants, rtol=1e-13, atol=1e-14)  # fmt: skip
+        return run.y.T if run.success else None
+
+    try:
+        expected = reference(start, p)
+    except (ValueError, OverflowError, ZeroDivisionError, TypeError):
+        expected = None
+    if expected is None or not np.isfinite(expected).all():
+        return judging.Verdict(judging.UNDECIDED, "no reference")
+    known = {q.name for q in played.system.parameters}
+    values = {f"p{q}": float(v) for q, v in enumerate(p) if f"p{q}" in known}
+    try:
+        solution = judging.solve(
+            played.system, (t0, float(instants[-1])), start.tolist(), t_eval=instants, parameters=values,
+            max_steps=judging.STEPS, **options,
+        )  # fmt: skip
+    except Exception as error:  # what a solve raises is a finding
+        return judging.Verdict(judging.WRONG, f"raised {type(error).__name__}: {error}"[:200])
+    if not solution.success:
+        return judging.Verdict(judging.REFUSED, solution.outcome.name)
+    if not np.array_equal(solution.t, instants):
+        return judging.Verdict(judging.WRONG, "other instants")
+    scale = 1 + np.max(np.abs(expected))
+    error = float(np.max(np.abs(solution.x.T - expected)))
+    if error <= judging.tolerance(options, scale):
+        return judging.Verdict(judging.RIGHT, error=error)
+    size = min(options.get("rtol", 1e-9), 1e-6)
+    moved = reference(start * (1 + size), p * (1 - size))
+    if error <= 100 * np.max(np.abs(moved - expected)):
+        return judging.Verdict(judging.ILL, "", error)
+    return judging.Verdict(judging.WRONG, solution.outcome.name, error)
+
+
+def script(number, seed):
+    """A short program that shows the case."""
+    text, n = structure(number)
+    start, t0, instants, p, options = case(n, seed)
+    return "\n".join(
+        [
+            text,
+            f"p = {{q: float(v) for q, v in zip([p0, p1, p2, p3], {p.tolist()}) if q in S.parameters}}",
+            f"span, start, instants = ({t0}, {instants[-1]}), {start.tolist()}, {instants.tolist()}",
+            f"s = solve(S, span, start, t_eval=instants, parameters=p, **{options})",
+            "print(s.outcome.name, s.x)",
+            "from scipy.integrate import solve_ivp",
+            "f = sp.lambdify([t, *S.states], [e.subs(p) for e in rates.values()], modules='math')",
+            "print(solve_ivp(lambda t, x: f(t, *x), span, start, method='DOP853', t_eval=instants, rtol=1e-13,"
+            " atol=1e-14).y)",
+        ]
+    )
