@@ -72,7 +72,11 @@ class Multiplier:
 
 @dataclass(frozen=True)
 class EventSpec:
-    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`."""
+    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`.
+
+    With `singular` it is no event of the user's: `surface` is an argument at whose zero the function `name` has a
+    "pole", the "end" of its domain or a "branch" point (singular.py).
+    """
 
     name: str
     surface: sp.Expr | None = None
@@ -82,6 +86,7 @@ class EventSpec:
     when: sp.Basic = sp.true
     update: tuple[tuple[int, sp.Expr], ...] = ()  # (index of state, its new value from the values before)
     terminal: bool = False
+    singular: str = ""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,8 @@ class Outcome(IntEnum):
         A two-fold, from which many solutions leave.
     OUT_OF_MEMORY
         The steps that are kept no longer fit into memory.
+    SINGULAR_POINT
+        A function of the field has come to a pole, or to the end of where it is defined.
 
     Notes
     -----
@@ -79,6 +81,7 @@ class Outcome(IntEnum):
     LAYER_UNSETTLED = -11
     DETERMINACY_LOST = -12
     OUT_OF_MEMORY = -13
+    SINGULAR_POINT = -14
 
     @property
     def text(self) -> str:
@@ -120,6 +123,8 @@ _TEXTS = {
     "is distinguished: see `ambiguities`; a smoothed view decides for one.",
     Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
     "without `dense_output`, go in several spans, or see why the steps are so short.",
+    Outcome.SINGULAR_POINT: "A function of the field has come to a point where it is infinite, has no limit or ceases to be "
+    "defined; the last event names it and says what to do.",
 }
 
 
@@ -135,7 +140,8 @@ class EventRecord:
         Name of the switch, contact or event.
     kind : str
         A term of the field: "crossing", "stick", "slip by tangency", "slip by fold", "slip by reset",
-        "sliding to sliding", "reset", "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity".
+        "sliding to sliding", "reset", "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity",
+        "rest" (an argument of a root has come to 0 in finite time), "singular point".
     note : str
         What else is to be said.
 

@@ -153,7 +153,8 @@ class Solution:
     @property
     def message(self) -> str:
         """The outcome in words, with what to try next."""
-        return str(self.outcome)
+        where = f" Here: {self.events[-1]}." if self.outcome is Outcome.SINGULAR_POINT and self.events else ""
+        return str(self.outcome) + where
 
     # ---- names -------------------------------------------------------------------------------------
 

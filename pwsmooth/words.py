@@ -8,10 +8,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from .kernels import state as names
-from .model import Model
+from .model import EventSpec, Model
 from .records import Ambiguity, EventRecord, Outcome
+from .singular import remedy
+from .solution import vectorised
+
+_STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
 
 OUTCOMES = {
     names.DONE: Outcome.FINISHED,
@@ -26,6 +31,7 @@ OUTCOMES = {
     names.NEWTON_FAILED: Outcome.SINGULAR,
     names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
     names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+    names.SINGULAR_POINT: Outcome.SINGULAR_POINT,
     names.FULL: Outcome.OUT_OF_MEMORY,
 }
 
@@ -50,6 +56,8 @@ def event_words(model: Model) -> Any:
     def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
         if index >= len(multipliers):
             event = model.events[index - len(multipliers)]
+            if event.singular:
+                return singular_record(model, event, t, kind == names.EV_REST, bool(went))
             if kind == names.EV_ACCUMULATION:
                 return EventRecord(t, event.name, kinds[kind])
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
@@ -58,6 +66,33 @@ def event_words(model: Model) -> Any:
         return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
 
     return words
+
+
+def singular_record(
+    model: Model, event: EventSpec, t: float, rests: bool = False, stands: bool = False
+) -> EventRecord:
+    """A singular argument that has come to 0: the motion rests there, or the run ends there."""
+    if rests:
+        return EventRecord(t, event.name, "rest", f"{event.surface} = 0")
+    return EventRecord(t, event.name, "singular point", f"{event.surface} = 0: {remedy(model, event, stands)}")
+
+
+def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any) -> int | None:
+    """The event of a singular argument because of which a run stopped at this one instant, or None.
+
+    One that has left its domain, or that a change of the states by the last digits of a step brings to 0.
+    """
+    for i, event in enumerate(model.events):
+        if event.singular:
+            slopes = sp.Tuple(event.surface, *(event.surface.diff(s) for s in model.states))
+            with np.errstate(all="ignore"):
+                value, *gradient = (
+                    float(np.ravel(part)[0]) for part in vectorised(model, slopes)(t, *x, *mult, *p)
+                )
+            reach = sum(abs(g * float(s[0])) for g, s in zip(gradient, x))
+            if not abs(value) > _STOPPED * reach or (event.singular == "end" and value < 0):
+                return i
+    return None
 
 
 def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -> list[Ambiguity]:

@@ -21,7 +21,9 @@ SOLVED, HELD = 0, 2
     EV_OPENING,
     EV_ACCUMULATION,
     EV_RESET,
-) = range(11)
+    EV_REST,
+    EV_SINGULAR,
+) = range(13)
 
 # Records of non-uniqueness.
 (
@@ -49,7 +51,8 @@ SOLVED, HELD = 0, 2
     NEWTON_FAILED,
     DETERMINACY_LOST,
     ACCUMULATED,
-) = range(13)
+    SINGULAR_POINT,
+) = range(14)
 
 
 class Problem(Bundle):
@@ -75,6 +78,8 @@ class Problem(Bundle):
     pair: "int"  # 1: the pair makes every step; 0: only those that have no Taylor series
     start_unit: "int"
     instant_unit: "int"
+    approach_unit: "int"
+    watches: "int"  # 1: some event is a singular argument
     n: "int"
     m: "int"
     ne: "int"
@@ -95,6 +100,8 @@ class Problem(Bundle):
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)
     terminal: "i8[1]"  # (ne,)
+    watch: "i8[1]"  # (ne,) what there is at a singular argument (singular.py), 0 for an event of the user's
+    watch_state: "i8[1]"  # (ne,) index of the state that it is, or -1
     twin: (
         "i8[1]"  # (ne,) the event's surface is that of switch j up to a factor: j + 1 with its sign; 0: of none
     )
@@ -169,7 +176,9 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     I_GRAZES,  # whether the polynomial at hand grazes zero
     I_GRAZE_CROSSES,  # and counts as crossing it
     I_SOLVED_THERE,  # whether the solved multipliers are those of the state left behind
-) = range(11)
+    I_ROWS,  # kind of the step's polynomials
+    I_ARRIVES,  # singular argument whose zero the step ends at, or -1
+) = range(13)
 (
     A_MET,  # where in the step the first surface is met
     A_STEP,
@@ -182,7 +191,7 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     A_SHALLOW,  # size of a surface so far, against which a dip is shallow
     A_AT_REST,  # size at which an approach speed is rounding
 ) = range(10)
-N_CODE, N_ANSWER = 11, 10
+N_CODE, N_ANSWER = 13, 10
 
 
 class Record(Bundle):

@@ -16,6 +16,7 @@ from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
 from .settling import any_solved
+from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     A_ELAPSED,
@@ -37,8 +38,10 @@ from .state import (
     C_STEPS,
     DONE,
     FULL,
+    I_ARRIVES,
     I_AT_CLOCK,
     I_FOLD,
+    I_ROWS,
     I_SOLVED_THERE,
     I_TOUCHED,
     I_WAY,
@@ -289,6 +292,23 @@ def run(P, C, S, R, W):
             asked = h
             h, best = _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W)
             capped = capped and h == asked
+        arrives = False
+        if P.watches != 0:
+            W.code[I_ROWS] = (
+                ROWS_ARC if time_row >= 0 else ROWS_PAIR if by_pair else ROWS_GENERAL if sliding else ROWS_SLIP
+            )
+            W.code[I_ARRIVES], W.answer[A_STEP] = -1, h
+            call_unit(P.approach_unit, P, C, S, R, W)
+            arrives = W.code[I_ARRIVES] >= 0
+            if arrives and time_row < 0 and W.answer[A_STEP] > stop - t0:
+                arrives = False  # beyond the end of the span or the next instant of a time event
+            elif W.answer[A_STEP] != h:
+                h, capped = W.answer[A_STEP], False
+                powers(power, h)
+                best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
+            if arrives:
+                best = NO_ROOT
+                W.grazed[:] = NO_ROOT
         fraction, folded = 1.0, False
         if time_row >= 0:
             fraction, best, folded, capped = _end_of_arc(
@@ -367,6 +387,11 @@ def run(P, C, S, R, W):
             if code != -1:
                 record_point(P, S, R)
                 return code
+        if arrives and s_end == h:
+            code = call_unit(P.approach_unit, P, C, S, R, W)
+            if code != DONE:
+                return code
+            continue
         # What happens there.
         if touched != 0:
             if touched == LEFT:
