@@ -184,7 +184,7 @@ def lower(
     smoothing=(),
     extra=(),
 ):
-    """The `Model` of a field; `extra` are the parameters that the view brings with it, `watch` its singular arguments."""
+    """The `Model` of a field; `extra` are the parameters that its view brings, `watch` its singular arguments."""
     multiplier = multipliers(field)
     layer_residuals = tuple(m.residual for m in multipliers(layer_field)) if layer_field else ()
     ratios = eps_ratio or {}

@@ -123,8 +123,8 @@ _TEXTS = {
     "is distinguished: see `ambiguities`; a smoothed view decides for one.",
     Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
     "without `dense_output`, go in several spans, or see why the steps are so short.",
-    Outcome.SINGULAR_POINT: "A function of the field has come to a point where it is infinite, has no limit or ceases to be "
-    "defined; the last event names it and says what to do.",
+    Outcome.SINGULAR_POINT: "A function of the field has come to a point where it is infinite, has no limit or ceases "
+    "to be defined; the last event names it and says what to do.",
 }
 
 

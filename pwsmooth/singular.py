@@ -290,17 +290,17 @@ def watched(field):
 def remedy(model, event, stands=False):
     """What to do about a motion that has come to this singular argument; `stands`: in finite time, to rest there."""
     zero = event.surface
-    together = [str(x) for x in model.states if x in zero.free_symbols]
     if event.singular == "end" and stands:
         return f"the motion comes to rest there in finite time; make {zero} a state of its own, so that it can stay"
     if event.singular == "end":
         return (
-            f"the motion goes on to where {event.name} is not defined; write it with Max(0, {zero}), or let an Event at "
-            "the same place say what happens"
+            f"the motion goes on to where {event.name} is not defined; write it with Max(0, {zero}), or let an Event "
+            "at the same place say what happens"
         )
+    together = [str(x) for x in model.states if x in zero.free_symbols]
     if len(together) > 1:
         return (
-            f"{' and '.join(together)} stand under one root and vanish together, and what is divided by it has no limit "
-            f"there (the direction of a velocity in the plane); write {zero} + w**2 with a small w for it"
+            f"{' and '.join(together)} stand under one root and vanish together, and what is divided by it has no "
+            f"limit there (the direction of a velocity in the plane); write {zero} + w**2 with a small w for it"
         )
-    return "the field has no limit there; add a small positive number, or let a terminal Event stop the run before it"
+    return "the field has no limit there; add a small number to it, or let a terminal Event stop the run before"
