@@ -16,10 +16,9 @@ from __future__ import annotations
 import sympy as sp
 from sympy.core.relational import Relational
 
-from .model import Select
+from .model import Select, core
 from .pointwise import draw, fingerprint, value
 from .primitives import Memory, Reaction, Switch
-from .singular import core
 
 # Functions of which a kink is lifted out: their series end where it does.
 _ENDING = (sp.log, sp.asin, sp.acos, sp.atanh, sp.acosh)
@@ -233,6 +232,8 @@ class Lifting:
             if lowest == 0 and side == 1:
                 return None
             branches.append(sp.Mul(coefficient, (sign * surface[1]) ** power, *rest))
+        if branches[0].is_number and branches[0] == -branches[1]:
+            return branches[0] * lam
         return Select(lam, *branches)
 
     def _angle(self, y, x, given):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from .model import EventSpec, Select
+from .model import EventSpec, Select, core
 
 KINDS = ("", "pole", "end", "cone", "branch")  # with their numbers in kernels/singular.py
 
@@ -64,15 +64,6 @@ def arguments(e):
     if isinstance(e, sp.atan2):
         return [Argument(e.args[0] ** 2 + e.args[1] ** 2, e, None)]
     return []
-
-
-def core(e):
-    """(c, core) with e = c core: the same core for all multiples of an expression by a number."""
-    c, e = e.as_coeff_Mul()
-    if e.is_Add:
-        part, e = e.primitive()
-        c *= part
-    return (-c, -e) if e.could_extract_minus_sign() else (c, e)
 
 
 def _times(a, b):

@@ -177,6 +177,10 @@ class ScalarCode:
             return f"{names[0]} {'*' if op == 'mul' else '/'} {names[1]}"
         if op == "pow":
             exponent = self.graph.value(args[1])
+            if data == "above":
+                names[0] = f"max({names[0]}, 0.0)"
+            if exponent == 0.5:
+                return f"math.sqrt({names[0]})"
             if exponent in (1.5, 2.5):
                 # Half the cost of pow, and as exact.
                 return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"
