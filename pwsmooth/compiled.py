@@ -288,7 +288,7 @@ def _kind(mu: Multiplier) -> int:
 
 def _twin(model: Model, event: EventSpec) -> int:
     """j + 1 with the factor's sign where the event's surface is that of switch j up to a factor; else 0."""
-    if event.surface is None:
+    if event.surface is None or event.singular:
         return 0
     fixed = frozenset(model.parameters)
     key, _ = fingerprint(event.surface, fixed)

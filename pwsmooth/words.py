@@ -83,7 +83,7 @@ def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any) -> int | Non
     One that has left its domain, or that a change of the states by the last digits of a step brings to 0.
     """
     for i, event in enumerate(model.events):
-        if event.singular:
+        if event.singular in ("pole", "end"):
             slopes = sp.Tuple(event.surface, *(event.surface.diff(s) for s in model.states))
             with np.errstate(all="ignore"):
                 value, *gradient = (

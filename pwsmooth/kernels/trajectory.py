@@ -250,7 +250,7 @@ def run(P, C, S, R, W):
             h = S.now[1]
             if not singular:
                 h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, sliding, W)
-        if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
+        if P.rk_unit != 0 and not h > max(1e-9 * S.now[1], 1e-13 * (1.0 + abs(S.now[0]))):
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
             by_pair = True
