@@ -244,11 +244,13 @@ def run(P, C, S, R, W):
         if not by_pair:
             mult_row = take_jet(P, C, S, sliding, W)
             singular = mult_row < 0
-            if singular and P.jet_fold == 0:
+            if singular and P.jet_fold == 0 and P.rk_unit == 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if sliding else P.rows_slip
             h = S.now[1]
-            if not singular:
+            if singular and P.jet_fold == 0:
+                h = math.nan  # of a power that vanishes, perhaps: the pair will see
+            elif not singular:
                 h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, sliding, W)
         if P.rk_unit != 0 and not h > max(1e-9 * S.now[1], 1e-13 * (1.0 + abs(S.now[0]))):
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
@@ -257,6 +259,9 @@ def run(P, C, S, R, W):
             mult_row, surface_rows = n, P.rows_pair
             longest = min(C.max_step, next_stop(C, S) - S.now[0])
             h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], longest), -1)
+            if singular and not h > 0.0:
+                return NEWTON_FAILED
+            singular = False
         if math.isnan(h):
             return NOT_FINITE
         if h < 1e-12 * (1.0 + abs(S.now[0])):
