@@ -271,7 +271,7 @@ class EventDriven:
         events = kept["event"]
         outcome = self._outcome(code, problem, state, event_t, events)
         if outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):
-            cause = singular_cause(self.model, t[-1:], x[-1:].T, mult[-1:].T, problem.p)
+            cause = singular_cause(self.model, t[-1:], x[-1:].T, mult[-1:].T, problem.p, self.limits["atol"])
             if cause is not None:
                 outcome = Outcome.SINGULAR_POINT
                 event_t = np.append(event_t, t[-1])

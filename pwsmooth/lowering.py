@@ -185,6 +185,9 @@ def lower(
     extra=(),
 ):
     """The `Model` of a field; `extra` are the parameters that its view brings, `watch` its singular arguments."""
+    if watch is None:
+        # What is smoothed comes to rest on a branch point like a root of it, within its width.
+        watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
     multiplier = multipliers(field)
     layer_residuals = tuple(m.residual for m in multipliers(layer_field)) if layer_field else ()
     ratios = eps_ratio or {}
@@ -194,7 +197,7 @@ def lower(
         parameters=(),
         rhs=(*field.rates, *(sp.S.Zero for _ in field.memories)),
         multipliers=multiplier,
-        events=(*field.events, *(watched(field) if watch is None else watch)),
+        events=(*field.events, *watch),
         outputs=field.outputs,
         n_memory=len(field.memories),
         layer_states=tuple(layer),

@@ -73,9 +73,9 @@ def _times(a, b):
 class Bounds:
     """Bounds of expressions from the ranges of functions, the signs of parameters and those of known surfaces."""
 
-    def __init__(self, field):
+    def __init__(self, field, others):
         self.surface = dict(field.switches)
-        self.dynamic = {field.time, *field.states, *(a for a, _ in field.algebraic)}
+        self.dynamic = {field.time, *field.states, *(a for a, _ in field.algebraic), *others}
         self.ranges = {lam: (-1.0, 1.0) for lam in self.surface}
         self.ranges |= {R: (0.0, math.inf) for R, _, _ in field.contacts}
         self._real: dict[sp.Symbol, sp.Symbol] = {}
@@ -223,10 +223,10 @@ def _raised(value, p):
 
 
 class _Search:
-    def __init__(self, field):
-        self.bounds, self.field = Bounds(field), field
-        self.moving = {field.time, *field.states, *self.bounds.surface, *(a for a, _ in field.algebraic)}
-        self.moving |= {R for R, _, _ in field.contacts} | {s for s, _ in field.sums}
+    def __init__(self, field, others):
+        others = {*others, *(s for s, _ in field.sums)}
+        self.bounds = Bounds(field, others)
+        self.moving = self.bounds.dynamic | self.bounds.ranges.keys()
         self.found: dict[sp.Expr, tuple[str, Argument]] = {}
         self.seen: set = set()
 
@@ -265,9 +265,9 @@ class _Search:
             self.found[zero] = kind, argument._replace(zero=factor)
 
 
-def watched(field):
-    """Events at the singular arguments of a lifted field."""
-    search = _Search(field)
+def watched(field, others=()):
+    """Events at the singular arguments of a lifted field; `others` are symbols that move besides its own."""
+    search = _Search(field, others)
     for e in (*field.rates, *(h for _, h in field.switches), *(r for _, r in field.algebraic),
               *(gap for _, gap, _ in field.contacts), *(e for _, e in field.sums),
               *(event.surface for event in field.events if event.surface is not None)):  # fmt: skip

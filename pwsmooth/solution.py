@@ -40,7 +40,9 @@ def _function(
     surface = dict(surfaces)
 
     def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
-        return sp.Piecewise((a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True))
+        return sp.Piecewise(
+            (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
+        )
 
     while expression.has(Select):
         # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.

@@ -77,10 +77,10 @@ def singular_record(
     return EventRecord(t, event.name, "singular point", f"{event.surface} = 0: {remedy(model, event, stands)}")
 
 
-def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any) -> int | None:
+def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -> int | None:
     """The event of a singular argument because of which a run stopped at this one instant, or None.
 
-    One that has left its domain, or that a change of the states by the last digits of a step brings to 0.
+    One that has left its domain, or that a change of the states by their last digits brings to 0.
     """
     for i, event in enumerate(model.events):
         if event.singular in ("pole", "end"):
@@ -89,8 +89,8 @@ def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any) -> int | Non
                 value, *gradient = (
                     float(np.ravel(part)[0]) for part in vectorised(model, slopes)(t, *x, *mult, *p)
                 )
-            reach = sum(abs(g * float(s[0])) for g, s in zip(gradient, x))
-            if not abs(value) > _STOPPED * reach or (event.singular == "end" and value < 0):
+            reach = sum(abs(g) * (_STOPPED * abs(float(s[0])) + 1e3 * e) for g, s, e in zip(gradient, x, atol))
+            if not abs(value) > reach or (event.singular == "end" and value < 0):
                 return i
     return None
 

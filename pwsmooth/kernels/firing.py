@@ -75,7 +75,12 @@ def _fire_events(P, C, S, R, W):
                 S.x[k] = W.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
-            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i] or W.h[m + i] * S.side[i] >= 0.0:
+            if (
+                P.watch[i] != 0
+                or P.rows_slip[m + i] < 0
+                or W.h[m + i] == W.tau[m + i]
+                or W.h[m + i] * S.side[i] >= 0.0
+            ):
                 continue
             rounding = 0.0
             for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
