@@ -74,7 +74,8 @@ def singular_record(
     """A singular argument that has come to 0: the motion rests there, or the run ends there."""
     if rests:
         return EventRecord(t, event.name, "rest", f"{event.surface} = 0")
-    return EventRecord(t, event.name, "singular point", f"{event.surface} = 0: {remedy(model, event, stands)}")
+    zero = f"{event.surface} {'<=' if event.singular == 'end' and not stands else '='} 0"
+    return EventRecord(t, event.name, "singular point", f"{zero}: {remedy(model, event, stands)}")
 
 
 def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -> int | None:
