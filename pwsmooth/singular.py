@@ -74,7 +74,7 @@ class Bounds:
     """Bounds of expressions from the ranges of functions, the signs of parameters and those of known surfaces."""
 
     def __init__(self, field, others):
-        self.surface = dict(field.switches)
+        self.surface, self.sums = dict(field.switches), dict(field.sums)
         self.dynamic = {field.time, *field.states, *(a for a, _ in field.algebraic), *others}
         self.ranges = {lam: (-1.0, 1.0) for lam in self.surface}
         self.ranges |= {R: (0.0, math.inf) for R, _, _ in field.contacts}
@@ -99,7 +99,10 @@ class Bounds:
         if s in self.ranges:
             return self.ranges[s]
         sign = known.get(s, 0)
-        if s not in self.dynamic:
+        if s in self.sums:
+            low, high = self.of(self.sums[s], known)
+            sign = 1 if low >= 0 else -1 if high <= 0 else 0
+        elif s not in self.dynamic:
             sign = 1 if s.is_nonnegative else -1 if s.is_nonpositive else sign
         return (0.0, math.inf) if sign > 0 else (-math.inf, 0.0) if sign < 0 else _EVERYTHING
 

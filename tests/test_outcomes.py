@@ -32,7 +32,9 @@ def stopped(solution, outcome):
 @METHODS
 def test_a_right_hand_side_that_ceases_to_be_defined_keeps_what_came_before(method):
     # x' = -1 - sqrt(x) reaches 0 at t = 2 - 2 ln 2, from int dx/(1 + sqrt x) over [0, 1]
-    solution = stopped(solve(System({x: -1 - sp.sqrt(x)}), (0, 5), {x: 1}, method=method), Outcome.SINGULAR_POINT)
+    solution = stopped(
+        solve(System({x: -1 - sp.sqrt(x)}), (0, 5), {x: 1}, method=method), Outcome.SINGULAR_POINT
+    )
     assert solution.t[-1] == pytest.approx(2 - 2 * math.log(2), abs=1e-6)
     assert solution.x[0, 0] == 1.0 and abs(solution.x[0, -1]) < 1e-6
 

@@ -90,13 +90,12 @@ def test_a_system_lists_what_it_watches():
 
 
 def test_members_of_a_family_are_watched():
-    chain = Family("chain", 10)
-    z = chain.state("z")
-    solution = solve(System({z: -sp.sqrt(z)}), (0, 3), {"z": [1 + 0.1 * k for k in range(10)]})
-    # z_k = (sqrt(z0) - t/2)^2 until it rests at 2 sqrt(z0)
+    (z,) = Family(10).symbols("z")
+    solution = solve(System({z: -sp.sqrt(z)}), (0, 3), {z: [1 + 0.1 * k for k in range(10)]})
+    # z_k = (sqrt(z0) - t/2)^2 until it rests at 2 sqrt(z0); an error atol in z is one of sqrt(atol) in that
     assert solution.outcome is Outcome.FINISHED
     assert solution.event_times("rest") == pytest.approx(
-        [2 * math.sqrt(1 + 0.1 * k) for k in range(10)], abs=1e-9
+        [2 * math.sqrt(1 + 0.1 * k) for k in range(10)], abs=10 * math.sqrt(1e-12)
     )
     assert np.all(solution.x[:, -1] == 0.0)
 
@@ -164,9 +163,9 @@ def test_a_start_on_a_singular_point_is_named(method):
 @pytest.mark.parametrize("power", [sp.Rational(1, 2), sp.Rational(1, 3), sp.Rational(2, 3)])
 def test_a_root_comes_to_rest_in_finite_time(method, power):
     solution = solve(System({x: -sp.sign(x) * sp.Abs(x) ** power, y: sp.Abs(x)}), (0, 5), [1, 0], method=method)
-    arrival = 1 / (1 - float(power))
+    arrival = 1 / (1 - float(power))  # an error atol in x is one of atol^(1 - p) in it
     assert solution.outcome is Outcome.FINISHED and solution["x"][-1] == 0.0
-    assert solution.event_times("rest") == pytest.approx([arrival], abs=1e-7)
+    assert solution.event_times("rest") == pytest.approx([arrival], abs=10 * 1e-12 ** (1 - float(power)))
     # y = int |x| dt = int x^(1 - p) dx
     assert solution["y"][-1] == pytest.approx(1 / (2 - float(power)), abs=1e-8)
 
@@ -194,9 +193,8 @@ def test_decay_never_arrives(method):
     assert solution.outcome is Outcome.FINISHED and not len(solution.event_times("rest"))
 
 
-@METHODS
-def test_a_difference_that_comes_to_rest_says_what_to_do(method):
-    solution = solve(System({x: -sp.sqrt(x - y), y: 0}), (0, 5), [1, 0.3], method=method)
+def test_a_difference_that_comes_to_rest_says_what_to_do():
+    solution = solve(System({x: -sp.sqrt(x - y), y: 0}), (0, 5), [1, 0.3])
     assert solution.outcome is Outcome.SINGULAR_POINT
     assert solution.t[-1] == pytest.approx(2 * math.sqrt(0.7), abs=1e-6)
     assert "make x - y a state of its own" in solution.message
@@ -265,15 +263,13 @@ def test_the_angle_of_a_rotation_jumps_by_two_pi_only_at_the_cut(method):
 def test_a_power_on_a_surface_that_slides_is_zero_there(method, slip, law):
     drag = sp.sign(slip) * law(slip)
     system = System({x: v, v: -x - drag}, time=t, outputs={"drag": drag})
-    solution = solve(system, (0, 10), [-3, 2], method=method, rtol=1e-11)
+    solution = solve(system, (0, 10), [-3, 2], method=method, rtol=1e-11, t_eval=np.linspace(0, 10, 201))
     assert solution.outcome is Outcome.FINISHED
-    stuck = next(s for s in solution.segments if 0 in s.status[:1])
     # While it sticks the drag is -x - v', and v' the acceleration of the belt.
-    belt = sp.lambdify(t, sp.diff(v - slip, t))
-    at = solution.t[stuck.columns][1:-1]
-    assert len(at) and solution["drag"][stuck.columns][1:-1] == pytest.approx(
-        -solution["x"][stuck.columns][1:-1] - belt(at), abs=1e-9
-    )
+    belt = sp.diff(v - slip, t)
+    stuck = solution.status[solution.multipliers.index(str(system.switches[0]))] == 0
+    exact = -solution["x"] - [float(belt.subs(t, at)) for at in solution.t]
+    assert stuck.sum() > 10 and solution["drag"][stuck] == pytest.approx(exact[stuck], abs=1e-9)
 
 
 @METHODS

@@ -42,7 +42,7 @@ from .steps import scaled
 POLE, END, CONE, BRANCH = range(1, 5)
 ROWS_SLIP, ROWS_GENERAL, ROWS_PAIR, ROWS_ARC = range(4)
 _DIP = 1e3  # of the tolerance: a dip that deep, relative to the start of the step, is not told from a zero
-_SAME = 1e-6  # relative distance at which two instants may be one
+_SAME = 0.01  # relative distance at which two instants may be one: zeros of order three are told to 1e-5
 _SHARE = 0.9  # of the way to what may be a zero
 _IN_SIGHT = 4.0  # steps
 _DECAY = 0.95  # of p: nearer to 1 it may be an exponential
@@ -50,8 +50,11 @@ _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does
 
 
 @kernel
-def _speed_there(P, S, W, i):
-    """|da/dt| with the argument of event i put to 0, nan where that is not defined; leaves S.x there."""
+def _speed_at(P, S, W, i, share):
+    """|da/dt| with the argument of event i put to this share of itself, nan where that is not defined.
+
+    Leaves S.x there, and what the argument is there in W.h.
+    """
     call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
     row, last = P.m + i, P.m + P.ne
     call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -60,8 +63,8 @@ def _speed_there(P, S, W, i):
         square += W.dh[e] ** 2
     value = W.h[row]
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
-        S.x[P.dh_col[e]] -= W.dh[e] * value / square
-    if P.watch_state[i] >= 0:
+        S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
+    if P.watch_state[i] >= 0 and share == 0.0:
         S.x[P.watch_state[i]] = 0.0
     call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
     speed = W.dh[P.dh_row[last] + row]
@@ -75,10 +78,21 @@ def _stands(P, S, W, i, speed):
     """Whether the argument of event i, now of that speed, stands still once it is 0."""
     for k in range(P.n):
         W.before[k] = S.x[k]
-    there = _speed_there(P, S, W, i)
+    there = _speed_at(P, S, W, i, 0.0)
     for k in range(P.n):
         S.x[k] = W.before[k]
     return there <= _STANDS * speed
+
+
+@kernel
+def _power(P, S, W, i, a, speed):
+    """p of da/dt ~ a^p by the fields here and half-way to 0: a step of the pair over the point has no good a''."""
+    for k in range(P.n):
+        W.before[k] = S.x[k]
+    there = _speed_at(P, S, W, i, 0.5)
+    for k in range(P.n):
+        S.x[k] = W.before[k]
+    return math.log(there / speed) / math.log(abs(W.h[P.m + i]) / a)
 
 
 @kernel
@@ -106,7 +120,7 @@ def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
     row = W.rows[_row(P, W.code[I_ROWS], P.m + i)]
     stands = 0
-    if P.watch[i] != POLE and P.watch[i] != CONE and _speed_there(P, S, W, i) <= _STANDS * abs(row[1]):
+    if P.watch[i] != POLE and P.watch[i] != CONE and _speed_at(P, S, W, i, 0.0) <= _STANDS * abs(row[1]):
         stands = 1
     S.deflate[:] = 0
     S.counts[C_STALLED] = 0
@@ -140,11 +154,13 @@ def approach(P, C, S, R, W):
         if not a > 0.0 or (side < 0.0 and P.watch[i] != POLE and P.watch[i] != BRANCH):
             continue
         left = math.inf
+        if kind == ROWS_PAIR and a <= _IN_SIGHT * speed * h and not a * bend < _DECAY * speed * speed:
+            bend = _power(P, S, W, i, a, speed) * speed * speed / a
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / (speed - a * bend / speed)
         if left <= _IN_SIGHT * h and left <= first * h:
             near = left <= 1e-13 * (1.0 + abs(S.now[0])) or a <= _tolerance(P, C, S, W, i)
-            if near and (kind != ROWS_PAIR or left <= 1.2 * h):
+            if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.code[I_ARRIVES] = i
                     W.answer[A_STEP] = 2.0 * left if P.watch[i] == CONE else left
