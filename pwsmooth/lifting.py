@@ -108,7 +108,7 @@ class Lifting:
         if e.func in _QUOTIENTS:
             return self._lift(_QUOTIENTS[e.func](*args), given)
         if isinstance(e, sp.atan2):
-            return self._angle(*args, given)
+            return self._angle(args[0], args[1], given)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "

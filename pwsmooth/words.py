@@ -84,7 +84,7 @@ def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -
     One that has left its domain, or that a change of the states by their last digits brings to 0.
     """
     for i, event in enumerate(model.events):
-        if event.singular in ("pole", "end"):
+        if event.singular in ("pole", "end") and event.surface is not None:
             slopes = sp.Tuple(event.surface, *(event.surface.diff(s) for s in model.states))
             with np.errstate(all="ignore"):
                 value, *gradient = (
