@@ -18,6 +18,7 @@ from .kernels import state
 from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
+from .singular import KINDS
 
 FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
@@ -57,7 +58,9 @@ class CompiledProblem:
         lams = {mu.symbol for mu in text.multipliers}
         nested = numbers("multipliers", [_nested(mu, lams) for mu in text.multipliers])
         surface_state = numbers("multipliers", [_surface_state(text, mu) for mu in text.multipliers])
+        watch_state = numbers("events", [_surface_state(text, e) for e in text.events])
         if loops:
+            watch_state = loops.numbered("events", "states", watch_state)
             surface_state = loops.numbered("multipliers", "states", surface_state)
         holders = (("multipliers", text.multipliers), ("events", text.events))
         has_surface = [numbers(kind, [part.surface is not None for part in parts]) for kind, parts in holders]
@@ -111,6 +114,9 @@ class CompiledProblem:
             surface_state=surface_state,
             direction=numbers("events", [e.direction for e in text.events]),
             terminal=numbers("events", [int(e.terminal) for e in text.events]),
+            watches=int(any(e.singular for e in text.events)),
+            watch=numbers("events", [KINDS.index(e.singular) for e in text.events]),
+            watch_state=watch_state,
             twin=numbers(
                 "events", [_twin(text, e) for e in text.events] if not loops else [0] * len(text.events)
             ),
@@ -316,7 +322,7 @@ def _kind(mu: Multiplier) -> int:
 
 def _twin(model: Model, event: EventSpec) -> int:
     """j + 1 with the factor's sign where the event's surface is that of switch j up to a factor; else 0."""
-    if event.surface is None:
+    if event.surface is None or event.singular:
         return 0
     fixed = frozenset(model.parameters)
     key, _ = fingerprint(event.surface, fixed)
@@ -334,7 +340,7 @@ def _nested(mu: Multiplier, lams: set[sp.Symbol]) -> int:
     return int(mu.surface is not None and bool(mu.surface.free_symbols & lams))
 
 
-def _surface_state(model: Model, mu: Multiplier) -> int:
+def _surface_state(model: Model, mu: Multiplier | EventSpec) -> int:
     """Index of the state whose zero is the surface, or -1."""
     if mu.surface is not None:
         for i, state in enumerate(model.states):

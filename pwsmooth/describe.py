@@ -42,8 +42,9 @@ def rows(system):
     yield "hidden terms", [f"{term}   in {where}'" for where, _, term in hidden]
     yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition.contacts]
     yield "memories", [f"{m}, at first {m.initial:g}" for m in system.initial_memory]
-    events = zip(model.events, definition.events, strict=True)
+    events = zip(model.events, definition.events)
     yield "events", [_event(spec, event) for spec, event in events]
+    yield "watched", [f"{e.name} at {e.surface} = 0   ({e.singular})" for e in model.events if e.singular]
     yield "outputs", [f"{name} = {e}" for name, e in definition.outputs]
     values = _short([f"{p} = {v:g}" for p, v in system.parameters.items()])
     yield "parameters", [", ".join(values)] if values else []

@@ -298,6 +298,7 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
     if convention == "stratonovich" and not additive:
         drift = sum((along[k, k] for k in range(q)), sp.zeros(n, 1)) / 2
         rhs = tuple(f + c for f, c in zip(rhs, drift))
+    model = replace(model, events=tuple(e for e in model.events if not e.singular))
     surfaces = [m.surface for m in model.multipliers] + [e.surface for e in model.events]
     spreads = [_spread(h, states, columns) for h in surfaces]
     _flat(model, states, columns, spreads)

@@ -19,7 +19,7 @@ from .kernels import state as names
 from .model import Model
 from .records import Dense, EventLog, Outcome, course
 from .solution import Solution
-from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words
+from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words, singular_cause
 
 _LOOP = 40  # events in a row at one instant that make a loop
 _ROOM, _LEAST_ROOM = 1024, 64  # points that the first buffers hold: the fewer, the larger the system
@@ -308,7 +308,14 @@ class EventDriven:
             mult = np.full((1, len(state.mult)), np.nan)
         np.putmask(status, status == names.HELD, 0)
         event_t = kept["event_t"]
-        outcome = self._outcome(code, problem, state, event_t, kept["event"])
+        events = kept["event"]
+        outcome = self._outcome(code, problem, state, event_t, events)
+        if outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):
+            cause = singular_cause(self.model, t[-1:], x[-1:].T, mult[-1:].T, problem.p, self.limits["atol"])
+            if cause is not None:
+                outcome = Outcome.SINGULAR_POINT
+                event_t = np.append(event_t, t[-1])
+                events = np.vstack([events, [len(self.model.multipliers) + cause, names.EV_SINGULAR, 0, 0]])
         cost = {
             "steps": counts[names.C_STEPS],
             "jets": counts[names.C_JETS],
@@ -338,7 +345,7 @@ class EventDriven:
             x.T,
             mult.T,
             status.T,
-            EventLog(event_t, kept["event"], self.words),
+            EventLog(event_t, events, self.words),
             dense,
             outcome,
             cost,

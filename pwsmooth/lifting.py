@@ -16,10 +16,21 @@ from __future__ import annotations
 import sympy as sp
 from sympy.core.relational import Relational
 
-from .model import Select
+from .model import Select, core
 from .pointwise import draw, fingerprint, value
 from .primitives import Memory, Reaction, Switch
 
+# Functions of which a kink is lifted out: their series end where it does.
+_ENDING = (sp.log, sp.asin, sp.acos, sp.atanh, sp.acosh)
+# Written as quotients, so that only the poles of the quotient are singular.
+_QUOTIENTS = {
+    sp.cot: lambda u: sp.cos(u) / sp.sin(u),
+    sp.sec: lambda u: 1 / sp.cos(u),
+    sp.csc: lambda u: 1 / sp.sin(u),
+    sp.coth: lambda u: sp.cosh(u) / sp.sinh(u),
+    sp.sech: lambda u: 1 / sp.cosh(u),
+    sp.csch: lambda u: 1 / sp.sinh(u),
+}
 _UNSUPPORTED = (sp.floor, sp.ceiling, sp.frac, sp.Mod, sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
 
 
@@ -94,6 +105,10 @@ class Lifting:
             return self._noted(self._kink(args[0], args[0], -args[0], given), e)
         if isinstance(e, sp.Heaviside):
             return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), given, at_zero=_const(args[1]))
+        if e.func in _QUOTIENTS:
+            return self._lift(_QUOTIENTS[e.func](*args), given)
+        if isinstance(e, sp.atan2):
+            return self._angle(args[0], args[1], given)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
@@ -101,8 +116,10 @@ class Lifting:
             )
         if e.is_Mul:
             return self._product(args)
-        if (e.is_Pow and not args[1].is_integer) or isinstance(e, sp.log):
+        if (e.is_Pow and not args[1].is_integer) or isinstance(e, _ENDING):
             return self._inside_kinks(e.func, args)
+        if e.is_Pow and args[1].is_negative and self._kinks.intersection(sp.Mul.make_args(args[0])):
+            return self._inside_kinks(e.func, args)  # 1/|u|
         return e.func(*args)
 
     def _symbol(self, s):
@@ -186,7 +203,49 @@ class Lifting:
                 if a in self._kinks and isinstance(result, Select):
                     self._kinks.add(result)
                 return result
+        for a in args:
+            if isinstance(a, Select) and a.args[0] in self.switches:
+                result = self._quotient(a.args[0], args)
+                if result is not None:
+                    return result
         return sp.Mul(*args)
+
+    def _quotient(self, lam, args):
+        """A product with powers of |h| and of h, of which one is negative: u/|u| and the like; None if it is none.
+
+        In each branch |h| = h or -h, so that the powers are one, of what is positive there.
+        """
+        surface = core(self.switches[lam])
+        branches = []
+        for side in (1, -1):
+            factors = [f for a in args for f in sp.Mul.make_args(_branch(a, lam, side))]
+            sign = side if surface[0] > 0 else -side  # of the core in this branch
+            power, coefficient, rest, lowest = sp.S.Zero, sp.S.One, [], sp.S.Zero
+            for factor in factors:
+                base, exponent = factor.as_base_exp()
+                c, inner = core(base)
+                if inner == surface[1] and (exponent.is_integer or c * sign > 0):
+                    power, coefficient = power + exponent, coefficient * (c * sign) ** exponent
+                    lowest = exponent if exponent.is_negative else lowest
+                else:
+                    rest.append(factor)
+            if lowest == 0 and side == 1:
+                return None
+            branches.append(sp.Mul(coefficient, (sign * surface[1]) ** power, *rest))
+        if branches[0].is_number and branches[0] == -branches[1]:
+            return branches[0] * lam
+        return Select(lam, *branches)
+
+    def _angle(self, y, x, given):
+        """atan2 by the tangent of half the angle: smooth but for the jump of 2 pi across y = 0, x < 0."""
+        size = x**2 + y**2
+        r = sp.sqrt(sp.simplify(size) if size.has(sp.cos, sp.sin) and size.count_ops() < 60 else size)
+        return self._choose(
+            x,
+            _const(2 * sp.atan(y / (r + x))),
+            lambda given: sp.pi * self._sign(y, given) - 2 * sp.atan(y / (r - x)),
+            given,
+        )
 
     def _inside_kinks(self, func, args):
         """A root or logarithm of Max(0, d) is taken of the active branch: its series at 0 does not exist."""
@@ -385,6 +444,13 @@ def plain(symbol):
     if isinstance(symbol, (Switch, Memory, Reaction)):
         return sp.Symbol(symbol.name, **symbol._assumptions_orig)
     return symbol
+
+
+def _branch(e, lam, side):
+    """A lifted expression on one side of a switch, if it is a selection by it or its multiplier."""
+    if isinstance(e, Select) and e.args[0] == lam:
+        return e.args[1] if side > 0 else e.args[2]
+    return sp.Integer(side) if e == lam else e
 
 
 def _order(a, b):

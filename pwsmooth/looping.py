@@ -20,6 +20,7 @@ from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
 from .model import Model, Multiplier
 from .primitives import Memory
 from .regularity import total_derivative
+from .singular import watched
 from .template import MARK, Loops, Place, Template, named, with_loops
 
 LOOPED_FROM = 8
@@ -213,8 +214,9 @@ def _template(plain, one):
             raise NotLooped("a surface between neighbours")
     field = field.map(lambda e: e.xreplace(renamed))
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
+    watch = watched(field, neighbours)
     event_families = []
-    for event in field.events:
+    for event in (*field.events, *watch):
         parts = [e for e in (event.surface, event.when, *(e for _, e in event.update)) if e is not None]
         targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
         event_families.append(family(*parts, *targets))
@@ -231,7 +233,7 @@ def _template(plain, one):
         if family(rate) not in (None, family(x)):
             raise NotLooped("members outside of their rates")
     multipliers, more = _multipliers(field, sums, places)
-    model = lowering.lower(replace(field, switches=(), algebraic=()))
+    model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
     used = set().union(*(e.free_symbols for e in field.expressions()))
     model = replace(
         model,

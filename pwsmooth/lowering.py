@@ -16,6 +16,7 @@ import sympy as sp
 
 from .model import EventSpec, Model, Multiplier
 from .regularity import classify, residual_of, total_derivative
+from .singular import watched
 
 
 @dataclass(frozen=True)
@@ -172,8 +173,21 @@ def _multiplied_out(e):
     return sp.expand(e) if sp.count_ops(e) <= 60 else e
 
 
-def lower(field, *, layer=(), layer_field=None, eps_ratio=None, sigmoid="algebraic", smoothing=(), extra=()):
-    """The `Model` of a field; `extra` are the parameters that the view brings with it."""
+def lower(
+    field,
+    *,
+    watch=None,
+    layer=(),
+    layer_field=None,
+    eps_ratio=None,
+    sigmoid="algebraic",
+    smoothing=(),
+    extra=(),
+):
+    """The `Model` of a field; `extra` are the parameters that its view brings, `watch` its singular arguments."""
+    if watch is None:
+        # What is smoothed comes to rest on a branch point like a root of it, within its width.
+        watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
     multiplier = multipliers(field)
     layer_residuals = tuple(m.residual for m in multipliers(layer_field)) if layer_field else ()
     ratios = eps_ratio or {}
@@ -183,7 +197,7 @@ def lower(field, *, layer=(), layer_field=None, eps_ratio=None, sigmoid="algebra
         parameters=(),
         rhs=(*field.rates, *(sp.S.Zero for _ in field.memories)),
         multipliers=multiplier,
-        events=field.events,
+        events=(*field.events, *watch),
         outputs=field.outputs,
         n_memory=len(field.memories),
         layer_states=tuple(layer),

@@ -25,6 +25,15 @@ if TYPE_CHECKING:
     from .template import Loops
 
 
+def core(e):
+    """(c, core) with e = c core: the same core for all multiples of an expression by a number."""
+    c, e = e.as_coeff_Mul()
+    if e.is_Add:
+        part, e = e.primitive()
+        c *= part
+    return (-c, -e) if e.could_extract_minus_sign() else (c, e)
+
+
 class Select(sp.Function):
     """Branch selection by a multiplier: `a` where lam = 1, `b` where lam = -1, affine in between.
 
@@ -52,10 +61,35 @@ class Select(sp.Function):
         # The branches are differentiated inside the selection: an undefined one must stay unevaluated.
         return Select(lam, a.diff(s), b.diff(s)) + lam.diff(s) * (a - b) / 2
 
-    def affine(self):
-        """The form that serves while the switch slides or its layer is resolved."""
+    def affine(self, surface=None):
+        """The form that serves while the switch slides or its layer is resolved.
+
+        There its `surface` is 0: a power of it, |h|**1.5 say, is 0 with its whole series, and not that of its rounding.
+        """
         lam, a, b = self.args
+        powers = dict.fromkeys(self.powers_of(surface), sp.S.Zero)
+        a, b = a.xreplace(powers), b.xreplace(powers)
         return (a + b) / 2 + lam * (a - b) / 2
+
+    def powers_of(self, surface):
+        """The powers of a surface among the branches that are no polynomials."""
+        zero = core(surface)[1] if surface is not None else None
+        return [
+            p
+            for p in self.atoms(sp.Pow)
+            if not p.exp.is_integer and any(core(f)[1] == zero for f in sp.Mul.make_args(p.base))
+        ]
+
+    def clamped(self, surface):
+        """The branches, up to the surface and a rounding beyond: powers of it do not become nan there."""
+        above = {p: Above(*p.args) for p in self.powers_of(surface) if p.exp.is_positive}
+        return tuple(e.xreplace(above) for e in self.args[1:])
+
+
+class Above(sp.Function):
+    """Max(0, base)**exponent, with the series of base**exponent."""
+
+    nargs = 2
 
 
 @dataclass(frozen=True)
@@ -73,7 +107,11 @@ class Multiplier:
 
 @dataclass(frozen=True)
 class EventSpec:
-    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`."""
+    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`.
+
+    With `singular` it is no event of the user's: `surface` is an argument at whose zero the function `name` has a
+    "pole", the "end" of its domain or a "branch" point (singular.py).
+    """
 
     name: str
     surface: sp.Expr | None = None
@@ -83,6 +121,7 @@ class EventSpec:
     when: sp.Basic = sp.true
     update: tuple[tuple[int, sp.Expr], ...] = ()  # (index of state, its new value from the values before)
     terminal: bool = False
+    singular: str = ""
 
     def writes(self, states: Sequence[sp.Symbol]) -> list[tuple[int, sp.Expr, bool]]:
         """(index of state, expression, whether that is added): an update x + e adds e if e does not read x.

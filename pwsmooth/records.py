@@ -52,6 +52,8 @@ class Outcome(IntEnum):
         The steps that are kept no longer fit into memory.
     TIME_LIMIT
         `max_seconds` are over.
+    SINGULAR_POINT
+        A function of the field has come to a pole, or to the end of where it is defined.
 
     Notes
     -----
@@ -82,6 +84,7 @@ class Outcome(IntEnum):
     DETERMINACY_LOST = -12
     OUT_OF_MEMORY = -13
     TIME_LIMIT = -14
+    SINGULAR_POINT = -15
 
     @property
     def text(self) -> str:
@@ -125,6 +128,8 @@ _TEXTS = {
     Outcome.OUT_OF_MEMORY: "The steps that are kept no longer fit into memory: ask for the times you need by `t_eval` "
     "without `dense_output`, go in several spans, or see why the steps are so short.",
     Outcome.TIME_LIMIT: "The time that the call was given is over: raise `max_seconds`, or go on from the last state.",
+    Outcome.SINGULAR_POINT: "A function of the field has come to a point where it is infinite, has no limit or ceases "
+    "to be defined; the last event names it and says what to do.",
 }
 
 
@@ -144,7 +149,8 @@ class EventRecord:
         Name of the switch, contact or event.
     kind : str
         A term of the field: "crossing", "stick", "slip by tangency", "slip by fold", "slip by reset",
-        "sliding to sliding", "reset", "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity".
+        "sliding to sliding", "reset", "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity",
+        "rest" (an argument of a root has come to 0 in finite time), "singular point".
     note : str
         What else is to be said.
 

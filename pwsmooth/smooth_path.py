@@ -16,7 +16,7 @@ from .budget import Budget
 from .pointwise import value
 from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 from .solution import Solution
-from .words import OUT_OF_TIME, OUTCOMES
+from .words import OUT_OF_TIME, OUTCOMES, singular_cause, singular_record
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,9 @@ def solve_smoothed(
 def of_event(model, i):
     """Name, kind and note of the model's event i."""
     event = model.events[i]
+    if event.singular:
+        record = singular_record(model, event, 0.0)
+        return record.switch, record.kind, record.note
     return event.name, "terminal" if event.terminal else "reset", ""
 
 
@@ -121,6 +124,13 @@ def own(model, t_span, start, p, options, spending, words=None):
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
         for when, i, before, _ in run.events
     ]
+    if outcome is Outcome.TERMINATED and model.events[run.events[-1][1]].singular:
+        outcome = Outcome.SINGULAR_POINT
+    elif outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):
+        cause = singular_cause(model, run.t[-1:], run.x[:, -1:], np.zeros((0, 1)), p, options["atol"])
+        if cause is not None:
+            outcome = Outcome.SINGULAR_POINT
+            events.append(singular_record(model, model.events[cause], float(run.t[-1])))
     cost = {**run.counters, "events": len(events)}
     t, x = run.t, run.x
     if run.t_eval is not None and run.x_eval is not None:

@@ -29,15 +29,20 @@ __all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"
 def vectorised(model: Model, expression: sp.Basic) -> Any:
     """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
     arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
-    return _function(arguments, expression)
+    return _function(arguments, expression, tuple((m.symbol, m.surface) for m in model.multipliers))
 
 
 @functools.lru_cache(maxsize=256)
-def _function(arguments: tuple[sp.Symbol, ...], expression: sp.Basic) -> Any:
+def _function(
+    arguments: tuple[sp.Symbol, ...], expression: sp.Basic, surfaces: tuple[tuple[sp.Symbol, Any], ...] = ()
+) -> Any:
     """A numpy function of the symbols; a Select picks its branch where its multiplier is exactly +-1."""
+    surface = dict(surfaces)
 
     def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
-        return sp.Piecewise((a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(), True))
+        return sp.Piecewise(
+            (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
+        )
 
     while expression.has(Select):
         # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
@@ -158,7 +163,8 @@ class Solution:
     @property
     def message(self) -> str:
         """The outcome in words, with what to try next."""
-        return str(self.outcome)
+        where = f" Here: {self.events[-1]}." if self.outcome is Outcome.SINGULAR_POINT and self.events else ""
+        return str(self.outcome) + where
 
     # ---- names -------------------------------------------------------------------------------------
 

@@ -139,7 +139,7 @@ def integrate(
         raise ValueError("`method='taylor'` needs a recurrence for every function of the model; use 'auto'.")
     t0, t1 = map(float, t_span)
     rtol = min(float(rtol), LOOSEST_RTOL)
-    inside = dense or t_eval is not None or any(e.surface is not None for e in model.events)
+    inside = dense or t_eval is not None or any(e.surface is not None and not e.singular for e in model.events)
     order, K, rtol_radau, rtol_taylor = internal_tolerances(rtol, method, inside or not compiled.smooth)
 
     p = np.ascontiguousarray(p, float)
@@ -160,7 +160,7 @@ def integrate(
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
-    run.stops[:] = [event.terminal for event in model.events]
+    run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
     run.remembers[:] = -1 if remembers is None else remembers
 
     num, cnt = run.num, run.cnt
@@ -274,7 +274,7 @@ def integrate_scipy(
 
     if method not in SCIPY_METHODS:
         raise ValueError(f"`method` is {method!r}; SciPy's own are {', '.join(SCIPY_METHODS)}.")
-    if model.events:
+    if any(not event.singular for event in model.events):
         raise ValueError(
             f"`method={method!r}` runs without events; this model has {len(model.events)}. Use 'auto'."
         )

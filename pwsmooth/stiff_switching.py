@@ -53,7 +53,8 @@ def switched_by_events(model: Model) -> Model:
     ValueError
         A switch that can slide, a contact or an algebraic unknown: these need a multiplier that is solved for.
     """
-    model = replace(model, outputs=())  # changed, so that the copies of families are written out
+    # Changed, so that the copies of families are written out. Implicit steps rest on a branch point by themselves.
+    model = replace(model, outputs=(), events=tuple(e for e in model.events if e.singular != "branch"))
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
             what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(
@@ -124,7 +125,7 @@ def solve_stiff(
     from .smooth_path import of_event, own
 
     model = system.model
-    n, m, given = len(model.states), len(model.multipliers), len(model.events)
+    n, m = len(model.states), len(model.multipliers)
     view = switched_by_events(model)
     # On which side a start on a surface goes on is for the kernels to say, which know all its derivatives.
     first_step = Options("auto", rtol, tuple(atol.tolist()), False, max_step, 1, None, False)
@@ -134,12 +135,12 @@ def solve_stiff(
         return begun  # it stopped where it began, and says why
 
     def words(i: int, before: np.ndarray) -> tuple[str, str, str]:
-        if i < given:
+        if i < len(view.events) - m:
             return of_event(view, i)
-        came = int(before[n + i - given])
+        came = int(before[n + i - len(view.events) + m])
         return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
 
-    remembers = [*(-1 for _ in range(given)), *range(n, n + m)]
+    remembers = [*(-1 for _ in view.events[m:]), *range(n, n + m)]
     options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
                    dense=dense, kicks=None, remembers=remembers)  # fmt: skip
     both = np.append(start, begun.mult[:, moved[0]])

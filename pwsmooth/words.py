@@ -8,10 +8,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from .kernels import state as names
-from .model import Model
+from .model import EventSpec, Model
 from .records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
+from .singular import remedy
+from .solution import vectorised
+
+_STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
 
 OUT_OF_TIME = -1  # no code of the kernels, which know no clock
 OUTCOMES = {
@@ -28,6 +33,7 @@ OUTCOMES = {
     names.NEWTON_FAILED: Outcome.SINGULAR,
     names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
     names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+    names.SINGULAR_POINT: Outcome.SINGULAR_POINT,
     names.FULL: Outcome.OUT_OF_MEMORY,
 }
 
@@ -52,6 +58,8 @@ def event_words(model: Model) -> Any:
     def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
         if index >= len(multipliers):
             event = model.events[index - len(multipliers)]
+            if event.singular:
+                return singular_record(model, event, t, kind == names.EV_REST, bool(went))
             if kind == names.EV_ACCUMULATION:
                 return EventRecord(t, event.name, kinds[kind])
             return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
@@ -60,6 +68,34 @@ def event_words(model: Model) -> Any:
         return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
 
     return words
+
+
+def singular_record(
+    model: Model, event: EventSpec, t: float, rests: bool = False, stands: bool = False
+) -> EventRecord:
+    """A singular argument that has come to 0: the motion rests there, or the run ends there."""
+    if rests:
+        return EventRecord(t, event.name, "rest", f"{event.surface} = 0")
+    zero = f"{event.surface} {'<=' if event.singular == 'end' and not stands else '='} 0"
+    return EventRecord(t, event.name, "singular point", f"{zero}: {remedy(model, event, stands)}")
+
+
+def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -> int | None:
+    """The event of a singular argument because of which a run stopped at this one instant, or None.
+
+    One that has left its domain, or that a change of the states by their last digits brings to 0.
+    """
+    for i, event in enumerate(model.events):
+        if event.singular in ("pole", "end") and event.surface is not None:
+            slopes = sp.Tuple(event.surface, *(event.surface.diff(s) for s in model.states))
+            with np.errstate(all="ignore"):
+                value, *gradient = (
+                    float(np.ravel(part)[0]) for part in vectorised(model, slopes)(t, *x, *mult, *p)
+                )
+            reach = sum(abs(g) * (_STOPPED * abs(float(s[0])) + 1e3 * e) for g, s, e in zip(gradient, x, atol))
+            if not abs(value) > reach or (event.singular == "end" and value < 0):
+                return i
+    return None
 
 
 def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -> list[Ambiguity]:

@@ -12,7 +12,7 @@ from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import ITE, BooleanFalse, BooleanTrue
 
-from ..model import Model, Select
+from ..model import Above, Model, Select
 from .nodes import STATE, TIME, Nodes
 
 # Unary functions, by the name under which `math` has them.
@@ -119,6 +119,8 @@ class Graph(Nodes):
             return self._selection(e)
         if isinstance(e, (sp.Piecewise, ITE)):
             return self._piecewise(e)
+        if isinstance(e, Above):
+            return self.make("pow", tuple(map(self.expression, e.args)), "above")
         kind = type(e)
         if kind in UNARY:
             return self.fun(UNARY[kind], self.expression(e.args[0]))
@@ -178,7 +180,9 @@ class Graph(Nodes):
         kind, j = self._variable.get(lam, ("", 0))
         if kind != "mult":
             return self.expression(e.affine())
-        return self.select(j, self.expression(a), self.expression(b))
+        e, surface = Select(lam, a, b), self.model.multipliers[j].surface
+        a, b = (self.expression(branch) for branch in e.clamped(surface))
+        return self.select(j, a, b, self.expression(e.affine(surface)) if e.powers_of(surface) else None)
 
     def _piecewise(self, e) -> int:
         if isinstance(e, ITE):

@@ -29,7 +29,8 @@ class Node(NamedTuple):
 class Nodes:
     """Hash-consed arithmetic.
 
-    Operations: num (value), var (kind, index), sum (coefficients; the constant is a num node), mul, div, pow,
+    Operations: num (value), var (kind, index), sum (coefficients; the constant is a num node), mul, div,
+    pow (None, or "above" where a negative base counts as 0),
     fun (name), fun2 (name), sel (multiplier; arguments: branch at +1, branch at -1, affine form),
     ite (condition, then, else), and the conditions rel (relation), and, or, not, true, false.
 
@@ -197,11 +198,13 @@ class Nodes:
                 pass  # left to the compiled code, which makes it nan or inf
         return self.make("fun", (a,), name)
 
-    def select(self, j: int, a: int, b: int) -> int:
+    def select(self, j: int, a: int, b: int, affine: int | None = None) -> int:
+        """Branch a or b by multiplier j; `affine` is their affine form on the surface, where it is not just that."""
         if a == b:
             return a
         lam = self.var("mult", j)
-        affine = self.add(self.sum(((0.5, a), (0.5, b))), self.mul(lam, self.sum(((0.5, a), (-0.5, b)))))
+        if affine is None:
+            affine = self.add(self.sum(((0.5, a), (0.5, b))), self.mul(lam, self.sum(((0.5, a), (-0.5, b)))))
         return self.make("sel", (a, b, affine), j)
 
     def ite(self, condition: int, a: int, b: int) -> int:

@@ -131,6 +131,8 @@ class Degrees:
 class JetCode(ScalarCode):
     """ScalarCode that also emits the companions (cos of a sin, slope of a tanh) that recurrences need."""
 
+    clamps = False  # there is no series from there
+
     def __init__(self, graph, writer, degrees: Degrees, prefix: str, solved):
         super().__init__(graph, writer, prefix, solved)
         self.degrees = degrees

@@ -57,6 +57,8 @@ class ScalarCode:
     affine form; without it they do so whenever the multiplier is neither 1 nor -1.
     """
 
+    clamps = True  # a power "above" its surface is 0 a rounding below it
+
     def __init__(self, graph: Graph, writer: Writer, prefix: str = "v", solved=None):
         self.graph, self.writer, self.prefix, self.solved = graph, writer, prefix, solved
         self.scopes: list[set[int]] = [set()]
@@ -177,6 +179,10 @@ class ScalarCode:
             return f"{names[0]} {'*' if op == 'mul' else '/'} {names[1]}"
         if op == "pow":
             exponent = self.graph.value(args[1])
+            if data == "above" and self.clamps:
+                names[0] = f"max({names[0]}, 0.0)"
+            if exponent == 0.5:
+                return f"math.sqrt({names[0]})"
             if exponent in (1.5, 2.5):
                 # Half the cost of pow, and as exact.
                 return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"

@@ -243,6 +243,8 @@ class Simplifier:
 
         def base(letter):
             op, args, data = graph.nodes[letter]
+            if data == "above":
+                return None
             return (args[0], args[1]) if op == "pow" else (args[0], "sqrt") if data == "sqrt" else None
 
         for m in monomials:

@@ -70,7 +70,9 @@ def _differentiate(graph: Nodes, node: int, variable: int) -> int:
 
 def _power_slope(graph: Nodes, node: int, slopes) -> int:
     a, b = graph.nodes[node].args
-    lower = graph.power(a, graph.sum(((1.0, b), (-1.0, graph.one))))
+    lowered = graph.sum(((1.0, b), (-1.0, graph.one)))
+    above = graph.nodes[node].data and (graph.value(lowered) or 0.0) > 0.0
+    lower = graph.make("pow", (a, lowered), "above") if above else graph.power(a, lowered)
     slope = graph.mul(graph.mul(b, lower), slopes[0])
     if slopes[1] != graph.zero:
         slope = graph.add(slope, graph.mul(graph.mul(node, graph.fun("log", a)), slopes[1]))

@@ -24,6 +24,7 @@ UNITS = {
     "start_unit": ("starting", "start"),
     "instant_unit": ("instants", "at_instant"),
     "rk_unit": ("rungekutta", "rk_step"),
+    "approach_unit": ("singular", "approach"),
     "run": ("trajectory", "run"),
 }
 # Units that only some runs need: they are no fields of the Problem.

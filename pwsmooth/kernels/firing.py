@@ -105,7 +105,7 @@ def _fire_events(P, C, S, R, W):
                 S.x[k] = W.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
-            if P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i]:
+            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i]:
                 continue
             rounding = 0.0
             for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):

@@ -151,7 +151,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         W.graze_crosses[j] = W.code[I_GRAZE_CROSSES]
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
-        if surface_rows[i] >= 0:
+        if surface_rows[i] >= 0 and P.watch[i - m] == 0:
             W.answer[A_GUESS] = expected(W, i, S.side[i - m], S.now[0], h)
             _note_size(P, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)

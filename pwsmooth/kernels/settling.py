@@ -19,11 +19,13 @@ from .state import (
     EV_RESET,
     HELD,
     HIDDEN_OSCILLATION,
+    I_JUMPED,
     NO_ROOT_FOUND,
     SLIDING,
     SOLVED,
     STRICT,
 )
+from .unknowns import solve_unknowns
 
 
 @kernel
@@ -296,7 +298,7 @@ def resettle(P, S, R, W):
 
     Leaves the side of those that slip in S.status; returns a code.
     """
-    if mask_instant(P, S, W) and not follow(P, S, W):
+    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.code[I_JUMPED] else follow(P, S, W)):
         return NO_ROOT_FOUND
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):

@@ -36,8 +36,8 @@ def newton(P, S, W):
             if mask[j]:
                 mult[j] += b[j]
                 change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
-        if not change < math.inf:
-            return 0
+        if not change < math.inf or (change == 0.0 and rest > 1e-14):
+            return 0  # the second where a slope is infinite, as that of a root at 0
         # One step more than it takes to see convergence: the residual then sits at rounding.
         if change <= 1e-15 or (sweep > 0 and change < 1e-9 and change >= 0.25 * previous):
             return 1

@@ -6,7 +6,7 @@ from numba import types
 
 from .compiling import unit
 from .contacts import close_at_start
-from .pointers import call_fields, call_newton
+from .pointers import call_fields
 from .records import record_point
 from .settling import (
     any_solved,
@@ -32,6 +32,7 @@ from .state import (
     State,
     Work,
 )
+from .unknowns import solve_unknowns
 
 
 @unit(types.int64, Problem, Control, State, Record, Work)
@@ -52,7 +53,7 @@ def start(P, C, S, R, W):
             if P.kind[j] < CONTACT:
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
-    if mask_instant(P, S, W) and call_newton(P.newton_unit, P, S, W) == 0:
+    if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return NO_ROOT_FOUND
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):

@@ -21,7 +21,9 @@ SOLVED, HELD = 0, 2
     EV_OPENING,
     EV_ACCUMULATION,
     EV_RESET,
-) = range(11)
+    EV_REST,
+    EV_SINGULAR,
+) = range(13)
 
 # Records of non-uniqueness.
 (
@@ -52,7 +54,8 @@ SOLVED, HELD = 0, 2
     DETERMINACY_LOST,
     ACCUMULATED,
     BROKEN,  # an invariant does not hold: invariants.py, and I_TOUCHED says of which multiplier
-) = range(14)
+    SINGULAR_POINT,
+) = range(15)
 
 
 class Problem(Bundle):
@@ -78,6 +81,8 @@ class Problem(Bundle):
     pair: "int"  # 1: the pair makes every step; 0: only those that have no Taylor series
     start_unit: "int"
     instant_unit: "int"
+    approach_unit: "int"
+    watches: "int"  # 1: some event is a singular argument
     n: "int"
     m: "int"
     ne: "int"
@@ -101,6 +106,8 @@ class Problem(Bundle):
     surface_state: "i8[1]"  # (m,) index of the state that is the surface, or -1
     direction: "i8[1]"  # (ne,)
     terminal: "i8[1]"  # (ne,)
+    watch: "i8[1]"  # (ne,) what there is at a singular argument (singular.py), 0 for an event of the user's
+    watch_state: "i8[1]"  # (ne,) index of the state that it is, or -1
     twin: (
         "i8[1]"  # (ne,) the event's surface is that of switch j up to a factor: j + 1 with its sign; 0: of none
     )
@@ -177,7 +184,9 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     I_GRAZE_CROSSES,  # and counts as crossing it
     I_SOLVED_THERE,  # whether the solved multipliers are those of the state left behind
     I_LOOK_AGAIN,  # whether a contact at this instant may be moved by what happens after it
-) = range(12)
+    I_ROWS,  # kind of the step's polynomials
+    I_ARRIVES,  # singular argument whose zero the step ends at, or -1
+) = range(14)
 (
     A_MET,  # where in the step the first surface is met
     A_STEP,
@@ -191,7 +200,7 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
     A_AT_REST,  # size at which an approach speed is rounding
     A_PACE,  # factor of the layer's time, in which its fastest rate is of size 1
 ) = range(11)
-N_CODE, N_ANSWER = 12, 11
+N_CODE, N_ANSWER = 14, 11
 
 
 class Record(Bundle):

@@ -23,6 +23,8 @@ NEAR = 0.2  # of its bend over a sample: a parabola whose vertex lies higher doe
 DEPTH = 12  # looks around a vertex, each four times as close
 SMALLEST = 5e-324
 NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
+SINGULAR = 2  # in `stops`: a singular argument (pwsmooth/singular.py)
+DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the step, is not told from a zero
 ROUNDS = 32  # at one instant, before the events count as a loop that does not end
 
 
@@ -115,6 +117,34 @@ def _dips(s, coefficients, degree, t, h, j, side, a):
 
 
 @fused
+def _comes_to_zero(s, coefficients, degree, t, h, j, side, a):
+    """Where on the part [a, 1] a singular argument comes to 0, to within the tolerance; NONE if it does not.
+
+    Beyond a pole or a branch point the step's polynomial goes on as if there were none: a dip counts as well.
+    """
+    sample(s, coefficients, degree, t, h, a, 1.0)
+    lo, hi = _bracket(s, j, side, a, 1.0, 0.0)
+    if lo != NONE:
+        return _narrow(s, coefficients, degree, t, h, j, side, lo, hi)
+    least = 0.0
+    for k in range(8):
+        least = max(least, abs(s.values[8 * j + k]))
+    least *= DIP * s.num[S.RTOL]
+    left, right = a, 1.0
+    for _ in range(DEPTH):
+        vertex = _near_vertex(s, j, side, left, right)
+        if vertex == NONE:
+            break
+        width = 0.125 * (right - left)
+        left, right = max(left, vertex - width), min(right, vertex + width)
+        sample(s, coefficients, degree, t, h, left, right)
+        for k in range(8):
+            if side * s.values[8 * j + k] <= least:
+                return left + (right - left) * k / 7.0
+    return NONE
+
+
+@fused
 def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
     """End of the interval, as short as rounding allows, over which surface j leaves `side`."""
     for _ in range(20):
@@ -147,6 +177,10 @@ def next_zero(s, coefficients, degree, t, h, begin):
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
+        if s.stops[j] == SINGULAR:
+            s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
+            first = min(first, s.found[j])
+            continue
         for _ in range(8):
             sample(s, coefficients, degree, t, h, a, 1.0)
             lo, hi = _bracket(s, j, side, a, 1.0, least)
@@ -191,7 +225,7 @@ def _carried_through(s, t, x):
             s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
     for j in range(s.e):
-        if s.kind[j] != S.TIMED:
+        if s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
             old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
             if s.remembers[j] >= 0 and s.values[8 * j] != s.values[8 * j + 1]:
                 old = x[s.remembers[j]]  # which rounding may contradict, from an instant at its surface
@@ -232,7 +266,7 @@ def fire(s, t, x):
             if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
             fired = True
-            if s.stops[j] == 1:
+            if s.stops[j] != 0:
                 result = S.STOP
             record = s.cnt[S.N_RECORDS]
             s.event_t[record], s.event_index[record] = t, j

@@ -59,7 +59,7 @@ class Core(NamedTuple):
     surface_row: Integers  # (q,) its row in the Taylor coefficients
     cnt: Integers
     kind: Integers  # (e,) +1, -1: direction that counts; BOTH; TIMED
-    stops: Integers  # (e,) 1 for a terminal event
+    stops: Integers  # (e,) 1 for a terminal event, 2 for a singular argument
     remembers: Integers  # (e,) index of the state that keeps the side of the surface, or -1
     due: Integers  # (e,)
     degree: Integers  # (capacity,) of the polynomial of the step that ends here

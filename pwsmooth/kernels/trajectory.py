@@ -18,6 +18,7 @@ from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
 from .settling import any_held, any_solved, release_held
+from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     A_ELAPSED,
@@ -41,8 +42,10 @@ from .state import (
     CONTACT,
     DONE,
     FULL,
+    I_ARRIVES,
     I_AT_CLOCK,
     I_FOLD,
+    I_ROWS,
     I_SOLVED_THERE,
     I_TOUCHED,
     I_WAY,
@@ -268,19 +271,24 @@ def run(P, C, S, R, W):
         if not by_pair:
             mult_row = take_jet(P, C, S, sliding, W)
             singular = mult_row < 0
-            if singular and P.jet_fold == 0:
+            if singular and P.jet_fold == 0 and P.rk_unit == 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if sliding else P.rows_slip
             h = S.now[1]
-            if not singular:
+            if singular and P.jet_fold == 0:
+                h = math.nan  # of a power that vanishes, perhaps: the pair will see
+            elif not singular:
                 h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, sliding, W)
-        if P.rk_unit != 0 and not h > 1e-9 * S.now[1]:
+        if P.rk_unit != 0 and not h > max(1e-9 * S.now[1], 1e-13 * (1.0 + abs(S.now[0]))):
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
             by_pair = True
             mult_row, surface_rows = n, P.rows_pair
             longest = min(C.max_step, next_stop(C, S) - S.now[0])
             h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], longest), -1)
+            if singular and not h > 0.0:
+                return NEWTON_FAILED
+            singular = False
         by_arc = sliding and P.jet_fold != 0 and not by_pair
         if math.isnan(h):
             if not by_arc:
@@ -330,6 +338,23 @@ def run(P, C, S, R, W):
             asked = h
             h, best = _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W)
             capped = capped and h == asked
+        arrives = False
+        if P.watches != 0:
+            W.code[I_ROWS] = (
+                ROWS_ARC if time_row >= 0 else ROWS_PAIR if by_pair else ROWS_GENERAL if sliding else ROWS_SLIP
+            )
+            W.code[I_ARRIVES], W.answer[A_STEP] = -1, h
+            call_unit(P.approach_unit, P, C, S, R, W)
+            arrives = W.code[I_ARRIVES] >= 0
+            if arrives and time_row < 0 and W.answer[A_STEP] > stop - t0:
+                arrives = False  # beyond the end of the span or the next instant of a time event
+            elif W.answer[A_STEP] != h:
+                h, capped = W.answer[A_STEP], False
+                powers(power, h)
+                best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
+            if arrives:
+                best = NO_ROOT
+                W.grazed[:] = NO_ROOT
         fraction, folded = 1.0, False
         if time_row >= 0:
             fraction, best, folded, capped = _end_of_arc(
@@ -410,6 +435,11 @@ def run(P, C, S, R, W):
             if code != -1:
                 record_point(P, S, R)
                 return code
+        if arrives and s_end == h:
+            code = call_unit(P.approach_unit, P, C, S, R, W)
+            if code != DONE:
+                return code
+            continue
         # What happens there.
         if touched != 0:
             if touched == LEFT:
