@@ -500,7 +500,9 @@ def machine_mark() -> str:
     """Short name of this processor and of numba's settings: object code of another one is not used."""
     _, cpu, features = _host()
     settings = sorted(
-        f"{k}={v}" for k, v in os.environ.items() if k.startswith("NUMBA_") and not _HARMLESS.match(k)
+        f"{k}={v}"
+        for k, v in os.environ.items()
+        if (k.startswith("NUMBA_") and not _HARMLESS.match(k)) or k == "PWSMOOTH_CHECK"
     )
     with contextlib.suppress(OSError):
         settings.append(Path(".numba_config.yaml").read_text())
