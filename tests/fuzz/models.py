@@ -9,11 +9,12 @@ Chain: oracle.py -> models.py (here) -> the fuzzers.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from .oracle import DONE, LOST, Tables, run
+from .oracle import Tables, run, value
 
 # A term: (number, parameter or None, {variable: power}).
 
@@ -193,8 +194,6 @@ class Model:
 
 
 def _stands(symbol, text):
-    import re
-
     return re.search(rf"\b{symbol}\b", text) is not None
 
 
@@ -238,8 +237,6 @@ def answer(model, case, log_size=0):
     angle = case.w * case.t0 + case.a
     v[model.n : D.N] = np.sin(angle), np.cos(angle), case.t0
     status = np.ones(D.m + D.c, np.int64)
-    from .oracle import value
-
     for j in range(D.m):
         h = value(D, D.N + j, v)
         status[j] = 0 if j in case.on else (1 if h > 0 else -1)
@@ -267,6 +264,3 @@ def script(model, case, expected=None):
     if expected is not None:
         lines.append(f"# expected {np.asarray(expected).T.round(9).tolist()}")
     return "\n".join(lines)
-
-
-__all__ = ["DONE", "LOST", "Answer", "Case", "Event", "Model", "answer", "script"]

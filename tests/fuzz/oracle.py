@@ -510,7 +510,7 @@ JUMP_WHILE_CLOSED, SEVERAL_IMPACTS, RESET_BEYOND, SIMULTANEOUS, ACCUMULATES, SLI
 
 
 @njit(**_CACHED)
-def settle(D, v, status, touched, forced, tags, first=False):
+def settle(D, v, status, touched, forced, tags):
     """Decides contacts and switches together after an event: impacts, then closed sets, then layers. 0 or a code.
 
     touched: multipliers whose surface was reached now; forced: a multiplier that leaves (see `classify`), or -1.
@@ -553,7 +553,6 @@ def settle(D, v, status, touched, forced, tags, first=False):
     group = np.zeros(m, np.bool_)
     for j in range(m):
         group[j] = (status[j] == 0 or touched[j]) and forced != j
-    # Nothing but a switch at its bound: the others follow continuously, no layer begins.
     candidates = np.flatnonzero(near)
     if len(candidates) and forced >= m and forced < 100:
         candidates = candidates[candidates != forced - m]
@@ -579,6 +578,7 @@ def settle(D, v, status, touched, forced, tags, first=False):
         if forced >= 0 and forced < m:
             v[N + forced] = status[forced]
         if forced >= 0 and forced < 100 and len(candidates) == 0:
+            # Nothing but a switch at its bound: the others follow continuously, no layer begins.
             if not solve_multipliers(D, v, act, F):
                 continue
             failed = 0
@@ -668,7 +668,7 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
     touched = np.zeros(M, np.bool_)
     for j in range(M):
         touched[j] = status[j] == 0
-    failed = settle(D, v, status, touched, -1, tags, True)
+    failed = settle(D, v, status, touched, -1, tags)
     if failed:
         return failed, t, out, events
     act = status == 0
