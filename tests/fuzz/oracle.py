@@ -211,6 +211,10 @@ def picard(D, v, dt, act, Y, L, G):
             return 1
     if change > 1e-13 * scale:
         return 1
+    for i in range(NODES - 1):
+        for j in range(D.m):
+            if act[j] and abs(L[i + 1, j] - L[i, j]) > 0.2:
+                return 1  # Newton's iteration went over a fold to another root
     # The last two Chebyshev coefficients tell what the polynomial lacks.
     for k in range(N):
         a = b = 0.0
