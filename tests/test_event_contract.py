@@ -303,6 +303,19 @@ def test_increments_of_one_instant_add_up(method):
     assert (solution["c"][-1], solution["d"][-1]) == (1.5, 7) and not solution.ambiguities
 
 
+@PATHS
+@pytest.mark.parametrize("kick", [0.05, 0.1, 0.3])
+@pytest.mark.parametrize("reset", [0, -x * 9 / 10])
+def test_an_event_that_a_kick_reaches_fires_once(kick, reset, method):
+    # x = 0.95 before the kick, threshold 1: a kick on to the threshold or through it is one spike, as the flow's is.
+    n = Memory("n", 0)
+    spike, kicked = Event(x - 1, update={x: reset, n: n + 1}), Event(at=1.9, update={x: x + kick})
+    solution = solve(System({x: HALF}, events=[spike, kicked]), (0, 3), {x: 0}, method=method)
+    assert solution["n"][-1] == 1
+    rest = (0.95 + kick) * (0 if reset == 0 else -0.9) + 0.55
+    assert solution["x"][-1] == pytest.approx(rest, abs=1e-9)
+
+
 @METHODS
 def test_ten_neurons_that_fire_together_add_ten_increments(method):
     potentials = sp.symbols("u1:11", real=True)

@@ -217,7 +217,10 @@ def value(coefficients, degree, i, theta):
 
 @fused
 def _carried_through(s, t, x):
-    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x)."""
+    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x).
+
+    Not the events that have just acted (due = 2): what they put back they put back.
+    """
     for q in range(8):
         s.t8[q] = t
     for i in range(s.n):
@@ -266,6 +269,7 @@ def fire(s, t, x):
             if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
             fired = True
+            s.due[j] = 2
             if s.stops[j] != 0:
                 result = S.STOP
             record = s.cnt[S.N_RECORDS]
