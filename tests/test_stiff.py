@@ -187,7 +187,7 @@ def test_events_of_time_keep_their_instants_and_surfaces_their_directions():
         assert by_name["tick"] == [0.7 * i for i in range(1, 29)]
         assert by_name["at"] == [2.0, 14.0] and by_name["off"] == []
         assert np.allclose(by_name["rising"], [2 * np.pi, 4 * np.pi, 6 * np.pi], atol=1e-9)
-        assert run.x[2, -1] == 27 + 200  # at t = 14 both act on the value before, and the later one stands
+        assert run.x[2, -1] == 28 + 200  # at t = 14 both act, and increments of one instant add up
 
 
 def test_what_an_update_carries_through_zero_fires_at_the_same_instant():
