@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pwsmooth.codegen.cache import load_kernels
-from pwsmooth.compiled import _diagonal, _groups
+from pwsmooth.compiled import _both_ways, _diagonal, _groups
+from pwsmooth.kernels import state
 
 
 class Numbers:
@@ -64,8 +65,34 @@ def test_an_entry_is_found_by_its_row_and_column():
     rng = np.random.default_rng(3)
     A, pattern = arrow(3, 2, 1, rng)
     row, col, values = compressed(A, pattern)
-    P = Numbers(g_row=row, g_col=col)
     for i in range(len(A)):
         for j in range(len(A)):
             assert sparse.entry(row, col, values, i, j) == A[i, j]
-            assert sparse.couples(P, i, j) == pattern[i, j]
+
+
+def test_a_link_goes_through_what_is_solved_and_no_further():
+    sparse = load_kernels("sparse")
+    rng = np.random.default_rng(4)
+    lengths = set()
+    for _ in range(50):
+        m = 8
+        pattern = np.eye(m, dtype=bool) | (rng.random((m, m)) < 0.12)
+        row, col = compressed(pattern.astype(float), pattern)[:2]
+        link_row, link_col = _both_ways(row, col)
+        kind = rng.choice([state.SLIDING, state.CONTACT, state.ALGEBRAIC, state.KINK, state.CROSSING], m)
+        status = rng.choice([state.SOLVED, 1, -1], m)
+        P = Numbers(m=m, kind=kind, link_row=link_row, link_col=link_col)
+        S = Numbers(status=status)
+        # A path of j passes only through what is solved: powers of the couplings with all others cut off.
+        either = pattern | pattern.T
+        passes = (status == state.SOLVED) & (kind != state.KINK) & (kind != state.CROSSING)
+        for j in range(m):
+            W = Numbers(linked=np.full(m, 7), stack=np.zeros(m, int))
+            sparse.link(P, S, W, j)
+            reached = np.arange(m) == j
+            for _ in range(m):
+                through = reached & (passes | (np.arange(m) == j))
+                reached = reached | either[through].any(axis=0)
+            assert np.array_equal(W.linked != 0, reached) and set(W.linked) <= {0, 1}
+            lengths.add(int(reached.sum()))
+    assert len(lengths) > 4  # chains among them, not only neighbours
