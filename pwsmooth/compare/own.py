@@ -61,7 +61,7 @@ def smoothed(sigmoid: str = "algebraic") -> Callable[[Case, tuple[float, float]]
         eps, rtol = setting
         if case.restitution is not None:
             raise CannotDo("an impact has no smoothed form")
-        if case.system.model.events:
+        if any(not event.singular for event in case.system.model.events):
             raise CannotDo("events that change the state are not smoothed")
         view = case.system.smoothed(eps, sigmoid)
         solved = _solved(view, case, **case.tolerances(rtol))

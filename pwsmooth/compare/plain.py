@@ -111,7 +111,9 @@ def real(e: sp.Expr) -> sp.Expr:
 def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     from numba import njit
 
-    if any(event.surface is None for event in model.events) or any(
+    # Singular arguments are watched by this package alone: they change nothing, and plain functions give nan there.
+    happenings = [event for event in model.events if not event.singular]
+    if any(event.surface is None for event in happenings) or any(
         mu.kind == "algebraic" for mu in model.multipliers
     ):
         raise ValueError(
@@ -127,9 +129,9 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     # Nobody solves for the multiplier of a kink.
     residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
     impacts = [e for mu in model.multipliers if mu.impact for e in (*mu.impact, *varied)]
-    walls, events = _walls(model, surfaces, numbers)
-    whens = [sp.Piecewise((1, e.when.xreplace(numbers)), (0, True)) for e in model.events]
-    updates = [dict(e.update).get(i, x) for e in model.events for i, x in enumerate(states)]
+    walls, events = _walls(happenings, surfaces, numbers)
+    whens = [sp.Piecewise((1, e.when.xreplace(numbers)), (0, True)) for e in happenings]
+    updates = [dict(e.update).get(i, x) for e in happenings for i, x in enumerate(states)]
 
     def function(name, expressions, shape):
         text = _text(
@@ -177,10 +179,10 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     )  # fmt: skip
 
 
-def _walls(model, surfaces, numbers):
+def _walls(happenings, surfaces, numbers):
     """All surfaces, and of every event the wall on which it lies with the direction across it."""
     walls, events = list(surfaces), []
-    for event in model.events:
+    for event in happenings:
         ratios = [sp.cancel((event.surface / wall).xreplace(numbers)) for wall in walls]
         same = [k for k, ratio in enumerate(ratios) if ratio.is_number]
         if not same:

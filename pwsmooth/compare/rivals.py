@@ -36,7 +36,7 @@ def event_ignoring(method: str) -> Callable[[Case, float], Runner]:
     def runner(case: Case, rtol: float) -> Runner:
         if case.restitution is not None:
             raise CannotDo("an impact is no term of a right-hand side")
-        if case.system.model.events:
+        if any(not event.singular for event in case.system.model.events):
             raise CannotDo("events that change the state are no term of a right-hand side")
         from scipy.integrate import solve_ivp
 
@@ -122,7 +122,7 @@ def impulses(t: np.ndarray, force: np.ndarray) -> list[tuple[float, str]]:
 
 
 def _switches_only(case: Case) -> None:
-    if case.restitution is not None or case.system.model.events:
+    if case.restitution is not None or any(not event.singular for event in case.system.model.events):
         raise CannotDo("impacts and events are no term of a right-hand side")
 
 

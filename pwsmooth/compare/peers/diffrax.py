@@ -57,7 +57,8 @@ class Modes:
         slide = [mu.kind == "switch" and mu.regularity != "kink" for mu in model.multipliers]
         parts: tuple[Any, ...] = tuple(model.multipliers)
         residuals = function([mu.residual if s else sp.S.Zero for mu, s in zip(parts, slide)], model, numbers)
-        surfaces = function([part.surface for part in (*parts, *model.events)], model, numbers)
+        happenings = [event for event in model.events if not event.singular]
+        surfaces = function([part.surface for part in (*parts, *happenings)], model, numbers)
         m, nw = functions.m, functions.n_walls
         contact = jnp.array(functions.contacts)
 

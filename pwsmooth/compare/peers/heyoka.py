@@ -74,7 +74,7 @@ class Heyoka:
             return hy.from_sympy(binary(self.plainly(e, place).xreplace(self.numbers)), symbols)
 
         surfaces = [mu.surface for mu in model.multipliers]
-        surfaces += [e.surface for e in model.events][: len(status) - m]
+        surfaces += [e.surface for e in model.events if not e.singular][: len(status) - m]
         events = []
         for k in watched:
             margin = 1 - place[self.lams[k]] ** 2 if k < m and status[k] == 0 else pars[k] * surfaces[k]
