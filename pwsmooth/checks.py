@@ -279,6 +279,14 @@ def positive(value, what):
     return value
 
 
+def nonzero(value, what):
+    """`value` as a finite float other than 0."""
+    value = number(value, what)
+    if value == 0:
+        raise ValueError(f"{what} is 0; give a number other than 0.")
+    return value
+
+
 def nonnegative(value, what):
     """`value` as a finite float >= 0."""
     value = number(value, what)

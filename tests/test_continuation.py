@@ -71,6 +71,10 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
     assert pair.success and not pair.symmetric
     # x = a x - x^3
     assert pair.x[0] ** 2 == pytest.approx(pair.system.parameters[a] - 1, abs=1e-9)
+    image = branch_off(broken, -0.1)
+    assert image.success and image.x[0] == pytest.approx(-pair.x[0], abs=1e-9)
+    with pytest.raises(ValueError, match="`amplitude` is 0; give a number other than 0"):
+        branch_off(broken, 0)
 
 
 def test_a_torus_begins_where_a_complex_pair_leaves_the_unit_circle():

@@ -241,7 +241,7 @@ def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> 
 
 
 @checks.door(
-    bifurcation=checks.instance(Bifurcation, "one of a branch's `bifurcations`"), amplitude=checks.positive
+    bifurcation=checks.instance(Bifurcation, "one of a branch's `bifurcations`"), amplitude=checks.nonzero
 )
 def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrbit:
     """An orbit on the branch that begins at a flip or where the symmetry breaks.
@@ -251,7 +251,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     bifurcation : Bifurcation
         Of kind "flip" or "symmetry breaking".
     amplitude : float, in the units of the states
-        Distance from the old orbit along the critical eigenvector; the parameter follows from it.
+        Distance from the old orbit along the critical eigenvector, not 0; the parameter follows from it. The other
+        sign is the other side: where the symmetry breaks, the mirror image.
 
     Returns
     -------
