@@ -638,9 +638,10 @@ def fire(D, v, status, side, touched, hit, tags):
         for e in range(E):
             h, was = value(D, first + e, v), value(D, first + e, before)
             if abs(h - was) > 1e-14 and abs(h) > 1e-11 and h * side[e] < 0:
+                # What acts now moves its own surface as it likes; what stood on its surface has passed through nothing.
                 if fired[e]:
                     tags[0] |= RESET_BEYOND
-                else:
+                elif abs(was) > 1e-11:
                     now[e] = D.direction[e] == 0 or D.direction[e] * h > 0
             if abs(h) > 1e-11:
                 side[e] = 1.0 if h > 0 else -1.0
