@@ -219,6 +219,15 @@ def picard(D, v, dt, act, Y, L, G):
             b += _TO_CHEB[NODES - 2, q] * Y[q, k]
         if abs(a) + abs(b) > 3e-14 * scale:
             return 1
+    # Multipliers that jump between nodes have changed their root: beyond a fold Newton's iteration finds another.
+    for k in range(D.m + D.c):
+        a = b = size = 0.0
+        for q in range(NODES):
+            a += _TO_CHEB[NODES - 1, q] * L[q, k]
+            b += _TO_CHEB[NODES - 2, q] * L[q, k]
+            size = max(size, abs(L[q, k]))
+        if abs(a) + abs(b) > 1e-3 * (1.0 + size):
+            return 1
     return 0
 
 
