@@ -240,7 +240,7 @@ def play(played, seed):
     if not np.isfinite(expected.states[: first + 1]).all():
         return Verdict(UNDECIDED, f"differs, oracle {expected.code}", worst, expected.tags)
     size = min(options["rtol"], 1e-6) + case.options.get("atol", 1e-12) + 1e-12
-    if worst <= 100 * judging.spread(model, case, first, size):
+    if worst <= 10 * judging.spread(model, case, first, size):
         return Verdict(ILL, "", worst)
     return Verdict(WRONG, change, worst, expected.tags)
 

@@ -93,7 +93,7 @@ def judge(model, case, solution, expected):
     size = min(case.options.get("rtol", 1e-9), 1e-6) + case.options.get("atol", 1e-12) + 1e-12
     if np.isfinite(worst):
         moved = spread(model, case, first, size)
-        if worst <= 100 * moved:
+        if worst <= 10 * moved:
             return Verdict(ILL, "" if np.isfinite(moved) else "oracle stops", worst, expected.tags)
     return Verdict(WRONG, solution.outcome.name, worst, expected.tags)
 

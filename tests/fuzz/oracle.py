@@ -223,6 +223,15 @@ def picard(D, v, dt, act, Y, L, G):
             b += _TO_CHEB[NODES - 2, q] * Y[q, k]
         if abs(a) + abs(b) > 3e-14 * scale:
             return 1
+    # Multipliers that jump between nodes have changed their root: beyond a fold Newton's iteration finds another.
+    for k in range(D.m + D.c):
+        a = b = size = 0.0
+        for q in range(NODES):
+            a += _TO_CHEB[NODES - 1, q] * L[q, k]
+            b += _TO_CHEB[NODES - 2, q] * L[q, k]
+            size = max(size, abs(L[q, k]))
+        if abs(a) + abs(b) > 1e-3 * (1.0 + size):
+            return 1
     return 0
 
 
@@ -642,9 +651,10 @@ def fire(D, v, status, side, touched, hit, tags):
         for e in range(E):
             h, was = value(D, first + e, v), value(D, first + e, before)
             if abs(h - was) > 1e-14 and abs(h) > 1e-11 and h * side[e] < 0:
+                # What acts now moves its own surface as it likes; what stood on its surface has passed through nothing.
                 if fired[e]:
                     tags[0] |= RESET_BEYOND
-                else:
+                elif abs(was) > 1e-11:
                     now[e] = D.direction[e] == 0 or D.direction[e] * h > 0
             if abs(h) > 1e-11:
                 side[e] = 1.0 if h > 0 else -1.0
