@@ -231,24 +231,32 @@ class _Search:
         self.bounds = Bounds(field, others)
         self.moving = self.bounds.dynamic | self.bounds.ranges.keys()
         self.found: dict[sp.Expr, tuple[str, Argument]] = {}
+        self.active: dict[
+            sp.Expr, set
+        ] = {}  # where each stands: conditions under which its branch is evaluated
         self.seen: set = set()
 
-    def walk(self, e, known):
-        key = (e, frozenset(known.items()))
+    def walk(self, e, known, path=()):
+        key = (e, frozenset(known.items()), path)
         if not e.args or key in self.seen or e.free_symbols.isdisjoint(self.moving):
             return
         self.seen.add(key)
         for argument in arguments(e):
             for factor in sp.Mul.make_args(argument.zero):
-                self.note(argument, factor, known)
-        if isinstance(e, (Select, sp.Piecewise)):
+                self.note(argument, factor, known, path)
+        if isinstance(e, Select):
+            lam = e.args[0]
+            for (branch, inside), condition in zip(self.bounds.branches(e, known), (lam > -1, lam < 1)):
+                self.walk(branch, inside, path if condition in path else (*path, condition))
+            return
+        if isinstance(e, sp.Piecewise):
             for branch, inside in self.bounds.branches(e, known):
-                self.walk(branch, inside)
+                self.walk(branch, inside, path)
             return
         for a in e.args:
-            self.walk(a, known)
+            self.walk(a, known, path)
 
-    def note(self, argument, factor, known):
+    def note(self, argument, factor, known, path):
         while factor.is_Pow and factor.exp.is_positive:
             factor = factor.base
         if factor.free_symbols.isdisjoint(self.moving) or self.bounds.never_zero(factor, known):
@@ -264,6 +272,7 @@ class _Search:
             kind = "branch"
         elif self.bounds.of(factor, known)[0] >= 0:
             kind = "cone"
+        self.active.setdefault(zero, set()).add(path)
         if zero not in self.found or KINDS.index(kind) < KINDS.index(self.found[zero][0]):
             self.found[zero] = kind, argument._replace(zero=factor)
 
@@ -276,8 +285,14 @@ def watched(field, others=()):
               *(event.surface for event in field.events if event.surface is not None)):  # fmt: skip
         search.walk(e, {})
     return tuple(
-        EventSpec(str(argument.function), argument.zero, singular=kind)
-        for kind, argument in search.found.values()
+        EventSpec(
+            str(argument.function),
+            argument.zero,
+            # Of a selection only the active branch is evaluated; where a switch slides, both are.
+            when=sp.Or(*(sp.And(*path) for path in sorted(search.active[zero], key=str))),
+            singular=kind,
+        )
+        for zero, (kind, argument) in search.found.items()
     )
 
 

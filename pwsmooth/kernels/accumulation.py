@@ -63,14 +63,16 @@ def events_accumulate(P, S, R, W):
         W.fired[i, 2] = interval / W.fired[i, 1] if W.fired[i, 1] > 0.0 else math.inf
         W.fired[i, 1] = interval
         W.fired[i, 0] = t
-        q = W.fired[i, 2]
-        if not (q < 0.9999999 and abs(q - W.fired[i, 3]) <= 0.02 * q):
-            continue
-        left = interval * q / (1.0 - q)
-        if left > _LAST_EVENTS * (1.0 + abs(t)):
-            continue
+        q, before, span = W.fired[i, 2], W.fired[i, 3], 1.0 + abs(t)
+        left = interval * q / (1.0 - q) if q < 0.9999999 else math.inf
+        if not (abs(q - before) <= 0.02 * q and left <= _LAST_EVENTS * span):
+            # Without one ratio, as where a latch changes the rates at each event, those of pairs tell.
+            pair = q * before
+            if not (0.0 < pair < 0.99 and interval <= _LAST_EVENTS * span):
+                continue
+            left = (interval + interval / q) * pair / (1.0 - pair)
         for j in range(P.m):
-            if time_left(S, j) < math.inf:
+            if time_left(S, j) < math.inf and left > 0.1 * WITHIN_ROUNDING * span:
                 return False
         S.now[0] = t + left
         record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)

@@ -14,7 +14,7 @@ import math
 from numba import types
 
 from .compiling import kernel, unit
-from .pointers import call_fields, call_linear
+from .pointers import call_act, call_fields, call_linear
 from .records import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
 from .state import (
@@ -116,6 +116,12 @@ def _row(P, kind, i):
 
 
 @kernel
+def _is_active(P, S, W, i):
+    """Whether the branch in which argument i stands is evaluated."""
+    return call_act(P.act, i, S.now[0], S.x, S.mult, P.p, W.after) != 0
+
+
+@kernel
 def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
     row = W.rows[_row(P, W.code[I_ROWS], P.m + i)]
@@ -158,6 +164,8 @@ def approach(P, C, S, R, W):
             bend = _power(P, S, W, i, a, speed) * speed * speed / a
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / (speed - a * bend / speed)
+        if not _is_active(P, S, W, i):
+            continue
         if left <= _IN_SIGHT * h and left <= first * h:
             near = left <= 1e-13 * (1.0 + abs(S.now[0])) or a <= _tolerance(P, C, S, W, i)
             if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
