@@ -51,5 +51,7 @@ def test_the_square_of_the_algebraic_switch_has_no_quotient_of_eps():
 
 
 def test_an_unknown_sigmoid_is_refused_with_the_choice():
-    with pytest.raises(ValueError, match="`sigmoid` is 'step', the name of none; choose one of algebraic, tanh, erf"):
+    with pytest.raises(
+        ValueError, match="`sigmoid` is 'step', the name of none; choose one of algebraic, tanh, erf"
+    ):
         sigmoid("step")

@@ -228,7 +228,9 @@ def _carried_through(s, t, x):
             s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
     for j in range(s.e):
-        if s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
+        if s.due[j] == 2:
+            s.due[j] = 0
+        elif s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
             old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
             if s.remembers[j] >= 0 and s.values[8 * j] != s.values[8 * j + 1]:
                 old = x[s.remembers[j]]  # which rounding may contradict, from an instant at its surface
