@@ -517,7 +517,7 @@ def impulses(D, v, closing, U, after):
     return False
 
 
-# Tags of what a run met: known defects of the package, for counting apart.
+# Tags of what a run met, for counting apart; they excuse nothing.
 JUMP_WHILE_CLOSED, SEVERAL_IMPACTS, RESET_BEYOND, SIMULTANEOUS, ACCUMULATES, SLIDES_MANY, LAYERS_MANY, FOLD = (
     1, 2, 4, 8, 16, 32, 64, 128)  # fmt: skip
 

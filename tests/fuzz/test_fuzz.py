@@ -1,6 +1,6 @@
 """The adversary in the suite: fixed seeds, a few structures a fuzzer; `python -m tests.fuzz` is the long mode.
 
-No case is silently wrong beyond the classes of KNOWN; each fuzzer sees planted faults; the oracle meets closed forms.
+No case is silently wrong; each fuzzer sees planted faults; the oracle meets closed forms.
 """
 
 import numpy as np
@@ -10,13 +10,9 @@ from hypothesis import strategies as st
 
 from tests.fuzz import affine, invariance, judging, planted  # one name, one compile cache of the oracle
 from tests.fuzz.__main__ import NAMES, fuzz
-from tests.fuzz.oracle import JUMP_WHILE_CLOSED, RESET_BEYOND, SEVERAL_IMPACTS, SIMULTANEOUS
 
-# Classes of wrong answers that are being mended: what jumps at a closed contact, several impacts at one instant, resets
-# beyond the own surface, several events at one instant. An entry goes when its class is mended.
-KNOWN = JUMP_WHILE_CLOSED | SEVERAL_IMPACTS | RESET_BEYOND | SIMULTANEOUS
 # Structures and cases: of each fuzzer some seconds.
-SHORT = {"affine": (8, 25), "contacts": (8, 8), "resets": (6, 20), "hidden": (6, 15), "smooth": (6, 8),
+SHORT = {"affine": (8, 25), "contacts": (10, 20), "resets": (6, 20), "hidden": (8, 25), "smooth": (6, 8),
          "invariance": (6, 15)}  # fmt: skip
 
 
@@ -24,7 +20,7 @@ SHORT = {"affine": (8, 25), "contacts": (8, 8), "resets": (6, 20), "hidden": (6,
 def test_no_random_case_is_silently_wrong(name):
     structures, each = SHORT[name]
     counts, failures, _ = fuzz(name, structures * each, structures, seed=7)
-    assert [f for f in failures if not f[4] & KNOWN] == []
+    assert failures == []
     assert sum(n for kind, n in counts.items() if kind.startswith("right")) > 0.6 * sum(counts.values())
 
 
