@@ -303,8 +303,8 @@ def test_increments_of_one_instant_add_up(method):
     assert (solution["c"][-1], solution["d"][-1]) == (1.5, 7) and not solution.ambiguities
 
 
-@PATHS
-@pytest.mark.parametrize("kick", [0.1, 0.3])
+@METHODS
+@pytest.mark.parametrize("kick", [0.05, 0.1, 0.3])
 @pytest.mark.parametrize("reset", [0, -x * 9 / 10])
 def test_an_event_that_a_kick_carries_the_state_through_fires_once(kick, reset, method):
     # x = 0.95 before the kick, threshold 1: a kick through it is one spike, as the flow's is.

@@ -175,7 +175,7 @@ def _misfit(P, C, S, W, h):
             continue
         now = S.mult[i] if r < n + m else W.h[i]
         size = 1.0 if r < n + m else max(abs(rows[r, 0]), abs(h * rows[r, 1]))
-        rounding = 1e-14 * (1.0 if r < n + m else surface_size(P, S, i, W))
+        rounding = 1e-14 if r < n + m else max(1e-14, 1e-15 * surface_size(P, S, i, W))
         worst = max(worst, abs(now - _value(rows[r], s)) / (10.0 * C.rtol * (size + abs(now)) + rounding))
     _restore(P, S, W)
     return worst

@@ -164,15 +164,7 @@ def approach(P, C, S, R, W):
             bend = _power(P, S, W, i, a, speed) * speed * speed / a
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / (speed - a * bend / speed)
-        if not _is_active(P, S, W, i):
-            continue
-        if left <= _IN_SIGHT * h and left <= first * h:
-            near = left <= 1e-13 * (1.0 + abs(S.now[0])) or a <= _tolerance(P, C, S, W, i)
-            if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
-                if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
-                    W.code[I_ARRIVES] = i
-                    W.answer[A_STEP] = 2.0 * left if P.watch[i] == CONE else left
-                    return DONE
+        in_sight = left <= _IN_SIGHT * h and left <= first * h
         W.answer[A_GUESS] = 0.0
         W.answer[A_SHALLOW] = _DIP * C.rtol / GRAZING
         W.code[I_GRAZES] = 0
@@ -181,6 +173,15 @@ def approach(P, C, S, R, W):
         if s > 1.0 and W.code[I_GRAZES] != 0:
             s = W.answer[A_GRAZE]
         W.answer[A_SHALLOW] = 0.0
+        if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
+            continue
+        if in_sight:
+            near = left <= 1e-13 * (1.0 + abs(S.now[0])) or a <= _tolerance(P, C, S, W, i)
+            if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
+                if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
+                    W.code[I_ARRIVES] = i
+                    W.answer[A_STEP] = 2.0 * left if P.watch[i] == CONE else left
+                    return DONE
         if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
             W.answer[A_STEP] = min(W.answer[A_STEP], _SHARE * s * h)
     return DONE

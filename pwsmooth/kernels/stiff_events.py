@@ -217,10 +217,7 @@ def value(coefficients, degree, i, theta):
 
 @fused
 def _carried_through(s, t, x):
-    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x).
-
-    Not the events that have just acted (due = 2): what they put back they put back.
-    """
+    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x)."""
     for q in range(8):
         s.t8[q] = t
     for i in range(s.n):
@@ -228,9 +225,7 @@ def _carried_through(s, t, x):
             s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
     for j in range(s.e):
-        if s.due[j] == 2:
-            s.due[j] = 0
-        elif s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
+        if s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
             old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
             if s.remembers[j] >= 0 and s.values[8 * j] != s.values[8 * j + 1]:
                 old = x[s.remembers[j]]  # which rounding may contradict, from an instant at its surface
@@ -271,7 +266,6 @@ def fire(s, t, x):
             if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
             fired = True
-            s.due[j] = 2
             if s.stops[j] != 0:
                 result = S.STOP
             record = s.cnt[S.N_RECORDS]
