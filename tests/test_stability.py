@@ -140,7 +140,7 @@ OWN = [
 STAND_IN = {"near-fold", "noise", "long-stick"}
 
 
-# The pair ends slow bouncing (restitution 0.8 and more) as CHATTERING just before its limit: refused, and not yet mended.
+# The pair ends slow bouncing (restitution 0.8 and more) as CHATTERING just before its limit: refused, to be mended.
 REFUSED = pytest.mark.xfail(strict=True, reason="the pair refuses accumulating impacts of ratios near 1")
 
 

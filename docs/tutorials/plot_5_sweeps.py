@@ -21,6 +21,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import Switch, System, sweep
+from pwsmooth.sweep import read_store
 
 t, y, v = sp.symbols("t y v", real=True)
 k, sigma, rho = sp.symbols("k sigma rho", nonnegative=True)
@@ -103,7 +104,6 @@ print(few.longest.to_series().to_string())
 # chunks, as by Ctrl-C.
 from concurrent.futures import ThreadPoolExecutor
 
-import xarray
 
 
 class Interrupted(ThreadPoolExecutor):
@@ -186,7 +186,7 @@ if __name__ == "__main__":
 script, store = store.with_name("study.py"), store.with_name("cluster.zarr")
 script.write_text(SCRIPT)
 subprocess.run([sys.executable, script, store], check=True)
-again = xarray.open_zarr(store, consolidated=False).load()
+again = read_store(store)
 print("from two processes; identical:", again.equals(found))
 # sphinx_gallery_start_ignore
 # What the text says, checked.
