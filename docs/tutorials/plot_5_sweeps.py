@@ -104,6 +104,8 @@ print(few.longest.to_series().to_string())
 # chunks, as by Ctrl-C.
 from concurrent.futures import ThreadPoolExecutor
 
+import xarray
+
 
 
 class Interrupted(ThreadPoolExecutor):
