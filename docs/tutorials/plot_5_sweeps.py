@@ -107,7 +107,6 @@ from concurrent.futures import ThreadPoolExecutor
 import xarray
 
 
-
 class Interrupted(ThreadPoolExecutor):
     """Threads that take eight chunks and then meet Ctrl-C."""
 
