@@ -140,17 +140,9 @@ OWN = [
 STAND_IN = {"near-fold", "noise", "long-stick"}
 
 
-# The pair ends slow bouncing (restitution 0.8 and more) as CHATTERING just before its limit: refused, to be mended.
-REFUSED = pytest.mark.xfail(strict=True, reason="the pair refuses accumulating impacts of ratios near 1")
-
-
 @pytest.mark.parametrize(
     ("name", "method"),
-    [
-        pytest.param(*o, marks=REFUSED) if o == ("accumulation", "event-driven, 8(5,3) pair") else o
-        for o in OWN
-        if o[1] != "smoothed path" or o[0] not in STAND_IN
-    ],
+    [o for o in OWN if o[1] != "smoothed path" or o[0] not in STAND_IN],
 )
 def test_our_methods_are_right_or_say_that_they_cannot_decide(name, method):
     found = stability(name, [method], fast=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 from scipy.integrate._ivp import dop853_coefficients as dop
 
-from .compiling import kernel, unit
+from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved, surface_size
 from .state import A_LONGEST, A_NEXT_STEP, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
@@ -38,6 +38,11 @@ _BETWEEN = 0.5 - 0.5 * math.cos(
     math.pi * (_DEGREE - 0.5) / _DEGREE
 )  # between the last two: the fit is worst there
 _FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
+# The same with the slope at the start in place of the value at the first node: where a surface has just been left it is
+# small beside the step, and the next root is as good as its slope.
+_POWERS = np.vander(_NODES, increasing=True)
+_POWERS[1] = np.eye(_DEGREE + 1)[1]
+_FIT_WITH_SLOPE = np.linalg.inv(_POWERS)
 
 
 @kernel
@@ -94,6 +99,15 @@ def _restore(P, S, W):
         S.mult[j] = W.rk_mult[j]
 
 
+@inlined_kernel
+def _slope(P, W, i):
+    """dh_i/dt from the gradients in W.dh and the rates in W.dx; its change with the multipliers is not in it."""
+    slope = W.dh[P.dh_row[P.m + P.ne] + i]
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        slope += W.dh[e] * W.dx[P.dh_col[e]]
+    return slope
+
+
 @kernel
 def _polynomials(P, S, W, h):
     """Overwrites W.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
@@ -133,6 +147,17 @@ def _polynomials(P, S, W, h):
         for c in range(rows.shape[1]):
             rows[n + r, c] = 0.0
     _restore(P, S, W)
+    for i in range(n):
+        W.dx[i] = k[0, i]
+    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+    # While multipliers are solved for, surfaces in which they stand change with them.
+    with_slope = W.code[I_PAIR_SOLVES] == 0
+    for j in range(surfaces):
+        with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
+    fit = _FIT_WITH_SLOPE if with_slope else _FIT
+    for j in range(surfaces if with_slope else 0):
+        for c in range(_DEGREE + 1):
+            rows[n + m + j, c] = fit[c, 1] * h * _slope(P, W, j)
     for q in range(_DEGREE + 1):
         theta = _NODES[q]
         for i in range(n):
@@ -146,8 +171,8 @@ def _polynomials(P, S, W, h):
         for c in range(_DEGREE + 1):
             for j in range(m):
                 rows[n + j, c] += _FIT[c, q] * S.mult[j]
-            for j in range(surfaces):
-                rows[n + m + j, c] += _FIT[c, q] * W.h[j]
+            for j in range(0 if with_slope and q == 1 else surfaces):
+                rows[n + m + j, c] += fit[c, q] * W.h[j]
     _restore(P, S, W)
     scale = 1.0
     for c in range(1, _DEGREE + 1):
@@ -201,11 +226,8 @@ def _linear_terms(P, S, W):
     for j in range(P.m):
         W.rows[P.n + j, 0] = S.mult[j]
     for i in range(P.m + P.ne):
-        slope = W.dh[P.dh_row[P.m + P.ne] + i]
-        for e in range(P.dh_row[i], P.dh_row[i + 1]):
-            slope += W.dh[e] * W.dx[P.dh_col[e]]
         W.rows[P.n + P.m + i, 0] = W.h[i]
-        W.rows[P.n + P.m + i, 1] = slope
+        W.rows[P.n + P.m + i, 1] = _slope(P, W, i)
 
 
 @unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)

@@ -46,6 +46,9 @@ _SAME = 0.01  # relative distance at which two instants may be one: zeros of ord
 _SHARE = 0.9  # of the way to what may be a zero
 _IN_SIGHT = 4.0  # steps
 _DECAY = 0.95  # of p: nearer to 1 it may be an exponential
+_STEEPEST = (
+    -9.0
+)  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
 
 
@@ -163,7 +166,7 @@ def approach(P, C, S, R, W):
         if kind == ROWS_PAIR and a <= _IN_SIGHT * speed * h and not a * bend < _DECAY * speed * speed:
             bend = _power(P, S, W, i, a, speed) * speed * speed / a
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
-            left = a / (speed - a * bend / speed)
+            left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
         W.answer[A_GUESS] = 0.0
         W.answer[A_SHALLOW] = _DIP * C.rtol / GRAZING
