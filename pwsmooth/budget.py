@@ -47,13 +47,14 @@ class Stop:
 class Budget:
     """Steps and seconds that are left, of a call and of those that it is part of."""
 
-    __slots__ = ("deadline", "left", "outer", "stop")
+    __slots__ = ("deadline", "left", "outer", "stop", "watched")
 
     def __init__(self, steps: float = math.inf, seconds: float | None = None, stop: Stop | None = None) -> None:
-        self.outer = _current.get()
-        self.left = steps if self.outer is None else max(0, min(steps, self.outer.left))
+        self.outer = outer = _current.get()
+        self.left = steps if outer is None else max(0, min(steps, outer.left))
         self.deadline = math.inf if seconds is None else time.monotonic() + seconds
         self.stop = stop
+        self.watched = not (outer is seconds is stop is None)  # by more than the bound on its own steps
 
     def spend(self, steps: int) -> None:
         """Take steps off what is left."""
@@ -63,6 +64,8 @@ class Budget:
 
     def late(self) -> bool:
         """Whether the time is up; raises `Stopped` where the caller has gone."""
+        if not self.watched:
+            return False
         if self.stop is not None and self.stop.cell[0]:
             raise Stopped
         if self.deadline != math.inf and time.monotonic() > self.deadline:

@@ -21,6 +21,7 @@ from .records import Dense, EventLog, Outcome, course
 from .solution import Solution
 from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words, singular_cause
 
+_BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW
 _LOOP = 40  # events in a row at one instant that make a loop
 _ROOM, _LEAST_ROOM = 1024, 64  # points that the first buffers hold: the fewer, the larger the system
 _KEPT_BYTES = 2**21  # of first buffers, which the next run finds again
@@ -219,21 +220,23 @@ class EventDriven:
         The kernel comes back after every slice of steps, so that Ctrl-C and the clock are heard.
         """
         bound = self.bound if control is self.control else control.scalar("max_steps").view(np.int64)
-        counts, taken, most = state.counts, 0, min(self.max_steps, spending.left)
+        taken, most = 0, min(self.max_steps, spending.left)
         while True:
             bound[0] = min(taken + (0 if spending.late() else SLICE), most)
             code = advance(record)
-            taken = int(counts[names.C_STEPS])
+            if code != names.MAX_STEPS and code != names.FULL:
+                break
+            taken = int(state.counts[names.C_STEPS])
             if code == names.FULL:
                 if (larger := more(record)) is None:
                     break
                 record = larger
-            elif code != names.MAX_STEPS or taken >= most:
+            elif taken >= most:
                 break
             if spending.late():
                 code = OUT_OF_TIME
                 break
-        spending.spend(taken)
+        spending.spend(int(state.counts[names.C_STEPS]))
         return code, record
 
     def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
@@ -306,11 +309,12 @@ class EventDriven:
             # Its first multipliers were not found: the start is all there is, and they are not known.
             t, x, status = state.now[:1].copy(), state.x[None].copy(), state.status[None].copy()
             mult = np.full((1, len(state.mult)), np.nan)
-        np.putmask(status, status == names.HELD, 0)
         event_t = kept["event_t"]
         events = kept["event"]
-        outcome = self._outcome(code, problem, state, event_t, events)
-        if outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):
+        outcome = (
+            Outcome.FINISHED if code == names.DONE else self._outcome(code, problem, state, event_t, events)
+        )
+        if outcome in _BREAKDOWNS:
             cause = singular_cause(self.model, t[-1:], x[-1:].T, mult[-1:].T, problem.p, self.limits["atol"])
             if cause is not None:
                 outcome = Outcome.SINGULAR_POINT
@@ -360,11 +364,10 @@ class EventDriven:
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:
         """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""
         outcome = OUTCOMES[code]
-        last = events[-_LOOP:]
-        if outcome is Outcome.CHATTERING and len(last) == _LOOP:
-            if np.all(last[:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
+        if outcome is Outcome.CHATTERING and len(events) >= _LOOP:
+            if np.all(events[-_LOOP:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
                 return Outcome.EVENT_LOOP
-        if outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE):
+        if outcome in _BREAKDOWNS:
             # Near a pole the coefficients overflow before the step does: what tells is the right-hand side itself.
             return Outcome.STEP_UNDERFLOW if self._defined(problem, state) else Outcome.NOT_FINITE
         return outcome

@@ -92,8 +92,36 @@ class Bounds:
                 low, high = (
                     (max(low, 0.0), high) if sign > 0 else (low, min(high, 0.0)) if sign < 0 else (low, high)
                 )
+                for q, r in self._beside(e, known):
+                    least, most = (self.of(part, known) for part in (q, r))
+                    if least[0] >= 0 and most[0] >= 0:
+                        low = max(low, most[0])
+                    if least[1] <= 0 and most[1] <= 0:
+                        high = min(high, most[1])
             self._memo[key] = low, high
         return self._memo[key]
+
+    def _beside(self, e, known):
+        """(q, r) with e = q |h| + r and a surface h of known side: x**2 = h + c**2 where h = x**2 - c**2."""
+        if not e.is_Add:
+            return
+        for surface, side in known.items():
+            ours, theirs = self._by_motion(e), self._by_motion(surface.expand())
+            leading = min(theirs.keys() - {sp.S.One}, key=str, default=None)
+            if leading in ours:
+                q = ours[leading] / theirs[leading]
+                parts = {*ours, *theirs} - {leading}
+                r = sp.Add(*(motion * (ours.get(motion, 0) - q * theirs.get(motion, 0)) for motion in parts))
+                if len(sp.Add.make_args(r)) < len(e.args):
+                    yield q * side, r
+
+    def _by_motion(self, e):
+        """{part that moves: its coefficient} of a sum."""
+        parts: dict = {}
+        for term in sp.Add.make_args(e):
+            coefficient, motion = term.as_independent(*self.dynamic, *self.surface, as_Add=False)
+            parts[motion] = parts.get(motion, 0) + coefficient
+        return parts
 
     def _symbol(self, s, known):
         if s in self.ranges:
@@ -190,6 +218,15 @@ class Bounds:
         plain = self._plain(e, known)
         if plain.is_positive or plain.is_negative:
             return 1 if plain.is_positive else -1
+        pieces = [(r, self.of(q, known)) for q, r in self._beside(e, known)]
+        if e.is_Add:
+            # One term may decide where no other is against it.
+            lows, highs = zip(*(self.of(a, known) for a in e.args))
+            pieces += [(a, (min(lows), max(highs))) for a in e.args]
+        for r, (low, high) in pieces:
+            sign = self._sign(r, known)
+            if sign and (low >= 0 if sign > 0 else high <= 0):
+                return sign
         # F_c + (F_s - F_c) exp(-u**2): affine in a bounded part, so that its ends decide.
         for part in sorted(e.atoms(sp.exp, *_BOUNDED), key=str) if e.is_Add else ():
             ends, stand_in = self.of(part, known), sp.Dummy(real=True)

@@ -68,6 +68,10 @@ def test_a_singular_argument_is_watched(rate, kind, argument):
         sp.Max(0, x) ** sp.Rational(5, 2),
         x / sp.Abs(x),
         sp.atan2(sp.sin(x), sp.cos(x)),
+        # In a branch its condition is known.
+        sp.Piecewise((1 / x, x > m), (0, True)),
+        sp.Piecewise((sp.log(m - 2 * x), x < -1), (0, True)),
+        sp.Piecewise((1 / sp.sqrt(m + (x**2 - 1) / (2 + x**2)), x**2 > 1), (0, True)),
     ],
 )
 def test_what_never_vanishes_is_not_watched(rate):

@@ -34,7 +34,6 @@ from .state import (
     C_STEPS,
     DONE,
     FULL,
-    HELD,
     SOLVED,
     TERMINAL,
     Control,
@@ -123,7 +122,7 @@ def _follow_points(P, S, R, E, i):
         E.last[0] = t
         E.flags[FLAG_POINT] = 1
         for j in range(P.m):
-            E.was[j] = SOLVED if R.status[a, j] == HELD else R.status[a, j]
+            E.was[j] = R.status[a, j]
     for a in range(S.counts[C_EVENTS]):
         if R.event_t[a] > E.window[i, 0]:
             E.counts[i, K_EVENTS_IN_WINDOW] += 1

@@ -1,7 +1,7 @@
 """Writing what happened into the Record buffers."""
 
 from .compiling import inlined_kernel, kernel
-from .state import AMB_GRAZING, C_AMBIGUITIES, C_DENSE, C_EVAL, C_EVENTS, C_POINTS, SOLVED
+from .state import AMB_GRAZING, C_AMBIGUITIES, C_DENSE, C_EVAL, C_EVENTS, C_POINTS, HELD, SOLVED
 from .steps import dot, powers
 
 
@@ -13,7 +13,7 @@ def record_point(P, S, R):
         R.x[i, k] = S.x[k]
     for j in range(P.m):
         R.mult[i, j] = S.mult[j]
-        R.status[i, j] = S.status[j]
+        R.status[i, j] = S.status[j] if S.status[j] != HELD else SOLVED  # at 0 both
     S.counts[C_POINTS] += 1
 
 
