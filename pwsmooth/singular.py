@@ -103,17 +103,15 @@ class Bounds:
 
     def _beside(self, e, known):
         """(q, r) with e = q |h| + r and a surface h of known side: x**2 = h + c**2 where h = x**2 - c**2."""
-        if not e.is_Add:
-            return
         for surface, side in known.items():
             ours, theirs = self._by_motion(e), self._by_motion(surface.expand())
             leading = min(theirs.keys() - {sp.S.One}, key=str, default=None)
             if leading in ours:
                 q = ours[leading] / theirs[leading]
                 parts = {*ours, *theirs} - {leading}
+                # Ends: what moves in r comes after the leading part, in the order of names.
                 r = sp.Add(*(motion * (ours.get(motion, 0) - q * theirs.get(motion, 0)) for motion in parts))
-                if len(sp.Add.make_args(r)) < len(e.args):
-                    yield q * side, r
+                yield q * side, r
 
     def _by_motion(self, e):
         """{part that moves: its coefficient} of a sum."""
