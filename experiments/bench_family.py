@@ -72,21 +72,23 @@ def calls(system, start, rounds):
     code = compile_model(system.model)
     x = np.array(system.initial_state(start))
     p = np.append(np.array(system.parameter_values), 0.0)
+    kinds = [m.kind for m in system.model.multipliers]
     # On the sides that a start would give them; unknowns at 0.
     mult = np.array([0.0 if m.kind == "algebraic" else 1.0 for m in system.model.multipliers] or [0.0])
     out = [np.empty(code.n), np.empty(code.m + code.ne + 1), np.empty(code.m + 1)]
     at = [a.ctypes.data for a in (x, mult, p, *out)]
     stride = 40
-    rows = np.zeros((max(code.nrows_slip, code.nrows_general), stride))
+    count, own = code.nrows_general if "algebraic" in kinds else code.nrows_slip
+    rows = np.zeros((count + own, stride))
     mask = np.array([int(m.kind == "algebraic") for m in system.model.multipliers] or [0], np.int64)
     pointer, number, real = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     fields = ctypes.CFUNCTYPE(None, real, *[pointer] * 6)(code.fields)
     if mask.any():
-        jet = ctypes.CFUNCTYPE(number, real, *[pointer] * 4, number, number, pointer)(code.jet_general)
-        jet_arguments = (0.1, *at[:3], mask.ctypes.data, ORDER, stride, rows.ctypes.data)
+        jet = ctypes.CFUNCTYPE(number, real, *[pointer] * 4, number, number, pointer, number)(code.jet_general)
+        jet_arguments = (0.1, *at[:3], mask.ctypes.data, ORDER, stride, rows.ctypes.data, count * stride)
     else:
-        jet = ctypes.CFUNCTYPE(number, real, *[pointer] * 3, number, number, pointer)(code.jet_slip)
-        jet_arguments = (0.1, *at[:3], ORDER, stride, rows.ctypes.data)
+        jet = ctypes.CFUNCTYPE(number, real, *[pointer] * 3, number, number, pointer, number)(code.jet_slip)
+        jet_arguments = (0.1, *at[:3], ORDER, stride, rows.ctypes.data, count * stride)
     # Event 10**9 does not exist: nothing but the crossing.
     nothing = ctypes.CFUNCTYPE(number, number, real, *[pointer] * 4)(code.act)
     times = [

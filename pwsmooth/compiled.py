@@ -129,9 +129,13 @@ class CompiledProblem:
             mult_row=code.mult_row0,
             sigmoid=_SIGMOIDS[model.sigmoid],
         )
-        self.nrows = max(
-            code.nrows_slip, code.nrows_general if slides else 0, fold.nrows_general if fold else 0
-        )
+        # The rows of all programs, one over the other, and behind them what each keeps for itself.
+        programs = {"slip": code.nrows_slip, "general": code.nrows_general if slides else (0, 0),
+                    "fold": fold.nrows_general if fold else (0, 0)}  # fmt: skip
+        self.nrows = max(n + 2 * m + ne, *(count for count, _ in programs.values()))
+        for name, (_, own) in programs.items():
+            self.fixed[f"own_{name}"] = self.nrows
+            self.nrows += own
 
     def kept(self, what: str) -> dict:
         """What this thread keeps for its next run."""
@@ -191,7 +195,7 @@ class CompiledProblem:
             counting=k,
             pairing=k * (k - 1),
             tripling=k * (k - 1) * (k - 2),
-            rows=np.zeros((max(self.nrows, n + 2 * m + ne), width)),
+            rows=np.zeros((self.nrows, width)),
             rk_x=np.zeros(n),
             rk_mult=np.zeros(m),
             rk_k=np.zeros((16, n)),

@@ -20,16 +20,22 @@ a, b, c = sp.symbols("a b c", positive=True)
 def jet(model, x0, p=(), mult=(), mask=None, t0=0.0, order=K):
     """Rows of a jet: (array (nrows, order + 1), return code); the general program where a mask is given."""
     compiled = compile_model(model)
-    count = compiled.nrows_slip if mask is None else compiled.nrows_general
+    count, own = compiled.nrows_slip if mask is None else compiled.nrows_general
     # Rubbish in the buffer: a program must write every order that it is asked for.
-    rows = np.full((count, order + 4), 7.5)
+    rows = np.full((count + own, order + 4), 7.5)
     inputs = [np.array([*q, 0.0], float) for q in (x0, mult, p)]
     if mask is not None:
         inputs.append(np.array([*mask, 0], np.int64))
-    kinds = [ctypes.c_double, *[ctypes.c_void_p] * len(inputs), ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p]
+    number, pointer = ctypes.c_int64, ctypes.c_void_p
+    kinds = [ctypes.c_double, *[pointer] * len(inputs), number, number, pointer, number]
     address = compiled.jet_slip if mask is None else compiled.jet_general
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
-    return rows, call(t0, *(q.ctypes.data for q in inputs), order, rows.shape[1], rows.ctypes.data)
+    stride = rows.shape[1]
+    code = call(t0, *(q.ctypes.data for q in inputs), order, stride, rows.ctypes.data, count * stride)
+    # Behind the last block of four orders a row keeps what it holds, or gets zeros.
+    behind = rows[:count, order + 1 + -order % 4 :]
+    assert np.all((behind == 7.5) | (behind == 0.0))
+    return rows[:count], code
 
 
 def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
@@ -49,10 +55,10 @@ def interpreted_jet(model, x0, p=(), t0=0.0, order=K):
     helpers = {"presum": presum, "combine": combine, "choose": lambda condition, u, v: u if condition else v}
     scope = {"math": math, **helpers}
     exec("from __future__ import annotations\n" + text, scope)
-    rows = np.full((scope["NROWS"], order + 4), 7.5)
-    flat = rows.reshape(-1)
-    assert scope["jet_slip"](t0, x0, (), p, order, rows.shape[1], flat) == 0
-    return rows
+    count, stride = scope["NROWS"], order + 4
+    rows = np.full((count + scope["OWN_ROWS"], stride), 7.5)
+    assert scope["jet_slip"](t0, x0, (), p, order, stride, rows.reshape(-1), count * stride) == 0
+    return rows[:count]
 
 
 def series(function, order=K):

@@ -260,8 +260,8 @@ def test_the_stored_energy_of_the_journal_laws_is_the_work_of_their_elastic_forc
 
 
 def test_a_fixed_step_has_order_five_halves_through_touch_down():
-    # delta^1.5 ~ t^1.5 at touch-down and release: a step over it errs by h^2.5, whatever the method's order is. The last
-    # step ends at release: of each run it is the same share of a whole one.
+    # delta^1.5 ~ t^1.5 at touch-down and release: a step over it errs by h^2.5, whatever the method's order is.
+    # The last step ends at release: of each run it is the same share of a whole one.
     scene = free_impact(HertzImpact(c_r=0.5))
     e = effective_restitution("lankarani-nikravesh", 0.5)
     (release,) = [event.time for event in scene.solve((0, 0.06)).events if event.switch == "lift-off"]

@@ -22,8 +22,8 @@ class Program:
     def __init__(self, system, order, general):
         self.code = compile_model(system.model)
         self.general = general
-        count = max(self.code.nrows_slip, self.code.nrows_general)
-        self.rows = np.zeros((count, -(-(order + 1) // 8) * 8 + 8))
+        self.count, own = self.code.nrows_general if general else self.code.nrows_slip
+        self.rows = np.zeros((self.count + own, -(-(order + 1) // 8) * 8 + 8))
         self.order = order
 
     def __call__(self, t0, start, mult, p):
@@ -37,10 +37,12 @@ class Program:
             ctypes.c_int64,
             ctypes.c_int64,
             ctypes.c_void_p,
+            ctypes.c_int64,
         ]
         call = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
-        code = call(t0, *(q.ctypes.data for q in inputs), self.order, self.rows.shape[1], self.rows.ctypes.data)
-        return code, self.rows[:, : self.order + 1].copy()
+        stride, own = self.rows.shape[1], self.count * self.rows.shape[1]
+        code = call(t0, *(q.ctypes.data for q in inputs), self.order, stride, self.rows.ctypes.data, own)
+        return code, self.rows[: self.count, : self.order + 1].copy()
 
 
 def slip_series(t0, start, side, values, order):

@@ -100,11 +100,12 @@ def test_the_taylor_coefficients_are_those_of_the_copies(name, K):
     results = []
     for system, lam in ((looped, mult), (copies, there)):
         code = compile_model(system.model)
-        rows = np.full((code.nrows_slip, K + 5), np.nan)
+        count, own = code.nrows_slip
+        rows = np.full((count + own, K + 5), np.nan)
         _, at = pointers(x, lam, p)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 2,
-                                ctypes.c_void_p)  # fmt: skip
-        assert kind(code.jet_slip)(0.37, *at, K, K + 5, rows.ctypes.data) == 0
+                                ctypes.c_void_p, ctypes.c_int64)  # fmt: skip
+        assert kind(code.jet_slip)(0.37, *at, K, K + 5, rows.ctypes.data, count * (K + 5)) == 0
         surfaces = np.array([rows[r, : K + 1] if r >= 0 else np.zeros(K + 1) for r in code.surface_rows_slip])
         results.append((rows[: code.n, : K + 1], surfaces.reshape(-1, K + 1)))
     (states, h), (states_copies, h_copies) = results
@@ -133,11 +134,14 @@ def test_the_taylor_coefficients_with_solved_multipliers_are_those_of_the_copies
     results = []
     for system, lam, on in ((looped, mult, masks[0]), (copies, there, masks[1])):
         code = compile_model(system.model)
-        rows = np.full((code.nrows_general, K + 5), np.nan)
+        count, own = code.nrows_general
+        rows = np.full((count + own, K + 5), np.nan)
         _, at = pointers(x, lam, p)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2,
-                                ctypes.c_void_p)  # fmt: skip
-        assert kind(code.jet_general)(0.37, *at, on.ctypes.data, K, K + 5, rows.ctypes.data) == 0
+                                ctypes.c_void_p, ctypes.c_int64)  # fmt: skip
+        assert (
+            kind(code.jet_general)(0.37, *at, on.ctypes.data, K, K + 5, rows.ctypes.data, count * (K + 5)) == 0
+        )
         unknowns = rows[code.mult_row0 : code.mult_row0 + code.m, : K + 1]
         results.append((rows[: code.n, : K + 1], unknowns, rows[code.surface_rows_general][:, : K + 1]))
     for a, b, numbers in zip(*results, (None, order, order), strict=True):

@@ -34,8 +34,9 @@ class Compiled:
         Addresses of the Taylor programs (jets.py), 0 where the model has none.
     has_jets : bool
         False when some function of the model has no recurrence.
-    nrows_slip, nrows_general : int
-        Rows that the programs write; a row needs a stride of at least K + 4.
+    nrows_slip, nrows_general : (int, int)
+        Rows of coefficients that the programs write, and rows that they need for themselves; a row needs a stride of
+        at least K + 4.
     surface_rows_slip, surface_rows_general : ndarray of int64, shape (m + ne,)
         Row of each surface, -1 where there is none.
     mult_row0 : int
@@ -150,23 +151,24 @@ class Compiled:
     def jet_general(self) -> int:
         return self._general.address("jet_general") if self._general else 0
 
-    def _rows(self, program) -> tuple[int, np.ndarray]:
+    def _rows(self, program) -> tuple[int, int, np.ndarray]:
         if program is None:
-            return 0, np.zeros(0, np.int64)
+            return 0, 0, np.zeros(0, np.int64)
         if self._loops:
             from .layout import Layout, numeric_rows
 
-            count, rows = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
-            return count, np.array(rows, np.int64)
-        return program.constants["NROWS"], np.array(program.constants["SURFACE_ROWS"], np.int64)
+            *counts, rows = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
+        else:
+            *counts, rows = (program.constants[name] for name in ("NROWS", "OWN_ROWS", "SURFACE_ROWS"))
+        return *counts, np.array(rows, np.int64)
 
     @property
-    def nrows_slip(self) -> int:
-        return self._rows(self._slip)[0]
+    def nrows_slip(self) -> tuple[int, int]:
+        return self._rows(self._slip)[:2]
 
     @property
-    def nrows_general(self) -> int:
-        return self._rows(self._general)[0]
+    def nrows_general(self) -> tuple[int, int]:
+        return self._rows(self._general)[:2]
 
     @property
     def by_responses(self) -> bool:
@@ -176,11 +178,11 @@ class Compiled:
 
     @cached_property
     def surface_rows_slip(self) -> np.ndarray:
-        return self._rows(self._slip)[1]
+        return self._rows(self._slip)[2]
 
     @cached_property
     def surface_rows_general(self) -> np.ndarray:
-        return self._rows(self._general)[1]
+        return self._rows(self._general)[2]
 
     @property
     def mult_row0(self) -> int:

@@ -32,7 +32,7 @@ class Source:
         self.constants: dict[str, object] = {}
 
     def function(self, name: str, arguments: str, body: Writer, returns: str = "") -> None:
-        kinds = {"t": "D", "i": "I", "K": "I", "stride": "I", "mask": "Q"}
+        kinds = {"t": "D", "i": "I", "K": "I", "stride": "I", "scratch": "I", "mask": "Q"}
         typed = ", ".join(f"{a}: {kinds.get(a, 'P')}" for a in arguments.split(", "))
         self.functions.append(f"def {name}({typed}){returns and f' -> {returns}'}:\n{body.text()}")
 

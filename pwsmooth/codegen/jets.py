@@ -1,10 +1,11 @@
 """Taylor jets of a model: x(t + s) = sum x_k s^k, orders 0..K in one call, K chosen at run time.
 
-    jet_slip(t, x, mult, p, K, stride, rows) -> 0           every multiplier constant
-    jet_general(t, x, mult, p, mask, K, stride, rows) -> 0  masked multipliers solve g = 0 order by order
+    jet_slip(t, x, mult, p, K, stride, rows, scratch) -> 0           every multiplier constant
+    jet_general(t, x, mult, p, mask, K, stride, rows, scratch) -> 0  masked multipliers solve g = 0 order by order
 
 rows[r*stride + k] holds order k of row r: the states first, in the general program the multipliers next, then
-what products need, then scratch; `surface_rows` names the rows of the surfaces.
+what products need; `surface_rows` names the rows of the surfaces. From rows[scratch] on stands what the program keeps
+for itself, behind the rows of every program: what reads a row in blocks of eight wants zeros behind its orders.
 
 Sliding: at order k everything is evaluated with lambda_k = 0, then G lambda_k = -g_k is solved (G = dg/dlambda
 at order 0, factorised once) and S lambda_k added to every node, S = d node/d lambda at order 0: exact, because
@@ -113,8 +114,7 @@ class JetProgram:
     def solved(self, j: int) -> str:
         return f"on{j}"
 
-    def write(self, behind: int | None = None) -> str:
-        """The program's text; with responses (see responses.py), where it has them, from row `behind` on."""
+    def write(self) -> str:
         graph, degrees = self.graph, self.degrees
         roots = [
             *self.rates,
@@ -152,7 +152,6 @@ class JetProgram:
         # Rows and carried values that no root needs at order 0 (slopes of affine states).
         order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])
         scratch = 4 * len(order_k.products)
-        start.line(f"scratch = {len(order_k.rows)} * stride")
         if self.general:
             scratch = self._factor(order_0, start, corrections, scratch)
         self._open_rows(order_k, start)
@@ -160,10 +159,10 @@ class JetProgram:
         body = Writer(1)
         body.lines = self._declarations(start, loop) + start.lines
         self.responses = find_responses(self, order_k, loop.lines, roots)
-        nrows = len(order_k.rows) - (-scratch // SHORTEST_ROW)
-        if self.responses and behind is not None:
-            body.lines += self.responses.body(behind, loop.lines)
-            nrows = behind + self.responses.size
+        own = -(-scratch // SHORTEST_ROW)
+        if self.responses:
+            body.lines += self.responses.body(own, loop.lines)
+            own += self.responses.size
         else:
             # Without products all orders are alike; with products they come in unrolled blocks of four.
             body.line(
@@ -180,9 +179,10 @@ class JetProgram:
             body.line("return 0")
         self.source.helpers |= order_0.helpers | order_k.helpers
         name = "jet_general" if self.general else "jet_slip"
-        arguments = "t, x, mult, p, mask, K, stride, rows" if self.general else "t, x, mult, p, K, stride, rows"
-        self.source.function(name, arguments, body, returns="I")
-        self.source.constants = {"NROWS": nrows, "SURFACE_ROWS": tuple(surface_rows), "FLAGS": FLAGS}
+        mask = "mask, " if self.general else ""
+        self.source.function(name, f"t, x, mult, p, {mask}K, stride, rows, scratch", body, returns="I")
+        rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
+        self.source.constants = {**rows, "FLAGS": FLAGS}
         self.source.constants["BY_RESPONSES"] = bool(self.responses)
         return self.source.text()
 
@@ -389,18 +389,10 @@ def write_jets(model: Model) -> dict[str, str]:
 
     Without recurrences there is one text without a program, so that the text cache remembers it.
     """
-    sources, programs = {}, {}
     try:
-        for name in ("slip", "general") if model.multipliers else ("slip",):
-            programs[name] = JetProgram(model, general=name == "general")
-            sources[name] = programs[name].write()
+        return {
+            name: JetProgram(model, general=name == "general").write()
+            for name in (("slip", "general") if model.multipliers else ("slip",))
+        }
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}
-    # Responses stand behind what any program writes, the pair of Runge and Kutta included.
-    n, m, ne = len(model.states), len(model.multipliers), len(model.events)
-    behind = max(n + 2 * m + ne, *(program.source.constants["NROWS"] for program in programs.values()))
-    for name, program in programs.items():
-        if program.responses:
-            sources[name] = JetProgram(model, general=name == "general").write(behind)
-            behind += program.responses.size
-    return sources

@@ -102,7 +102,7 @@ def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarr
 
 
 def numeric_rows(constants, surfaces, sizes):
-    """(number of rows, row of every surface) of a program for these numbers of elements.
+    """(number of rows, of further rows of its own, row of every surface) of a program for these numbers of elements.
 
     `surfaces` holds the family of every surface block.
     """
@@ -114,4 +114,4 @@ def numeric_rows(constants, surfaces, sizes):
         count = 1 if family is None else sizes[family]
         own = row >= 0 and constants["ROW_FAMILIES"][row] is not None
         rows += [-1 if row < 0 else first[row] + (i if own else 0) for i in range(count)]
-    return first[-1] - (-scratch // SHORTEST_ROW), rows
+    return first[-1], -(-scratch // SHORTEST_ROW), rows

@@ -33,7 +33,7 @@ class LoopedJet(ElementMemory):
     `_solve`, `_frozen` and the like are for the general program (looped_sliding.py).
     """
 
-    name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows"
+    name, arguments = "jet_slip", "t, x, mult, p, K, stride, rows, scratch"
 
     def __init__(self, model: Model):
         self.graph = graph = Graph(model)
@@ -134,7 +134,6 @@ class LoopedJet(ElementMemory):
             if family is None:
                 text = self.row_starts[row].text()
                 body.line(f"o{row} = ({text}) * stride")
-        body.line(f"scratch = ({self.row_starts[-1].text()}) * stride")
         name, length = self._more_scratch(None)
         at = Count(4 * len(order_k.of_family(None)))
         if length:

@@ -26,7 +26,7 @@ from .slopes import derivative
 class LoopedGeneral(LoopedJet):
     """Writes `jet_general` of one template."""
 
-    name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows"
+    name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows, scratch"
 
     def _solved(self) -> list[int]:
         return [j for j, m in enumerate(self.model.multipliers) if solvable(m)]

@@ -6,7 +6,7 @@ the orders starts from: the rates d, the functions l (a sine and its cosine) and
     x_i(t0 + s) = x_i + sum_j c_j R_ij(s),   c = (d, l, z) at t0,   R_ij = the rows' response to c = e_j
 
 The responses depend on the parameters alone. They are made by the loop itself when the parameters have changed and
-kept in the rows behind those of the programs; a jet is then one small matrix product, in vectors, while the loop waits
+kept in the program's own rows; a jet is then one small matrix product, in vectors, while the loop waits
 at every order for the one before (a chain of dependent additions: four times as long at order 22).
 
 Chain: jets.py -> the body of its program (this file) -> native.py, whose `combine` is the product.
@@ -59,11 +59,11 @@ class Responses:
         return 2**self.m * self.each
 
     def body(self, base: int, loop: list[str]) -> list[str]:
-        """Lines that replace the loop over the orders; the responses stand from row `base` on."""
+        """Lines that replace the loop over the orders; the responses stand from the program's own row `base` on."""
         count = len(self.starts)
         lines = []
         write = lines.append
-        write(f"    key = {base} * stride")
+        write(f"    key = scratch + {base} * stride")
         for j in range(self.m):
             write(f"    if on{j}:")
             write(f"        key += {2**j * self.each} * stride")

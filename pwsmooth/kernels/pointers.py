@@ -57,15 +57,15 @@ def call_layer(typingctx, address, t, x, mult, z, p, g, q):
 
 
 @intrinsic
-def call_jet_slip(typingctx, address, t, x, mult, p, K, stride, rows):
-    """jet_slip(t, x, mult, p, K, stride, rows): overwrites the Taylor rows, all multipliers constant."""
-    return _caller((address, t, x, mult, p, K, stride, rows), types.int64)
+def call_jet_slip(typingctx, address, t, x, mult, p, K, stride, rows, scratch):
+    """jet_slip(t, x, mult, p, K, stride, rows, scratch): overwrites the Taylor rows, all multipliers constant."""
+    return _caller((address, t, x, mult, p, K, stride, rows, scratch), types.int64)
 
 
 @intrinsic
-def call_jet_general(typingctx, address, t, x, mult, p, mask, K, stride, rows):
-    """jet_general(t, x, mult, p, mask, K, stride, rows): overwrites the Taylor rows, masked multipliers solved."""
-    return _caller((address, t, x, mult, p, mask, K, stride, rows), types.int64)
+def call_jet_general(typingctx, address, t, x, mult, p, mask, K, stride, rows, scratch):
+    """jet_general(t, x, mult, p, mask, K, stride, rows, scratch): the same, masked multipliers solved."""
+    return _caller((address, t, x, mult, p, mask, K, stride, rows, scratch), types.int64)
 
 
 @intrinsic

@@ -4,7 +4,7 @@ import math
 
 from .compiling import kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
-from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton
+from .pointers import call_act, call_fields, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity, record_event
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
 from .sparse import link
@@ -25,6 +25,7 @@ from .state import (
     SOLVED,
     STRICT,
 )
+from .steps import take_slip_jet
 from .unknowns import solve_unknowns
 
 
@@ -222,7 +223,7 @@ def leading_order(P, C, S, W, i):
         if abs(W.h[i]) > surface_rounding(P, S, i, W):
             return 1 if W.h[i] > 0.0 else -1
         return 5 if abs(speed) <= W.answer[A_AT_REST] else (2 if speed > 0.0 else -2)
-    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, W.rows.shape[1], W.rows)
+    take_slip_jet(P, C, S, W)
     row = W.rows[P.rows_slip[i]]
     size = 1e-3
     for k in range(P.n):

@@ -68,6 +68,9 @@ class Problem(Bundle):
     jet_slip: "int"
     jet_general: "int"
     jet_fold: "int"  # the same along the arc of a multiplier (see folds.py), 0 where no fold can occur
+    own_slip: "int"  # first row of each program's own, behind the rows of all
+    own_general: "int"
+    own_fold: "int"
     fields_fold: "int"
     linear_fold: "int"
     fold_row: "i8[1]"  # g_row and g_col of the fold program
@@ -235,7 +238,7 @@ class Work(Bundle):
     place: "i8[1]"  # (m,) scratch of sparse.py
     border: "f8[2]"  # (m, hubs)
     mask: "i8[1]"  # (m,) int64
-    rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero beyond the order
+    rows: "f8[2]"  # (rows, order + PAD) Taylor coefficients, zero behind the last block of four orders
     power: "f8[1]"  # (order + PAD,) powers of the step
     end_power: "f8[1]"  # (order + PAD,) powers of where the step ends
     rhythm: "f8[2]"  # (3 (m + ne) + 1, 2) see rhythm.py

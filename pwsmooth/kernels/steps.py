@@ -151,16 +151,23 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
 
 
 @inlined_kernel
+def take_slip_jet(P, C, S, work):
+    """Overwrites work.rows with the jet at (t, x, mult), every multiplier constant."""
+    stride = work.rows.shape[1]
+    own = P.own_slip * stride
+    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, stride, work.rows, own)
+
+
+@inlined_kernel
 def take_jet(P, C, S, any_solved, work):
     """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
-    stride = work.rows.shape[1]
     if any_solved:
         mask_solved(P, S, work)
-        code = call_jet_general(
-            P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, C.order, stride, work.rows
-        )
+        K, stride = C.order, work.rows.shape[1]
+        own = P.own_general * stride
+        code = call_jet_general(P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, K, stride, work.rows, own)
         return P.mult_row if code == 0 else -1
-    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, stride, work.rows)
+    take_slip_jet(P, C, S, work)
     return 0
 
 
@@ -215,7 +222,9 @@ def fold_jet(P, C, S, W, j, toward):
         return 0
     for r in range(size):
         mult[index[r]] = W.matrix[r, size]
-    code = call_jet_general(P.jet_fold, 0.0, W.fold_x, mult, bias, mask, C.order, W.rows.shape[1], W.rows)
+    stride = W.rows.shape[1]
+    own = P.own_fold * stride
+    code = call_jet_general(P.jet_fold, 0.0, W.fold_x, mult, bias, mask, C.order, stride, W.rows, own)
     return 1 if code == 0 else 0
 
 

@@ -3,6 +3,8 @@
 No case is silently wrong; each fuzzer sees planted faults; the oracle meets closed forms.
 """
 
+import importlib
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -22,6 +24,19 @@ def test_no_random_case_is_silently_wrong(name):
     counts, failures, _ = fuzz(name, structures * each, structures, seed=7)
     assert failures == []
     assert sum(n for kind, n in counts.items() if kind.startswith("right")) > 0.6 * sum(counts.values())
+
+
+# Structures and cases that were wrong once: a step's end taken for another root, of numbers that one program had left
+# behind the rows of the other; an error estimate of the pair that passed through 0.
+WERE_WRONG = {"hidden": [(7700124, 133), (7700124, 143), (7700239, 14), (7700297, 105), (7700188, 1)]}
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "case"), [(name, *at) for name, all_at in WERE_WRONG.items() for at in all_at]
+)
+def test_what_was_wrong_once_is_right(name, key, case):
+    module = importlib.import_module(f"tests.fuzz.{name}")
+    assert judging.play(judging.compiled(module, key), key * 1000 + case).kind == judging.RIGHT
 
 
 def test_the_oracle_agrees_with_closed_forms():
