@@ -19,6 +19,7 @@ from .state import A_LONGEST, A_NEXT_STEP, I_PAIR_SOLVES, SOLVED, Control, Probl
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
 _STAGES, _DEGREE = 12, 7
+_DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
 
 
 def _basis():
@@ -184,14 +185,21 @@ def _polynomials(P, S, W, h):
 
 @kernel
 def _misfit(P, C, S, W, h):
-    """How far multipliers and surfaces are from their polynomials between two nodes, in units of the tolerance.
+    """How far rates, multipliers and surfaces are from their polynomials between two nodes, in units of the tolerance.
 
-    In a stick the states may be constant, and their error says nothing of how fast lambda goes to its bound.
+    The error estimate of a step passes through 0 now and then, where its defect does not. In a stick the states may be
+    constant, and their error says nothing of how fast lambda goes to its bound.
     """
     n, m, rows, s = P.n, P.m, W.rows, _BETWEEN * h
     for i in range(n):
         S.x[i] = _value(rows[i], s)
     worst = 0.0 if _rate(P, S, W, S.now[0] + s, W.rk_k, 0) else math.inf
+    for i in range(n):
+        slope = 0.0
+        for c in range(_DEGREE, 0, -1):
+            slope = slope * s + c * rows[i, c]
+        scale = C.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
+        worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
     call_linear(P.linear, S.now[0] + s, S.x, S.mult, P.p, W.G, W.dh)
     for r in range(n, n + m + m + P.ne):
         i = r - n if r < n + m else r - n - m
