@@ -19,13 +19,16 @@ CHECK = os.environ.get("PWSMOOTH_CHECK", "0") not in ("", "0")
 def broken_by(P, C, S, W):
     """The first multiplier of which something does not hold that must, or -1."""
     evaluate_surfaces(P, S, W)
-    force = 1e-12
-    for c in range(len(P.contact)):
-        force = max(force, abs(S.mult[P.contact[c]]))
+    force, unknown = 1e-12, 1.0
+    for j in range(P.m):
+        if P.kind[j] == CONTACT:
+            force = max(force, abs(S.mult[j]))
+        elif P.kind[j] == ALGEBRAIC:
+            unknown = max(unknown, abs(S.mult[j]))
     for j in range(P.m):
         if P.kind[j] == ALGEBRAIC:
             continue
-        apart = 10.0 * max(C.rtol, 1e-9) * surface_size(P, S, j, W)
+        apart = 10.0 * max(C.rtol, 1e-9) * (surface_size(P, S, j, W) + (unknown if P.nested[j] else 0.0))
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
             apart += 10.0 * abs(W.dh[e]) * C.atol[P.dh_col[e]]
         if S.status[j] == SOLVED or S.status[j] == HELD:

@@ -22,6 +22,7 @@ from .state import (
     ALGEBRAIC,
     CONTACT,
     DONE,
+    I_LOOK_AGAIN,
     NEWTON_FAILED,
     NO_ROOT_FOUND,
     SLIDING,
@@ -78,6 +79,8 @@ def start(P, C, S, R, W):
             mult[j] = float(status[j])
             S.deflate[j] = abs(order) - 1
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    # What the switches have become acts on the contacts that were looked at before them.
+    W.code[I_LOOK_AGAIN] = int(size > 0 and len(P.contact) > 0)
     slipping = not any_solved(P, S)
     for i in range(m + P.ne):
         if not W.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):

@@ -45,6 +45,7 @@ from .state import (
     I_ARRIVES,
     I_AT_CLOCK,
     I_FOLD,
+    I_LOOK_AGAIN,
     I_ROWS,
     I_SOLVED_THERE,
     I_TOUCHED,
@@ -242,6 +243,11 @@ def run(P, C, S, R, W):
         forget_rhythm(S, W)
         W.code[:] = 0
         code = call_unit(P.start_unit, P, C, S, R, W)
+        if code == DONE and W.code[I_LOOK_AGAIN]:
+            W.tau[:] = NO_ROOT
+            code = _settle_again(P, C, S, R, W)
+            S.counts[C_EVENTS], S.counts[C_POINTS] = 0, 0  # what holds from the start is no event
+            record_point(P, S, R)
         if code != DONE:
             return code
     while S.now[0] < C.t_end:
