@@ -53,30 +53,6 @@ def any_held(P, S):
 
 
 @kernel
-def release_held(P, C, S, R, W):
-    """Puts the switches held at 0 since an accumulation on the sides that they leave to; whether there are any.
-
-    What holds h at 0 is another switch, which sticks: when that lets go, h moves.
-    """
-    solved, some = any_solved(P, S), False
-    for j in range(P.m):
-        W.tau[j] = 2.0
-        if S.status[j] == HELD:
-            order = leading_order(P, C, S, W, j)
-            # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
-            known = 4 if not solved else 2 if P.kind[j] == SLIDING else 3
-            if abs(order) <= known:
-                S.status[j] = 1 if order > 0 else -1
-                S.mult[j] = float(S.status[j])
-                S.deflate[j] = abs(order) - 1
-                record_event(S, R, j, EV_RESET, 0, S.status[j])
-                some = True
-    for i in range(P.m, P.m + P.ne):
-        W.tau[i] = 2.0
-    return some
-
-
-@kernel
 def layer_code(P, S, R, j, outcome):
     """The loop's return code for what a layer run ended in."""
     if outcome == OSCILLATES:
@@ -106,13 +82,21 @@ def residual(P, S, W, j, lam):
 
 
 @kernel
+def _is_supported(P, S, W, j, plus, minus):
+    """Whether a closed contact holds h_j at 0 whatever lambda_j is, as a piston at its stop, from g_j at 1 and -1.
+
+    lambda and the reaction are not unique there.
+    """
+    evaluate_surfaces(P, S, W)
+    return max(abs(plus), abs(minus)) <= 1e-12 * abs(W.G[P.g_diagonal[j]])
+
+
+@kernel
 def _one_at_rest(P, S, R, W, j):
     """One switch on its surface that came from no side: u = 0, lambda = 0. Says so where that does not decide."""
     plus, minus = residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)
     middle = residual(P, S, W, j, 0.0)
-    evaluate_surfaces(P, S, W)
-    if max(abs(plus), abs(minus)) <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
-        # A closed contact holds it already, as a piston on its stop: lambda and the reaction are not unique.
+    if _is_supported(P, S, W, j, plus, minus):
         S.status[j] = HELD
         S.mult[j] = 0.0
         return DONE
@@ -195,6 +179,36 @@ def settle_at_rest(P, C, S, R, W, size):
     if code == DONE and C.strict and S.counts[C_AMBIGUITIES] > 0:
         return STRICT
     return code
+
+
+@kernel
+def release_held(P, C, S, R, W):
+    """Settles the switches held at 0 that nothing holds any more; -1 where there are none, else a code.
+
+    After an accumulation another switch does, which sticks; on a piston at its stop, the closed contact.
+    """
+    solved, some, size = any_solved(P, S), False, 0
+    for i in range(P.m + P.ne):
+        W.tau[i] = 2.0
+    for j in range(P.m):
+        if S.status[j] != HELD:
+            continue
+        if P.kind[j] == SLIDING:
+            if not _is_supported(P, S, W, j, residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)):
+                W.active[size] = j
+                size += 1
+            continue
+        order = leading_order(P, C, S, W, j)
+        # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
+        if abs(order) <= (3 if solved else 4):
+            S.status[j] = 1 if order > 0 else -1
+            S.mult[j] = float(S.status[j])
+            S.deflate[j] = abs(order) - 1
+            record_event(S, R, j, EV_RESET, 0, S.status[j])
+            some = True
+    if size > 0:
+        return settle_at_rest(P, C, S, R, W, size)
+    return DONE if some else -1
 
 
 @kernel

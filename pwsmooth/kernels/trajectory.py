@@ -253,14 +253,13 @@ def run(P, C, S, R, W):
     while S.now[0] < C.t_end:
         if not _room(R, S):
             return FULL
-        if CHECK and broken_by(P, C, S, W) >= 0:
-            W.code[I_TOUCHED] = broken_by(P, C, S, W)
-            return BROKEN
         if S.counts[C_STEPS] >= C.max_steps:
             return MAX_STEPS
-        if any_held(P, S) and release_held(P, C, S, R, W):
-            code = _settle_again(P, C, S, R, W)
-            if code != DONE:
+        if any_held(P, S):
+            code = release_held(P, C, S, R, W)
+            if code == DONE:
+                code = _settle_again(P, C, S, R, W)
+            if code > DONE:
                 return code
         sliding = any_solved(P, S)
         if sliding:
@@ -269,6 +268,9 @@ def run(P, C, S, R, W):
                 continue
             if code != -1:
                 return code
+        if CHECK and broken_by(P, C, S, W) >= 0:
+            W.code[I_TOUCHED] = broken_by(P, C, S, W)
+            return BROKEN
         # The step: polynomials of states, surfaces and solved multipliers, and how far they hold.
         S.counts[C_JETS] += 1
         S.counts[C_STEPS] += 1
