@@ -183,12 +183,15 @@ def sides_after_jump(P, S, R, W):
         if W.hit[j] and W.h[j] == W.tau[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+            if not W.hit[j]:
+                S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
             W.hit[j] = True  # still, or now, on its surface
             continue
         W.hit[j] = False
         S.deflate[j] = 0
         side = 1 if W.h[j] > 0.0 else -1
         if S.status[j] != side:
+            S.last[j, 2] = 0.0
             record_event(S, R, j, EV_RESET, S.status[j], side)
             S.status[j] = side
             S.mult[j] = float(side)

@@ -13,6 +13,7 @@ from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
 from .contacts import UNCHANGED, UNSOLVABLE, settle_contacts, stop_closed
 from .firing import MOST_AT_ONCE, events, sides_after_crossing, sides_after_jump, step_inside
+from .intervals import note_interval
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
@@ -22,7 +23,6 @@ from .settling import (
     evaluate_surfaces,
     layer_code,
     leading_order,
-    note_interval,
     resettle,
     settle_arrivals,
     settle_at_rest,
@@ -122,7 +122,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         elif S.status[j] != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
-            note_interval(S, j)
+            note_interval(S.last[j], S.now[0])
         if S.status[j] != SOLVED and P.rk_unit != 0:
             step_inside(P, S, j, W)
     return DONE
@@ -199,7 +199,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             mult[j] = float(went)
             S.deflate[j] = 1
             switched = True
-            note_interval(S, j)
+            note_interval(S.last[j], S.now[0])
             S.counts[C_MINUTE] = S.counts[C_MINUTE] + 1 if _is_minute(P, C, S, W, j) else 0
             if S.counts[C_MINUTE] > _MOST_MINUTE:
                 return CHATTERING, True
