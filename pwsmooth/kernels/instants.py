@@ -30,6 +30,7 @@ from .settling import (
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import link
 from .state import (
+    A_AT_REST,
     A_ELAPSED,
     A_MET,
     A_STEP,
@@ -254,6 +255,16 @@ def _follow_up(P, S, R, W):
     return code
 
 
+@kernel
+def _sides_of_events(P, S, W):
+    """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
+    for i in range(P.ne):
+        if W.hit[P.m + i] and S.deflate[P.m + i] != 0:
+            speed = approach_speed(P, S, P.m + i, W)
+            if abs(speed) > W.answer[A_AT_REST]:
+                S.side[i] = 1 if speed > 0.0 else -1
+
+
 @unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
@@ -300,9 +311,10 @@ def at_instant(P, C, S, R, W):
             return code
         only = code
         W.code[I_SOLVED_THERE] = 0
-    stop = DONE
+    stop, jumped = DONE, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
+        jumped = W.code[I_JUMPED] != 0
         if stop == ACCUMULATED:
             record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
@@ -336,6 +348,8 @@ def at_instant(P, C, S, R, W):
             break
     if len(P.contact) > 0:
         stop_closed(P, S, W)
+    if jumped:
+        _sides_of_events(P, S, W)
     if S.counts[C_EVENTS] > events_before:
         record_point(P, S, R)
     if C.strict and S.counts[C_AMBIGUITIES] > 0:
