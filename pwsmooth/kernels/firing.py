@@ -23,10 +23,9 @@ from .state import (
     HELD,
     I_AT_CLOCK,
     I_JUMPED,
+    MOST_AT_ONCE,
     TERMINAL,
 )
-
-MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 
 @kernel

@@ -12,7 +12,7 @@ from numba import types
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
 from .contacts import UNCHANGED, UNSOLVABLE, settle_contacts, stop_closed
-from .firing import MOST_AT_ONCE, events, sides_after_crossing, sides_after_jump, step_inside
+from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .intervals import note_interval
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
@@ -58,6 +58,7 @@ from .state import (
     I_SOLVED_THERE,
     I_TOGETHER,
     I_WAY,
+    MOST_AT_ONCE,
     NEWTON_FAILED,
     SLIDING,
     SOLVED,

@@ -1,6 +1,5 @@
 """Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
 
-
 from .compiling import kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_jet_slip, call_layer_unit, call_linear, call_newton

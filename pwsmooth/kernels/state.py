@@ -166,6 +166,7 @@ class State(Bundle):
     C_MINUTE,  # crossings in succession between which the motion has stayed within its tolerance
 ) = range(12)
 N_COUNTS = 12
+MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 
