@@ -10,8 +10,8 @@ from .compiling import kernel
 from .intervals import note_interval, time_left, time_to_last_event
 from .pointers import call_fields
 from .records import record_event
-from .settling import close_contact, settle_at_rest, stop_normal_speed
-from .sliding import keep_on_surface
+from .settling import approach_speed, close_contact, settle_at_rest, stop_normal_speed
+from .sliding import keep_on_surface, surface_rounding
 from .state import (
     ALGEBRAIC,
     CONTACT,
@@ -45,6 +45,19 @@ def _comes_to(last, limit):
 
 
 @kernel
+def _is_lost(P, S, W, i):
+    """Whether the surface of event i, which x met at W.arrived, has been within a few roundings of 0 since it fired."""
+    for k in range(P.n):
+        W.after[k] = S.x[k]
+        S.x[k] = W.arrived[k]
+    height = 0.25 * abs(approach_speed(P, S, P.m + i, W)) * W.fired[i, 1]  # of an arc
+    lost = height <= 0.1 * surface_rounding(P, S, P.m + i, W)
+    for k in range(P.n):
+        S.x[k] = W.after[k]
+    return lost
+
+
+@kernel
 def events_accumulate(P, S, R, W):
     """Whether the events that fired at this instant (W.pending = 2) come in intervals that shrink to nothing.
 
@@ -56,7 +69,9 @@ def events_accumulate(P, S, R, W):
         if W.pending[i] != 2 or not W.hit[P.m + i] or t <= W.fired[i, 0]:
             continue
         note_interval(W.fired[i], t)
-        left = time_to_last_event(W.fired[i])
+        if time_to_last_event(W.fired[i], True) == math.inf:
+            continue
+        left = time_to_last_event(W.fired[i], _is_lost(P, S, W, i))
         if left == math.inf:
             continue
         for j in range(P.m):

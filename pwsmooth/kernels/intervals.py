@@ -10,6 +10,7 @@ import math
 from .compiling import kernel
 
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
+_LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well
 
 
 @kernel
@@ -33,9 +34,12 @@ def time_left(last):
 
 
 @kernel
-def time_to_last_event(last):
-    """Time from the last instant to the limit of the events of these intervals, if it is all but reached; else inf."""
-    close = _LAST_EVENTS * (1.0 + abs(last[0]))
+def time_to_last_event(last, lost):
+    """Time from the last instant to the limit of the events of these intervals, if it is all but reached; else inf.
+
+    `lost`: the surface stays within its roundings between them, as far from the origin that of a bounce does sooner.
+    """
+    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0]))
     left = time_left(last)
     if left <= close:
         return left

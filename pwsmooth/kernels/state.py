@@ -265,6 +265,7 @@ class Work(Bundle):
     tau: "f8[1]"  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[1]"  # (m,) bound that a solved multiplier runs into
     hit: "b1[1]"  # (m + ne,) met at this instant
+    arrived: "f8[1]"  # (n,) the state with which an instant begins
     before: "f8[1]"  # (n,)
     after: "f8[1]"  # (n,)
     active: "i8[1]"  # (m,)

@@ -85,8 +85,8 @@ def start_sides(s, t, x):
 
 @fused
 def set_sides(s, t, x, f, h):
-    """Overwrites side[j] with the sign that each surface on which x stands (`met`) is about to have when the motion goes
-    on from (t, x), and the states in x that remember one; returns whether that changed any."""
+    """Overwrites side[j] with the sign that each surface on which x stands (`met`) is about to have when the motion
+    goes on from (t, x), and the states in x that remember one; returns whether that changed any."""
     # As little ahead as shows: behind rounding, before anything can happen.
     for q in range(8):
         d = 0.0 if q == 0 else 10.0 ** (q - 7) * h
@@ -348,17 +348,24 @@ def _record(s, t, j):
 
 
 @fused
-def _accumulate(s, t):
-    """Whether the events that fired at t come in intervals that shrink to nothing (accumulation.py): the last record
-    is then of their limit."""
+def _accumulate(s, coefficients, degree, t, h, theta, when):
+    """Whether the events that fired at t + theta h, which is `when`, come in intervals that shrink to nothing
+    (accumulation.py): the last record is then of their limit."""
+    sample(s, coefficients, degree, t, h, 0.0, theta)
     for j in range(s.e):
         last = at(s.fired, 4 * j)
-        if s.due[j] == 2 and s.kind[j] != S.TIMED and s.remembers[j] < 0 and t > last[0]:
-            note_interval(last, t)
-            left = time_to_last_event(last)
-            if left < np.inf:
-                _record(s, t + left, j)
-                return True
+        if s.due[j] != 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
+            continue
+        note_interval(last, when)
+        # An event is an advance, however soon it comes: of steps between them there are not too many.
+        s.num[S.MARK], s.cnt[S.SINCE_MARK] = when, 0
+        height = 0.0
+        for q in range(8):
+            height = max(height, abs(s.values[8 * j + q]))
+        left = time_to_last_event(last, height <= s.rounding[j])
+        if left < np.inf:
+            _record(s, when + left, j)
+            return True
     return False
 
 
@@ -389,7 +396,11 @@ def events_unit(places, t, degree, offset):
             num[S.T] = when
             for i in range(n):
                 s.x[i] = s.err[i]
-            return S.LIMIT if result == S.JUMP and _accumulate(s, when) else result
+            return (
+                S.LIMIT
+                if result == S.JUMP and _accumulate(s, coefficients, degree, t, h, theta, when)
+                else result
+            )
         if theta >= 1.0:
             break
     return S.NOTHING
