@@ -393,3 +393,17 @@ def test_a_chain_of_eighty_events_at_one_instant_is_no_loop(method):
         System({x: 1}, events=[Event(x - 1, update={f: 1}), *steps]), (0, 2), {x: 0}, method=method
     )
     assert solution.success and solution["f"][-1] == n
+
+
+@PATHS
+def test_an_event_that_records_at_the_surface_of_a_reset_does_not_double_it(method):
+    # A kick carries x through 1 to 1.15; put back by 0.2 once, beside an event of the same surface.
+    n, seen = Memory("n", 0), Memory("seen", 0)
+    events = [
+        Event(x - 1, update={x: x - sp.Rational(1, 5), n: n + 1}),
+        Event(x - 1, update={seen: seen + 1}),
+        Event(at=1, update={x: x + sp.Rational(1, 4)}),
+    ]
+    solution = solve(System({x: sp.Rational(1, 10)}, events=events), (0, 1.5), {x: 0.8}, method=method)
+    assert (solution["n"][-1], solution["seen"][-1]) == (1, 1)
+    assert solution["x"][-1] == pytest.approx(0.8 + 0.15 + 0.25 - 0.2, abs=1e-9)

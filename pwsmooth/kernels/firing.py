@@ -115,10 +115,13 @@ def _fire_events(P, C, S, R, W):
             S.deflate[m + i] = 0  # the update has left the surface, to whichever side
             if W.h[m + i] * S.side[i] >= 0.0:
                 continue
-            own = together == 1 and W.firing[0] == i
-            if own or (W.hit[m + i] and abs(W.tau[m + i]) <= rounding):
-                # Put back by its own update, from the surface that it had just reached or to where another update had
-                # carried it: it will be met again from there.
+            acted = False
+            for a in range(together):
+                acted = acted or W.firing[a] == i
+            if acted or (W.hit[m + i] and abs(W.tau[m + i]) <= rounding):
+                # Put back, from the surface that it had just reached or to where another update had carried it: it will
+                # be met again from there. An update fires no event that acts with it: one that only records at the
+                # surface of another would make that act twice.
                 S.side[i] = -S.side[i]
             else:
                 # An event surface that the update has jumped through is met as well.

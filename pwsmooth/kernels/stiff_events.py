@@ -272,25 +272,27 @@ def _due(s, t, theta, h, instant):
 
 
 @fused
-def _carried_through(s, t, x, only):
+def _carried_through(s, t, x):
     """Mark as due what an update carried through zero, from `before` with the surfaces at `level` to (t, x).
 
-    Not what its own update alone has put back (`only`: that event), nor what puts back the surface that the motion has
-    just come to: it will be met again from there, only what remembers a side follows. Where an update puts the state on
-    a surface, the motion meets it when it goes on to the other side.
+    Not events that act with it (due = 2), nor what is put back from the surface that the motion has just come to: it
+    will be met again from there, only what remembers a side follows. Where an update puts the state on a surface, the
+    motion meets it when it goes on to the other side.
     """
     for j in range(s.e):
         s.was[j] = s.level[j]
     _look(s, t, x, s.before)
     for j in range(s.e):
-        was, now = s.was[j], s.level[j]
+        was, now, acted = s.was[j], s.level[j], s.due[j] == 2
+        if acted:
+            s.due[j] = 3
         if s.kind[j] == S.TIMED or now == was or abs(now) <= s.rounding[j]:
             continue
         stood = s.met[j] == 1 and abs(was) <= s.rounding[j]
         s.met[j] = 0
         if now * s.side[j] < 0.0:
             s.side[j] = -s.side[j]
-            acts = s.remembers[j] >= 0 or not (stood or j == only or s.stops[j] == SINGULAR)
+            acts = s.remembers[j] >= 0 or not (stood or acted or s.stops[j] == SINGULAR)
             if acts and (s.kind[j] == S.BOTH or s.kind[j] == s.side[j]):
                 s.due[j] = 1
 
@@ -312,13 +314,12 @@ def fire(s, t, x):
     while s.cnt[S.N_RECORDS] - first < s.e + MOST_AT_ONCE:
         for i in range(n):
             s.before[i] = s.after[i] = x[i]
-        fired, only, moved = 0, -1, False
+        fired = moved = False
         for j in range(s.e):
             if s.due[j] != 1 or call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
             s.due[j] = 2
-            fired += 1
-            only = j if fired == 1 else -1
+            fired = True
             if s.stops[j] != 0:
                 result = S.STOP
             _record(s, t, j)
@@ -328,11 +329,11 @@ def fire(s, t, x):
         for record in range(first, s.cnt[S.N_RECORDS]):
             for i in range(n):
                 s.event_x[2 * n * record + n + i] = x[i]
-        if not (fired > 0 and moved):
+        if not (fired and moved):
             return result
         if result == S.NOTHING:
             result = S.JUMP
-        _carried_through(s, t, x, only)
+        _carried_through(s, t, x)
     s.cnt[S.N_RECORDS] = first
     return S.NO_END
 
@@ -354,7 +355,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     sample(s, coefficients, degree, t, h, 0.0, theta)
     for j in range(s.e):
         last = at(s.fired, 4 * j)
-        if s.due[j] != 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
+        if s.due[j] < 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
             continue
         note_interval(last, when)
         # An event is an advance, however soon it comes: of steps between them there are not too many.

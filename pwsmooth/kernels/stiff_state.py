@@ -61,7 +61,7 @@ class Core(NamedTuple):
     kind: Integers  # (e,) +1, -1: direction that counts; BOTH; TIMED
     stops: Integers  # (e,) 1 for a terminal event, 2 for a singular argument
     remembers: Integers  # (e,) index of the state that keeps the side of the surface, or -1
-    due: Integers  # (e,) events of this instant: 1 due, 2 fired
+    due: Integers  # (e,) events of this instant: 1 due, 2 acts in this round, 3 acted before
     met: Integers  # (e,) 1: the motion has come to the surface at this instant, and no jump has taken it off
     degree: Integers  # (capacity,) of the polynomial of the step that ends here
     event_index: Integers  # (room,)
