@@ -233,7 +233,17 @@ class CompiledProblem:
             **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
             **{
                 name: np.zeros(n)
-                for name in ("dx", "before", "after", "gradient", "added", "was_set", "trial", "shifted")
+                for name in (
+                    "dx",
+                    "arrived",
+                    "before",
+                    "after",
+                    "gradient",
+                    "added",
+                    "was_set",
+                    "trial",
+                    "shifted",
+                )
             },
             **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},
             **{name: np.zeros(ne) for name in ("pending", "firing")},

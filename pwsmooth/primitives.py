@@ -268,6 +268,10 @@ class Event:
     Without `update` it is only recorded.
     At one instant all events whose `when` holds act on the values before; this is repeated until none newly
     acts. Switches are classified afterwards, with the field after.
+    What they add to one state, an update x -> x + e where e does not read x, adds up; every other update assigns. An
+    assignment beside another write of that state that differs is recorded as an ambiguity ("conflicting updates"), at
+    which `strict=True` stops.
+    An update that carries the state through the surface of an event fires that as well, but no event that acts with it.
 
     Parameters
     ----------

@@ -117,6 +117,7 @@ def own(model, t_span, start, p, options, spending, words=None):
         S.UNDERFLOW: Outcome.STEP_UNDERFLOW,
         S.TOO_MANY: Outcome.TOO_MANY_STEPS,
         S.EVENT_LOOP: Outcome.EVENT_LOOP,
+        S.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
         S.FULL: Outcome.OUT_OF_MEMORY,
         OUT_OF_TIME: Outcome.TIME_LIMIT,
     }[run.status]
@@ -124,6 +125,8 @@ def own(model, t_span, start, p, options, spending, words=None):
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
         for when, i, before, _ in run.events
     ]
+    if outcome is Outcome.EVENTS_ACCUMULATE:
+        events[-1] = EventRecord(events[-1].time, events[-1].switch, "accumulation")
     if outcome is Outcome.TERMINATED and model.events[run.events[-1][1]].singular:
         outcome = Outcome.SINGULAR_POINT
     elif outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):

@@ -40,7 +40,7 @@ class StiffResult:
         Ends of the steps; an event that changes the state stands twice, before and after.
     x : ndarray (n, nt)
     status : int
-        DONE, TERMINAL, NOT_FINITE, UNDERFLOW, TOO_MANY or EVENT_LOOP of kernels.stiff_state.
+        DONE, TERMINAL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP or ACCUMULATED of kernels.stiff_state.
     counters : dict
         steps, rejected, f_evals, jac, newton, taylor_steps.
     dense : list of (t0, h, coefficients)
@@ -48,7 +48,8 @@ class StiffResult:
     t_eval, x_eval : ndarray
         (ne,) and (n, ne); nan beyond the end of the run.
     events : list of (t, index, before, after)
-        Index into `model.events`, and the states around the instant.
+        Index into `model.events`, and the states around the instant; after ACCUMULATED the last is the limit of its
+        event.
     """
 
     t: np.ndarray

@@ -27,12 +27,13 @@ def _layout(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slot
     """Words to be zeroed, words in all, offset in bytes of every field of a Core, and the arrays that Python sees."""
     shapes = {
         "cnt": (S.SINCE_MARK + 1,), "num": (S.LEAST_ADVANCE + 1,), "kind": (e,), "stops": (e,), "remembers": (e,),
-        "due": (e,),
+        "due": (e,), "met": (e,),
         "x": (n,), "f": (n,), "start": (n,), "poly": (n, 8), "rows": (2, n + q, S.STRIDE), "power": (n,),
         "surf": (q, n + 3), "J": (n, n), "lu": (slots or n * n + n, 8), "Z": (n, 8), "W": (n, 8), "X": (n, 8),
         "F": (n, 8), "R": (n, 8), "hoisted": (hoisted, 8), "values": (max(q, e), 8), "weight": (n,),
         "newton_weight": (n,), "err": (n,), "scratch": (n + 8,), "scratch2": (n + 8,), "out": (8,), "t8": (8,),
-        "mu": (8,), "side": (e,), "found": (e,), "passed_side": (e,), "before": (n,), "after": (n,),
+        "mu": (8,), "side": (e,), "found": (e,), "passed_side": (e,), "level": (e,), "was": (e,), "rounding": (e,),
+        "fired": (e, 4), "before": (n,), "after": (n,),
     }  # fmt: skip
     output = {
         "degree": (capacity,), "event_index": (room,), "t": (capacity,), "states": (capacity, n),

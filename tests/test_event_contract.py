@@ -11,6 +11,7 @@ from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, solve
 t, x, y, v, z = sp.symbols("t x y v z", real=True)
 HALF = sp.Rational(1, 2)
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
+PATHS = pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
 
 
 def names(solution):
@@ -20,7 +21,7 @@ def names(solution):
 # ---- surfaces, direction, when
 
 
-@METHODS
+@PATHS
 @pytest.mark.parametrize("direction", [0, 1])
 def test_a_reset_that_puts_the_state_back_fires_every_time(direction, method):
     system = System({x: 1}, events=[Event(x - 1, update={x: 0}, direction=direction)])
@@ -271,8 +272,6 @@ def test_a_span_may_end_roundings_from_a_crossing(roundings, method):
 
 # ---- resets beyond the event's own surface, and several events that write one state
 
-PATHS = pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
-
 
 @PATHS
 @pytest.mark.parametrize("speed", [1, -1])
@@ -303,7 +302,7 @@ def test_increments_of_one_instant_add_up(method):
     assert (solution["c"][-1], solution["d"][-1]) == (1.5, 7) and not solution.ambiguities
 
 
-@METHODS
+@PATHS
 @pytest.mark.parametrize("kick", [0.05, 0.1, 0.3])
 @pytest.mark.parametrize("reset", [0, -x * 9 / 10])
 def test_an_event_that_a_kick_carries_the_state_through_fires_once(kick, reset, method):
@@ -351,3 +350,60 @@ def test_updates_that_contradict_each_other_are_recorded(first, second, conflict
     if method != "stiff":
         strict = solve(system, (0, 1.5), [3, 0, 0], method=method, strict=True)
         assert strict.outcome.name == ("AMBIGUITY" if conflict else "FINISHED")
+
+
+@PATHS
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_an_event_at_whose_surface_the_states_change_places_fires_once_a_crossing(symmetric, method):
+    # The swap moves x + y by a rounding at most, and x + 2 y - 1.5 to where it is met again.
+    n = Memory("n", 0)
+    surface = x + y - 1 if symmetric else x + 2 * y - sp.Rational(3, 2)
+    system = System({x: HALF, y: HALF}, events=[Event(surface, update={x: y, y: x, n: n + 1})])
+    solution = solve(system, (0, 3), {x: 0.13, y: 0.24}, method=method)
+    first, again = (0.63, None) if symmetric else ((1.5 - 0.13 - 0.48) / 1.5, 0.11 / 1.5)
+    times = [first] if again is None else first + again * np.arange(2)
+    assert solution.event_times()[: len(times)] == pytest.approx(times, abs=1e-9)
+    assert solution["n"][-1] == len(solution.event_times())
+
+
+@PATHS
+@pytest.mark.parametrize("direction", [0, -1])
+@pytest.mark.parametrize("floor", [0, 3])
+def test_a_reset_that_reverses_the_speed_at_its_surface_fires_once_a_bounce(floor, direction, method):
+    n, e = Memory("n", 0), 0.5
+    bounce = Event(x - floor, direction=direction, update={v: -e * v, n: n + 1})
+    solution = solve(System({x: v, v: -1}, events=[bounce]), (0, 4), {x: floor + 1, v: 0}, method=method)
+    times = math.sqrt(2) * (1 + 2 * (1 - e ** np.arange(6)))  # flights of 2 sqrt(2) e^k
+    assert solution.event_times() == pytest.approx([s for s in times if s < 4], abs=1e-9)
+    assert solution["n"][-1] == len(solution.events)
+
+
+@PATHS
+def test_an_event_whose_condition_another_one_of_its_instant_makes_true_acts_after_it(method):
+    armed, n = Memory("armed", 0), Memory("n", 0)
+    events = [Event(at=1, when=armed > 0, update={n: n + 1}), Event(at=1, update={armed: 1})]
+    assert solve(System({x: 1}, events=events), (0, 2), {x: 0}, method=method)["n"][-1] == 1
+
+
+@PATHS
+def test_a_chain_of_eighty_events_at_one_instant_is_no_loop(method):
+    f, n = Memory("f", 0), 80
+    steps = [Event(f - i + HALF, update={f: i + 1}) for i in range(1, n)]
+    solution = solve(
+        System({x: 1}, events=[Event(x - 1, update={f: 1}), *steps]), (0, 2), {x: 0}, method=method
+    )
+    assert solution.success and solution["f"][-1] == n
+
+
+@PATHS
+def test_an_event_that_records_at_the_surface_of_a_reset_does_not_double_it(method):
+    # A kick carries x through 1 to 1.15; put back by 0.2 once, beside an event of the same surface.
+    n, seen = Memory("n", 0), Memory("seen", 0)
+    events = [
+        Event(x - 1, update={x: x - sp.Rational(1, 5), n: n + 1}),
+        Event(x - 1, update={seen: seen + 1}),
+        Event(at=1, update={x: x + sp.Rational(1, 4)}),
+    ]
+    solution = solve(System({x: sp.Rational(1, 10)}, events=events), (0, 1.5), {x: 0.8}, method=method)
+    assert (solution["n"][-1], solution["seen"][-1]) == (1, 1)
+    assert solution["x"][-1] == pytest.approx(0.8 + 0.15 + 0.25 - 0.2, abs=1e-9)

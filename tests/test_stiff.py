@@ -202,10 +202,11 @@ def test_what_an_update_carries_through_zero_fires_at_the_same_instant():
 def test_events_that_call_each_other_for_ever_are_an_outcome():
     flips = (
         EventSpec("start", surface=x - 1, update=((1, -y),)),
-        EventSpec("again", surface=y, update=((1, -y),)),
+        EventSpec("there", surface=y, update=((2, -v),)),
+        EventSpec("back", surface=v, update=((1, -y),)),
     )
-    loop = Model(t, (x, y), (), (sp.S.One, sp.S.Zero), n_memory=1, events=flips)
-    run = stiff.integrate(loop, (0, 2.0), (0.0, 1.0), ())
+    loop = Model(t, (x, y, v), (), (sp.S.One, sp.S.Zero, sp.S.Zero), n_memory=2, events=flips)
+    run = stiff.integrate(loop, (0, 2.0), (0.0, 1.0, 1.0), ())
     assert run.status == status("EVENT_LOOP") and run.t[-1] <= 1.0 and run.events == []
 
 

@@ -7,10 +7,11 @@ switches of higher relative degree are held at lambda = 0, the others settled by
 import math
 
 from .compiling import kernel
+from .intervals import note_interval, time_left, time_to_last_event
 from .pointers import call_fields
 from .records import record_event
-from .settling import close_contact, settle_at_rest, stop_normal_speed
-from .sliding import keep_on_surface
+from .settling import approach_speed, close_contact, settle_at_rest, stop_normal_speed
+from .sliding import keep_on_surface, surface_rounding
 from .state import (
     ALGEBRAIC,
     CONTACT,
@@ -27,24 +28,33 @@ from .state import (
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
-_LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
-
-
-@kernel
-def time_left(S, j):
-    """Time to the accumulation point if the intervals of surface j shrink geometrically, else inf."""
-    q = S.last[j, 2]
-    # A ratio of 0 is none: so it stands where the surface has not been met before, as after a start in a stick.
-    if not (0.0 < q < 0.9999999 and abs(q - S.last[j, 3]) <= 0.02 * q):
-        return math.inf
-    return S.last[j, 1] * q / (1.0 - q)
 
 
 @kernel
 def is_passed(S, j):
     """Whether the accumulation point of surface j is as near as its intervals let it come."""
-    span, left = 1.0 + abs(S.now[0]), time_left(S, j)
+    span, left = 1.0 + abs(S.now[0]), time_left(S.last[j])
     return left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
+
+
+@kernel
+def _comes_to(last, limit):
+    """Whether the intervals of a surface come to the same limit, by their own estimate."""
+    left = time_left(last)
+    return abs(last[0] + left - limit) <= 0.5 * left < math.inf
+
+
+@kernel
+def _is_lost(P, S, W, i):
+    """Whether the surface of event i, which x met at W.arrived, has been within a few roundings of 0 since it fired."""
+    for k in range(P.n):
+        W.after[k] = S.x[k]
+        S.x[k] = W.arrived[k]
+    height = 0.25 * abs(approach_speed(P, S, P.m + i, W)) * W.fired[i, 1]  # of an arc
+    lost = height <= 0.1 * surface_rounding(P, S, P.m + i, W)
+    for k in range(P.n):
+        S.x[k] = W.after[k]
+    return lost
 
 
 @kernel
@@ -58,21 +68,14 @@ def events_accumulate(P, S, R, W):
     for i in range(P.ne):
         if W.pending[i] != 2 or not W.hit[P.m + i] or t <= W.fired[i, 0]:
             continue
-        interval = t - W.fired[i, 0]
-        W.fired[i, 3] = W.fired[i, 2]
-        W.fired[i, 2] = interval / W.fired[i, 1] if W.fired[i, 1] > 0.0 else math.inf
-        W.fired[i, 1] = interval
-        W.fired[i, 0] = t
-        q, before, span = W.fired[i, 2], W.fired[i, 3], 1.0 + abs(t)
-        left = interval * q / (1.0 - q) if q < 0.9999999 else math.inf
-        if not (abs(q - before) <= 0.02 * q and left <= _LAST_EVENTS * span):
-            # Without one ratio, as where a latch changes the rates at each event, those of pairs tell.
-            pair = q * before
-            if not (0.0 < pair < 0.99 and interval <= _LAST_EVENTS * span):
-                continue
-            left = (interval + interval / q) * pair / (1.0 - pair)
+        note_interval(W.fired[i], t)
+        if time_to_last_event(W.fired[i], True) == math.inf:
+            continue
+        left = time_to_last_event(W.fired[i], _is_lost(P, S, W, i))
+        if left == math.inf:
+            continue
         for j in range(P.m):
-            if time_left(S, j) < math.inf and left > 0.1 * WITHIN_ROUNDING * span:
+            if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * (1.0 + abs(t)):
                 return False
         S.now[0] = t + left
         record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)
@@ -87,7 +90,7 @@ def pass_accumulation(P, C, S, R, W):
     leader, left = -1, math.inf
     for j in range(P.m):
         if W.hit[j] and S.status[j] != SOLVED and W.came[j] != SOLVED:
-            estimate = time_left(S, j)
+            estimate = time_left(S.last[j])
             if estimate < left:
                 leader, left = j, estimate
     if leader < 0 or not is_passed(S, leader):

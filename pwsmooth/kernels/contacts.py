@@ -10,9 +10,10 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 """
 
 from .compiling import kernel
+from .intervals import note_interval
 from .pointers import call_act, call_fields, call_newton
 from .records import record_ambiguity, record_event
-from .settling import approach_speed, evaluate_surfaces, note_interval
+from .settling import approach_speed, evaluate_surfaces
 from .sliding import keep_on_surface, mask_solved, surface_rounding
 from .sparse import entry, solve_dense
 from .state import (
@@ -235,7 +236,7 @@ def _collide(P, S, R, W, size):
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
             W.hit[j] = True
-            note_interval(S, j)
+            note_interval(S.last[j], S.now[0])
             record_event(S, R, j, EV_IMPACT, 1, 1)
     W.code[I_JUMPED] = 1
     return True

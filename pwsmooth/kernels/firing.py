@@ -23,10 +23,9 @@ from .state import (
     HELD,
     I_AT_CLOCK,
     I_JUMPED,
+    MOST_AT_ONCE,
     TERMINAL,
 )
-
-MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 
 @kernel
@@ -116,10 +115,13 @@ def _fire_events(P, C, S, R, W):
             S.deflate[m + i] = 0  # the update has left the surface, to whichever side
             if W.h[m + i] * S.side[i] >= 0.0:
                 continue
-            own = together == 1 and W.firing[0] == i
-            if own or (W.hit[m + i] and abs(W.tau[m + i]) <= rounding):
-                # Put back by its own update, from the surface that it had just reached or to where another update had
-                # carried it: it will be met again from there.
+            acted = False
+            for a in range(together):
+                acted = acted or W.firing[a] == i
+            if acted or (W.hit[m + i] and abs(W.tau[m + i]) <= rounding):
+                # Put back, from the surface that it had just reached or to where another update had carried it: it will
+                # be met again from there. An update fires no event that acts with it: one that only records at the
+                # surface of another would make that act twice.
                 S.side[i] = -S.side[i]
             else:
                 # An event surface that the update has jumped through is met as well.
@@ -145,6 +147,7 @@ def events(P, C, S, R, W):
             W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
             S.counts[C_CLOCK] += 1
             some = True
+    W.arrived[:] = S.x
     code = _fire_events(P, C, S, R, W) if some else DONE
     if code == DONE and some and events_accumulate(P, S, R, W):
         return ACCUMULATED
@@ -183,12 +186,15 @@ def sides_after_jump(P, S, R, W):
         if W.hit[j] and W.h[j] == W.tau[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+            if not W.hit[j]:
+                S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
             W.hit[j] = True  # still, or now, on its surface
             continue
         W.hit[j] = False
         S.deflate[j] = 0
         side = 1 if W.h[j] > 0.0 else -1
         if S.status[j] != side:
+            S.last[j, 2] = 0.0
             record_event(S, R, j, EV_RESET, S.status[j], side)
             S.status[j] = side
             S.mult[j] = float(side)

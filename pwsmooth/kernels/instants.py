@@ -12,7 +12,8 @@ from numba import types
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
 from .contacts import UNCHANGED, UNSOLVABLE, settle_contacts, stop_closed
-from .firing import MOST_AT_ONCE, events, sides_after_crossing, sides_after_jump, step_inside
+from .firing import events, sides_after_crossing, sides_after_jump, step_inside
+from .intervals import note_interval
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
@@ -22,7 +23,6 @@ from .settling import (
     evaluate_surfaces,
     layer_code,
     leading_order,
-    note_interval,
     resettle,
     settle_arrivals,
     settle_at_rest,
@@ -30,6 +30,7 @@ from .settling import (
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import link
 from .state import (
+    A_AT_REST,
     A_ELAPSED,
     A_MET,
     A_STEP,
@@ -57,6 +58,7 @@ from .state import (
     I_SOLVED_THERE,
     I_TOGETHER,
     I_WAY,
+    MOST_AT_ONCE,
     NEWTON_FAILED,
     SLIDING,
     SOLVED,
@@ -122,7 +124,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         elif S.status[j] != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
-            note_interval(S, j)
+            note_interval(S.last[j], S.now[0])
         if S.status[j] != SOLVED and P.rk_unit != 0:
             step_inside(P, S, j, W)
     return DONE
@@ -199,7 +201,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             mult[j] = float(went)
             S.deflate[j] = 1
             switched = True
-            note_interval(S, j)
+            note_interval(S.last[j], S.now[0])
             S.counts[C_MINUTE] = S.counts[C_MINUTE] + 1 if _is_minute(P, C, S, W, j) else 0
             if S.counts[C_MINUTE] > _MOST_MINUTE:
                 return CHATTERING, True
@@ -254,6 +256,16 @@ def _follow_up(P, S, R, W):
     return code
 
 
+@kernel
+def _sides_of_events(P, S, W):
+    """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
+    for i in range(P.ne):
+        if W.hit[P.m + i] and S.deflate[P.m + i] != 0:
+            speed = approach_speed(P, S, P.m + i, W)
+            if abs(speed) > W.answer[A_AT_REST]:
+                S.side[i] = 1 if speed > 0.0 else -1
+
+
 @unit(types.int64, Problem, Control, State, Record, Work)
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
@@ -300,9 +312,10 @@ def at_instant(P, C, S, R, W):
             return code
         only = code
         W.code[I_SOLVED_THERE] = 0
-    stop = DONE
+    stop, jumped = DONE, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
+        jumped = W.code[I_JUMPED] != 0
         if stop == ACCUMULATED:
             record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
@@ -336,6 +349,8 @@ def at_instant(P, C, S, R, W):
             break
     if len(P.contact) > 0:
         stop_closed(P, S, W)
+    if jumped:
+        _sides_of_events(P, S, W)
     if S.counts[C_EVENTS] > events_before:
         record_point(P, S, R)
     if C.strict and S.counts[C_AMBIGUITIES] > 0:

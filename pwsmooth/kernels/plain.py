@@ -7,8 +7,9 @@ layer and without a look at the other switches.
 import math
 
 from .compiling import kernel
+from .intervals import note_interval
 from .records import record_event
-from .settling import evaluate_surfaces, note_interval
+from .settling import evaluate_surfaces
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     C_LAYERS,
@@ -69,7 +70,7 @@ def cross_stick_or_leave(P, S, R, W, j):
     if ahead > 0.0:
         S.status[j] = -came
         record_event(S, R, j, EV_CROSSING, came, -came)
-        note_interval(S, j)
+        note_interval(S.last[j], S.now[0])
         return DONE
     S.status[j] = SOLVED
     S.mult[j] -= far / slope
@@ -79,5 +80,5 @@ def cross_stick_or_leave(P, S, R, W, j):
         return NO_ROOT_FOUND
     W.code[I_SOLVED_THERE] = 1
     record_event(S, R, j, EV_STICK, came, 0)
-    note_interval(S, j)
+    note_interval(S.last[j], S.now[0])
     return DONE

@@ -1,7 +1,5 @@
 """Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
 
-import math
-
 from .compiling import kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_layer_unit, call_linear, call_newton
@@ -294,17 +292,6 @@ def stop_normal_speed(P, S, j, W, contact):
             return
         for i in range(P.n):
             S.x[i] -= W.gradient[i] * speed / square
-
-
-@kernel
-def note_interval(S, j):
-    """Remembers when surface j was last met, the interval since, and the ratio to the one before."""
-    t = S.now[0]
-    interval = t - S.last[j, 0]
-    S.last[j, 3] = S.last[j, 2]
-    S.last[j, 2] = interval / S.last[j, 1] if S.last[j, 1] > 0.0 else math.inf
-    S.last[j, 1] = interval
-    S.last[j, 0] = t
 
 
 @kernel

@@ -169,6 +169,7 @@ class State(Bundle):
     C_MINUTE,  # crossings in succession between which the motion has stayed within its tolerance
 ) = range(12)
 N_COUNTS = 12
+MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 
@@ -267,6 +268,7 @@ class Work(Bundle):
     tau: "f8[1]"  # (m + ne,) where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[1]"  # (m,) bound that a solved multiplier runs into
     hit: "b1[1]"  # (m + ne,) met at this instant
+    arrived: "f8[1]"  # (n,) the state with which an instant begins
     before: "f8[1]"  # (n,)
     after: "f8[1]"  # (n,)
     active: "i8[1]"  # (m,)

@@ -5,7 +5,7 @@ A surface is looked at in 8 points of the step and, where a parabola through thr
 narrowed sevenfold a round, on the surface itself and not on a fit.
 
 `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
-no zero.
+no zero. What fires at one instant, and what a jump carries through zero, follows the rule of firing.py.
 """
 
 import numpy as np
@@ -13,7 +13,9 @@ from numba import types
 
 from pwsmooth.kernels import stiff_state as S
 from pwsmooth.kernels.compiling import unit
+from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 from pwsmooth.kernels.lanes import at, fused, load8, splat8, store8
+from pwsmooth.kernels.state import MOST_AT_ONCE
 from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
 from pwsmooth.kernels.stiff_core import core
 
@@ -25,7 +27,7 @@ SMALLEST = 5e-324
 NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
 SINGULAR = 2  # in `stops`: a singular argument (pwsmooth/singular.py)
 DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the step, is not told from a zero
-ROUNDS = 32  # at one instant, before the events count as a loop that does not end
+DIGITS = 1e-13  # of the states: what they cannot say
 
 
 @fused
@@ -48,20 +50,59 @@ def _sign(v):
 
 
 @fused
+def _look(s, t, x, before):
+    """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
+    them."""
+    n = s.n
+    for first in range(0, n, 8):
+        for q in range(8):
+            s.t8[q] = t
+        for i in range(n):
+            for q in range(8):
+                s.X[8 * i + q] = x[i]
+        if first == 0:
+            call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+            for j in range(s.e):
+                s.level[j], s.rounding[j] = s.values[8 * j], 0.0
+        for i in range(first, min(first + 8, n)):
+            s.X[8 * i + i - first] += DIGITS * (abs(x[i]) + abs(before[i]))
+        call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+        for j in range(s.e):
+            for q in range(min(8, n - first)):
+                s.rounding[j] += abs(s.values[8 * j + q] - s.level[j])
+
+
+@fused
+def start_sides(s, t, x):
+    """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
+    _look(s, t, x, x)
+    for j in range(s.e):
+        k = s.remembers[j]
+        s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
+        s.met[j] = 1 if k < 0 and s.kind[j] != S.TIMED and abs(s.level[j]) <= s.rounding[j] else 0
+        s.fired[4 * j] = t
+
+
+@fused
 def set_sides(s, t, x, f, h):
-    """Overwrites side[j] with the sign that each surface is about to have when the motion goes on from (t, x), and the
-    states in x that remember one; returns whether that changed any."""
-    # A millionth of a step ahead: behind rounding, before anything can happen.
-    d = 1e-6 * h
-    for k in range(8):
-        s.t8[k] = t + d
-    for i in range(s.n):
-        for k in range(8):
-            s.X[8 * i + k] = x[i] + d * f[i]
+    """Overwrites side[j] with the sign that each surface on which x stands (`met`) is about to have when the motion
+    goes on from (t, x), and the states in x that remember one; returns whether that changed any."""
+    # As little ahead as shows: behind rounding, before anything can happen.
+    for q in range(8):
+        d = 0.0 if q == 0 else 10.0 ** (q - 7) * h
+        s.t8[q] = t + d
+        for i in range(s.n):
+            s.X[8 * i + q] = x[i] + d * f[i]
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
     changed = False
     for j in range(s.e):
-        s.side[j] = _sign(s.values[8 * j])
+        if s.met[j] == 0:
+            continue
+        s.side[j] = 0.0
+        for q in range(7, 0, -1):
+            rise = s.values[8 * j + q] - s.values[8 * j]
+            if abs(rise) > 0.01 * s.rounding[j]:
+                s.side[j] = _sign(rise)
         k = s.remembers[j]
         # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
         if k >= 0 and s.side[j] != 0.0 and x[k] != s.side[j]:
@@ -216,29 +257,13 @@ def value(coefficients, degree, i, theta):
 
 
 @fused
-def _carried_through(s, t, x):
-    """Mark as due what an update carried through zero: surfaces at (t, before) against (t, x)."""
-    for q in range(8):
-        s.t8[q] = t
-    for i in range(s.n):
-        for q in range(8):
-            s.X[8 * i + q] = s.before[i] if q == 0 else x[i]
-    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
-    for j in range(s.e):
-        if s.kind[j] != S.TIMED and s.stops[j] != SINGULAR:
-            old, new = _sign(s.values[8 * j]), _sign(s.values[8 * j + 1])
-            if s.remembers[j] >= 0 and s.values[8 * j] != s.values[8 * j + 1]:
-                old = x[s.remembers[j]]  # which rounding may contradict, from an instant at its surface
-            if old * new < 0.0 and (s.kind[j] == S.BOTH or s.kind[j] == new):
-                s.due[j] = 1
-
-
-@fused
 def _due(s, t, theta, h, instant):
-    """Mark as due the surfaces found at theta and, at an `instant`, the events of time."""
+    """Mark as due and met the surfaces found at theta, and as due the events of time at an `instant`."""
     close = theta + 1e-13 * max(abs(t), h) / h
     for j in range(s.e):
-        s.due[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
+        s.due[j] = s.met[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
+        if s.met[j]:
+            s.side[j] = -s.side[j]
     k = s.cnt[S.N_INSTANT]
     while instant and k < s.instants and s.instant_t[k] <= t:
         s.due[s.instant_event[k]] = 1
@@ -247,32 +272,57 @@ def _due(s, t, theta, h, instant):
 
 
 @fused
+def _carried_through(s, t, x):
+    """Mark as due what an update carried through zero, from `before` with the surfaces at `level` to (t, x).
+
+    Not events that act with it (due = 2), nor what is put back from the surface that the motion has just come to: it
+    will be met again from there, only what remembers a side follows. Where an update puts the state on a surface, the
+    motion meets it when it goes on to the other side.
+    """
+    for j in range(s.e):
+        s.was[j] = s.level[j]
+    _look(s, t, x, s.before)
+    for j in range(s.e):
+        was, now, acted = s.was[j], s.level[j], s.due[j] == 2
+        if acted:
+            s.due[j] = 3
+        if s.kind[j] == S.TIMED or now == was or abs(now) <= s.rounding[j]:
+            continue
+        stood = s.met[j] == 1 and abs(was) <= s.rounding[j]
+        s.met[j] = 0
+        if now * s.side[j] < 0.0:
+            s.side[j] = -s.side[j]
+            acts = s.remembers[j] >= 0 or not (stood or acted or s.stops[j] == SINGULAR)
+            if acts and (s.kind[j] == S.BOTH or s.kind[j] == s.side[j]):
+                s.due[j] = 1
+
+
+@fused
 def fire(s, t, x):
     """Fire at time t everything that is due, from the values before, and then what the updates carry through
-    zero.
+    zero, until nothing newly fires.
 
     Overwrites x and the records; returns what happened.
     """
     n, first = s.n, s.cnt[S.N_RECORDS]
     result = S.NOTHING
-    for _ in range(ROUNDS):
+    _look(s, t, x, x)
+    for j in range(s.e):
+        # A zero may have been passed in a direction that does not count.
+        if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
+            s.side[j] = _sign(s.level[j])
+    while s.cnt[S.N_RECORDS] - first < s.e + MOST_AT_ONCE:
         for i in range(n):
             s.before[i] = s.after[i] = x[i]
         fired = moved = False
         for j in range(s.e):
-            if s.due[j] != 1:
+            if s.due[j] != 1 or call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
                 continue
-            s.due[j] = 0
-            if call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
-                continue
+            s.due[j] = 2
             fired = True
             if s.stops[j] != 0:
                 result = S.STOP
-            record = s.cnt[S.N_RECORDS]
-            s.event_t[record], s.event_index[record] = t, j
-            for i in range(n):
-                s.event_x[2 * n * record + i] = s.before[i]
-            s.cnt[S.N_RECORDS] = record + 1
+            _record(s, t, j)
         for i in range(n):
             moved = moved or s.after[i] != x[i]
             x[i] = s.after[i]
@@ -288,6 +338,38 @@ def fire(s, t, x):
     return S.NO_END
 
 
+@fused
+def _record(s, t, j):
+    """Write the record of event j, which acts on `before`."""
+    record, n = s.cnt[S.N_RECORDS], s.n
+    s.event_t[record], s.event_index[record] = t, j
+    for i in range(n):
+        s.event_x[2 * n * record + i] = s.before[i]
+    s.cnt[S.N_RECORDS] = record + 1
+
+
+@fused
+def _accumulate(s, coefficients, degree, t, h, theta, when):
+    """Whether the events that fired at t + theta h, which is `when`, come in intervals that shrink to nothing
+    (accumulation.py): the last record is then of their limit."""
+    sample(s, coefficients, degree, t, h, 0.0, theta)
+    for j in range(s.e):
+        last = at(s.fired, 4 * j)
+        if s.due[j] < 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
+            continue
+        note_interval(last, when)
+        # An event is an advance, however soon it comes: of steps between them there are not too many.
+        s.num[S.MARK], s.cnt[S.SINCE_MARK] = when, 0
+        height = 0.0
+        for q in range(8):
+            height = max(height, abs(s.values[8 * j + q]))
+        left = time_to_last_event(last, height <= s.rounding[j])
+        if left < np.inf:
+            _record(s, when + left, j)
+            return True
+    return False
+
+
 @unit(types.int64, types.CPointer(types.int64), types.float64, types.int64, types.int64)
 def events_unit(places, t, degree, offset):
     """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
@@ -300,7 +382,7 @@ def events_unit(places, t, degree, offset):
     num, cnt, n = s.num, s.cnt, s.n
     h, theta, coefficients = num[S.TAKEN], 0.0, at(s.coefficients, offset)
     instant = cnt[S.N_INSTANT] < s.instants and num[S.T] >= s.instant_t[cnt[S.N_INSTANT]]
-    while cnt[S.N_RECORDS] + ROUNDS * s.e < s.room:
+    while cnt[S.N_RECORDS] + 2 * s.e + MOST_AT_ONCE < s.room:
         theta = next_zero(s, coefficients, degree, t, h, theta)
         if theta == NONE and not instant:
             return S.NOTHING
@@ -315,10 +397,11 @@ def events_unit(places, t, degree, offset):
             num[S.T] = when
             for i in range(n):
                 s.x[i] = s.err[i]
-            return result
-        for j in range(s.e):
-            if s.kind[j] != S.TIMED and s.found[j] <= theta:
-                s.side[j] = -s.side[j]
+            return (
+                S.LIMIT
+                if result == S.JUMP and _accumulate(s, coefficients, degree, t, h, theta, when)
+                else result
+            )
         if theta >= 1.0:
             break
     return S.NOTHING

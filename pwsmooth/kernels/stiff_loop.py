@@ -12,6 +12,7 @@ from numba import types
 from pwsmooth.kernels import stiff_state as S
 from pwsmooth.kernels.compiling import unit
 from pwsmooth.kernels.lanes import at, fused
+from pwsmooth.kernels.state import MOST_AT_ONCE
 from pwsmooth.kernels.stiff_call import (
     EVENTS_UNIT,
     JACOBIAN,
@@ -23,7 +24,7 @@ from pwsmooth.kernels.stiff_call import (
     call_taylor_unit,
 )  # fmt: skip
 from pwsmooth.kernels.stiff_core import core
-from pwsmooth.kernels.stiff_events import ROUNDS, set_sides, value
+from pwsmooth.kernels.stiff_events import set_sides, start_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
 from pwsmooth.kernels.stiff_radau import step_polynomial
 from pwsmooth.kernels.stiff_step import radau_step
@@ -191,9 +192,13 @@ def _after_step(s, places, t, mode):
     if happened != S.NOTHING:
         for i in range(n):
             s.x[i] = s.scratch2[i]
+        if happened == S.LIMIT:
+            num[S.T] = s.event_t[cnt[S.N_RECORDS] - 1]
         _write_point(s, 0.0, -1)  # the jump
         if happened == S.STOP:
             return S.TERMINAL
+        if happened == S.LIMIT:
+            return S.ACCUMULATED
         # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
         num[S.H] = length if length > 64.0 * np.finfo(np.float64).eps * abs(num[S.T]) else 0.0
         _begin(s)
@@ -226,14 +231,14 @@ def integrate(places, steps):
     if cnt[S.FIRST] == 2:
         _begin(s)
         if s.e > 0:
-            if set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX]):
-                _begin(s)
+            start_sides(s, num[S.T], s.x)
+            set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX])
     for _ in range(steps):
         if num[S.T] >= num[S.T_END]:
             return S.DONE
         if cnt[S.STEPS_LEFT] <= 0:
             return S.TOO_MANY
-        if cnt[S.N_POINTS] + 2 > s.capacity or cnt[S.N_RECORDS] + ROUNDS * s.e >= s.room:
+        if cnt[S.N_POINTS] + 2 > s.capacity or cnt[S.N_RECORDS] + 2 * s.e + MOST_AT_ONCE >= s.room:
             break
         if _stalled(s):
             return S.UNDERFLOW

@@ -7,7 +7,7 @@ stands in stiff_core.py.
 from typing import NamedTuple
 
 # Why the loop returned.
-DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP = range(7)
+DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP, ACCUMULATED = range(8)
 
 # Which method takes the next step, and what the user allows.
 RADAU, TAYLOR = 0, 1
@@ -19,7 +19,7 @@ O_ITERATIONS, O_ETA, O_THETA, O_SIZE, O_GATE, O_AGAIN = range(6)
 # Tasks of the Taylor unit.
 STEP, REACH_ONLY = 0, 1
 # What the events of a step did.
-NOTHING, JUMP, STOP, NO_END = range(4)
+NOTHING, JUMP, STOP, NO_END, LIMIT = range(5)
 
 # Kinds of event: the sign after the zero that counts, or any, or none (events of time).
 BOTH, TIMED = 0, 2
@@ -61,7 +61,8 @@ class Core(NamedTuple):
     kind: Integers  # (e,) +1, -1: direction that counts; BOTH; TIMED
     stops: Integers  # (e,) 1 for a terminal event, 2 for a singular argument
     remembers: Integers  # (e,) index of the state that keeps the side of the surface, or -1
-    due: Integers  # (e,)
+    due: Integers  # (e,) events of this instant: 1 due, 2 acts in this round, 3 acted before
+    met: Integers  # (e,) 1: the motion has come to the surface at this instant, and no jump has taken it off
     degree: Integers  # (capacity,) of the polynomial of the step that ends here
     event_index: Integers  # (room,)
     instant_event: Integers  # (instants,)
@@ -96,6 +97,10 @@ class Core(NamedTuple):
     side: Doubles  # (e,) sign that each surface had last
     found: Doubles  # (e,)
     passed_side: Doubles  # (e,)
+    level: Doubles  # (e,) surfaces at an instant
+    was: Doubles  # (e,) and before the last update
+    rounding: Doubles  # (e,) what the last digits of the states make of them
+    fired: Doubles  # (e, 4) rows of intervals.py
     before: Doubles  # (n,)
     after: Doubles  # (n,)
     t: Doubles  # (capacity,)

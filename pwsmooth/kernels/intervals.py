@@ -1,0 +1,51 @@
+"""Instants whose intervals shrink geometrically: what is kept of them, and the limit that they come to.
+
+With intervals d, d q, d q^2, ... the limit lies d q/(1 - q) behind the last instant. One rule for the surfaces of
+switches, contacts and events, in both loops. A row `last` holds the time of the last instant, the interval before it,
+the ratio of the last two intervals, and the one before.
+"""
+
+import math
+
+from .compiling import kernel
+
+_LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
+_LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well
+
+
+@kernel
+def note_interval(last, t):
+    """Overwrites last at an instant t."""
+    interval = t - last[0]
+    last[3] = last[2]
+    last[2] = interval / last[1] if last[1] > 0.0 else math.inf
+    last[1] = interval
+    last[0] = t
+
+
+@kernel
+def time_left(last):
+    """Time from the last instant to the limit of the intervals if they shrink geometrically, else inf."""
+    q = last[2]
+    # A ratio of 0 is none: so it stands where the surface has not been met before, as after a start in a stick.
+    if not (0.0 < q < 0.9999999 and abs(q - last[3]) <= 0.02 * q):
+        return math.inf
+    return last[1] * q / (1.0 - q)
+
+
+@kernel
+def time_to_last_event(last, lost):
+    """Time from the last instant to the limit of the events of these intervals, if it is all but reached; else inf.
+
+    `lost`: the surface stays within its roundings between them, as far from the origin that of a bounce does sooner.
+    """
+    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0]))
+    left = time_left(last)
+    if left <= close:
+        return left
+    # Without one ratio, as where a latch changes the rates at each event, those of pairs tell.
+    interval, q = last[1], last[2]
+    pair = q * last[3]
+    if 0.0 < pair < 0.99 and interval <= close:
+        return (interval + interval / q) * pair / (1.0 - pair)
+    return math.inf
