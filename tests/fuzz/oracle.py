@@ -836,13 +836,13 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
         act = status == 0
         if found >= 2 * m + c:
             # Where a reset leaves the state on the surface of its event, that is left to where the motion goes on.
-            solve_multipliers(D, v, act, F)
+            there, rates_there = v.copy(), np.empty(N)
             for e in range(E):
                 r = N + m + 2 * c + e
-                if hit[e] and abs(value(D, r, v)) < 1e-11:
+                if hit[e] and abs(value(D, r, v)) < 1e-11 and solve_multipliers(D, there, act, rates_there):
                     rise = 0.0
-                    for k in range(N):
-                        rise += slope(D, r, v, k) * F[k]
+                    for i in range(N):
+                        rise += slope(D, r, there, i) * rates_there[i]
                     if abs(rise) > 1e-9:
                         side[e] = 1.0 if rise > 0 else -1.0
         if np.sum(act[:m]) > 1:
