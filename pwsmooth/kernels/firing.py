@@ -147,7 +147,8 @@ def events(P, C, S, R, W):
             W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
             S.counts[C_CLOCK] += 1
             some = True
-    W.arrived[:] = S.x
+    for k in range(P.n):
+        W.arrived[k] = S.x[k]
     code = _fire_events(P, C, S, R, W) if some else DONE
     if code == DONE and some and events_accumulate(P, S, R, W):
         return ACCUMULATED
