@@ -207,7 +207,7 @@ class CompiledProblem:
             left_half=left_half,
             right_half=right_half,
             layer_k=np.zeros((7, m + nz)),
-            fired=np.zeros((ne, 4)),
+            fired=np.zeros((ne, 6)),
             rhythm=np.zeros((3 * (m + ne) + 1, 2)),
             matrix=np.zeros((group, group + 1 + hubs)),
             schur=np.zeros((hubs, hubs + 1)),

@@ -148,7 +148,7 @@ class EventDriven:
         m, ne = len(model.multipliers), len(model.events)
         shapes = {"now": 2, "x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne,
                   "counts": names.N_COUNTS}  # fmt: skip
-        self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 4)})
+        self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 6)})
         self.state.block[:] = 0
         self.state.side[:] = 1
         self.blank = self.state.block.copy()

@@ -33,7 +33,7 @@ def _layout(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slot
         "F": (n, 8), "R": (n, 8), "hoisted": (hoisted, 8), "values": (max(q, e), 8), "weight": (n,),
         "newton_weight": (n,), "err": (n,), "scratch": (n + 8,), "scratch2": (n + 8,), "out": (8,), "t8": (8,),
         "mu": (8,), "side": (e,), "found": (e,), "passed_side": (e,), "level": (e,), "was": (e,), "rounding": (e,),
-        "fired": (e, 4), "before": (n,), "after": (n,),
+        "fired": (e, 6), "before": (n,), "after": (n,),
     }  # fmt: skip
     output = {
         "degree": (capacity,), "event_index": (room,), "t": (capacity,), "states": (capacity, n),

@@ -11,6 +11,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Memory, Outcome, System, solve
+from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 
 x, y, z, v, a = sp.symbols("x y z v a", real=True)
 TURNS = {x: -a * sp.sign(y) - sp.sign(x), y: a * sp.sign(x) - sp.sign(y)}
@@ -88,3 +89,21 @@ def test_events_accumulate_after_a_switch_has():
     assert len(solution.event_times("accumulation")) == 3
     assert solution.outcome is Outcome.EVENTS_ACCUMULATE
     assert solution.t[-1] == pytest.approx(3 * np.sqrt(2), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("intervals", "left"),
+    [
+        ([8e-6, 4e-6, 2e-6], 2e-6),
+        ([8e-6, 6e-6, 2e-6, 1.5e-6, 5e-7], 5e-7),
+        # Two looks at one instant after two that are seconds apart, as of an element that slips, sticks and slips.
+        ([10.0, 5.0, 5.7e-8, 2.8e-8], np.inf),
+        ([1e-6, 3e-7, 2e-7, 1e-7], np.inf),
+    ],
+    ids=["one ratio", "ratios in turn", "none, the last ones short", "none"],
+)
+def test_only_intervals_that_shrink_in_one_rhythm_have_a_limit(intervals, left):
+    last = np.zeros(6)
+    for at in np.cumsum(intervals):
+        note_interval(last, at)
+    assert time_to_last_event(last, True) == pytest.approx(left, rel=1e-6)

@@ -144,9 +144,11 @@ def test_points_that_a_sweep_has_no_time_for_say_so_and_run_later(clocked, tmp_p
 
 
 INTERRUPTED = """
+import signal
 import sympy as sp
 from pwsmooth import Function, System, sweep
 from pwsmooth.sweep import Function
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job begins deaf to it
 t, x, v, k = sp.symbols("t x v k", real=True)
 system = System({x: v, v: sp.cos(t) - k*x - v/5 - sp.sign(v)/4}, time=t, parameters={k: 1})
 options = dict(start={"x": 1, "v": 0}, measures=["counts"], max_steps=2**50, workers=2, chunk=2)

@@ -24,6 +24,7 @@ from .ensemble_state import (
     K_STEPS,
     Ensemble,
 )
+from .intervals import forget_intervals
 from .pointers import _caller, call_unit
 from .roots import low_bounds
 from .state import (
@@ -69,9 +70,7 @@ def _reset(P, C, S, W, E, i):
     S.side[:] = 1
     S.counts[:] = 0
     for j in range(P.m):
-        S.last[j, 0] = E.t0[i]
-        for k in range(1, S.last.shape[1]):
-            S.last[j, k] = 0.0
+        forget_intervals(S.last[j], E.t0[i])
     E.t_end[0] = E.window[i, 1]
     W.code[:] = 0  # flags of a run that stopped half-way
     E.flags[:] = 0

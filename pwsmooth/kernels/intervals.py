@@ -2,7 +2,7 @@
 
 With intervals d, d q, d q^2, ... the limit lies d q/(1 - q) behind the last instant. One rule for the surfaces of
 switches, contacts and events, in both loops. A row `last` holds the time of the last instant, the interval before it,
-the ratio of the last two intervals, and the one before.
+and the last four ratios of intervals, the newest first.
 """
 
 import math
@@ -14,9 +14,19 @@ _LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope
 
 
 @kernel
+def forget_intervals(last, t):
+    """Overwrites last as of a motion that begins at t."""
+    last[0] = t
+    for k in range(1, 6):
+        last[k] = 0.0
+
+
+@kernel
 def note_interval(last, t):
     """Overwrites last at an instant t."""
     interval = t - last[0]
+    last[5] = last[4]
+    last[4] = last[3]
     last[3] = last[2]
     last[2] = interval / last[1] if last[1] > 0.0 else math.inf
     last[1] = interval
@@ -46,6 +56,7 @@ def time_to_last_event(last, lost):
     # Without one ratio, as where a latch changes the rates at each event, those of pairs tell.
     interval, q = last[1], last[2]
     pair = q * last[3]
-    if 0.0 < pair < 0.99 and interval <= close:
+    in_turn = abs(q - last[4]) <= 0.02 * q and abs(last[3] - last[5]) <= 0.02 * last[3]
+    if 0.0 < pair < 0.99 and in_turn and interval <= close:
         return (interval + interval / q) * pair / (1.0 - pair)
     return math.inf

@@ -6,6 +6,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from .compiling import unit
+from .intervals import forget_intervals
 from .noise_state import INTERVAL, LAST, TRAJECTORY, Diffused
 from .pointers import _caller
 from .state import C_AMBIGUITIES, C_EVENTS, C_POINTS, C_STEPS, DONE, FULL, Control, Problem, Record, State, Work
@@ -35,8 +36,7 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
         S.counts[:] = 0
         W.code[:] = 0
         for j in range(P.m):
-            S.last[j, 0] = t0
-            S.last[j, 1] = S.last[j, 2] = S.last[j, 3] = 0.0
+            forget_intervals(S.last[j], t0)
         code, taken = DONE, 0
         while taken <= len(N.grid) and code == DONE:
             N.place[LAST] = N.grid[taken] if taken < len(N.grid) else end

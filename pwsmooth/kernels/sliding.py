@@ -13,6 +13,10 @@ from .pointers import call_fields, call_linear, call_newton
 from .sparse import solve_masked
 from .state import ALGEBRAIC, CONTACT, SOLVED, Problem, State, Work
 
+# At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
+# it, sqrt(|h|) of a rounding say.
+_INSIDE = 1.0 - 2.0**-53
+
 
 @unit(types.int64, Problem, State, Work)
 def newton(P, S, W):
@@ -35,6 +39,8 @@ def newton(P, S, W):
         for j in range(m):
             if mask[j]:
                 mult[j] += b[j]
+                if abs(mult[j]) == 1.0 and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
+                    mult[j] *= _INSIDE
                 change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
         if not change < math.inf or (change == 0.0 and rest > 1e-14):
             return 0  # the second where a slope is infinite, as that of a root at 0

@@ -6,6 +6,7 @@ from numba import types
 
 from .compiling import unit
 from .contacts import close_at_start
+from .intervals import forget_intervals
 from .pointers import call_fields
 from .records import record_point
 from .settling import (
@@ -42,8 +43,7 @@ def start(P, C, S, R, W):
     m, status, mult = P.m, S.status, S.mult
     W.answer[A_LONGEST] = math.inf
     for i in range(P.ne):
-        W.fired[i, 0] = S.now[0]
-        W.fired[i, 1] = W.fired[i, 2] = W.fired[i, 3] = 0.0
+        forget_intervals(W.fired[i], S.now[0])
     for j in range(m):
         status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
         mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0

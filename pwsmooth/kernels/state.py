@@ -149,9 +149,7 @@ class State(Bundle):
     deflate: "i8[1]"  # (m + ne,) known zero orders of the surfaces at the step's start
     side: "i8[1]"  # (ne,) sign of each event surface
     counts: "i8[1]"  # int64: see the C_ names
-    last: (
-        "f8[2]"  # (m, 4) time last met, interval before it, ratio of the last two intervals, and the one before
-    )
+    last: "f8[2]"  # (m, 6) rows of intervals.py
 
 
 (
@@ -308,7 +306,7 @@ class Work(Bundle):
     layer_new: "f8[1]"
     layer_k: "f8[2]"  # (7, m + nz)
     gradient: "f8[1]"  # (n,)
-    fired: "f8[2]"  # (ne, 4) as State.last, for the firings of the events
+    fired: "f8[2]"  # (ne, 6) as State.last, for the firings of the events
     pending: "i8[1]"  # (ne,) events of this instant: 1 pending, 2 fired
     firing: "i8[1]"  # (ne,) those that act on the same values
     added: "i8[1]"  # (n,) states that they add to, and that they set

@@ -100,7 +100,7 @@ class Core(NamedTuple):
     level: Doubles  # (e,) surfaces at an instant
     was: Doubles  # (e,) and before the last update
     rounding: Doubles  # (e,) what the last digits of the states make of them
-    fired: Doubles  # (e, 4) rows of intervals.py
+    fired: Doubles  # (e, 6) rows of intervals.py
     before: Doubles  # (n,)
     after: Doubles  # (n,)
     t: Doubles  # (capacity,)
