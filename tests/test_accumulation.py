@@ -95,7 +95,7 @@ def test_events_accumulate_after_a_switch_has():
     ("intervals", "left"),
     [
         ([8e-6, 4e-6, 2e-6], 2e-6),
-        ([8e-6, 6e-6, 2e-6, 1.5e-6, 5e-7], 5e-7),
+        ([8e-6, 6e-6, 2e-6, 1.5e-6, 5e-7], 2e-6 / 3),
         # Two looks at one instant after two that are seconds apart, as of an element that slips, sticks and slips.
         ([10.0, 5.0, 5.7e-8, 2.8e-8], np.inf),
         ([1e-6, 3e-7, 2e-7, 1e-7], np.inf),
