@@ -112,6 +112,10 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
         names.AMB_IMPACTS: ("simultaneous impacts", ("together", "one after the other")),
         names.AMB_UPDATES: CONFLICTING_UPDATES,
+        names.AMB_ACCUMULATION: (
+            "events that accumulate",
+            ("as after the last that is resolved", "as after another"),
+        ),
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):

@@ -6,6 +6,8 @@ turns around the corner x = y = 0. On an axis at height r it needs r/(a + 1) to 
 r (a - 1)/(a + 1): intervals and heights shrink by q = (a - 1)/(a + 1), and the corner is reached after r/2.
 """
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -14,6 +16,7 @@ from pwsmooth import Event, Memory, Outcome, System, solve
 from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 
 x, y, z, v, a = sp.symbols("x y z v a", real=True)
+n, flip = Memory("n", 0), Memory("flip", 1)
 TURNS = {x: -a * sp.sign(y) - sp.sign(x), y: a * sp.sign(x) - sp.sign(y)}
 SPIRAL = System(TURNS | {z: sp.Integer(1)}, parameters={a: 3.0})
 
@@ -36,8 +39,50 @@ def test_a_spiral_comes_to_rest_in_its_corner(q):
     assert np.max(np.abs(times[:count] - 0.5 * (1 - q ** np.arange(1, count + 1)))) < 1e-14
 
 
+@pytest.mark.parametrize("method", ["taylor", "rk"])
+@pytest.mark.parametrize(
+    ("c", "d"), [(0, 0), (Fraction(1, 10), Fraction(1, 5)), (Fraction(3, 10), Fraction(-1, 10))]
+)
+def test_a_spiral_of_unequal_quarters_comes_to_rest(c, d, method):
+    half = Fraction(1, 2)
+
+    def quarter(t, p, q):
+        """From time t at (p, q) to the axis that is met next: the velocity is constant between the axes."""
+        a, b = np.sign(p or q), np.sign(q or -p)  # each axis is left clockwise
+        velocity = -half * a + b + c, -a - half * b + d
+        wait = min(-z / z1 for z, z1 in zip((p, q), velocity) if z * z1 < 0)
+        return t + wait, *(z + z1 * wait for z, z1 in zip((p, q), velocity))
+
+    at = [quarter(Fraction(0), Fraction(1, 5), Fraction(1))]
+    for _ in range(4):
+        at.append(quarter(*at[-1]))
+    shrinks = sum(map(abs, at[4][1:])) / sum(map(abs, at[0][1:]))
+    limit = at[0][0] + (at[4][0] - at[0][0]) / (1 - shrinks)
+    u, w = (-sp.sign(x) / 2 + sp.sign(y) + sp.Rational(c)), (-sp.sign(x) - sp.sign(y) / 2 + sp.Rational(d))
+    solution = solve(System({x: u, y: w}), (0, 8), [0.2, 1], method=method)
+    assert solution.outcome is Outcome.FINISHED and np.all(solution.x[:, -1] == 0.0)
+    assert solution.event_times("accumulation") == pytest.approx([float(limit)] * 2, abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("rates", "update", "settled"),
+    [
+        ({z: flip}, {flip: -flip}, False),
+        ({z: 1}, {n: n + 1}, False),
+        ({z: 1}, {z: z + y / 2}, True),
+        ({z: 1}, {}, True),
+    ],
+    ids=["a latch", "a counter", "fades", "records"],
+)
+def test_what_events_leave_behind_at_an_accumulation_is_an_ambiguity_unless_it_fades(rates, update, settled):
+    system = System(TURNS | rates, parameters={a: 3.0}, events=[Event(x, update=update)])
+    solution = solve(system, (0, 1), {x: 0, y: 1, z: 0})
+    assert solution.outcome is Outcome.FINISHED and len(solution.event_times("accumulation")) == 2
+    found = [(e.kind, e.time) for e in solution.ambiguities]
+    assert found == [] if settled else found == [("events that accumulate", pytest.approx(0.5, abs=1e-13))]
+
+
 HALF = sp.Rational(1, 2)
-n, flip = Memory("n", 0), Memory("flip", 1)
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk", "stiff"])
 
 

@@ -8,12 +8,13 @@ import math
 
 from .compiling import kernel
 from .intervals import note_interval, time_left, time_to_last_event
-from .pointers import call_fields
-from .records import record_event
+from .pointers import call_act, call_fields
+from .records import record_ambiguity, record_event
 from .settling import approach_speed, close_contact, settle_at_rest, stop_normal_speed
 from .sliding import keep_on_surface, surface_rounding
 from .state import (
     ALGEBRAIC,
+    AMB_ACCUMULATION,
     CONTACT,
     CROSSING,
     DONE,
@@ -28,6 +29,7 @@ from .state import (
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
+_AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
 
 @kernel
@@ -55,6 +57,18 @@ def _is_lost(P, S, W, i):
     for k in range(P.n):
         S.x[k] = W.after[k]
     return lost
+
+
+@kernel
+def _comes_to_rest(P, S, W, i):
+    """Whether the update of event i changes less and less: at the limit it changes nothing."""
+    for k in range(P.n):
+        W.after[k] = S.x[k]
+    call_act(P.act, i, S.now[0], S.x, S.mult, P.p, W.after)
+    rest = 0.0
+    for k in range(P.n):
+        rest = max(rest, abs(W.after[k] - S.x[k]) / (1.0 + abs(S.x[k])))
+    return rest <= _AT_REST
 
 
 @kernel
@@ -117,6 +131,10 @@ def pass_accumulation(P, C, S, R, W):
         else:
             W.active[size] = j
             size += 1
+    for i in range(P.ne):
+        # Its surface may accumulate with these; what it does may have no limit.
+        if W.fired[i, 1] > 0.0 and t - W.fired[i, 0] <= 10.0 * interval and not _comes_to_rest(P, S, W, i):
+            record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     if code == DONE:
         # What is left of the way, with the field that the switchings come to on average.

@@ -36,11 +36,18 @@ def note_interval(last, t):
 @kernel
 def time_left(last):
     """Time from the last instant to the limit of the intervals if they shrink geometrically, else inf."""
-    q = last[2]
+    interval, q = last[1], last[2]
     # A ratio of 0 is none: so it stands where the surface has not been met before, as after a start in a stick.
-    if not (0.0 < q < 0.9999999 and abs(q - last[3]) <= 0.02 * q):
+    if not 0.0 < q < math.inf:
         return math.inf
-    return last[1] * q / (1.0 - q)
+    if abs(q - last[3]) <= 0.02 * q:
+        return interval * q / (1.0 - q) if q < 0.9999999 else math.inf
+    # Without one ratio, as around a corner with unequal quarters, or where a latch changes the rates at each event,
+    # those of pairs tell.
+    pair = q * last[3]
+    if pair < 0.99 and abs(q - last[4]) <= 0.02 * q and abs(last[3] - last[5]) <= 0.02 * last[3]:
+        return (interval + interval / q) * pair / (1.0 - pair)
+    return math.inf
 
 
 @kernel
@@ -49,14 +56,5 @@ def time_to_last_event(last, lost):
 
     `lost`: the surface stays within its roundings between them, as far from the origin that of a bounce does sooner.
     """
-    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0]))
     left = time_left(last)
-    if left <= close:
-        return left
-    # Without one ratio, as where a latch changes the rates at each event, those of pairs tell.
-    interval, q = last[1], last[2]
-    pair = q * last[3]
-    in_turn = abs(q - last[4]) <= 0.02 * q and abs(last[3] - last[5]) <= 0.02 * last[3]
-    if 0.0 < pair < 0.99 and in_turn and interval <= close:
-        return (interval + interval / q) * pair / (1.0 - pair)
-    return math.inf
+    return left if left <= (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0])) else math.inf

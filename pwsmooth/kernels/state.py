@@ -36,7 +36,8 @@ SOLVED, HELD = 0, 2
     AMB_FOLD,
     AMB_IMPACTS,
     AMB_UPDATES,
-) = range(9)
+    AMB_ACCUMULATION,
+) = range(10)
 
 # Why the loop returned.
 (

@@ -556,7 +556,13 @@ def settle(D, v, status, touched, forced, tags):
             rate = value(D, N + m + c + k, v)
             gap = abs(value(D, N + m + k, v))
             on = status[m + k] == 0 or touched[m + k] or gap < 1e-11
-            if on and status[m + k] != 0 and not touched[m + k] and rate < -1e-9 and gap > max(2e-13, -1e-9 * rate):
+            if (
+                on
+                and status[m + k] != 0
+                and not touched[m + k]
+                and rate < -1e-9
+                and gap > max(2e-13, -1e-9 * rate)
+            ):
                 return UNDECIDED  # it is near, and so slow that it comes too late to be taken as come
             near[k] = on and abs(rate) < 1e-9
             if on and rate < 1e-9:
