@@ -85,6 +85,37 @@ def test_a_piston_with_dry_friction_rests_on_its_stop_and_leaves_it(method):
     assert solution.x[:, -1] == pytest.approx([0.5**3 / 6, 0.5**2 / 2], abs=1e-9)
 
 
+@METHODS
+@pytest.mark.parametrize("restitution", [0, sp.Rational(1, 2)])
+@pytest.mark.parametrize(
+    "force",
+    [
+        sp.sin(t) / 10,
+        3 * sp.sin(t) / 4,
+        13 * sp.sin(t) / 10,
+        2 * sp.sin(t),
+        3 * sp.cos(t) - 0.62 * x,
+        3 * (sp.sin(t) + sp.sin(sp.sqrt(2) * t)) / 4,
+    ],
+    ids=["weak", "below the weight", "below the weight and friction", "lifts", "with a spring", "two tones"],
+)
+def test_a_mass_with_dry_friction_comes_to_rest_on_its_stop_wherever_that_is(force, restitution, method):
+    # Friction holds it where the stop ceases to, and the stop where friction does; it slips upwards only.
+    ends = []
+    for at in (0, sp.Rational(1, 5), -sp.Rational(1, 3), sp.Rational(70, 3)):
+        R = Unilateral(x + at, restitution=restitution, name="R")
+        rates = {x: v, v: -1 + force.subs(x, x + at) - 2 * sp.sign(v) / 5 + R.reaction}
+        solution = solve(System(rates, time=t), (0, 30), [1 - float(at), 0], method=method)
+        assert solution.outcome.name == "FINISHED"
+        assert np.min(solution["x"] + float(at)) >= -1e-8  # the pair's tolerance
+        lifts = [e.time for e in solution.events if e.kind == "slip by tangency"]
+        ends.append((solution["x"][-1] + float(at), solution["v"][-1], lifts))
+    for end in ends[1:]:
+        assert end[:2] == pytest.approx(ends[0][:2], abs=1e-7)
+        if restitution == 0:
+            assert end[2] == pytest.approx(ends[0][2], abs=1e-7)
+
+
 # ---- a restart at a fold
 
 

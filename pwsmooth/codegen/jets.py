@@ -100,16 +100,17 @@ class JetProgram:
         self.degrees = Degrees(graph, self.rates, general)
         self.source = Source()
         self.responses: Responses | None = None
-        # While switch j slides on a state, that state's rate is 0 exactly, not to rounding.
-        self.frozen: dict[int, int] = {}
+        # While switch j slides on a state, that state's rate is 0 exactly, not to rounding; so is that of the speed of
+        # a closed contact's gap.
+        self.frozen: dict[int, list[int]] = {}
         if general:
             for j, mult in enumerate(model.multipliers):
                 if mult.kind != "algebraic" and self.h[j] in self.states:
                     i = self.states.index(self.h[j])
                     if mult.kind == "switch":
-                        self.frozen[i] = j
+                        self.frozen.setdefault(i, []).append(j)
                     elif self.rates[i] in self.states:
-                        self.frozen[self.states.index(self.rates[i])] = j
+                        self.frozen.setdefault(self.states.index(self.rates[i]), []).append(j)
 
     def solved(self, j: int) -> str:
         return f"on{j}"
@@ -381,7 +382,9 @@ class JetProgram:
                 loop.line(f"z{node} = 0.0")  # an affine node has no order above 1
 
     def _frozen(self, i: int, rate: str) -> str:
-        return f"choose(on{self.frozen[i]}, 0.0, {rate})" if i in self.frozen else rate
+        for j in self.frozen.get(i, []):
+            rate = f"choose(on{j}, 0.0, {rate})"
+        return rate
 
 
 def write_jets(model: Model) -> dict[str, str]:

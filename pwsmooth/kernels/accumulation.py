@@ -7,7 +7,7 @@ switches of higher relative degree are held at lambda = 0, the others settled by
 import math
 
 from .compiling import kernel
-from .intervals import note_interval, time_left, time_to_last_event
+from .intervals import forget_intervals, note_interval, time_left, time_to_last_event
 from .pointers import call_act, call_fields
 from .records import record_ambiguity, record_event
 from .settling import approach_speed, close_contact, settle_at_rest, stop_normal_speed
@@ -118,7 +118,7 @@ def pass_accumulation(P, C, S, R, W):
         if j != leader and not (free and recent):
             continue
         record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
-        S.last[j, 1] = 0.0
+        forget_intervals(S.last[j], S.now[0])
         keep_on_surface(P, S, j, W)
         if P.kind[j] == CONTACT:
             stop_normal_speed(P, S, j, W, True)

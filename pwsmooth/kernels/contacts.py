@@ -10,7 +10,7 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 """
 
 from .compiling import kernel
-from .intervals import note_interval
+from .intervals import forget_intervals, note_interval
 from .pointers import call_act, call_fields, call_newton
 from .records import record_ambiguity, record_event
 from .settling import approach_speed, evaluate_surfaces
@@ -25,10 +25,12 @@ from .state import (
     EV_OPENING,
     I_JUMPED,
     I_LOOK_AGAIN,
+    SLIDING,
     SOLVED,
 )
 
 UNSOLVABLE, UNCHANGED, CHANGED = -1, 0, 1
+PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 _HEAVY = float(2**30)  # a reaction beside which all other forces are small
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
 _SINGULAR = 1e10  # an impulse or force so many times the others comes of a singular matrix
@@ -40,6 +42,7 @@ def _open(S, R, j, order):
     S.status[j] = 1
     S.mult[j] = 0.0
     S.deflate[j] = order
+    forget_intervals(S.last[j], S.now[0])  # impacts that ended in its closing come to no other limit
     record_event(S, R, j, EV_OPENING, 0, 1)
 
 
@@ -243,6 +246,32 @@ def _collide(P, S, R, W, size):
 
 
 @kernel
+def _friction(P, W, j):
+    """The most that switches that can stick change the acceleration of gap j, or of multiplier j's surface."""
+    total = 0.0
+    for k in range(P.m):
+        if P.kind[k] == SLIDING:
+            total += abs(entry(P.g_row, P.g_col, W.G, j, k))
+    return total
+
+
+@kernel
+def part_or_press(P, S, W, j):
+    """Of contacts that rested because switch j stuck, and that have felt nothing: on which side it leaves them.
+
+    It slips now with an acceleration that begins at 0, and so does the gap.
+    """
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        k = P.contact[c]
+        held = entry(P.g_row, P.g_col, W.G, k, j)
+        if S.status[k] != SOLVED and S.deflate[k] == 2 and abs(W.g[k]) < 1e-9 * abs(held):
+            parts = S.status[j] * held * W.G[P.g_diagonal[j]] > 0.0
+            S.deflate[k] = 3 if parts else PRESSING
+            W.code[I_LOOK_AGAIN] = 1
+
+
+@kernel
 def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
     largest, resting, was_closed = 0.0, W.chosen, W.load
@@ -254,6 +283,8 @@ def _settle_forces(P, S, R, W, size):
         # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
         smooth = S.status[j] != SOLVED and S.deflate[j] == 3
         resting[a] = 1 if abs(W.speed[a]) <= W.at_rest[a] and not smooth else 0
+        if resting[a] and S.deflate[j] == PRESSING:
+            S.status[j] = SOLVED
         if resting[a]:
             some = True
             W.code[I_LOOK_AGAIN] = 1
@@ -280,11 +311,15 @@ def _settle_forces(P, S, R, W, size):
             j = W.touching[a]
             if wrong < 0 and resting[a]:
                 if S.status[j] == SOLVED:
-                    fails = S.mult[j] < -_EQUAL * largest
+                    own = abs(entry(P.g_row, P.g_col, W.G, j, j))
+                    fails = S.mult[j] < 0.0 and not abs(S.mult[j]) * own < _EQUAL * (
+                        own * largest + _friction(P, W, j)
+                    )
                 else:
-                    own = entry(P.g_row, P.g_col, W.G, j, j)
-                    # What the others hold already, as a second wall at the same place, stays open.
-                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * abs(own) * largest
+                    # What is held already stays open: by another contact, as a second wall at the same place, or by
+                    # friction.
+                    own = abs(entry(P.g_row, P.g_col, W.G, j, j))
+                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * (own * largest + _friction(P, W, j))
                 if fails:
                     wrong = a
         if wrong < 0:

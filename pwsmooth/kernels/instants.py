@@ -11,9 +11,9 @@ from numba import types
 
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
-from .contacts import UNCHANGED, UNSOLVABLE, settle_contacts, stop_closed
+from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
-from .intervals import note_interval
+from .intervals import forget_intervals, note_interval
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
@@ -21,9 +21,11 @@ from .records import record_ambiguity, record_event, record_point
 from .settling import (
     approach_speed,
     evaluate_surfaces,
+    hold_supported,
     layer_code,
     leading_order,
     resettle,
+    rest_with_friction,
     settle_arrivals,
     settle_at_rest,
 )
@@ -79,6 +81,15 @@ _MOST_MINUTE = 10_000
 @kernel
 def _arrivals(P, C, S, R, W, size, jumped):
     """Settles the switches W.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+    if len(P.contact) > 0:
+        size = hold_supported(P, S, W, size)
+        for j in range(P.m):
+            if S.status[j] == HELD and W.came[j] != HELD and W.hit[j]:
+                record_event(S, R, j, EV_STICK, W.came[j], 0)
+                keep_on_surface(P, S, j, W)
+                forget_intervals(S.last[j], S.now[0])
+        if size == 0:
+            return DONE
     joint = size
     for a in range(size):
         link(P, S, W, W.active[a])
@@ -121,6 +132,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
+            rest_with_friction(P, S)
         elif S.status[j] != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
@@ -186,6 +198,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 mult[j] = float(status[j])
                 S.deflate[j] = 2
                 record_event(S, R, j, EV_TANGENCY, 0, status[j])
+                part_or_press(P, S, W, j)
         elif P.kind[j] == SLIDING:
             W.active[size] = j
             size += 1

@@ -80,13 +80,23 @@ def residual(P, S, W, j, lam):
 
 
 @kernel
-def _is_supported(P, S, W, j, plus, minus):
-    """Whether a closed contact holds h_j at 0 whatever lambda_j is, as a piston at its stop, from g_j at 1 and -1.
+def hold_supported(P, S, W, size):
+    """Holds at 0 those of W.active[:size] whose surface a closed contact keeps at 0 whatever lambda is.
 
-    lambda and the reaction are not unique there.
+    As a piston at its stop: lambda and the reaction are not unique there. Returns the size without them.
     """
-    evaluate_surfaces(P, S, W)
-    return max(abs(plus), abs(minus)) <= 1e-12 * abs(W.G[P.g_diagonal[j]])
+    rest = 0
+    for a in range(size):
+        j = W.active[a]
+        most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
+        evaluate_surfaces(P, S, W)
+        if most <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
+            S.status[j] = HELD
+            S.mult[j] = 0.0
+        else:
+            W.active[rest] = j
+            rest += 1
+    return rest
 
 
 @kernel
@@ -94,10 +104,6 @@ def _one_at_rest(P, S, R, W, j):
     """One switch on its surface that came from no side: u = 0, lambda = 0. Says so where that does not decide."""
     plus, minus = residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)
     middle = residual(P, S, W, j, 0.0)
-    if _is_supported(P, S, W, j, plus, minus):
-        S.status[j] = HELD
-        S.mult[j] = 0.0
-        return DONE
     if abs(middle) <= 1e-14 * max(abs(plus), abs(minus)) and residual(P, S, W, j, 1e-4) > 0.0:
         # lambda = 0 is a repelling root: which way it leaves is not decided by the equations.
         found = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, 1e-4)
@@ -150,8 +156,16 @@ def _rest_repels(P, S, W, size):
 
 
 @kernel
+def rest_with_friction(P, S):
+    """A contact that has just opened smoothly is not left so, where friction now holds what the contact held."""
+    for c in range(len(P.contact)):
+        S.deflate[P.contact[c]] = min(S.deflate[P.contact[c]], 2)
+
+
+@kernel
 def settle_at_rest(P, C, S, R, W, size):
     """Settles the switches W.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
+    size = hold_supported(P, S, W, size)
     together = False
     for a in range(size):
         S.mult[W.active[a]] = 0.0
@@ -192,9 +206,8 @@ def release_held(P, C, S, R, W):
         if S.status[j] != HELD:
             continue
         if P.kind[j] == SLIDING:
-            if not _is_supported(P, S, W, j, residual(P, S, W, j, 1.0), residual(P, S, W, j, -1.0)):
-                W.active[size] = j
-                size += 1
+            W.active[size] = j
+            size += 1
             continue
         order = leading_order(P, C, S, W, j)
         # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
@@ -204,7 +217,9 @@ def release_held(P, C, S, R, W):
             S.deflate[j] = abs(order) - 1
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True
+    size = hold_supported(P, S, W, size)
     if size > 0:
+        rest_with_friction(P, S)
         return settle_at_rest(P, C, S, R, W, size)
     return DONE if some else -1
 
