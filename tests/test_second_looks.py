@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Switch, System, Unilateral, solve
+from pwsmooth import Algebraic, Event, Switch, System, Unilateral, solve
 
 t, x, y, u, v, w, a, b, s = sp.symbols("t x y u v w a b s", real=True)
 METHODS = pytest.mark.parametrize("method", ["taylor", "rk"])
@@ -83,6 +83,17 @@ def test_a_piston_with_dry_friction_rests_on_its_stop_and_leaves_it(method):
     # Weight and friction are exceeded from t = 3.5 on, by t - 3.5.
     solution = solve(system, (0, 4), [1, 0], method=method)
     assert solution.x[:, -1] == pytest.approx([0.5**3 / 6, 0.5**2 / 2], abs=1e-9)
+
+
+@METHODS
+@pytest.mark.parametrize("kick", [-1, 1])
+def test_a_mass_that_is_kicked_off_its_stop_has_friction_again(kick, method):
+    R = Unilateral(x + 3, restitution=sp.Rational(1, 2), name="R")
+    system = System({x: v, v: -1 - 2 * sp.sign(v) / 5 + R.reaction}, events=[Event(at=1, update={v: v + kick})])
+    solution = solve(system, (0, 1.2), [-3, 0], method=method)
+    speed = 1 if kick > 0 else 0.5
+    after = [-3 + 0.2 * speed - 1.4 * 0.02, speed - 1.4 * 0.2]
+    assert solution.x[:, -1] == pytest.approx(after, abs=1e-9) and solution.status[0, -1] == 1
 
 
 @METHODS

@@ -162,7 +162,7 @@ def sides_after_crossing(P, S, R, W):
         evaluate_surfaces(P, S, W)
         changed = False
         for j in range(P.m):
-            if P.nested[j] == 0 or W.hit[j] or S.status[j] == HELD:
+            if P.nested[j] == 0 or W.hit[j]:
                 continue
             if abs(W.h[j]) <= surface_rounding(P, S, j, W):
                 continue
@@ -182,11 +182,13 @@ def sides_after_jump(P, S, R, W):
     """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
     evaluate_surfaces(P, S, W)
     for j in range(P.m):
-        if P.kind[j] >= CONTACT or S.status[j] == HELD:
+        if P.kind[j] >= CONTACT:
             continue
         if W.hit[j] and W.h[j] == W.tau[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+            if S.status[j] == HELD:
+                continue
             if not W.hit[j]:
                 S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
             W.hit[j] = True  # still, or now, on its surface

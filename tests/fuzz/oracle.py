@@ -582,7 +582,10 @@ def settle(D, v, status, touched, forced, tags):
             return UNDECIDED
         # What is open by less than this can tell, but not quite touched yet, is not hit at the same time. The two
         # come to a limit that is not that of one impact, be it that bodies come to rest between each other.
-        if count > 1 and np.any(status[m + closing[:count]] != 0):
+        merged = False
+        for k in closing[:count]:
+            merged = merged or (status[m + k] != 0 and not touched[m + k])
+        if count > 1 and merged:
             if not one_by_one(D, fast, closing[:count], 1) or not one_by_one(D, slow, closing[:count], -1):
                 return UNDECIDED
             if np.max(np.abs(fast - v)) > 1e-8 or np.max(np.abs(slow - v)) > 1e-8:
