@@ -188,7 +188,7 @@ class CompiledProblem:
         short_table, short_error, short_powers = short_tables(order, width)
         left_half, right_half = halving_tables(order, width)
         k = np.arange(float(width))
-        return state.Work(
+        fields = dict(
             order=order,
             per_order=1.0 / order,
             per_order_before=1.0 / (order - 1),
@@ -278,6 +278,17 @@ class CompiledProblem:
             fold_G=np.zeros(len(self.fixed["fold_col"])),
             fold_dh=np.zeros(len(self.fold.pattern("DH")[1]) + m + 1 + ne if self.fold else 0),
         )
+        return state.Work(**{k: _on_cache_lines(v) if np.size(v) >= width else v for k, v in fields.items()})
+
+
+def _on_cache_lines(values):
+    """A copy that begins on a cache line of 64 bytes: each vector of eight would lie across two of them."""
+    values = np.ascontiguousarray(values)
+    room = np.zeros(values.nbytes + 64, np.uint8)
+    begin = -room.ctypes.data % 64
+    copy = room[begin : begin + values.nbytes].view(values.dtype).reshape(values.shape)
+    copy[...] = values
+    return copy
 
 
 def _groups(row, col, hub):
