@@ -246,7 +246,7 @@ def _collide(P, S, R, W, size):
 
 
 @kernel
-def _friction(P, W, j):
+def friction_on(P, W, j):
     """The most that switches that can stick change the acceleration of gap j, or of multiplier j's surface."""
     total = 0.0
     for k in range(P.m):
@@ -313,13 +313,13 @@ def _settle_forces(P, S, R, W, size):
                 if S.status[j] == SOLVED:
                     own = abs(entry(P.g_row, P.g_col, W.G, j, j))
                     fails = S.mult[j] < 0.0 and not abs(S.mult[j]) * own < _EQUAL * (
-                        own * largest + _friction(P, W, j)
+                        own * largest + friction_on(P, W, j)
                     )
                 else:
                     # What is held already stays open: by another contact, as a second wall at the same place, or by
                     # friction.
                     own = abs(entry(P.g_row, P.g_col, W.G, j, j))
-                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * (own * largest + _friction(P, W, j))
+                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * (own * largest + friction_on(P, W, j))
                 if fails:
                     wrong = a
         if wrong < 0:

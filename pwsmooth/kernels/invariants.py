@@ -8,8 +8,10 @@ Chain: trajectory.py -> **this file**.
 import os
 
 from .compiling import kernel
+from .contacts import friction_on
 from .settling import evaluate_surfaces
 from .sliding import surface_size
+from .sparse import entry
 from .state import ALGEBRAIC, C_AMBIGUITIES, CONTACT, HELD, SLIDING, SOLVED
 
 CHECK = os.environ.get("PWSMOOTH_CHECK", "0") not in ("", "0")
@@ -34,7 +36,8 @@ def broken_by(P, C, S, W):
         if S.status[j] == SOLVED or S.status[j] == HELD:
             holds = abs(W.h[j]) <= apart
             if P.kind[j] == CONTACT:
-                holds = holds and S.mult[j] >= -1e-6 * force
+                own = abs(entry(P.g_row, P.g_col, W.G, j, j))
+                holds = holds and own * (S.mult[j] + 1e-6 * force) >= -1e-12 * friction_on(P, W, j)
             else:
                 holds = holds and abs(S.mult[j]) <= 1.0 + 1e-6
             # A root that repels is gone along only where that is recorded.
