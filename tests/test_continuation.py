@@ -41,6 +41,17 @@ def test_a_fold_is_found_and_passed():
     assert branch.values[-1] == 0.8 and "reached" in branch.end
 
 
+@pytest.mark.parametrize("bound", [{"max_steps": 1}, {"max_steps": 30}, {"max_seconds": 1e-9}])
+def test_a_branch_is_bounded_as_a_whole_and_goes_on_from_where_it_was_left(bound):
+    orbit = mapped({x: a + x - x**2}, {x: 0.9}, 0.8)
+    part = follow(orbit, a, to=0.2, **bound)
+    assert list(bound)[0] in part.end and part.values[-1] > 0.2
+    rest = follow(part.orbits[-1], a, to=0.2)
+    assert "reached" in rest.end and rest.x[0, -1] == pytest.approx(math.sqrt(0.2), abs=1e-12)
+    with pytest.raises((ValueError, TypeError), match=f"`{list(bound)[0]}`"):
+        follow(orbit, a, to=0.2, **dict.fromkeys(bound, 0))
+
+
 def test_a_flip_is_found_and_its_branch_is_the_two_cycle():
     branch = follow(mapped({x: a * x * (1 - x)}, {x: 0.6}, 2.8), "a", to=3.3)
     (flip,) = branch.bifurcations

@@ -16,11 +16,15 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
+
+
+_COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
 @dataclass
@@ -111,6 +115,8 @@ def follow(
     longest_step: float = 0.1,
     shortest_step: float = 1e-7,
     most: int = 500,
+    max_steps: int = 10 * MOST_STEPS,
+    max_seconds: float | None = None,
 ) -> Branch:
     """Follow a periodic orbit over a parameter.
 
@@ -126,6 +132,8 @@ def follow(
         Of the arc in (x, q/abs(to - q0)).
     most : int
         Largest number of orbits.
+    max_steps, max_seconds : int, float (s), optional
+        Bounds of the whole branch, looked at after each orbit: what was followed until then is returned.
 
     Returns
     -------
@@ -171,12 +179,32 @@ def follow(
         )
     if begin == end:
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
-    walk = Walk(orbit, name, abs(end - begin))
+    lengths = step, longest_step, shortest_step
+    bound = opened(max_steps, max_seconds)
+    with within(Budget(_COUNTED)) as counted:
+        return _followed(
+            orbit,
+            Walk(orbit, name, abs(end - begin)),
+            (begin, end),
+            lengths,
+            most,
+            lambda: _COUNTED - counted.left >= bound.left or bound.late(),
+        )
+
+
+def _followed(orbit, walk, ends, lengths, most, used_up) -> Branch:
+    (begin, end), (step, longest_step, shortest_step), name = ends, lengths, walk.name
     branch = Branch(name, [orbit])
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
     ds = min(step, longest_step)
     while len(branch.orbits) < most:
+        if used_up():
+            branch.end = (
+                f"`max_steps` or `max_seconds` are used up at {name} = {walk.value(here):.10g}: give more, or go on "
+                "from `orbits[-1]`."
+            )
+            return branch
         if not here.alone:
             branch.end = (
                 f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
