@@ -143,9 +143,10 @@ def test_events_accumulate_after_a_switch_has():
         ([8e-6, 6e-6, 2e-6, 1.5e-6, 5e-7], 2e-6 / 3),
         # Two looks at one instant after two that are seconds apart, as of an element that slips, sticks and slips.
         ([10.0, 5.0, 5.7e-8, 2.8e-8], np.inf),
-        ([1e-6, 3e-7, 2e-7, 1e-7], np.inf),
+        ([2.5, 10.0, 5.0, 5.7e-8, 2.8e-8], np.inf),
+        ([1e-6, 1e-8, 5e-9, 4.9e-9, 1e-9], np.inf),
     ],
-    ids=["one ratio", "ratios in turn", "none, the last ones short", "none"],
+    ids=["one ratio", "ratios in turn", "none, the last ones short", "none, the last two short", "none"],
 )
 def test_only_intervals_that_shrink_in_one_rhythm_have_a_limit(intervals, left):
     last = np.zeros(6)

@@ -51,10 +51,24 @@ def time_left(last):
 
 
 @kernel
+def _alike(q, other):
+    """Whether two ratios are of one sequence, be it one that drifts."""
+    return 0.5 * other <= q <= 2.0 * other
+
+
+@kernel
 def time_to_last_event(last, lost):
     """Time from the last instant to the limit of the events of these intervals, if it is all but reached; else inf.
 
     `lost`: the surface stays within its roundings between them, as far from the origin that of a bounce does sooner.
     """
+    close = (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0]))
     left = time_left(last)
-    return left if left <= (_LOST_EVENTS if lost else _LAST_EVENTS) * (1.0 + abs(last[0])) else math.inf
+    if left <= close:
+        return left
+    # Where each reset changes the rates the ratios drift, and so near the limit that of a pair says where it is.
+    interval, q = last[1], last[2]
+    pair = q * last[3]
+    if 0.0 < pair < 0.99 and interval <= close and _alike(q, last[4]) and _alike(last[3], last[5]):
+        return (interval + interval / q) * pair / (1.0 - pair)
+    return math.inf
