@@ -153,3 +153,14 @@ def test_only_intervals_that_shrink_in_one_rhythm_have_a_limit(intervals, left):
     for at in np.cumsum(intervals):
         note_interval(last, at)
     assert time_to_last_event(last, True) == pytest.approx(left, rel=1e-6)
+
+
+def test_resets_whose_ratio_is_small_and_drifts_have_a_limit():
+    # As of rates that each reset raises a bit: the fourth interval is the last that can be told from none.
+    last = np.zeros(6)
+    *earlier, latest = np.cumsum([1.2, 1.8e-1, 4.8e-5, 1.15e-8, 2.53e-12])
+    for at in earlier:
+        note_interval(last, at)
+    assert time_to_last_event(last, True) == np.inf
+    note_interval(last, latest)
+    assert 0 < time_to_last_event(last, False) < 1e-14

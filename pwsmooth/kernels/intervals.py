@@ -69,6 +69,8 @@ def time_to_last_event(last, lost):
     # Where each reset changes the rates the ratios drift, and so near the limit that of a pair says where it is.
     interval, q = last[1], last[2]
     pair = q * last[3]
-    if 0.0 < pair < 0.99 and interval <= close and _alike(q, last[4]) and _alike(last[3], last[5]):
+    drift = _alike(q, last[3]) and _alike(last[3], last[4])
+    drift = drift or (_alike(q, last[4]) and _alike(last[3], last[5]))
+    if 0.0 < pair < 0.99 and interval <= close and drift:
         return (interval + interval / q) * pair / (1.0 - pair)
     return math.inf
