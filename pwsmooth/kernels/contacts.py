@@ -310,16 +310,14 @@ def _settle_forces(P, S, R, W, size):
         for a in range(size):
             j = W.touching[a]
             if wrong < 0 and resting[a]:
+                own = abs(entry(P.g_row, P.g_col, W.G, j, j))
+                rounding = _EQUAL * (own * largest + friction_on(P, W, j))
                 if S.status[j] == SOLVED:
-                    own = abs(entry(P.g_row, P.g_col, W.G, j, j))
-                    fails = S.mult[j] < 0.0 and not abs(S.mult[j]) * own < _EQUAL * (
-                        own * largest + friction_on(P, W, j)
-                    )
+                    fails = S.mult[j] < 0.0 and not abs(S.mult[j]) * own < rounding
                 else:
                     # What is held already stays open: by another contact, as a second wall at the same place, or by
                     # friction.
-                    own = abs(entry(P.g_row, P.g_col, W.G, j, j))
-                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < _EQUAL * (own * largest + friction_on(P, W, j))
+                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < rounding
                 if fails:
                     wrong = a
         if wrong < 0:
