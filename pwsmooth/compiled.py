@@ -20,7 +20,6 @@ from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
 from .singular import KINDS
 
-FLAT = (sp.exp, sp.tanh, sp.erf, sp.erfc)  # see kernels.steps.fits
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
 
 
@@ -68,17 +67,16 @@ class CompiledProblem:
         expressions = (*text.rhs, *(mu.residual for mu in text.multipliers))
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
-        surfaces = (part.surface for part in (*model.multipliers, *model.events) if part.surface is not None)
-        flat = any(e.has(*FLAT) for e in (*expressions, *surfaces))
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
         fold = self.fold
         empty = np.zeros(0, np.int64)
+        flat_rows = [code.flat_rows_slip, code.flat_rows_general if slides else empty]
         fold_row, fold_col = fold.pattern("G") if fold else (empty, empty)
         self.fixed = dict(
             rk_unit=0,
-            flat=int(flat),
+            flat=int(any(map(len, flat_rows))),
             pair=0,
             **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
             fields=code.fields,
@@ -122,6 +120,9 @@ class CompiledProblem:
             ),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
+            flat_slip=flat_rows[0],
+            flat_general=flat_rows[1],
+            flat_fold=fold.flat_rows_general if fold else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
             rows_fold=fold.surface_rows_general[1:] if fold else empty,
             # The Runge-Kutta pair's polynomials stand in a fixed order: states, multipliers, surfaces.

@@ -16,12 +16,12 @@ import numpy as np
 import sympy as sp
 
 from .budget import Budget
-from .compiled import FLAT
 from .event_driven import Options, ready
 from .model import EventSpec, Model, Select
 from .records import course
 from .solution import Solution
 
+_FLAT = (sp.exp, sp.sinh, sp.cosh, sp.tanh, sp.erf, sp.erfc)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
 
 
@@ -32,7 +32,7 @@ def strip(mu: Any, model: Model) -> sp.Expr | None:
     (kernels/stiff_gate.py, which protects the layers of smoothed views in the same way).
     """
     h, found = sp.Dummy("h", positive=True), set()
-    atoms = set().union(*(e.atoms(*FLAT) for e in model.rhs))
+    atoms = set().union(*(e.atoms(*_FLAT) for e in model.rhs))
     for atom in atoms:
         argument = atom.args[0].xreplace({mu.symbol: sp.Integer(1)}).subs(mu.surface, h)
         factor, power = argument.as_independent(h, as_Add=False)

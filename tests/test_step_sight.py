@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import quad
+from scipy.special import erf
 
-from pwsmooth import Event, System, solve
+from pwsmooth import Event, Family, System, solve
 
 v, x = sp.symbols("v x", real=True)
 
@@ -33,3 +34,35 @@ def test_a_peak_near_standstill_is_not_stepped_over_from_afar(order, peak):
     time = sum(quad(inverse, a, b, epsabs=1e-13, epsrel=1e-13)[0] for a, b in ((0, 0.1), (0.1, 0.5), (0.5, 10)))
     # rtol * v = 1e-8 in v at the speed 1 before the peak
     assert solution.event_times() == pytest.approx([time], abs=1e-8)
+
+
+PULSES = {
+    "tanh": lambda u: sp.tanh(u) ** 2,
+    "exp": lambda u: sp.exp(-(u**2)),
+    "power": lambda u: sp.Rational(1, 10) ** (u**2),
+    "erf": lambda u: sp.erf(u) ** 2,
+    "cosh": lambda u: 1 / sp.cosh(u),
+}
+
+
+@pytest.mark.parametrize("width", [1e-2, 0.1, 1.0])
+@pytest.mark.parametrize("pulse", PULSES.values(), ids=PULSES)
+def test_a_pulse_is_not_stepped_over_to_where_the_field_is_as_before(pulse, width):
+    at = [-5 * width, -width, width, 5 * width]
+    area = quad(sp.lambdify(v, pulse(v / width)), -1, 2, points=at, epsabs=1e-13, epsrel=1e-13, limit=300)[0]
+    solution = solve(System({v: 1, x: pulse(v / width)}), (0, 3), [-1, 0])
+    assert solution["x"][-1] == pytest.approx(area, abs=2e-9)
+
+
+@pytest.mark.parametrize("of_neighbours", [False, True])
+def test_the_pulses_of_a_family_are_seen_by_each_element(of_neighbours):
+    ring = Family(10, periodic=True)
+    z, area = ring.symbols("z area")
+    (w,) = ring.symbols("w", positive=True)
+    seen = ring.neighbour(z, 1) if of_neighbours else z
+    system = System({z: 1, area: sp.exp(-((w * seen) ** 2))}, parameters={w: 1})
+    begin, width = -1 - np.arange(10) / 100, 10.0 * np.arange(1, 11)
+    solution = solve(system, (0, 3), {z: begin, area: np.zeros(10)}, parameters={w: width})
+    start = np.roll(begin, -1) if of_neighbours else begin
+    expected = math.sqrt(math.pi) / (2 * width) * (erf(width * (start + 3)) - erf(width * start))
+    assert [solution[f"area_{k + 1}"][-1] for k in range(10)] == pytest.approx(expected, abs=1e-9)

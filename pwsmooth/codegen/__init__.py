@@ -39,6 +39,8 @@ class Compiled:
         at least K + 4.
     surface_rows_slip, surface_rows_general : ndarray of int64, shape (m + ne,)
         Row of each surface, -1 where there is none.
+    flat_rows_slip, flat_rows_general : ndarray of int64
+        Rows of the arguments of functions that are flat far from 0 (recurrences.FLAT).
     mult_row0 : int
         Row of the first multiplier in the general program.
     """
@@ -151,16 +153,17 @@ class Compiled:
     def jet_general(self) -> int:
         return self._general.address("jet_general") if self._general else 0
 
-    def _rows(self, program) -> tuple[int, int, np.ndarray]:
+    def _rows(self, program) -> tuple[int, int, np.ndarray, np.ndarray]:
         if program is None:
-            return 0, 0, np.zeros(0, np.int64)
+            return 0, 0, np.zeros(0, np.int64), np.zeros(0, np.int64)
         if self._loops:
             from .layout import Layout, numeric_rows
 
-            *counts, rows = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
+            found = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
         else:
-            *counts, rows = (program.constants[name] for name in ("NROWS", "OWN_ROWS", "SURFACE_ROWS"))
-        return *counts, np.array(rows, np.int64)
+            found = (program.constants[name] for name in ("NROWS", "OWN_ROWS", "SURFACE_ROWS", "FLAT_ROWS"))
+        *counts, rows, flat = found
+        return *counts, np.array(rows, np.int64), np.array(flat, np.int64)
 
     @property
     def nrows_slip(self) -> tuple[int, int]:
@@ -183,6 +186,14 @@ class Compiled:
     @cached_property
     def surface_rows_general(self) -> np.ndarray:
         return self._rows(self._general)[2]
+
+    @property
+    def flat_rows_slip(self) -> np.ndarray:
+        return self._rows(self._slip)[3]
+
+    @property
+    def flat_rows_general(self) -> np.ndarray:
+        return self._rows(self._general)[3]
 
     @property
     def mult_row0(self) -> int:

@@ -102,9 +102,9 @@ def sparse_pattern(rows, families, columns, sizes) -> tuple[np.ndarray, np.ndarr
 
 
 def numeric_rows(constants, surfaces, sizes):
-    """(number of rows, of further rows of its own, row of every surface) of a program for these numbers of elements.
+    """(number of rows, of further rows of its own, rows of the surfaces, of flat functions' arguments) of a program.
 
-    `surfaces` holds the family of every surface block.
+    For these numbers of elements; `surfaces` holds the family of every surface block.
     """
     first = [c.at(sizes) for c in starts(constants["ROW_FAMILIES"])]
     fixed, *each = constants["SCRATCH"]
@@ -114,4 +114,5 @@ def numeric_rows(constants, surfaces, sizes):
         count = 1 if family is None else sizes[family]
         own = row >= 0 and constants["ROW_FAMILIES"][row] is not None
         rows += [-1 if row < 0 else first[row] + (i if own else 0) for i in range(count)]
-    return first[-1], -(-scratch // SHORTEST_ROW), rows
+    flat = [r for row in constants["FLAT_ROWS"] for r in range(first[row], first[row + 1])]
+    return first[-1], -(-scratch // SHORTEST_ROW), rows, flat

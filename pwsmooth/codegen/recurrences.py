@@ -38,6 +38,17 @@ BY_SLOPE = (
 )
 
 
+# Functions that come so close to a constant, far from 0, that no coefficient shows what they do at 0.
+FLAT = ("exp", "sinh", "cosh", "tanh", "erf", "erfc")
+
+
+def flat_arguments(graph: Graph, roots: list[int], degrees) -> list[int]:
+    """Arguments of such functions that move along a step."""
+    nodes = (graph.nodes[a] for a in graph.reach(roots))
+    found = {node.args[0] for node in nodes if node.op == "fun" and node.data in FLAT}
+    return sorted(u for u in found if degrees.of(u) != CONSTANT)
+
+
 class NoRecurrence(TypeError):
     """The model contains a function that has no Taylor recurrence."""
 

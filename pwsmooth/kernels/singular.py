@@ -13,9 +13,8 @@ import math
 
 from numba import types
 
-from .compiling import inlined_kernel, kernel, unit
-from .lanes import load8
-from .pointers import abs8, at, call_act, call_fields, call_linear, sum8
+from .compiling import kernel, unit
+from .pointers import call_act, call_fields, call_linear
 from .records import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
 from .state import (
@@ -37,7 +36,7 @@ from .state import (
     State,
     Work,
 )
-from .steps import scaled
+from .steps import scaled, variation
 
 # What there is at the zero of an argument (pwsmooth.singular.KINDS).
 POLE, END, CONE, BRANCH = range(1, 5)
@@ -119,15 +118,6 @@ def _row(P, kind, i):
     return P.rows_fold[i] if kind == ROWS_ARC else P.rows_slip[i]
 
 
-@inlined_kernel
-def _change(row, power, K):
-    """Bound of the change of a polynomial on the step."""
-    total = abs8(load8(row, 0) * load8(power, 0))
-    for k in range(8, K + 1, 8):
-        total = total + abs8(load8(row, k) * load8(power, k))
-    return sum8(total) - abs(at(row, 0))
-
-
 @kernel
 def _is_active(P, S, W, i):
     """Whether the branch in which argument i stands is evaluated."""
@@ -178,7 +168,7 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
-        if not in_sight and _change(row, W.power, K) < 0.5 * a:
+        if not in_sight and variation(row, W.power, K) < 0.5 * a:
             continue
         W.answer[A_GUESS] = 0.0
         W.answer[A_SHALLOW] = _DIP * C.rtol / GRAZING

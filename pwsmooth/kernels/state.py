@@ -119,6 +119,9 @@ class Problem(Bundle):
     rows_general: "i8[1]"
     rows_fold: "i8[1]"
     rows_pair: "i8[1]"
+    flat_slip: "i8[1]"  # rows of the arguments of functions that are flat far from 0: steps.keep_in_sight
+    flat_general: "i8[1]"
+    flat_fold: "i8[1]"
     mult_row: "int"
     fold_bias: "f8[1]"  # parameters of the fold program: p, then the m entries of c
     sigmoid: "int"

@@ -11,6 +11,7 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .lanes import load8, store8
 from .pointers import (
+    abs8,
     at,
     bits_float,
     call_fields,
@@ -55,6 +56,17 @@ def scaled(row, power, poly, degree, drop, sign):
         store8(poly, k, load8(row, k + drop) * load8(power, k) * sign)
 
 
+@inlined_kernel
+def variation(row, power, K):
+    """Bound of the change of a polynomial on the step."""
+    total = abs8(load8(row, 0) * load8(power, 0))
+    for k in range(8, K + 1, 8):
+        total = total + abs8(load8(row, k) * load8(power, k))
+    return sum8(total) - abs(at(row, 0))
+
+
+_FLAT_REACH = 5.0  # exp(-5): within that of 0 the coefficients show all
+_FLAT_SHARE = 0.7  # of the way to 0, from farther
 SURFACE_ROUNDING = 1e-15  # below which a surface's series is noise, as of one that rests at 0
 _ONE_BIT, _BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from -1023 in units of 2^52
 
@@ -115,6 +127,26 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
         if not h < 0.5 * reach:
             return h
         reach = h  # the size was taken over far more than the step
+
+
+@kernel
+def keep_in_sight(C, rows, flat_rows, h, W):
+    """h, shortened so that no argument of a flat function goes far on it, seen from the distance to 0 at which it is.
+
+    tanh(u), exp(-u) and erf(u) tell nothing of what they do at 0 where u is large: a step over it, back to where they
+    are as flat, would end as its polynomial says. W.power is that of the h returned.
+    """
+    if at(W.power, 1) != h:
+        powers(W.power, h)
+    for a in range(len(flat_rows)):
+        row = rows[flat_rows[a]]
+        allowed = max(_FLAT_SHARE * abs(at(row, 0)), _FLAT_REACH)
+        change = variation(row, W.power, C.order)
+        while change > allowed:
+            h *= max(allowed / change, 0.5)
+            powers(W.power, h)
+            change = variation(row, W.power, C.order)
+    return h
 
 
 @kernel

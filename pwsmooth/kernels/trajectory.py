@@ -67,6 +67,7 @@ from .steps import (
     dot,
     fits,
     fold_step_size,
+    keep_in_sight,
     near_fold,
     powers,
     take_jet,
@@ -318,6 +319,13 @@ def run(P, C, S, R, W):
             return NEWTON_FAILED
         if math.isnan(h):
             return NOT_FINITE
+        if P.flat and not by_pair:
+            flat_rows = P.flat_slip
+            if time_row >= 0:
+                flat_rows = P.flat_fold
+            elif sliding:
+                flat_rows = P.flat_general
+            h = keep_in_sight(C, rows, flat_rows, h, W)
         t0 = S.now[0]
         stop = next_stop(C, S)
         if time_row < 0 and not by_pair and SHORTEST_AGAIN * h <= S.now[1] <= h and after_event(P, S):

@@ -65,10 +65,10 @@ def compiled(_, seed):
 
 
 def _terms(model):
-    """(row kind, term) of all terms."""
+    """(row kind, row, term) of all terms; a surface that two events share stands once."""
     for row in model.rates:
         yield from (("rate", row, t) for t in row)
-    for row in [*model.surfaces, *(e.surface for e in model.events)]:
+    for row in {id(row): row for row in [*model.surfaces, *(e.surface for e in model.events)]}.values():
         yield from (("surface", row, t) for t in row)
 
 

@@ -661,8 +661,17 @@ def settle(D, v, status, touched, forced, tags):
 
 
 @njit(**_CACHED)
+def reads(D, row, k):
+    """Whether variable k stands in a row."""
+    return np.any(D.var[D.fac[D.row[row]] : D.fac[D.row[row + 1]]] == k)
+
+
+@njit(**_CACHED)
 def fire(D, v, status, side, touched, hit, tags):
-    """Events at this instant act on the values before, increments added; then those whose surface was jumped."""
+    """Events at this instant act on the values before, increments added; then those whose surface was jumped.
+
+    What reads the state that it changes is no increment, but sets it.
+    """
     N, m, c, E = D.N, D.m, D.c, D.e
     first = N + m + 2 * c
     now = hit.copy()
@@ -675,7 +684,9 @@ def fire(D, v, status, side, touched, hit, tags):
         for e in range(E):
             if now[e]:
                 for k in range(N):
-                    new[k] += value(D, first + E + e * N + k, before)  # rows of updates are increments
+                    row = first + E + e * N + k  # of what an update changes
+                    change = value(D, row, before)
+                    new[k] = before[k] + change if reads(D, row, k) else new[k] + change
         fired = now.copy()
         now[:] = False
         for j in range(m):

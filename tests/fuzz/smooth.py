@@ -51,12 +51,9 @@ def structure(seed):
     """Text that makes a System S, and the numbers of its states and parameters."""
     r = np.random.default_rng([9, seed])
     n = int(r.integers(1, 4))
-    used = set()
 
     def fresh():
-        q = int(r.integers(4))
-        used.add(q)
-        return q
+        return int(r.integers(4))
 
     xs = [f"x{i}" for i in range(n)]
     leaves = [*xs, *xs, "t", "sp.sin(t)"]
@@ -68,7 +65,6 @@ def structure(seed):
             f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body}) + p{fresh()}*sp.cos(t) - {x}/4"
         )
     ps = [f"p{q}" for q in range(4)]
-    given = [p for p in ps if p in " ".join(rates)]
     text = "\n".join(
         [
             "import sympy as sp",
@@ -76,7 +72,8 @@ def structure(seed):
             f't, {", ".join(xs)} = sp.symbols("t {" ".join(xs)}", real=True)',
             f'{", ".join(ps)} = sp.symbols("{" ".join(ps)}", positive=True)',
             f"rates = {{{', '.join(rates)}}}",
-            f"S = System(rates, time=t, parameters=dict.fromkeys([{', '.join(given)}], 1))",
+            "known = set().union(*(sp.sympify(rate).free_symbols for rate in rates.values()))",
+            f"S = System(rates, time=t, parameters={{p: 1 for p in [{', '.join(ps)}] if p in known}})",
         ]
     )
     return text, n
