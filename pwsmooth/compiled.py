@@ -64,7 +64,7 @@ class CompiledProblem:
         holders = (("multipliers", text.multipliers), ("events", text.events))
         has_surface = [numbers(kind, [part.surface is not None for part in parts]) for kind, parts in holders]
         has_surface = np.concatenate(has_surface) != 0
-        expressions = (*text.rhs, *(mu.residual for mu in text.multipliers))
+        expressions = (*text.rhs, *(mu.condition for mu in text.multipliers))
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
@@ -342,6 +342,8 @@ def _slope_moves(mu: Multiplier, fixed) -> int:
 
 def _kind(mu: Multiplier) -> int:
     if mu.kind == "switch":
+        if mu.second is not None:
+            return state.SECOND_ORDER
         return {"kink": state.KINK, "sliding": state.SLIDING, "crossing": state.CROSSING}[mu.regularity]
     return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
 

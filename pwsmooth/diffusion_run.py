@@ -173,10 +173,11 @@ class DiffusionRun:
 
 
 def _free(problem, lowered):
-    """The Problem in which switches that the noise acts on do not slide."""
+    """The Problem in which switches that the noise acts on do not slide, and none to second order."""
     from .kernels import state
 
     kind = problem.kind.copy()
+    kind[kind == state.SECOND_ORDER] = state.CROSSING
     for j, noisy in enumerate(lowered.noisy[: len(kind)]):
         if noisy and kind[j] in (state.SLIDING, state.CROSSING):
             kind[j] = state.KINK

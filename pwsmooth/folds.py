@@ -30,12 +30,12 @@ def fold_model(model: Model) -> Model:
     border = sum((ci * Li for ci, Li in zip(c, rates, strict=True)), sp.Integer(0)) - 1
     multipliers = [Multiplier(rate_t, "algebraic", border)]
     for mu, rate in zip(model.multipliers, rates, strict=True):
-        along = mu.residual.diff(model.time)
+        along = mu.condition.diff(model.time)
         for x, f in zip(model.states, model.rhs, strict=True):
-            along += mu.residual.diff(x) * f
+            along += mu.condition.diff(x) * f
         equation = along * rate_t
         for symbol, other in zip(symbols, rates, strict=True):
-            equation += mu.residual.diff(symbol) * other
+            equation += mu.condition.diff(symbol) * other
         multipliers.append(Multiplier(rate, "algebraic", equation, surface=mu.surface))
     return Model(
         time=s,

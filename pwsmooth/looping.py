@@ -19,7 +19,7 @@ from .definition import Definition
 from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
 from .model import Model, Multiplier
 from .primitives import Memory
-from .regularity import total_derivative
+from .regularity import second_derivative, total_derivative
 from .singular import watched
 from .template import MARK, Loops, Place, Template, named, with_loops
 
@@ -313,6 +313,8 @@ def _multipliers(field, sums, places):
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
             raise NotLooped("a hidden term on a surface that slides")
+        if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
+            raise NotLooped("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
     _check_couplings(result, {s: e for s, e in inner.items()} | {s: e for s, (_, e) in more.items()}, places)

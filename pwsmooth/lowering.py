@@ -1,6 +1,6 @@
 """Lowering: the lifted system -> `Model`.
 
-    switch     g = dh/dt
+    switch     g = dh/dt, or d2h/dt2 where lambda first stands there
     contact    g = d2h/dt2;   impact  x+ = x + (df/dR) J  with the J that makes  h'+ = -e h'-
     algebraic  g as given
 
@@ -15,7 +15,7 @@ from functools import cached_property
 import sympy as sp
 
 from .model import EventSpec, Model, Multiplier
-from .regularity import classify, residual_of, total_derivative
+from .regularity import classify, residual_of, second_derivative, total_derivative
 from .singular import watched
 
 
@@ -118,7 +118,8 @@ def multipliers(field):
         pattern = patterns[lam] = _pattern(h, field.copies, patterns)
         if pattern not in classes:
             classes[pattern] = classify(field, index, residual)
-        result.append(Multiplier(lam, "switch", residual, h, *classes[pattern]))
+        second = second_derivative(field, index, residual) if classes[pattern][0] == "crossing" else None
+        result.append(Multiplier(lam, "switch", residual, h, *classes[pattern], second=second))
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
@@ -189,7 +190,7 @@ def lower(
         # What is smoothed comes to rest on a branch point like a root of it, within its width.
         watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
     multiplier = multipliers(field)
-    layer_residuals = tuple(m.residual for m in multipliers(layer_field)) if layer_field else ()
+    layer_residuals = tuple(m.condition for m in multipliers(layer_field)) if layer_field else ()
     ratios = eps_ratio or {}
     model = Model(
         time=field.time,

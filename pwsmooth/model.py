@@ -6,6 +6,7 @@ Three kinds of multiplier share one mechanism. Each has a residual g(t, x, mult;
 the multiplier is *solved*, and a fixed value otherwise:
 
     switch     g = dh/dt     fixed at +1 or -1 off its surface, solved while sliding
+               g = d2h/dt2   of relative degree 2: solved while h = dh/dt = 0 is held (second-order sliding)
     contact    g = d2h/dt2   fixed at 0 while open, solved while closed
     algebraic  g as given    always solved
 
@@ -103,6 +104,12 @@ class Multiplier:
     regularity: str = "sliding"  # of a switch: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
     hidden: bool = False  # the residual is nonlinear in this multiplier
     impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
+    second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order
+
+    @property
+    def condition(self) -> sp.Expr:
+        """g: what vanishes while the multiplier is solved."""
+        return self.residual if self.second is None else self.second
 
 
 @dataclass(frozen=True)

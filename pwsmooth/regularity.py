@@ -2,7 +2,8 @@
 
     kink      f(lambda) is the same for all lambda on h = 0: never slides, has no layer
     sliding   relative degree 1: lambda stands in  dh/dt = grad h . f + h_t
-    crossing  relative degree 2 and more (position surfaces), or h depends on time alone
+    crossing  relative degree 2 and more (position surfaces), or h depends on time alone; of degree 2 it can still
+              hold the motion at h = dh/dt = 0 where both sides push back (second-order sliding)
 
 Whether two expressions agree *on a surface* is asked at random points of it (pointwise.py). Parameters are
 drawn beside their values: what agrees for one special value only (a friction force of 0) is not generic, and
@@ -182,6 +183,27 @@ def residual_of(field, index):
     if not unknowns.isdisjoint(h.free_symbols):
         return h
     return total_derivative(h, field.time, field.states, field.rates)
+
+
+def second_derivative(field, index, speed):
+    """d2h/dt2 of a crossing where its multiplier can hold it at 0; None where that is not so or not told.
+
+    While the motion chatters about such a surface the multiplier is 1 or -1, and what holds is the mean. So the field
+    has to be affine in it, and `speed` = dh/dt must not jump with any multiplier.
+    """
+    lam = field.switches[index][0]
+    free = speed.free_symbols
+    moving = {*(s for s, _ in field.switches), *(u for u, *_ in (*field.algebraic, *field.contacts))}
+    if not free.isdisjoint(moving):
+        return None
+    acceleration = total_derivative(speed, field.time, field.states, field.rates)
+    if lam not in acceleration.free_symbols:
+        return None
+    dependent = field.functions_of(lam)
+    surface = Surface(field, index, [acceleration, *dependent])
+    if not surface.differ(acceleration) or any(surface.nonlinear(e) for e in (acceleration, *dependent)):
+        return None
+    return acceleration
 
 
 def classify(field, index, residual):

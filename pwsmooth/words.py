@@ -116,6 +116,10 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
             "events that accumulate",
             ("as after the last that is resolved", "as after another"),
         ),
+        names.AMB_CHATTERING: (
+            "chattering within atol",
+            ("on the surface, as on average", "to and fro, ever more often"),
+        ),
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):

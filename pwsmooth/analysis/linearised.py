@@ -145,15 +145,18 @@ class Linearised:
         )  # fmt: skip
         self.w = (*model.states, *parameters)
         self.symbols = [mu.symbol for mu in model.multipliers]
-        # A switch of a higher class stands at 0 only after an accumulation, where it is held, not solved.
-        self.solvable = [mu.kind != "switch" or mu.regularity == "sliding" for mu in model.multipliers]
+        # Another switch stands at 0 only after an accumulation, where it is held, not solved.
+        self.solvable = [
+            mu.kind != "switch" or mu.regularity == "sliding" or mu.second is not None
+            for mu in model.multipliers
+        ]
 
     # ---- along the flow
 
     @functools.cached_property
     def _blocks(self) -> Any:
         model = self.model
-        f, g = list(model.rhs), [mu.residual for mu in model.multipliers]
+        f, g = list(model.rhs), [mu.condition for mu in model.multipliers]
         parts = [
             f,
             [e.diff(s) for e in f for s in self.w],

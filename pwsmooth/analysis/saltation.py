@@ -392,10 +392,11 @@ def _projector(line, t, x, mult, p, status, blocks) -> np.ndarray | None:
     for j, mu in enumerate(line.model.multipliers):
         if status[j] != 0 or mu.kind == "algebraic" or mu.regularity == "kink":
             continue
-        surfaces = [mu.surface, line.speed(j)] if mu.kind == "contact" else [mu.surface]
+        twice = mu.kind == "contact" or mu.second is not None
+        surfaces = [mu.surface, line.speed(j)] if twice else [mu.surface]
         rows = [line.gradient(h, t, x, mult, p)[0] for h in surfaces]
         directions = [row[:n] for row in rows]
-        if mu.kind == "contact":
+        if twice:
             directions[-1] = blocks.f_lam[0, :, j]  # an impact takes the normal velocity along its push
         C += rows
         D += directions

@@ -77,7 +77,7 @@ def write_fields(model: Model) -> dict[str, str]:
     """
     graph = Graph(model)
     rates = [graph.expression(e) for e in model.rhs]
-    residuals = [graph.expression(m.residual) for m in model.multipliers]
+    residuals = [graph.expression(m.condition) for m in model.multipliers]
     h = surfaces(graph)
     sources = {name: Source() for name in ("fields", "linear", "act", "outputs", "layer")}
     _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})

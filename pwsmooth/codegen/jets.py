@@ -102,7 +102,7 @@ class JetProgram:
         self.states = [graph.var("x", i) for i in range(n)]
         self.unknowns = [graph.var("mult", j) for j in range(m)] if general else []
         rates = [graph.expression(e) for e in model.rhs]
-        residuals = [graph.expression(mult.residual) for mult in model.multipliers] if general else []
+        residuals = [graph.expression(mult.condition) for mult in model.multipliers] if general else []
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + residuals)
         nodes = simplify(graph, nodes, Degrees(graph, nodes[:n], general))
@@ -112,14 +112,14 @@ class JetProgram:
         self.degrees = Degrees(graph, self.rates, general)
         self.source = Source()
         self.responses: Responses | None = None
-        # While switch j slides on a state, that state's rate is 0 exactly, not to rounding; so is that of the speed of
-        # a closed contact's gap.
+        # While switch j slides on a state, that state's rate is 0 exactly, not to rounding; so is that of its speed
+        # where it slides to second order, and of the speed of a closed contact's gap.
         self.frozen: dict[int, list[int]] = {}
         if general:
             for j, mult in enumerate(model.multipliers):
                 if mult.kind != "algebraic" and self.h[j] in self.states:
                     i = self.states.index(self.h[j])
-                    if mult.kind == "switch":
+                    if mult.kind == "switch" and mult.second is None:
                         self.frozen.setdefault(i, []).append(j)
                     elif self.rates[i] in self.states:
                         self.frozen.setdefault(self.states.index(self.rates[i]), []).append(j)

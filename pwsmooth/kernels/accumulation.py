@@ -1,7 +1,8 @@
 """Accumulation points: impacts or switchings whose intervals shrink geometrically (chattering, Zeno).
 
 When the limit t + d q/(1 - q) has come within rounding of the present instant it is passed: contacts become closed,
-switches of higher relative degree are held at lambda = 0, the others settled by their layer.
+switches of relative degree 2 slide to second order, others of higher degree are held at lambda = 0, those of the
+first settled by their layer.
 """
 
 import math
@@ -23,12 +24,14 @@ from .state import (
     EV_OPENING,
     HELD,
     KINK,
+    SECOND_ORDER,
     SOLVED,
 )
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
+_CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
 
@@ -40,6 +43,16 @@ def is_passed(S, j):
 
 
 @kernel
+def _is_lost(P, S, W, i, interval):
+    """Whether surface i, which is met now, has hardly been left since it was `interval` ago.
+
+    Far from the origin a motion about it is lost in its roundings long before its instants are.
+    """
+    height = 0.25 * abs(approach_speed(P, S, i, W)) * interval  # of an arc
+    return height <= 0.1 * surface_rounding(P, S, i, W)
+
+
+@kernel
 def _comes_to(last, limit):
     """Whether the intervals of a surface come to the same limit, by their own estimate."""
     left = time_left(last)
@@ -47,13 +60,12 @@ def _comes_to(last, limit):
 
 
 @kernel
-def _is_lost(P, S, W, i):
-    """Whether the surface of event i, which x met at W.arrived, has been within a few roundings of 0 since it fired."""
+def _was_lost(P, S, W, i):
+    """Whether the surface of event i, which x met at W.arrived, had been lost since it fired."""
     for k in range(P.n):
         W.after[k] = S.x[k]
         S.x[k] = W.arrived[k]
-    height = 0.25 * abs(approach_speed(P, S, P.m + i, W)) * W.fired[i, 1]  # of an arc
-    lost = height <= 0.1 * surface_rounding(P, S, P.m + i, W)
+    lost = _is_lost(P, S, W, P.m + i, W.fired[i, 1])
     for k in range(P.n):
         S.x[k] = W.after[k]
     return lost
@@ -85,7 +97,7 @@ def events_accumulate(P, S, R, W):
         note_interval(W.fired[i], t)
         if time_to_last_event(W.fired[i], True) == math.inf:
             continue
-        left = time_to_last_event(W.fired[i], _is_lost(P, S, W, i))
+        left = time_to_last_event(W.fired[i], _was_lost(P, S, W, i))
         if left == math.inf:
             continue
         for j in range(P.m):
@@ -107,7 +119,10 @@ def pass_accumulation(P, C, S, R, W):
             estimate = time_left(S.last[j])
             if estimate < left:
                 leader, left = j, estimate
-    if leader < 0 or not is_passed(S, leader):
+    if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
+        return -1
+    lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
+    if not lost and not is_passed(S, leader):
         return -1
     S.now[0] = t + left
     interval = S.last[leader, 1]
@@ -129,6 +144,8 @@ def pass_accumulation(P, C, S, R, W):
             S.status[j] = HELD
             S.mult[j] = 0.0
         else:
+            if P.kind[j] == SECOND_ORDER:
+                stop_normal_speed(P, S, j, W, False)
             W.active[size] = j
             size += 1
     for i in range(P.ne):

@@ -24,6 +24,7 @@ from .state import (
     I_AT_CLOCK,
     I_JUMPED,
     MOST_AT_ONCE,
+    SECOND_ORDER,
     TERMINAL,
 )
 
@@ -187,7 +188,7 @@ def sides_after_jump(P, S, R, W):
         if W.hit[j] and W.h[j] == W.tau[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
-            if S.status[j] == HELD:
+            if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
                 continue
             if not W.hit[j]:
                 S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion

@@ -19,8 +19,12 @@ from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
 from .records import record_ambiguity, record_event, record_point
 from .settling import (
+    AT_BOUND,
     approach_speed,
     evaluate_surfaces,
+    hold_beside,
+    hold_instead,
+    hold_second_order,
     hold_supported,
     layer_code,
     leading_order,
@@ -28,6 +32,8 @@ from .settling import (
     rest_with_friction,
     settle_arrivals,
     settle_at_rest,
+    some_second_order,
+    stop_normal_speed,
 )
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import link
@@ -37,6 +43,7 @@ from .state import (
     A_MET,
     A_STEP,
     ACCUMULATED,
+    AMB_CHATTERING,
     AMB_CORNER,
     C_AMBIGUITIES,
     C_EVENTS,
@@ -46,6 +53,7 @@ from .state import (
     CHATTERING,
     CONTACT,
     DONE,
+    EV_ACCUMULATION,
     EV_CROSSING,
     EV_FOLD,
     EV_FOLD_TO_SLIDING,
@@ -62,6 +70,7 @@ from .state import (
     I_WAY,
     MOST_AT_ONCE,
     NEWTON_FAILED,
+    SECOND_ORDER,
     SLIDING,
     SOLVED,
     STRICT,
@@ -74,7 +83,8 @@ from .state import (
 )
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
-# tolerance say so. Switchings that accumulate at an instant come to it with fewer.
+# tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
+# with fewer.
 _MOST_MINUTE = 10_000
 
 
@@ -133,6 +143,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
             record_event(S, R, j, EV_STICK, came, 0)
             keep_on_surface(P, S, j, W)
             rest_with_friction(P, S)
+            if some_second_order(P):
+                hold_beside(P, S, W)
         elif S.status[j] != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
@@ -181,12 +193,40 @@ def _is_minute(P, C, S, W, j):
 
 
 @kernel
+def _hold_what_rests(P, S, R, W):
+    """After x has jumped: switches on whose surface it stands at rest slide to second order, or slide no longer."""
+    size = 0
+    for j in range(P.m):
+        if P.kind[j] == SECOND_ORDER and W.hit[j]:
+            rests = abs(approach_speed(P, S, j, W)) <= W.answer[A_AT_REST]
+            if rests or S.status[j] == SOLVED or S.status[j] == HELD:
+                W.active[size] = j
+                size += 1
+    if size == 0:
+        return
+    hold_second_order(P, S, R, W, size)
+    size = 0
+    for j in range(P.m):
+        if P.kind[j] == SLIDING and S.status[j] == SOLVED:
+            W.active[size] = j
+            size += 1
+    hold_supported(P, S, W, size)
+    for j in range(P.m):
+        held = S.status[j] == SOLVED or W.came[j] == SOLVED or W.came[j] == HELD
+        if P.kind[j] == SECOND_ORDER and W.hit[j] and held:
+            W.hit[j] = False
+            if S.status[j] != W.came[j]:
+                record_event(S, R, j, EV_RESET, W.came[j], S.status[j])
+
+
+@kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     m, mult, status = P.m, S.mult, S.status
     jumped = W.code[I_JUMPED] != 0
     if jumped:
         sides_after_jump(P, S, R, W)
+        _hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):
@@ -194,11 +234,18 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             continue
         if status[j] == SOLVED:
             if not jumped:
+                # d2h/dt2 of a second-order slide is 0 there, unless a force has jumped.
+                smooth = P.kind[j] == SECOND_ORDER and abs(mult[j]) <= 1.0 + AT_BOUND
+                if P.kind[j] == SLIDING and some_second_order(P) and hold_instead(P, S, R, W, j):
+                    continue
                 status[j] = W.exit_side[j]
                 mult[j] = float(status[j])
-                S.deflate[j] = 2
-                record_event(S, R, j, EV_TANGENCY, 0, status[j])
-                part_or_press(P, S, W, j)
+                S.deflate[j] = 3 if smooth else 2
+                if P.kind[j] == SECOND_ORDER:
+                    hold_beside(P, S, W)  # by friction that may take over, which has been held so far
+                if status[j] != HELD:
+                    record_event(S, R, j, EV_TANGENCY, 0, status[j])
+                    part_or_press(P, S, W, j)
         elif P.kind[j] == SLIDING:
             W.active[size] = j
             size += 1
@@ -217,7 +264,15 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             note_interval(S.last[j], S.now[0])
             S.counts[C_MINUTE] = S.counts[C_MINUTE] + 1 if _is_minute(P, C, S, W, j) else 0
             if S.counts[C_MINUTE] > _MOST_MINUTE:
-                return CHATTERING, True
+                if P.kind[j] != SECOND_ORDER:
+                    return CHATTERING, True
+                record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
+                forget_intervals(S.last[j], S.now[0])
+                stop_normal_speed(P, S, j, W, False)
+                W.active[0] = j
+                hold_second_order(P, S, R, W, 1)
+                record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
+                S.counts[C_MINUTE] = 0
             if P.rk_unit != 0:
                 step_inside(P, S, j, W)
     if fold >= 0:

@@ -21,6 +21,7 @@ from .state import (
     HELD,
     I_SOLVED_THERE,
     NO_ROOT_FOUND,
+    SECOND_ORDER,
     SLIDING,
     SOLVED,
 )
@@ -34,7 +35,8 @@ def only_one(P, S, W):
     """
     only = -1
     for j in range(P.m):
-        if P.kind[j] == CONTACT or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.hit[j]):
+        beside = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
+        if beside or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.hit[j]):
             return -1
         if W.hit[j]:
             if only >= 0 or P.kind[j] != SLIDING or S.status[j] == HELD:

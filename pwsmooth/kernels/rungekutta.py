@@ -14,7 +14,7 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved, surface_size
-from .state import A_LONGEST, A_NEXT_STEP, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
+from .state import A_LONGEST, A_NEXT_STEP, CONTACT, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
@@ -293,7 +293,7 @@ def rk_step(P, C, S, W, h, refine):
             return math.nan
         if refine < m and S.status[refine] == SOLVED:
             row = W.rows[n + refine]
-            value = S.mult[refine] - (float(W.exit_side[refine]) if P.kind[refine] < 3 else 0.0)
+            value = S.mult[refine] - (float(W.exit_side[refine]) if P.kind[refine] < CONTACT else 0.0)
         else:
             row = W.rows[n + m + refine]
             value = W.h[refine]

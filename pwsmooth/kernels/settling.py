@@ -1,11 +1,11 @@
 """Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
 
-from .compiling import kernel
+from .compiling import inlined_kernel, kernel
 from .layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
 from .pointers import call_act, call_fields, call_layer_unit, call_linear, call_newton
 from .records import record_ambiguity, record_event
-from .sliding import follow, mask_instant, mask_solved, surface_rounding
-from .sparse import link
+from .sliding import follow, keep_on_surface, mask_instant, mask_solved, surface_rounding
+from .sparse import entry, link
 from .state import (
     A_AT_REST,
     AMB_HIDDEN_OSCILLATION,
@@ -13,18 +13,22 @@ from .state import (
     AMB_SEVERAL_ROOTS,
     C_AMBIGUITIES,
     C_LAYERS,
+    CHATTERING,
     DONE,
     EV_RESET,
     HELD,
     HIDDEN_OSCILLATION,
     I_JUMPED,
     NO_ROOT_FOUND,
+    SECOND_ORDER,
     SLIDING,
     SOLVED,
     STRICT,
 )
 from .steps import take_slip_jet
 from .unknowns import solve_unknowns
+
+AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
 
 
 @kernel
@@ -156,6 +160,135 @@ def _rest_repels(P, S, W, size):
 
 
 @kernel
+def _leave(S, j, side, order):
+    """Sets switch j to a side that it leaves to, `order` derivatives of its surface, from the zeroth on, being 0."""
+    S.status[j] = side
+    S.mult[j] = float(side)
+    S.deflate[j] = order
+
+
+@kernel
+def hold_second_order(P, S, R, W, size):
+    """Settles those of W.active[:size] that can slide to second order; returns the size without them.
+
+    With h = dh/dt = 0 such a switch stays where lambda between its bounds keeps d2h/dt2 = 0, as a closed contact does
+    with its reaction, and leaves to the side of the bound where it would take more.
+    """
+    count, rest = 0, 0
+    for a in range(size):
+        j = W.active[a]
+        if P.kind[j] == SECOND_ORDER:
+            W.group[count] = j
+            count += 1
+            S.status[j] = SOLVED
+            S.mult[j] = 0.0
+        else:
+            W.active[rest] = j
+            rest += 1
+    if count == 0:
+        return rest
+    for a in range(count):
+        j = W.group[a]
+        speed = approach_speed(P, S, j, W)
+        slope = W.G[P.g_diagonal[j]]
+        if abs(speed) > W.answer[A_AT_REST]:
+            _leave(S, j, 1 if speed > 0.0 else -1, 1)
+        elif not slope < 0.0:
+            force = residual(P, S, W, j, 0.0)
+            side = 1 if force >= 0.0 else -1
+            if slope > 0.0 and abs(force) <= slope:
+                record_ambiguity(S, R, j, AMB_REPELLING, side)
+            _leave(S, j, side, 2)
+    for _ in range(count):
+        mask_instant(P, S, W)
+        if not follow(P, S, W):
+            for a in range(count):
+                j = W.group[a]
+                if S.status[j] == SOLVED:
+                    S.status[j] = HELD  # two that hold one motion: neither has a lambda of its own
+                    S.mult[j] = 0.0
+            return rest
+        most, worst = 1.0, -1
+        for a in range(count):
+            j = W.group[a]
+            if S.status[j] == SOLVED and abs(S.mult[j]) > most:
+                most, worst = abs(S.mult[j]), j
+        if worst < 0:
+            break
+        _leave(S, worst, 1 if S.mult[worst] > 0.0 else -1, 3 if most <= 1.0 + AT_BOUND else 2)
+    return rest
+
+
+@inlined_kernel
+def some_second_order(P):
+    """Whether the model has a switch that can slide to second order."""
+    for j in range(P.m):
+        if P.kind[j] == SECOND_ORDER:
+            return True
+    return False
+
+
+@kernel
+def _holder(P, S, W, k):
+    """A switch that sticks, and keeps at rest what switch k at its own surface would move; -1 if there is none."""
+    for j in range(P.m):
+        if P.kind[j] == SLIDING and (S.status[j] == SOLVED or S.status[j] == HELD):
+            if entry(P.g_row, P.g_col, W.G, k, j) != 0.0:
+                return j
+    return -1
+
+
+@kernel
+def hold_beside(P, S, W):
+    """Switches that could slide to second order, but which friction keeps at their surface: held with their lambda.
+
+    As a relay at its bound beside the friction on its body. Of two that hold one motion one has to know its lambda.
+    """
+    evaluate_surfaces(P, S, W)
+    for k in range(P.m):
+        if P.kind[k] != SECOND_ORDER or abs(S.status[k]) != 1 or abs(W.h[k]) > surface_rounding(P, S, k, W):
+            continue
+        j = _holder(P, S, W, k)
+        still = j >= 0 and abs(W.g[k]) <= 1e-9 * abs(entry(P.g_row, P.g_col, W.G, k, j))
+        if still and abs(approach_speed(P, S, k, W)) <= W.answer[A_AT_REST]:
+            S.status[k] = HELD
+
+
+@kernel
+def hold_instead(P, S, R, W, j):
+    """Whether switches that have been held beside switch j, which slips now, keep it at rest; it is held then."""
+    evaluate_surfaces(P, S, W)
+    size, order = 0, 3 if abs(S.mult[j]) <= 1.0 + AT_BOUND else 2
+    for k in range(P.m):
+        if S.status[k] == HELD and P.kind[k] == SECOND_ORDER and entry(P.g_row, P.g_col, W.G, k, j) != 0.0:
+            W.linked[size] = W.active[size] = k
+            W.keep_mult[k] = S.mult[k]
+            size += 1
+    if size == 0:
+        return False
+    lam = S.mult[j]
+    S.status[j], S.mult[j] = HELD, 0.0
+    hold_second_order(P, S, R, W, size)
+    turned = False
+    for a in range(size):
+        k = W.linked[a]
+        if S.status[k] == SOLVED:
+            return True
+        turned = turned or S.mult[k] != W.keep_mult[k]
+    S.status[j], S.mult[j] = SOLVED, lam
+    if turned:
+        # At their other bound they leave it less to hold.
+        mask_solved(P, S, W)
+        if follow(P, S, W) and abs(S.mult[j]) <= 1.0:
+            hold_beside(P, S, W)
+            return True
+        S.mult[j] = lam
+    for a in range(size):
+        S.deflate[W.linked[a]] = order
+    return False
+
+
+@kernel
 def rest_with_friction(P, S):
     """A contact that has just opened smoothly is not left so, where friction now holds what the contact held."""
     for c in range(len(P.contact)):
@@ -165,10 +298,11 @@ def rest_with_friction(P, S):
 @kernel
 def settle_at_rest(P, C, S, R, W, size):
     """Settles the switches W.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
-    size = hold_supported(P, S, W, size)
-    together = False
     for a in range(size):
         S.mult[W.active[a]] = 0.0
+    size = hold_supported(P, S, W, hold_second_order(P, S, R, W, size))
+    together = False
+    for a in range(size):
         if size > 1:
             link(P, S, W, W.active[a])
             for b in range(size):
@@ -188,6 +322,8 @@ def settle_at_rest(P, C, S, R, W, size):
     else:
         for a in range(size):
             code = max(code, _one_at_rest(P, S, R, W, W.active[a]))
+    if some_second_order(P):
+        hold_beside(P, S, W)
     if code == DONE and C.strict and S.counts[C_AMBIGUITIES] > 0:
         return STRICT
     return code
@@ -200,14 +336,16 @@ def release_held(P, C, S, R, W):
     After an accumulation another switch does, which sticks; on a piston at its stop, the closed contact.
     """
     solved, some, size = any_solved(P, S), False, 0
+    evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
         W.tau[i] = 2.0
     for j in range(P.m):
         if S.status[j] != HELD:
             continue
-        if P.kind[j] == SLIDING:
+        if P.kind[j] == SLIDING or (P.kind[j] == SECOND_ORDER and _holder(P, S, W, j) < 0):
             W.active[size] = j
             size += 1
+        if P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER:
             continue
         order = leading_order(P, C, S, W, j)
         # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
@@ -215,6 +353,8 @@ def release_held(P, C, S, R, W):
             S.status[j] = 1 if order > 0 else -1
             S.mult[j] = float(S.status[j])
             S.deflate[j] = abs(order) - 1
+            if leading_order(P, C, S, W, j) * order < 0:
+                return CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True
     size = hold_supported(P, S, W, size)
@@ -307,6 +447,14 @@ def stop_normal_speed(P, S, j, W, contact):
             return
         for i in range(P.n):
             S.x[i] -= W.gradient[i] * speed / square
+
+
+@kernel
+def keep_sliding(P, S, j, W):
+    """Puts S.x exactly on h_j = 0, of a second-order slide on dh_j/dt = 0 too."""
+    keep_on_surface(P, S, j, W)
+    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.answer[A_AT_REST]:
+        stop_normal_speed(P, S, j, W, False)
 
 
 @kernel

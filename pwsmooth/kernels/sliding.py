@@ -11,7 +11,7 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sparse import solve_masked
-from .state import ALGEBRAIC, CONTACT, SOLVED, Problem, State, Work
+from .state import ALGEBRAIC, CONTACT, SECOND_ORDER, SOLVED, Problem, State, Work
 
 # At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
@@ -80,7 +80,8 @@ def mask_instant(P, S, W):
     """Overwrites W.mask: those that are solved at every instant, whatever a switch does; True if there are any."""
     some = False
     for j in range(P.m):
-        W.mask[j] = 1 if P.kind[j] == ALGEBRAIC or (P.kind[j] == CONTACT and S.status[j] == SOLVED) else 0
+        closed = S.status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
+        W.mask[j] = 1 if P.kind[j] == ALGEBRAIC or closed else 0
         some = some or W.mask[j] != 0
     return some
 

@@ -26,6 +26,7 @@ from .state import (
     I_LOOK_AGAIN,
     NEWTON_FAILED,
     NO_ROOT_FOUND,
+    SECOND_ORDER,
     SLIDING,
     SOLVED,
     Control,
@@ -70,7 +71,9 @@ def start(P, C, S, R, W):
         if P.kind[j] == CONTACT:
             if status[j] != SOLVED and approach_speed(P, S, j, W) > W.answer[A_AT_REST]:
                 S.deflate[j] = 1
-        elif P.kind[j] == SLIDING:
+        elif P.kind[j] == SLIDING or (
+            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= W.answer[A_AT_REST]
+        ):
             W.active[size] = j
             size += 1
         elif not any_solved(P, S):

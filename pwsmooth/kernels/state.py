@@ -3,7 +3,7 @@
 from .block import Bundle
 
 # Kinds of multiplier (order of pwsmooth.model: a switch's regularity, then the other two kinds).
-SLIDING, KINK, CROSSING, CONTACT, ALGEBRAIC = range(5)
+SLIDING, KINK, CROSSING, SECOND_ORDER, CONTACT, ALGEBRAIC = range(6)
 
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD at 0 after an accumulation.
 SOLVED, HELD = 0, 2
@@ -37,7 +37,8 @@ SOLVED, HELD = 0, 2
     AMB_IMPACTS,
     AMB_UPDATES,
     AMB_ACCUMULATION,
-) = range(10)
+    AMB_CHATTERING,
+) = range(11)
 
 # Why the loop returned.
 (

@@ -17,9 +17,9 @@ from .pointers import at, call_fold, call_rk, call_unit
 from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
-from .settling import any_held, any_solved, release_held
+from .settling import any_held, any_solved, keep_sliding, release_held
 from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
-from .sliding import follow, keep_on_surface, mask_solved
+from .sliding import follow, mask_solved
 from .state import (
     A_ELAPSED,
     A_GUESS,
@@ -53,7 +53,6 @@ from .state import (
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
-    SLIDING,
     SOLVED,
     STRICT,
     UNDERFLOW,
@@ -149,7 +148,7 @@ def _find_roots(P, C, S, R, W):
             return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
     W.code[I_SOLVED_THERE] = 0
     for j in range(P.m):
-        if S.status[j] == SOLVED and P.kind[j] == SLIDING and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
+        if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
             # Its bound was passed between two looks: it leaves, and all are settled again with the field after.
             W.tau[:] = NO_ROOT
             W.tau[j] = 0.0
@@ -444,7 +443,7 @@ def run(P, C, S, R, W):
         if sliding:
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
-                    keep_on_surface(P, S, j, W)
+                    keep_sliding(P, S, j, W)
             if len(P.contact) > 0:
                 stop_closed(P, S, W)
             code = two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W)

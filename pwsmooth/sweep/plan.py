@@ -284,7 +284,7 @@ def _setting(system, measures, periods, forced, units):
     names = [str(mu.symbol) for mu in model.multipliers]
     sticking = tuple(
         j for j, mu in enumerate(model.multipliers)
-        if mu.kind == "contact" or (mu.kind == "switch" and mu.regularity == "sliding")
+        if mu.kind == "contact" or mu.second is not None or (mu.kind == "switch" and mu.regularity == "sliding")
     )  # fmt: skip
     words = tuple(j for j, mu in enumerate(model.multipliers) if mu.kind != "algebraic")
     states = tuple(str(s) for s in model.states)
