@@ -62,12 +62,13 @@ def test_second_order_sliding_does_not_run_away_when_its_support_is_exceeded():
     assert abs(solution["x"][solution.t > 5]).max() < 1e-9
 
 
-def test_a_relay_that_crosses_for_ever_below_the_tolerance_ends_in_words():
-    # The amplitude of x about 1/5 decays exponentially, and the crossings come ever faster.
+def test_a_relay_that_crosses_for_ever_below_the_tolerance_is_passed_within_bounds():
+    # The amplitude of x decays exponentially, and the crossings come ever faster.
     relay = System({x: v, v: -x - 10 * v - 2 * sp.sign(x)})
     solution = solve(relay, (0, 200), [1, 0])
-    assert solution.outcome.name == "CHATTERING" and solution.cost["events"] < 300_000
-    assert abs(solution["x"][-1]) < 1e-11
+    assert solution.success and solution.cost["events"] < 300_000
+    assert [a.kind for a in solution.ambiguities] == ["chattering within atol"]
+    assert solution.x[:, -1].tolist() == [0, 0]
 
 
 # ---- a contact that holds what friction holds too

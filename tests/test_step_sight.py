@@ -59,10 +59,14 @@ def test_the_pulses_of_a_family_are_seen_by_each_element(of_neighbours):
     ring = Family(10, periodic=True)
     z, area = ring.symbols("z area")
     (w,) = ring.symbols("w", positive=True)
-    seen = ring.neighbour(z, 1) if of_neighbours else z
-    system = System({z: 1, area: sp.exp(-((w * seen) ** 2))}, parameters={w: 1})
+    (u,) = ring.symbols("u")
+    # u is the argument itself, of the element or of its neighbour.
+    argument = ring.neighbour(u, 1) if of_neighbours else u
+    system = System({z: 1, u: -2 * w**2 * z, area: sp.exp(argument)}, parameters={w: 1})
     begin, width = -1 - np.arange(10) / 100, 10.0 * np.arange(1, 11)
-    solution = solve(system, (0, 3), {z: begin, area: np.zeros(10)}, parameters={w: width})
-    start = np.roll(begin, -1) if of_neighbours else begin
-    expected = math.sqrt(math.pi) / (2 * width) * (erf(width * (start + 3)) - erf(width * start))
+    start = {z: begin, u: -((width * begin) ** 2), area: 0}
+    solution = solve(system, (0, 3), start, parameters={w: width})
+    if of_neighbours:
+        begin, width = np.roll(begin, -1), np.roll(width, -1)
+    expected = math.sqrt(math.pi) / (2 * width) * (erf(width * (begin + 3)) - erf(width * begin))
     assert [solution[f"area_{k + 1}"][-1] for k in range(10)] == pytest.approx(expected, abs=1e-9)

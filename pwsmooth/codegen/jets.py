@@ -23,19 +23,7 @@ from .dag import Graph
 from .fields import Source, surfaces
 from .layout import SHORTEST_ROW
 from .native import LANES
-from .recurrences import (
-    AFFINE,
-    CONSTANT,
-    Degrees,
-    NoRecurrence,
-    OrderK,
-    OrderZero,
-    bits,
-    flat_arguments,
-    label,
-    plain,
-    rewrite,
-)
+from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .responses import Responses, find_responses
 from .scalar import HELPERS, Writer
 from .simplify import simplify
@@ -143,10 +131,6 @@ class JetProgram:
             if has:
                 order_k.row(node)
             surface_rows.append(order_k.rows[node] if has else -1)
-        flat_rows = []
-        for node in flat_arguments(graph, roots, degrees):
-            order_k.row(node)
-            flat_rows.append(order_k.rows[node])
         corrections = self._order(order_k, loop, roots)
         unrolled = bool(order_k.products)
         if unrolled:
@@ -199,7 +183,7 @@ class JetProgram:
         mask = "mask, " if self.general else ""
         self.source.function(name, f"t, x, mult, p, {mask}K, stride, rows, scratch", body, returns="I")
         rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
-        self.source.constants = {**rows, "FLAT_ROWS": tuple(flat_rows), "FLAGS": FLAGS}
+        self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FLAGS": FLAGS}
         self.source.constants["BY_RESPONSES"] = bool(self.responses)
         return self.source.text()
 

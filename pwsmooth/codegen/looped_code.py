@@ -72,13 +72,16 @@ class LoopedOrderK(Sided, OrderK):
                 return True  # loaded
         return super().available(node)
 
+    def holder(self, node: int) -> int:
+        op, _, data = self.graph.nodes[node]
+        return self.graph.var(*data[:2]) if op == "var" and len(data) == 3 else node
+
     def row(self, node: int) -> str:
-        op, _, data = self.graph.nodes[plain(node)]
-        if op == "var" and len(data) == 3:
-            base = self.graph.var(*data[:2])
-            at = super().row(base if node >= 0 else ~base)
-            return f"{at}{neighbour(0, data[2])[2:]}"
-        return super().row(node)
+        base = self.holder(plain(node))
+        at = super().row(base if node >= 0 else ~base)
+        if base == plain(node):
+            return at
+        return f"{at}{neighbour(0, self.graph.nodes[plain(node)].data[2])[2:]}"
 
     def family(self, operand: int) -> int | None:
         return self.graph.level[plain(operand)]

@@ -22,7 +22,7 @@ from .layout import Count, Layout, one, starts
 from .looped_code import LoopedDegrees, LoopedOrderK, LoopedOrderZero
 from .looped_memory import CONDITIONS, ElementMemory
 from .native import LANES
-from .recurrences import AFFINE, CONSTANT, NoRecurrence, flat_arguments, label, plain, rewrite
+from .recurrences import AFFINE, CONSTANT, NoRecurrence, label, plain, rewrite
 from .scalar import Writer
 from .sections import Root, Sections
 
@@ -124,7 +124,7 @@ class LoopedJet(ElementMemory):
                 *(dict(self.scratch.each).get(f, 0) for f in range(len(lay.periodic))),
             ),
             "SURFACE_ROWS": tuple(self.surface_rows),
-            "FLAT_ROWS": tuple(self.flat_rows),
+            "FLAT_ROWS": order_k.flat_rows(),
             "FLAGS": FLAGS,
         }
         return self.source.text()
@@ -166,11 +166,6 @@ class LoopedJet(ElementMemory):
             if has:
                 code.row(node)
             self.surface_rows.append(code.rows[node] if has else -1)
-        self.flat_rows = []
-        for node in flat_arguments(self.graph, [*self.rates, *self.h, *self.residuals], self.degrees):
-            code.row(node)
-            if node in code.rows:  # a neighbour's are among the rows of its own
-                self.flat_rows.append(code.rows[node])
         for place in range(LANES):
             if place:
                 loop.line("if k == K:")

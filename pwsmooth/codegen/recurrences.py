@@ -42,13 +42,6 @@ BY_SLOPE = (
 FLAT = ("exp", "sinh", "cosh", "tanh", "erf", "erfc")
 
 
-def flat_arguments(graph: Graph, roots: list[int], degrees) -> list[int]:
-    """Arguments of such functions that move along a step."""
-    nodes = (graph.nodes[a] for a in graph.reach(roots))
-    found = {node.args[0] for node in nodes if node.op == "fun" and node.data in FLAT}
-    return sorted(u for u in found if degrees.of(u) != CONSTANT)
-
-
 class NoRecurrence(TypeError):
     """The model contains a function that has no Taylor recurrence."""
 
@@ -227,10 +220,19 @@ class OrderK(JetCode):
         self.states = {graph.var("x", i) for i in range(len(degrees.rates))}
         self._lateness: dict[int, int] = {}
         self.transient: set[int] = set()  # affine nodes: slope at order 1, then 0, in z
+        self.flat: dict[int, None] = {}  # arguments of functions that are flat far from 0
 
     def row(self, node: int) -> str:
         """Text of the offset of a node's row; a number is given to it at its first use."""
         return f"o{self.rows.setdefault(node, len(self.rows))}"
+
+    def holder(self, node: int) -> int:
+        """The node in whose row a node's coefficients stand."""
+        return node
+
+    def flat_rows(self) -> tuple[int, ...]:
+        """Rows of the arguments of functions that are flat far from 0."""
+        return tuple({self.rows[self.holder(u)]: None for u in self.flat})
 
     def coefficient(self, node: int) -> str | None:
         """Text of a node's coefficient of order k; None where it is 0."""
@@ -379,6 +381,9 @@ class OrderK(JetCode):
 
     def _function(self, w: int, u: int, name: str) -> str:
         uk, affine = self.coefficient(u), self.degrees.of(u) == AFFINE
+        if name in FLAT:
+            self.row(u)
+            self.flat[u] = None
         if name == "sqrt":  # w^2 = u
             return f"({uk} - {self._sum(w, w)}) * (0.5 * {self.reciprocal(w)})"
         if name == "log":  # u w' = u'
