@@ -11,7 +11,7 @@ from .compiling import kernel
 from .intervals import forget_intervals, note_interval, time_left, time_to_last_event
 from .pointers import call_act, call_fields
 from .records import record_ambiguity, record_event
-from .settling import approach_speed, close_contact, settle_at_rest, stop_normal_speed
+from .settling import close_contact, settle_at_rest
 from .sliding import keep_on_surface, surface_rounding
 from .state import (
     ALGEBRAIC,
@@ -27,6 +27,7 @@ from .state import (
     SECOND_ORDER,
     SOLVED,
 )
+from .surface_rates import approach_speed, stop_normal_speed
 
 AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed

@@ -13,7 +13,6 @@ from .compiling import kernel
 from .intervals import forget_intervals, note_interval
 from .pointers import call_act, call_fields, call_newton
 from .records import record_ambiguity, record_event
-from .settling import approach_speed, evaluate_surfaces
 from .sliding import keep_on_surface, mask_solved, surface_rounding
 from .sparse import entry, solve_dense
 from .state import (
@@ -28,6 +27,7 @@ from .state import (
     SLIDING,
     SOLVED,
 )
+from .surface_rates import approach_speed, evaluate_surfaces
 
 UNSOLVABLE, UNCHANGED, CHANGED = -1, 0, 1
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on

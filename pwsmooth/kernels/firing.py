@@ -9,7 +9,6 @@ from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
 from .records import record_ambiguity, record_event
-from .settling import evaluate_surfaces
 from .sliding import surface_rounding
 from .state import (
     ACCUMULATED,
@@ -27,6 +26,7 @@ from .state import (
     SECOND_ORDER,
     TERMINAL,
 )
+from .surface_rates import evaluate_surfaces
 
 
 @kernel

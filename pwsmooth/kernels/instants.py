@@ -13,28 +13,22 @@ from .accumulation import AT_ONCE, is_passed, pass_accumulation
 from .compiling import kernel, unit
 from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
+from .holding import (
+    AT_BOUND,
+    hold_beside,
+    hold_instead,
+    hold_second_order,
+    hold_supported,
+    hold_what_rests,
+    rest_with_friction,
+    some_second_order,
+)
 from .intervals import forget_intervals, note_interval
 from .layer import LEAVE_FOLD, SETTLED
 from .plain import cross_stick_or_leave, only_one
 from .pointers import call_layer_unit
 from .records import record_ambiguity, record_event, record_point
-from .settling import (
-    AT_BOUND,
-    approach_speed,
-    evaluate_surfaces,
-    hold_beside,
-    hold_instead,
-    hold_second_order,
-    hold_supported,
-    layer_code,
-    leading_order,
-    resettle,
-    rest_with_friction,
-    settle_arrivals,
-    settle_at_rest,
-    some_second_order,
-    stop_normal_speed,
-)
+from .settling import layer_code, resettle, settle_arrivals, settle_at_rest
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import link
 from .state import (
@@ -81,6 +75,7 @@ from .state import (
     State,
     Work,
 )
+from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
@@ -193,40 +188,13 @@ def _is_minute(P, C, S, W, j):
 
 
 @kernel
-def _hold_what_rests(P, S, R, W):
-    """After x has jumped: switches on whose surface it stands at rest slide to second order, or slide no longer."""
-    size = 0
-    for j in range(P.m):
-        if P.kind[j] == SECOND_ORDER and W.hit[j]:
-            rests = abs(approach_speed(P, S, j, W)) <= W.answer[A_AT_REST]
-            if rests or S.status[j] == SOLVED or S.status[j] == HELD:
-                W.active[size] = j
-                size += 1
-    if size == 0:
-        return
-    hold_second_order(P, S, R, W, size)
-    size = 0
-    for j in range(P.m):
-        if P.kind[j] == SLIDING and S.status[j] == SOLVED:
-            W.active[size] = j
-            size += 1
-    hold_supported(P, S, W, size)
-    for j in range(P.m):
-        held = S.status[j] == SOLVED or W.came[j] == SOLVED or W.came[j] == HELD
-        if P.kind[j] == SECOND_ORDER and W.hit[j] and held:
-            W.hit[j] = False
-            if S.status[j] != W.came[j]:
-                record_event(S, R, j, EV_RESET, W.came[j], S.status[j])
-
-
-@kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     m, mult, status = P.m, S.mult, S.status
     jumped = W.code[I_JUMPED] != 0
     if jumped:
         sides_after_jump(P, S, R, W)
-        _hold_what_rests(P, S, R, W)
+        hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):

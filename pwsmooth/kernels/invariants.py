@@ -9,10 +9,10 @@ import os
 
 from .compiling import kernel
 from .contacts import friction_on
-from .settling import evaluate_surfaces
 from .sliding import surface_size
 from .sparse import entry
 from .state import ALGEBRAIC, C_AMBIGUITIES, CONTACT, HELD, SLIDING, SOLVED
+from .surface_rates import evaluate_surfaces
 
 CHECK = os.environ.get("PWSMOOTH_CHECK", "0") not in ("", "0")
 

@@ -32,7 +32,6 @@ from .noise_tree import begin_interval, end_time, halve, halved, length_here, pa
 from .pointers import _caller, call_fields, call_linear, call_unit
 from .records import record_point
 from .roots import NO_ROOT
-from .settling import any_solved
 from .sliding import follow, keep_on_surface, mask_solved, surface_rounding
 from .state import (
     A_ELAPSED,
@@ -63,6 +62,7 @@ from .state import (
     State,
     Work,
 )
+from .surface_rates import any_solved
 
 _SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
 _LEAP = 0.25  # of a multiplier within one step: a root farther away is another branch

@@ -9,7 +9,6 @@ import math
 from .compiling import kernel
 from .intervals import note_interval
 from .records import record_event
-from .settling import evaluate_surfaces
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
     C_LAYERS,
@@ -25,6 +24,7 @@ from .state import (
     SLIDING,
     SOLVED,
 )
+from .surface_rates import evaluate_surfaces
 
 
 @kernel

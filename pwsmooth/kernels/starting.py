@@ -9,13 +9,7 @@ from .contacts import close_at_start
 from .intervals import forget_intervals
 from .pointers import call_fields
 from .records import record_point
-from .settling import (
-    any_solved,
-    approach_speed,
-    evaluate_surfaces,
-    leading_order,
-    settle_at_rest,
-)
+from .settling import settle_at_rest
 from .sliding import mask_instant, surface_rounding
 from .state import (
     A_AT_REST,
@@ -35,6 +29,7 @@ from .state import (
     State,
     Work,
 )
+from .surface_rates import any_solved, approach_speed, evaluate_surfaces, leading_order
 from .unknowns import solve_unknowns
 
 

@@ -17,7 +17,7 @@ from .pointers import at, call_fold, call_rk, call_unit
 from .records import keep_dense, record_grazes, record_point, sample
 from .rhythm import forget_rhythm, note_rhythm
 from .roots import NO_ROOT, first_root
-from .settling import any_held, any_solved, keep_sliding, release_held
+from .settling import release_held
 from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
 from .sliding import follow, mask_solved
 from .state import (
@@ -72,6 +72,7 @@ from .steps import (
     take_jet,
     taylor_step_size,
 )
+from .surface_rates import any_held, any_solved, keep_sliding
 from .touching import (
     HOP,
     HOPPED,
