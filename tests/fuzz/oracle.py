@@ -724,7 +724,7 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
     old = np.empty(W)
     w = v.copy()
     Y, L, G = np.empty((NODES, N)), np.empty((NODES, M)), np.empty((NODES, N))
-    side = np.ones(E)
+    side, fired = np.ones(E), np.full(E, -np.inf)
     for e in range(E):
         side[e] = 1.0 if value(D, N + m + 2 * c + e, v) >= 0 else -1.0
     t, dt, k, events, calm = t0, 0.05, 0, 0, 9
@@ -873,6 +873,11 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
                         side[e] = -side[e]
             if closed and np.any(hit):
                 tags[0] |= JUMP_WHILE_CLOSED
+            for e in range(E):
+                if hit[e]:
+                    if t - fired[e] < 1e-9 * (1 + abs(t)):
+                        return UNDECIDED, t, out, events  # the next one of a sequence that shrinks would be missed
+                    fired[e] = t
             if not fire(D, v, status, side, touched, hit, tags):
                 return UNDECIDED, t, out, events
         # What moves without a jump and is at its bound already stays as it is.

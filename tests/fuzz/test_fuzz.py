@@ -27,10 +27,11 @@ def test_no_random_case_is_silently_wrong(name):
 
 
 # Structures and cases that were wrong once: a step's end taken for another root, of numbers that one program had left
-# behind the rows of the other; an error estimate of the pair that passed through 0.
+# behind the rows of the other; an error estimate of the pair that passed through 0; a pulse that a step passed over.
 WERE_WRONG = {
     "hidden": [(7700124, 133), (7700124, 143), (7700239, 14), (7700297, 105), (7700188, 1)],
     "contacts": [(9200076, 6), (9200182, 14), (9200266, 26)],
+    "smooth": [(9500072, 70), (9500253, 46)],
 }
 
 
@@ -39,7 +40,8 @@ WERE_WRONG = {
 )
 def test_what_was_wrong_once_is_right(name, key, case):
     module = importlib.import_module(f"tests.fuzz.{name}")
-    assert judging.play(judging.compiled(module, key), key * 1000 + case).kind == judging.RIGHT
+    played = getattr(module, "compiled", judging.compiled)(module, key)
+    assert getattr(module, "play", judging.play)(played, key * 1000 + case).kind == judging.RIGHT
 
 
 def test_the_oracle_agrees_with_closed_forms():
