@@ -876,7 +876,12 @@ def run(D, v0, status0, t0, instants, log, graze, tags, most=1500):
             for e in range(E):
                 if hit[e]:
                     if t - fired[e] < 1e-9 * (1 + abs(t)):
-                        return UNDECIDED, t, out, events  # the next one of a sequence that shrinks would be missed
+                        return (
+                            UNDECIDED,
+                            t,
+                            out,
+                            events,
+                        )  # the next one of a sequence that shrinks would be missed
                     fired[e] = t
             if not fire(D, v, status, side, touched, hit, tags):
                 return UNDECIDED, t, out, events
