@@ -7,7 +7,7 @@ from .compiling import inlined_kernel, kernel
 from .lanes import load8, store8
 from .pointers import at, call_linear
 from .rhythm import expected
-from .roots import NO_ROOT, first_root, low_bounds, remainder
+from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .sliding import surface_size
 from .state import (
     A_GRAZE,
@@ -22,6 +22,8 @@ from .state import (
     SOLVED,
 )
 from .steps import SURFACE_ROUNDING, powers, scaled
+
+_SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
 @inlined_kernel
@@ -87,14 +89,14 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
 
 
 @inlined_kernel
-def _note_size(P, W, i, row, drop):
+def _note_size(P, C, W, i, row, drop):
     """Leaves in A_SHALLOW the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
 
-    A jet's step goes from afar to a tangency; the pair's last ones begin close to it.
+    A jet's step goes from afar to a tangency; the pair's last ones begin close to it, and are as good as its tolerance.
     """
     if P.pair:
         W.widest[i] = max(W.widest[i], abs(at(row, 0)))
-        W.answer[A_SHALLOW] = W.widest[i] if drop == 0 else 0.0
+        W.answer[A_SHALLOW] = W.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
 
 
 @kernel
@@ -137,7 +139,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
             elif kind[j] != ALGEBRAIC:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W, poly)
         elif surface_rows[j] >= 0 and status[j] != HELD:
-            _note_size(P, W, j, rows[surface_rows[j]], deflate[j])
+            _note_size(P, C, W, j, rows[surface_rows[j]], deflate[j])
             met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[surface_rows[j]], 0))
@@ -153,7 +155,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0 and P.watch[i - m] == 0:
             W.answer[A_GUESS] = expected(W, i, S.side[i - m], S.now[0], h)
-            _note_size(P, W, i, rows[surface_rows[i]], deflate[i])
+            _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
         W.answer[A_SHALLOW] = 0.0
