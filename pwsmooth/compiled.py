@@ -229,8 +229,6 @@ class CompiledProblem:
                     "sequel",
                 )
             },
-            code=np.zeros(state.N_CODE),
-            answer=np.zeros(state.N_ANSWER),
             **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
             **{
                 name: np.zeros(n)

@@ -202,7 +202,6 @@ class Path(EventDriven):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
         from .kernels import noise_state as names
-        from .kernels.state import C_STEPS
 
         owner = self.owner
         step = owner.noise.step
@@ -216,11 +215,11 @@ class Path(EventDriven):
             return diffuse(*(b.address for b in (self.problem, control, state, record, self.work, noise)))
 
         def more(record):
-            return self._record(max(4 * len(record.t), 65536), record, state.counts)
+            return self._record(max(4 * len(record.t), 65536), record, state)
 
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         solution = self.finish(owner.system, code, self.problem, state, record, times)
         solution.noise = owner.noise
-        solution.cost = {"steps": int(state.counts[C_STEPS]),
+        solution.cost = {"steps": state.steps,
                          "refused": int(noise.place[names.REJECTED]), "events": len(solution.events)}  # fmt: skip
         return solution

@@ -146,12 +146,11 @@ class EventDriven:
         self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
         self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
-        shapes = {"now": 2, "x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne,
-                  "counts": names.N_COUNTS}  # fmt: skip
+        shapes = {"x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne}
         self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 6)})
         self.state.block[:] = 0
         self.state.side[:] = 1
-        self.blank = self.state.block.copy()
+        self.blank = self.state.block.copy(), self.state.cells.copy()
         self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
 
     def _keep(self, room: int) -> None:
@@ -161,8 +160,8 @@ class EventDriven:
     def begin(self, t0: float, start: Any) -> Any:
         """The kernel's State before its first step (kernels/ensemble.py makes the same one for every orbit)."""
         state = self.state
-        state.block[:] = self.blank
-        state.now[0], state.now[1] = t0, self.first_step
+        state.block[:], state.cells[:] = self.blank
+        state.t, state.step = t0, self.first_step
         state.x[:] = start
         state.last[:, 0] = t0
         return state
@@ -190,26 +189,25 @@ class EventDriven:
 
         def more(record: Any) -> Any:
             # The room grows geometrically, more slowly where it is large.
-            room = _next_room(len(record.t), self.room, t0, state.now[0], t1)
+            room = _next_room(len(record.t), self.room, t0, state.t, t1)
             if self._bytes(room) >= _LARGE:
                 room = min(room, 2 * len(record.t))
-            return self._record(room, record, state.counts) if memory.fits(self._bytes(room)) else None
+            return self._record(room, record, state) if memory.fits(self._bytes(room)) else None
 
         def advance(record: Any) -> int:
             return self.loop(problem, control, state, record, self.work)
 
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         if code == names.BROKEN:
-            mu = self.model.multipliers[int(self.work.code[names.I_TOUCHED])].symbol
+            mu = self.model.multipliers[self.work.touched].symbol
             raise AssertionError(
-                f"an invariant of {mu} does not hold at t = {state.now[0]!r}: statuses {state.status.tolist()}, "
+                f"an invariant of {mu} does not hold at t = {state.t!r}: statuses {state.status.tolist()}, "
                 f"multipliers {state.mult.tolist()}, states {state.x.tolist()} (PWSMOOTH_CHECK; kernels/invariants.py)."
             )
         solution = self.finish(system, code, problem, state, record, times)
         if len(record.t) == self.room:
             return solution
-        filled = [names.C_POINTS, names.C_EVENTS, names.C_AMBIGUITIES, names.C_DENSE]
-        room = int(1.1 * state.counts[filled].max())
+        room = int(1.1 * max(state.points, state.events, state.ambiguities, state.pieces))
         if room > self.room and self._bytes(room) <= _KEPT_BYTES:
             self._keep(room)
         return solution
@@ -226,7 +224,7 @@ class EventDriven:
             code = advance(record)
             if code != names.MAX_STEPS and code != names.FULL:
                 break
-            taken = int(state.counts[names.C_STEPS])
+            taken = state.steps
             if code == names.FULL:
                 if (larger := more(record)) is None:
                     break
@@ -236,7 +234,7 @@ class EventDriven:
             if spending.late():
                 code = OUT_OF_TIME
                 break
-        spending.spend(int(state.counts[names.C_STEPS]))
+        spending.spend(state.steps)
         return code, record
 
     def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
@@ -252,8 +250,8 @@ class EventDriven:
     def _bytes(self, room: int) -> int:
         return sum(8 * math.prod(shape) for shape in self._shapes(room).values())
 
-    def _record(self, room: int, old: Any = None, counts: Any = None) -> Any:
-        """Buffers for `room` points and events, with what `old` holds copied over."""
+    def _record(self, room: int, old: Any = None, state: Any = None) -> Any:
+        """Buffers for `room` points and events, with what `old` holds at this state copied over."""
         n, m = self.sizes.n, self.sizes.m
         asked = {"t_eval": np.empty(0), "x_eval": np.empty((0, n)), "mult_eval": np.empty((0, m))}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
@@ -263,7 +261,7 @@ class EventDriven:
             **{k: getattr(old, k, empty) for k, empty in asked.items()},
         )
         if old:
-            for name, part in self._parts(old, counts.tolist()).items():
+            for name, part in self._parts(old, state).items():
                 getattr(new, name)[: len(part)] = part
         return new
 
@@ -282,32 +280,31 @@ class EventDriven:
             t_eval=times, x_eval=np.empty((k, self.sizes.n)), mult_eval=np.empty((k, self.sizes.m))
         )
 
-    def _parts(self, record: Any, counts: list[int]) -> dict[str, np.ndarray]:
-        """What the buffers hold."""
-        points, events = counts[names.C_POINTS], counts[names.C_EVENTS]
+    def _parts(self, record: Any, state: Any) -> dict[str, np.ndarray]:
+        """What the buffers hold at a state."""
+        points, events = state.points, state.events
         parts = {
             "t": record.t[:points], "x": record.x[:points], "mult": record.mult[:points],
             "status": record.status[:points], "event_t": record.event_t[:events], "event": record.event[:events],
         }  # fmt: skip
-        if ambiguities := counts[names.C_AMBIGUITIES]:
+        if ambiguities := state.ambiguities:
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
         if self.dense:
-            steps = counts[names.C_DENSE]
-            parts |= {name: getattr(record, name)[:steps] for name in ("dense", "dense_s")}
+            pieces = state.pieces
+            parts |= {name: getattr(record, name)[:pieces] for name in ("dense", "dense_s")}
         return parts
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None
     ) -> Solution:
         """The Solution of a run that ended with this code, in words."""
-        counts = state.counts.tolist()
-        kept = self._parts(record, counts)
+        kept = self._parts(record, state)
         if self.record is not None and record.t is self.record.t:
             kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
         if not len(t):
             # Its first multipliers were not found: the start is all there is, and they are not known.
-            t, x, status = state.now[:1].copy(), state.x[None].copy(), state.status[None].copy()
+            t, x, status = np.array([state.t]), state.x[None].copy(), state.status[None].copy()
             mult = np.full((1, len(state.mult)), np.nan)
         event_t = kept["event_t"]
         events = kept["event"]
@@ -321,17 +318,17 @@ class EventDriven:
                 event_t = np.append(event_t, t[-1])
                 events = np.vstack([events, [len(self.model.multipliers) + cause, names.EV_SINGULAR, 0, 0]])
         cost = {
-            "steps": counts[names.C_STEPS],
-            "jets": counts[names.C_JETS],
+            "steps": state.steps,
+            "jets": state.jets,
             "events": len(event_t),
-            "layers": counts[names.C_LAYERS],
+            "layers": state.layers,
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
         whole = None
         if times is not None:
             whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
-            k = counts[names.C_EVAL]
+            k = state.samples
             asked, x_asked, mult_asked = times[:k], record.x_eval[:k], record.mult_eval[:k]
             column = np.clip(np.searchsorted(t, asked, side="right") - 1, 0, len(t) - 1)
             # At an event the side after it, as the dense output has it.
@@ -379,7 +376,7 @@ class EventDriven:
         n, m, ne = len(self.model.states), len(self.model.multipliers), len(self.model.events)
         double = ctypes.POINTER(ctypes.c_double)
         fields = ctypes.CFUNCTYPE(None, ctypes.c_double, *6 * [double])(int(problem.fields))
-        t, x, rates = state.now[0], np.append(state.x, 0.0), np.zeros(n)
+        t, x, rates = state.t, np.append(state.x, 0.0), np.zeros(n)
         others = [np.append(a, 0.0) for a in (state.mult, problem.p)]
         arrays = [x, *others, rates, np.zeros(m + ne + 1), np.zeros(m + 1)]
         ahead = 1e-8 * (1 + abs(t))

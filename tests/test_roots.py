@@ -26,7 +26,7 @@ def first_root():
         work = works[degree]
         work.poly[:] = 0
         work.poly[: degree + 1] = coefficients
-        work.answer[4] = expected
+        work.guess = expected
         return unit(work.address, degree)
 
     return call

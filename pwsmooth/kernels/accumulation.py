@@ -39,7 +39,7 @@ _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are
 @kernel
 def is_passed(S, j):
     """Whether the accumulation point of surface j is as near as its intervals let it come."""
-    span, left = 1.0 + abs(S.now[0]), time_left(S.last[j])
+    span, left = 1.0 + abs(S.t), time_left(S.last[j])
     return left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
 
 
@@ -77,7 +77,7 @@ def _comes_to_rest(P, S, W, i):
     """Whether the update of event i changes less and less: at the limit it changes nothing."""
     for k in range(P.n):
         W.after[k] = S.x[k]
-    call_act(P.act, i, S.now[0], S.x, S.mult, P.p, W.after)
+    call_act(P.act, i, S.t, S.x, S.mult, P.p, W.after)
     rest = 0.0
     for k in range(P.n):
         rest = max(rest, abs(W.after[k] - S.x[k]) / (1.0 + abs(S.x[k])))
@@ -91,7 +91,7 @@ def events_accumulate(P, S, R, W):
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
     switch or a contact that accumulates with them is passed, and they with it.
     """
-    t = S.now[0]
+    t = S.t
     for i in range(P.ne):
         if W.pending[i] != 2 or not W.hit[P.m + i] or t <= W.fired[i, 0]:
             continue
@@ -104,7 +104,7 @@ def events_accumulate(P, S, R, W):
         for j in range(P.m):
             if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * (1.0 + abs(t)):
                 return False
-        S.now[0] = t + left
+        S.t = t + left
         record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)
         return True
     return False
@@ -113,7 +113,7 @@ def events_accumulate(P, S, R, W):
 @kernel
 def pass_accumulation(P, C, S, R, W):
     """Passes an accumulation point that has come within rounding; -1 if there is none, else a code."""
-    t = S.now[0]
+    t = S.t
     leader, left = -1, math.inf
     for j in range(P.m):
         if W.hit[j] and S.status[j] != SOLVED and W.came[j] != SOLVED:
@@ -125,7 +125,7 @@ def pass_accumulation(P, C, S, R, W):
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
     if not lost and not is_passed(S, leader):
         return -1
-    S.now[0] = t + left
+    S.t = t + left
     interval = S.last[leader, 1]
     size = 0
     for j in range(P.m):
@@ -134,7 +134,7 @@ def pass_accumulation(P, C, S, R, W):
         if j != leader and not (free and recent):
             continue
         record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
-        forget_intervals(S.last[j], S.now[0])
+        forget_intervals(S.last[j], S.t)
         keep_on_surface(P, S, j, W)
         if P.kind[j] == CONTACT:
             stop_normal_speed(P, S, j, W, True)
@@ -156,7 +156,7 @@ def pass_accumulation(P, C, S, R, W):
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     if code == DONE:
         # What is left of the way, with the field that the switchings come to on average.
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(P.n):
             S.x[i] += left * W.dx[i]
         for j in range(P.m):

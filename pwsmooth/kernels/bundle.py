@@ -1,4 +1,4 @@
-"""numba's view of a Bundle (block.py): one pointer, whose attributes are loaded as numbers and arrays."""
+"""numba's view of a Bundle (block.py): one pointer, whose numbers are loaded and stored, and its arrays loaded."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from functools import cache
 from llvmlite import ir
 from numba import types
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, lower_getattr_generic, models, register_model
+from numba.extending import (
+    infer_getattr,
+    lower_getattr_generic,
+    lower_setattr_generic,
+    models,
+    register_model,
+)
 from numba.np.arrayobj import populate_array
 
 _SCALARS = {"int": types.int64, "float": types.float64}
@@ -41,7 +47,7 @@ register_model(BundleType)(models.OpaqueModel)
 @cache
 def bundle_type(struct):
     """The numba type of a subclass of Bundle."""
-    return BundleType(struct.__name__, struct.fields)
+    return BundleType(struct.__name__, struct.layout)
 
 
 @infer_getattr
@@ -83,3 +89,14 @@ def _getattr(context, builder, typ, value, attr):
         meminfo=None,
     )
     return array._getvalue()
+
+
+@lower_setattr_generic(BundleType)
+def _setattr(context, builder, sig, args, attr):
+    cell, kind = sig.args[0].resolve(attr)
+    bundle, value = args
+    if kind not in _SCALARS.values():
+        raise TypeError(f"the array {attr} of a Bundle cannot be replaced, only overwritten")
+    word = ir.IntType(64)
+    place = builder.gep(builder.bitcast(bundle, word.as_pointer()), [ir.Constant(word, cell)])
+    builder.store(value if kind is types.int64 else builder.bitcast(value, word), place)

@@ -16,14 +16,10 @@ from .records import record_ambiguity, record_event
 from .sliding import keep_on_surface, mask_solved, surface_rounding
 from .sparse import entry, solve_dense
 from .state import (
-    A_AT_REST,
     AMB_IMPACTS,
-    C_EVENTS,
     EV_CLOSED,
     EV_IMPACT,
     EV_OPENING,
-    I_JUMPED,
-    I_LOOK_AGAIN,
     SLIDING,
     SOLVED,
 )
@@ -42,7 +38,7 @@ def _open(S, R, j, order):
     S.status[j] = 1
     S.mult[j] = 0.0
     S.deflate[j] = order
-    forget_intervals(S.last[j], S.now[0])  # impacts that ended in its closing come to no other limit
+    forget_intervals(S.last[j], S.t)  # impacts that ended in its closing come to no other limit
     record_event(S, R, j, EV_OPENING, 0, 1)
 
 
@@ -57,14 +53,14 @@ def _find_touching(P, S, R, W):
     for c in range(len(P.contact)):
         j = P.contact[c]
         rounding = surface_rounding(P, S, j, W)
-        if S.status[j] == SOLVED and W.code[I_JUMPED] and W.h[j] > rounding and W.h[j] != W.tau[j]:
+        if S.status[j] == SOLVED and W.jumped and W.h[j] > rounding and W.h[j] != W.tau[j]:
             _open(S, R, j, 0)  # an update has lifted the body off
         elif S.status[j] == SOLVED or W.hit[j] or W.h[j] <= rounding:
             W.touching[size] = j
             size += 1
     for a in range(size):
         W.speed[a] = approach_speed(P, S, W.touching[a], W)
-        W.at_rest[a] = W.answer[A_AT_REST]
+        W.at_rest[a] = W.rest_speed
     return size
 
 
@@ -91,7 +87,7 @@ def _rebound(P, S, W, j):
     """Overwrites W.after by the state after a rebound of contact j alone; returns its speed there."""
     for i in range(P.n):
         W.before[i] = W.after[i] = S.x[i]
-    call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
+    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.after)
     for i in range(P.n):
         S.x[i] = W.after[i]
     speed = approach_speed(P, S, j, W)
@@ -105,9 +101,9 @@ def _kick(P, S, W, j, impulse):
     """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
     mult = S.mult[j]
     S.mult[j] = -_HEAVY
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.after, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.after, W.h, W.g)
     S.mult[j] = _HEAVY
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     S.mult[j] = mult
     for i in range(P.n):
         S.x[i] += impulse * ((W.dx[i] - W.after[i]) / (2.0 * _HEAVY))
@@ -239,9 +235,9 @@ def _collide(P, S, R, W, size):
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
             W.hit[j] = True
-            note_interval(S.last[j], S.now[0])
+            note_interval(S.last[j], S.t)
             record_event(S, R, j, EV_IMPACT, 1, 1)
-    W.code[I_JUMPED] = 1
+    W.jumped = 1
     return True
 
 
@@ -268,7 +264,7 @@ def part_or_press(P, S, W, j):
         if S.status[k] != SOLVED and S.deflate[k] == 2 and abs(W.g[k]) < 1e-9 * abs(held):
             parts = S.status[j] * held * W.G[P.g_diagonal[j]] > 0.0
             S.deflate[k] = 3 if parts else PRESSING
-            W.code[I_LOOK_AGAIN] = 1
+            W.look_again = 1
 
 
 @kernel
@@ -276,7 +272,7 @@ def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
     largest, resting, was_closed = 0.0, W.chosen, W.load
     some = False
-    W.code[I_LOOK_AGAIN] = int(size > 1)
+    W.look_again = int(size > 1)
     for a in range(size):
         j = W.touching[a]
         was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
@@ -287,7 +283,7 @@ def _settle_forces(P, S, R, W, size):
             S.status[j] = SOLVED
         if resting[a]:
             some = True
-            W.code[I_LOOK_AGAIN] = 1
+            W.look_again = 1
         largest = max(largest, S.mult[j])
     added = -1
     for _ in range(64 + 16 * size if some else 0):
@@ -305,7 +301,7 @@ def _settle_forces(P, S, R, W, size):
         if not solved:
             return False
         largest = max(largest, now)
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         wrong = -1
         for a in range(size):
             j = W.touching[a]
@@ -339,11 +335,11 @@ def _settle_forces(P, S, R, W, size):
 
 @kernel
 def settle_contacts(P, S, R, W):
-    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with I_JUMPED set where velocities jump."""
-    before = S.counts[C_EVENTS]
+    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with W.jumped set where velocities jump."""
+    before = S.events
     for c in range(len(P.contact)):
         j = P.contact[c]
-        if W.hit[j] and S.status[j] == SOLVED and W.code[I_JUMPED] == 0:
+        if W.hit[j] and S.status[j] == SOLVED and W.jumped == 0:
             _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
             W.hit[j] = False
     size = _find_touching(P, S, R, W)
@@ -358,15 +354,15 @@ def settle_contacts(P, S, R, W):
             S.deflate[j] = 1
     if not _settle_forces(P, S, R, W, size):
         return UNSOLVABLE
-    return CHANGED if S.counts[C_EVENTS] > before else UNCHANGED
+    return CHANGED if S.events > before else UNCHANGED
 
 
 @kernel
 def close_at_start(P, S, R, W):
     """Closes the contacts that touch at rest at the start of a run; False where their forces have no solution."""
-    before = S.counts[C_EVENTS]
+    before = S.events
     solved = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
-    S.counts[C_EVENTS] = before  # what holds from the start is no event
+    S.events = before  # what holds from the start is no event
     return solved
 
 

@@ -24,15 +24,11 @@ from .ensemble_state import (
     K_STEPS,
     Ensemble,
 )
+from .fresh import restart_counts, restart_flags
 from .intervals import forget_intervals
 from .pointers import _caller, call_unit
 from .roots import low_bounds
 from .state import (
-    C_AMBIGUITIES,
-    C_DENSE,
-    C_EVENTS,
-    C_POINTS,
-    C_STEPS,
     DONE,
     FULL,
     SOLVED,
@@ -62,17 +58,17 @@ def _reset(P, C, S, W, E, i):
         P.ratio[k] = E.ratio[i, k]
     for k in range(P.n):
         S.x[k] = E.x0[i, k]
-    S.now[0] = E.t0[i]
-    S.now[1] = min(1e-3, C.max_step)
+    S.t = E.t0[i]
+    S.step = min(1e-3, C.max_step)
     S.mult[:] = 0.0
     S.status[:] = 0
     S.deflate[:] = 0
     S.side[:] = 1
-    S.counts[:] = 0
+    restart_counts(S)
     for j in range(P.m):
         forget_intervals(S.last[j], E.t0[i])
     E.t_end[0] = E.window[i, 1]
-    W.code[:] = 0  # flags of a run that stopped half-way
+    restart_flags(W)  # of a run that stopped half-way
     E.flags[:] = 0
     for j in range(P.m):
         E.stick_time[i, j] = 0.0
@@ -114,7 +110,7 @@ def _piece(P, E, i, t_from, t_to):
 @kernel
 def _follow_points(P, S, R, E, i):
     """Takes note of the points in the buffers: sticks and segments."""
-    for a in range(S.counts[C_POINTS]):
+    for a in range(S.points):
         t = R.t[a]
         if E.flags[FLAG_POINT] == 1 and t > E.last[0]:
             _piece(P, E, i, E.last[0], t)
@@ -122,7 +118,7 @@ def _follow_points(P, S, R, E, i):
         E.flags[FLAG_POINT] = 1
         for j in range(P.m):
             E.was[j] = R.status[a, j]
-    for a in range(S.counts[C_EVENTS]):
+    for a in range(S.events):
         if R.event_t[a] > E.window[i, 0]:
             E.counts[i, K_EVENTS_IN_WINDOW] += 1
 
@@ -248,7 +244,7 @@ def _measure_quantity(P, C, E, block, q, i, start, length, straight):
 def _follow_steps(P, C, S, R, E, i):
     """Takes note of the steps' polynomials in the buffers: extremes and integrals inside the window."""
     K, begin = C.order, E.window[i, 0]
-    for d in range(S.counts[C_DENSE]):
+    for d in range(S.pieces):
         block, length = R.dense[d], R.dense_s[d]
         time = block[P.n + P.m]
         if not length > 0.0 or _polynomial(time, K, length) <= begin:
@@ -334,15 +330,15 @@ def ensemble(P, C, S, R, W, E, first, stop):
             code = call_unit(E.run, P, C, S, R, W)
             _follow_points(P, S, R, E, i)
             _follow_steps(P, C, S, R, E, i)
-            E.counts[i, K_EVENTS] += S.counts[C_EVENTS]
-            E.counts[i, K_AMBIGUITIES] += S.counts[C_AMBIGUITIES]
-            S.counts[C_POINTS] = 0
-            S.counts[C_EVENTS] = 0
-            S.counts[C_AMBIGUITIES] = 0
-            S.counts[C_DENSE] = 0
+            E.counts[i, K_EVENTS] += S.events
+            E.counts[i, K_AMBIGUITIES] += S.ambiguities
+            S.points = 0
+            S.events = 0
+            S.ambiguities = 0
+            S.pieces = 0
         E.code[i] = code
-        E.reached[i] = S.now[0]
-        E.counts[i, K_STEPS] = S.counts[C_STEPS]
+        E.reached[i] = S.t
+        E.counts[i, K_STEPS] = S.steps
         for k in range(strobes):
             for r in range(P.n):
                 E.strobe[i, k, r] = R.x_eval[k, r]

@@ -13,15 +13,12 @@ from .sliding import surface_rounding
 from .state import (
     ACCUMULATED,
     AMB_UPDATES,
-    C_CLOCK,
     CHATTERING,
     CONTACT,
     DONE,
     EV_EVENT,
     EV_RESET,
     HELD,
-    I_AT_CLOCK,
-    I_JUMPED,
     MOST_AT_ONCE,
     SECOND_ORDER,
     TERMINAL,
@@ -52,8 +49,8 @@ def _note_conflicts(P, S, R, W, size):
         for k in range(P.n):
             trial[k] = W.before[k]
             shifted[k] = W.before[k] + 1.0 + abs(W.before[k])
-        call_act(P.act, i, S.now[0], W.before, S.mult, P.p, trial)
-        call_act(P.act, i, S.now[0], W.before, S.mult, P.p, shifted)
+        call_act(P.act, i, S.t, W.before, S.mult, P.p, trial)
+        call_act(P.act, i, S.t, W.before, S.mult, P.p, shifted)
         for k in range(P.n):
             if trial[k] == shifted[k]:
                 if added[k] or (was_set[k] and value[k] != trial[k]):
@@ -70,7 +67,7 @@ def _note_conflicts(P, S, R, W, size):
 
 @kernel
 def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with I_JUMPED set.
+    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with W.jumped set.
 
     Keeps in W.tau the event surfaces before each update, and the switches' before the first.
     """
@@ -82,11 +79,11 @@ def _fire_events(P, C, S, R, W):
         for k in range(n):
             W.before[k] = S.x[k]
             W.after[k] = S.x[k]
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(m if fired > 0 else 0, m + ne):
             W.tau[i] = W.h[i]
         for i in range(ne):
-            if W.pending[i] == 1 and call_act(P.act, i, S.now[0], W.before, S.mult, P.p, W.after) != 0:
+            if W.pending[i] == 1 and call_act(P.act, i, S.t, W.before, S.mult, P.p, W.after) != 0:
                 W.pending[i] = 2
                 newly = True
                 fired += 1
@@ -101,7 +98,7 @@ def _fire_events(P, C, S, R, W):
             _note_conflicts(P, S, R, W, together)
         for k in range(n):
             if W.after[k] != S.x[k]:
-                W.code[I_JUMPED] = 1
+                W.jumped = 1
                 S.x[k] = W.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
@@ -143,10 +140,10 @@ def events(P, C, S, R, W):
             S.deflate[P.m + i] = 1
             _meet_event(P, S, W, i)
             some = some or W.pending[i] == 1
-    if W.code[I_AT_CLOCK]:
-        while S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= S.now[0]:
-            W.pending[C.clock_event[S.counts[C_CLOCK]]] = 1
-            S.counts[C_CLOCK] += 1
+    if W.at_clock:
+        while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
+            W.pending[C.clock_event[S.ticks]] = 1
+            S.ticks += 1
             some = True
     for k in range(P.n):
         W.arrived[k] = S.x[k]

@@ -11,7 +11,7 @@ from .compiling import inlined_kernel, kernel
 from .records import record_ambiguity, record_event
 from .sliding import follow, mask_instant, mask_solved, surface_rounding
 from .sparse import entry
-from .state import A_AT_REST, AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
+from .state import AMB_REPELLING, EV_RESET, HELD, SECOND_ORDER, SLIDING, SOLVED
 from .surface_rates import approach_speed, evaluate_surfaces, residual
 
 AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoothly
@@ -85,7 +85,7 @@ def hold_second_order(P, S, R, W, size):
         j = W.group[a]
         speed = approach_speed(P, S, j, W)
         slope = W.G[P.g_diagonal[j]]
-        if abs(speed) > W.answer[A_AT_REST]:
+        if abs(speed) > W.rest_speed:
             _leave(S, j, 1 if speed > 0.0 else -1, 1)
         elif not slope < 0.0:
             force = residual(P, S, W, j, 0.0)
@@ -135,7 +135,7 @@ def hold_beside(P, S, W):
             continue
         j = held_by(P, S, W, k)
         still = j >= 0 and abs(W.g[k]) <= 1e-9 * abs(entry(P.g_row, P.g_col, W.G, k, j))
-        if still and abs(approach_speed(P, S, k, W)) <= W.answer[A_AT_REST]:
+        if still and abs(approach_speed(P, S, k, W)) <= W.rest_speed:
             S.status[k] = HELD
 
 
@@ -179,7 +179,7 @@ def hold_what_rests(P, S, R, W):
     size = 0
     for j in range(P.m):
         if P.kind[j] == SECOND_ORDER and W.hit[j]:
-            rests = abs(approach_speed(P, S, j, W)) <= W.answer[A_AT_REST]
+            rests = abs(approach_speed(P, S, j, W)) <= W.rest_speed
             if rests or S.status[j] == SOLVED or S.status[j] == HELD:
                 W.active[size] = j
                 size += 1

@@ -32,18 +32,9 @@ from .settling import layer_code, resettle, settle_arrivals, settle_at_rest
 from .sliding import keep_on_surface, surface_rounding
 from .sparse import link
 from .state import (
-    A_AT_REST,
-    A_ELAPSED,
-    A_MET,
-    A_STEP,
     ACCUMULATED,
     AMB_CHATTERING,
     AMB_CORNER,
-    C_AMBIGUITIES,
-    C_EVENTS,
-    C_LAYERS,
-    C_MINUTE,
-    C_STALLED,
     CHATTERING,
     CONTACT,
     DONE,
@@ -55,13 +46,6 @@ from .state import (
     EV_STICK,
     EV_TANGENCY,
     HELD,
-    I_AT_CLOCK,
-    I_FOLD,
-    I_JUMPED,
-    I_LOOK_AGAIN,
-    I_SOLVED_THERE,
-    I_TOGETHER,
-    I_WAY,
     MOST_AT_ONCE,
     NEWTON_FAILED,
     SECOND_ORDER,
@@ -92,7 +76,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
             if S.status[j] == HELD and W.came[j] != HELD and W.hit[j]:
                 record_event(S, R, j, EV_STICK, W.came[j], 0)
                 keep_on_surface(P, S, j, W)
-                forget_intervals(S.last[j], S.now[0])
+                forget_intervals(S.last[j], S.t)
         if size == 0:
             return DONE
     joint = size
@@ -106,12 +90,12 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 if W.active[c] == b:
                     known = c
             if 0 <= known < size:
-                W.code[I_TOGETHER] = 1
+                W.together = 1
             elif known < 0 and S.status[b] == SOLVED:
                 W.active[joint] = b
                 joint += 1
     code = DONE
-    if joint > size or W.code[I_TOGETHER]:
+    if joint > size or W.together:
         for a in range(joint):
             j = W.active[a]
             W.group[a] = j
@@ -143,7 +127,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         elif S.status[j] != came:
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
-            note_interval(S.last[j], S.now[0])
+            note_interval(S.last[j], S.t)
         if S.status[j] != SOLVED and P.rk_unit != 0:
             step_inside(P, S, j, W)
     return DONE
@@ -191,7 +175,7 @@ def _is_minute(P, C, S, W, j):
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     m, mult, status = P.m, S.mult, S.status
-    jumped = W.code[I_JUMPED] != 0
+    jumped = W.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
         hold_what_rests(P, S, R, W)
@@ -229,22 +213,22 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             mult[j] = float(went)
             S.deflate[j] = 1
             switched = True
-            note_interval(S.last[j], S.now[0])
-            S.counts[C_MINUTE] = S.counts[C_MINUTE] + 1 if _is_minute(P, C, S, W, j) else 0
-            if S.counts[C_MINUTE] > _MOST_MINUTE:
+            note_interval(S.last[j], S.t)
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
+            if S.minute > _MOST_MINUTE:
                 if P.kind[j] != SECOND_ORDER:
                     return CHATTERING, True
                 record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
-                forget_intervals(S.last[j], S.now[0])
+                forget_intervals(S.last[j], S.t)
                 stop_normal_speed(P, S, j, W, False)
                 W.active[0] = j
                 hold_second_order(P, S, R, W, 1)
                 record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
-                S.counts[C_MINUTE] = 0
+                S.minute = 0
             if P.rk_unit != 0:
                 step_inside(P, S, j, W)
     if fold >= 0:
-        S.counts[C_LAYERS] += 1
+        S.layers += 1
         at_fold = mult[fold]
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
         code = layer_code(P, S, R, fold, outcome)
@@ -272,7 +256,7 @@ def _left_behind(P, S, W, i):
 @kernel
 def _forget_what_was_met(P, S, W):
     """Before another look at the contacts of an instant: nothing is met but by what they do now."""
-    W.code[I_JUMPED] = 0
+    W.jumped = 0
     for j in range(P.m):
         W.hit[j] = False
         W.came[j] = S.status[j]
@@ -298,7 +282,7 @@ def _sides_of_events(P, S, W):
     for i in range(P.ne):
         if W.hit[P.m + i] and S.deflate[P.m + i] != 0:
             speed = approach_speed(P, S, P.m + i, W)
-            if abs(speed) > W.answer[A_AT_REST]:
+            if abs(speed) > W.rest_speed:
                 S.side[i] = 1 if speed > 0.0 else -1
 
 
@@ -306,13 +290,13 @@ def _sides_of_events(P, S, W):
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
 
-    Reads A_MET, A_STEP, A_ELAPSED, I_FOLD, I_WAY and I_AT_CLOCK; sets I_JUMPED, I_TOGETHER and I_SOLVED_THERE.
+    Reads W.met, W.length, W.elapsed, W.fold, W.way and W.at_clock; sets W.jumped, W.together and W.solved_there.
     """
-    m, ne, t, status = P.m, P.ne, S.now[0], S.status
-    best, h, elapsed = W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED]
-    fold, fold_way = W.code[I_FOLD], W.code[I_WAY]
-    W.code[I_JUMPED] = 0
-    W.code[I_TOGETHER] = 0
+    m, ne, t, status = P.m, P.ne, S.t, S.status
+    best, h, elapsed = W.met, W.length, W.elapsed
+    fold, fold_way = W.fold, W.way
+    W.jumped = 0
+    W.together = 0
     for i in range(m + ne):
         W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= AT_ONCE * max(abs(t), elapsed)
         # Not of events: a latch at its own threshold is left and met again within rounding.
@@ -336,22 +320,22 @@ def at_instant(P, C, S, R, W):
         elif W.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
     record_point(P, S, R)
-    S.counts[C_STALLED] = S.counts[C_STALLED] + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
-    if S.counts[C_STALLED] > MOST_AT_ONCE:
+    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
+    if S.stalled > MOST_AT_ONCE:
         return CHATTERING
-    events_before = S.counts[C_EVENTS]
-    only = only_one(P, S, W) if fold < 0 and W.code[I_AT_CLOCK] == 0 else -1
+    events_before = S.events
+    only = only_one(P, S, W) if fold < 0 and W.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != -1 and (code != DONE or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         only = code
-        W.code[I_SOLVED_THERE] = 0
+        W.solved_there = 0
     stop, jumped = DONE, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
-        jumped = W.code[I_JUMPED] != 0
+        jumped = W.jumped != 0
         if stop == ACCUMULATED:
             record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
@@ -381,14 +365,14 @@ def at_instant(P, C, S, R, W):
             code = _follow_up(P, S, R, W)
             if code != DONE:
                 return code
-        if len(P.contact) == 0 or W.code[I_LOOK_AGAIN] == 0:
+        if len(P.contact) == 0 or W.look_again == 0:
             break
     if len(P.contact) > 0:
         stop_closed(P, S, W)
     if jumped:
         _sides_of_events(P, S, W)
-    if S.counts[C_EVENTS] > events_before:
+    if S.events > events_before:
         record_point(P, S, R)
-    if C.strict and S.counts[C_AMBIGUITIES] > 0:
+    if C.strict and S.ambiguities > 0:
         return STRICT
     return stop

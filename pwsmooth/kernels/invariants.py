@@ -11,7 +11,7 @@ from .compiling import kernel
 from .contacts import friction_on
 from .sliding import surface_size
 from .sparse import entry
-from .state import ALGEBRAIC, C_AMBIGUITIES, CONTACT, HELD, SLIDING, SOLVED
+from .state import ALGEBRAIC, CONTACT, HELD, SLIDING, SOLVED
 from .surface_rates import evaluate_surfaces
 
 CHECK = os.environ.get("PWSMOOTH_CHECK", "0") not in ("", "0")
@@ -41,7 +41,7 @@ def broken_by(P, C, S, W):
             else:
                 holds = holds and abs(S.mult[j]) <= 1.0 + 1e-6
             # A root that repels is gone along only where that is recorded.
-            if P.kind[j] == SLIDING and P.g_row[j + 1] - P.g_row[j] == 1 and S.counts[C_AMBIGUITIES] == 0:
+            if P.kind[j] == SLIDING and P.g_row[j + 1] - P.g_row[j] == 1 and S.ambiguities == 0:
                 holds = holds and (S.status[j] == HELD or not W.G[P.g_diagonal[j]] > 1e-6 * abs(P.weight[j]))
         else:
             holds = S.status[j] * W.h[j] >= -apart

@@ -15,7 +15,7 @@ from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
 from .sparse import link
-from .state import A_PACE, I_MASKED, SLIDING, SOLVED, Problem, State, Work
+from .state import SLIDING, SOLVED, Problem, State, Work
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
@@ -58,18 +58,18 @@ def _push(P, S, W, j, lam, toward, frozen):
     """
     S.mult[j] = lam
     if frozen:
-        call_layer(P.layer, S.now[0], S.x, S.mult, W.z, P.p, W.g, W.q)
+        call_layer(P.layer, S.t, S.x, S.mult, W.z, P.p, W.g, W.q)
         return toward * W.g[j]
-    if W.code[I_MASKED]:
+    if W.masked:
         call_newton(P.newton_unit, P, S, W)
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     return toward * W.g[j]
 
 
 @kernel
 def _prepare(P, S, W, j):
     """Masks the multipliers of every instant, without switch j."""
-    W.code[I_MASKED] = 1 if mask_instant(P, S, W) else 0
+    W.masked = 1 if mask_instant(P, S, W) else 0
     W.mask[j] = 0
 
 
@@ -167,15 +167,15 @@ def _rates(P, S, W, size, y, out, stage):
     if P.nz > 0:
         for i in range(P.nz):
             W.z[i] = y[size + i]
-        call_layer(P.layer, S.now[0], S.x, mult, W.z, P.p, W.g, W.q)
+        call_layer(P.layer, S.t, S.x, mult, W.z, P.p, W.g, W.q)
         for i in range(P.nz):
-            out[stage, size + i] = W.answer[A_PACE] * P.ratio[i] * W.q[i]
+            out[stage, size + i] = W.pace * P.ratio[i] * W.q[i]
     else:
-        if W.code[I_MASKED]:
+        if W.masked:
             call_newton(P.newton_unit, P, S, W)
-        call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
-        out[stage, i] = W.answer[A_PACE] * P.weight[W.group[i]] * W.g[W.group[i]]
+        out[stage, i] = W.pace * P.weight[W.group[i]] * W.g[W.group[i]]
 
 
 @kernel
@@ -198,19 +198,19 @@ def _rest_is_near(P, S, W, size):
 
 @kernel
 def _set_pace(P, S, W, size):
-    """Leaves in A_PACE the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
+    """Leaves in W.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
     fastest = 0.0
     for i in range(size):
         j = W.group[i]
         keep = S.mult[j]
         for side in range(-1, 2):
             S.mult[j] = float(side)
-            call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
             fastest = max(fastest, abs(P.weight[j] * W.g[j]))
         S.mult[j] = keep
-    W.answer[A_PACE] = 1.0
+    W.pace = 1.0
     if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
-        W.answer[A_PACE] = 2.0 ** -math.floor(math.log2(fastest))
+        W.pace = 2.0 ** -math.floor(math.log2(fastest))
 
 
 @kernel
@@ -221,7 +221,7 @@ def _integrate(P, S, W, size):
     A switch that runs out to u = +-inf gets that side; the rest goes on without it.
     """
     nz, y, new, k = P.nz, W.layer_y, W.layer_new, W.layer_k
-    W.code[I_MASKED] = 1 if mask_instant(P, S, W) else 0
+    W.masked = 1 if mask_instant(P, S, W) else 0
     reach = 1e3
     for i in range(size):
         W.mask[W.group[i]] = 0
@@ -338,7 +338,7 @@ def _relax(P, S, W, j, along):
                     left = 1 if S.mult[j] > 0.0 else -1
                 if left != 0:
                     break
-            call_layer(P.layer, S.now[0], S.x, S.mult, z, P.p, W.g, q)
+            call_layer(P.layer, S.t, S.x, S.mult, z, P.p, W.g, q)
             for i in range(nz):
                 k[s, i] = q[i]
                 if s == 0:
@@ -416,7 +416,7 @@ def _arrive(P, S, W, size):
             _prepare(P, S, W, j)
             toward = 1 if _push(P, S, W, j, 0.0, 1, P.nz > 0) > 0.0 else -1
         return _settle_one(P, S, W, j, float(side), toward)
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     top, slowest = 1e-300, 1.0
     for i in range(size):
         if W.arrival[i] != 0:

@@ -10,14 +10,9 @@ from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .sliding import surface_size
 from .state import (
-    A_GRAZE,
-    A_GUESS,
-    A_SHALLOW,
     ALGEBRAIC,
     CONTACT,
     HELD,
-    I_GRAZE_CROSSES,
-    I_GRAZES,
     KINK,
     SOLVED,
 )
@@ -78,10 +73,10 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
         powers(W.end_power, best)
         for k in range(0, degree - drop + 1, 8):
             store8(poly, k, load8(poly, k) * load8(W.end_power, k))
-        W.answer[A_GUESS] = 0.0
+        W.guess = 0.0
         s = first_root(P, W, poly, degree - drop)
-        if W.code[I_GRAZES] == 1:
-            W.answer[A_GRAZE] *= best
+        if W.dips == 1:
+            W.dip_at *= best
         if s < 1.0 and best > 0.0:
             best *= s
             W.exit_side[j] = side
@@ -90,13 +85,13 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
 
 @inlined_kernel
 def _note_size(P, C, W, i, row, drop):
-    """Leaves in A_SHALLOW the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
+    """Leaves in W.shallow the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
 
     A jet's step goes from afar to a tangency; the pair's last ones begin close to it, and are as good as its tolerance.
     """
     if P.pair:
         W.widest[i] = max(W.widest[i], abs(at(row, 0)))
-        W.answer[A_SHALLOW] = W.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
+        W.shallow = W.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
 
 
 @kernel
@@ -106,7 +101,7 @@ def _kink_met(P, C, S, row, power, j, met, W, poly):
     The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
     where both sides lead back, what they say is rounding. A kink that stays well within the tolerance of 0 is no event.
     """
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
     if abs(row[0]) > tolerance:
         return met
@@ -130,8 +125,8 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
     best = NO_ROOT
     for j in range(m):
         met = NO_ROOT
-        W.code[I_GRAZES] = 0
-        W.answer[A_GUESS] = expected(W, j, status[j], S.now[0], h)
+        W.dips = 0
+        W.guess = expected(W, j, status[j], S.t, h)
         if status[j] == SOLVED:
             if kind[j] == CONTACT:
                 met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
@@ -146,11 +141,11 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
                 W.widest[j] = max(W.widest[j], away)
                 if away <= 1e-6 * W.widest[j]:
                     met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W, poly)
-        W.answer[A_SHALLOW] = 0.0
+        W.shallow = 0.0
         tau[j] = met
         best = min(best, met)
-        W.grazed[j] = W.answer[A_GRAZE] if W.code[I_GRAZES] != 0 else NO_ROOT
-        W.graze_crosses[j] = W.code[I_GRAZE_CROSSES]
+        W.grazed[j] = W.dip_at if W.dips != 0 else NO_ROOT
+        W.graze_crosses[j] = W.dip_crosses
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0 and P.watch[i - m] == 0:
@@ -158,7 +153,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
             _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])
-        W.answer[A_SHALLOW] = 0.0
+        W.shallow = 0.0
     return best
 
 

@@ -6,10 +6,11 @@ from numba import types
 from numba.extending import intrinsic
 
 from .compiling import unit
+from .fresh import restart_counts, restart_flags
 from .intervals import forget_intervals
 from .noise_state import INTERVAL, LAST, TRAJECTORY, Diffused
 from .pointers import _caller
-from .state import C_AMBIGUITIES, C_EVENTS, C_POINTS, C_STEPS, DONE, FULL, Control, Problem, Record, State, Work
+from .state import DONE, FULL, Control, Problem, Record, State, Work
 
 
 @intrinsic
@@ -31,10 +32,10 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
         own = row if N.starts.shape[0] > 1 else 0
         for i in range(n):
             S.x[i] = N.starts[own, i]
-        S.now[0] = t0
+        S.t = t0
         S.deflate[:] = 0
-        S.counts[:] = 0
-        W.code[:] = 0
+        restart_counts(S)
+        restart_flags(W)
         for j in range(P.m):
             forget_intervals(S.last[j], t0)
         code, taken = DONE, 0
@@ -43,7 +44,7 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
             code = FULL
             while code == FULL:
                 code = call_diffuse(address, P, C, S, R, W, N)
-                S.counts[C_POINTS] = S.counts[C_EVENTS] = S.counts[C_AMBIGUITIES] = 0
+                S.points = S.events = S.ambiguities = 0
             if taken < len(N.grid):
                 for i in range(n):
                     N.snapshots[row, taken, i] = S.x[i] if code == DONE else math.nan
@@ -52,11 +53,11 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
             for i in range(n):
                 N.snapshots[row, taken, i] = math.nan
             taken += 1
-        N.ends[row, 0] = S.now[0]
+        N.ends[row, 0] = S.t
         for i in range(n):
             N.ends[row, 1 + i] = S.x[i]
         N.codes[row, 0] = code
-        N.codes[row, 1] = S.counts[C_STEPS]
+        N.codes[row, 1] = S.steps
     N.place[TRAJECTORY] = base
     N.place[INTERVAL] = interval
     N.place[LAST] = end

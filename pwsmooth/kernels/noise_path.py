@@ -34,23 +34,10 @@ from .records import record_point
 from .roots import NO_ROOT
 from .sliding import follow, keep_on_surface, mask_solved, surface_rounding
 from .state import (
-    A_ELAPSED,
-    A_MET,
-    A_STEP,
-    C_AMBIGUITIES,
-    C_EVAL,
-    C_EVENTS,
-    C_POINTS,
-    C_STALLED,
-    C_STARTED,
-    C_STEPS,
     CONTACT,
     DONE,
     FULL,
     HELD,
-    I_AT_CLOCK,
-    I_FOLD,
-    I_WAY,
     MAX_STEPS,
     NOT_FINITE,
     SLIDING,
@@ -81,7 +68,7 @@ def _evaluate(P, S, W, N):
     if any_solved(P, S):
         mask_solved(P, S, W)
         found = follow(P, S, W)
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     turned = False
     for j in range(P.m):
         if N.noisy[j] and W.h[j] * S.status[j] < 0.0:
@@ -89,8 +76,8 @@ def _evaluate(P, S, W, N):
             S.mult[j] = float(S.status[j])
             turned = True
     if turned:
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
-    call_outputs(N.outputs, S.now[0], S.x, S.mult, P.p, N.out)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_outputs(N.outputs, S.t, S.x, S.mult, P.p, N.out)
     return found
 
 
@@ -139,18 +126,18 @@ def _step(P, S, W, N):
     n, q, x, G = P.n, N.q, S.x, N.out_start
     level = N.place[LEVEL]
     dw, area = N.increment[level], N.area[level]
-    h, t = length_here(N), S.now[0]
+    h, t = length_here(N), S.t
     for i in range(n):
         total = 0.75 * h * N.f[i]
         for s in range(q):
             total += 1.5 * G[i * q + s] * (area[s] + 0.5 * dw[s])
         x[i] = N.x[i] + total
-    S.now[0] = t + 0.75 * h
+    S.t = t + 0.75 * h
     found = True
     if any_solved(P, S):
         mask_solved(P, S, W)
         found = follow(P, S, W)
-    call_fields(P.fields, S.now[0], x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, x, S.mult, P.p, W.dx, W.h, W.g)
     if N.moving:
         call_outputs(N.outputs, t + h, x, S.mult, P.p, N.out_ahead)
     for i in range(n):
@@ -166,7 +153,7 @@ def _step(P, S, W, N):
                     total += G[k] * (dw[a] * dw[b] - (h if a == b else 0.0))
                     k += 1
         x[i] = N.x[i] + total
-    S.now[0] = end_time(N)
+    S.t = end_time(N)
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] == SLIDING:
             keep_on_surface(P, S, j, W)
@@ -175,9 +162,9 @@ def _step(P, S, W, N):
 
 @kernel
 def _changes(P, S, W, N, found):
-    """Marks in W.tau and I_FOLD what has changed its status over the step just made; True if anything has."""
+    """Marks in W.tau and W.fold what has changed its status over the step just made; True if anything has."""
     m, some = P.m, False
-    W.code[I_FOLD] = -1
+    W.fold = -1
     linear = False
     at = P.n * N.q + P.n * N.pairs + 1 + m + P.ne
     for i in range(m + P.ne):
@@ -188,7 +175,7 @@ def _changes(P, S, W, N, found):
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
                 if not found or not abs(lam - N.mult[i]) <= _LEAP or N.out[at + 3 * i + 1] >= 0.0:
-                    W.code[I_FOLD] = i
+                    W.fold = i
                     some = True
                 elif abs(lam) > 1.0:
                     W.tau[i] = 0.5
@@ -201,7 +188,7 @@ def _changes(P, S, W, N, found):
         if P.rows_slip[i] < 0 or not W.h[i] * side < 0.0:
             continue
         if not linear:
-            call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             linear = True
         if -W.h[i] * side > surface_rounding(P, S, i, W):
             W.tau[i] = 0.5
@@ -213,7 +200,7 @@ def _changes(P, S, W, N, found):
 def _deep_enough(P, W, N):
     """Whether what has changed is located: to the finest level where noise acts on the surface, else to rounding."""
     level = N.place[LEVEL]
-    if W.code[I_FOLD] >= 0:
+    if W.fold >= 0:
         return level >= LOCATED
     for i in range(P.m + P.ne):
         if W.tau[i] < NO_ROOT and not N.noisy[i]:
@@ -224,25 +211,25 @@ def _deep_enough(P, W, N):
 @kernel
 def _act(P, C, S, R, W, N, t_before):
     """Acts on the changes at the present instant; returns a code."""
-    t = S.now[0]
-    fold = W.code[I_FOLD]
+    t = S.t
+    fold = W.fold
     if fold >= 0:
         # Past the fold the layer flow has one direction: that of g at the root that was.
         S.mult[fold] = N.mult[fold]
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        W.code[I_WAY] = 1 if W.g[fold] > 0.0 else -1
-    W.code[I_AT_CLOCK] = 0
+        W.way = 1 if W.g[fold] > 0.0 else -1
+    W.at_clock = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
-    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = 0.5, t - t_before, t - t_before
+    W.met, W.length, W.elapsed = 0.5, t - t_before, t - t_before
     code = call_unit(P.instant_unit, P, C, S, R, W)
-    S.now[0] = t
+    S.t = t
     return code
 
 
 @kernel
 def _restore(P, S, N, t):
-    S.now[0] = t
+    S.t = t
     for i in range(P.n):
         S.x[i] = N.x[i]
     for j in range(P.m):
@@ -253,29 +240,29 @@ def _restore(P, S, N, t):
 @kernel
 def _sample(S, R, P):
     """The asked-for instants up to now, which is the end of an interval."""
-    slack = 1e-9 * (1.0 + abs(S.now[0]))
-    while S.counts[C_EVAL] < len(R.t_eval) and R.t_eval[S.counts[C_EVAL]] <= S.now[0] + slack:
-        k = S.counts[C_EVAL]
+    slack = 1e-9 * (1.0 + abs(S.t))
+    while S.samples < len(R.t_eval) and R.t_eval[S.samples] <= S.t + slack:
+        k = S.samples
         for i in range(P.n):
             R.x_eval[k, i] = S.x[i]
         for j in range(P.m):
             R.mult_eval[k, j] = S.mult[j]
-        S.counts[C_EVAL] = k + 1
+        S.samples = k + 1
 
 
 @kernel
 def _room(S, R):
     return (
-        S.counts[C_POINTS] + 8 < R.t.shape[0]
-        and S.counts[C_EVENTS] + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.counts[C_AMBIGUITIES] + 8 < R.ambiguity_t.shape[0]
+        S.points + 8 < R.t.shape[0]
+        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.ambiguities + 8 < R.ambiguity_t.shape[0]
     )
 
 
 @kernel
 def _begin(P, C, S, R, W, N):
     """Classifies the start; returns a code."""
-    S.counts[C_STARTED] = 1
+    S.started = 1
     begin_interval(N)
     code = call_unit(P.start_unit, P, C, S, R, W)
     if code == DONE:
@@ -288,14 +275,14 @@ def _begin(P, C, S, R, W, N):
 def diffuse(P, C, S, R, W, N):
     """Advances S to the start of interval N.place[LAST], or to the first reason to return; see state.py."""
     place = N.place
-    if S.counts[C_STARTED] == 0:
+    if S.started == 0:
         code = _begin(P, C, S, R, W, N)
         if code != DONE:
             return code
     while place[INTERVAL] < place[LAST]:
         if not _room(S, R):
             return FULL
-        if S.counts[C_STEPS] >= C.max_steps:
+        if S.steps >= C.max_steps:
             return MAX_STEPS
         longest = _longest(P, S, W, N)
         if not longest > 0.0:
@@ -304,7 +291,7 @@ def diffuse(P, C, S, R, W, N):
             if place[LEVEL] >= DEEPEST:
                 return UNDERFLOW
             halve(N)
-        t = S.now[0]
+        t = S.t
         for i in range(P.n):
             N.x[i] = S.x[i]
             N.f[i] = W.dx[i]
@@ -314,7 +301,7 @@ def diffuse(P, C, S, R, W, N):
         for i in range(len(N.out)):
             N.out_start[i] = N.out[i]
         while True:
-            S.counts[C_STEPS] += 1
+            S.steps += 1
             found = _step(P, S, W, N)
             found = _evaluate(P, S, W, N) and found
             changed = _changes(P, S, W, N, found)
@@ -336,7 +323,7 @@ def diffuse(P, C, S, R, W, N):
             if code != DONE:
                 return code
         else:
-            S.counts[C_STALLED] = 0
+            S.stalled = 0
         if place[LEVEL] == 0 and place[POSITION] == 0:
             _sample(S, R, P)
             if place[RECORDING] and not changed:

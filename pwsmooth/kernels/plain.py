@@ -11,14 +11,12 @@ from .intervals import note_interval
 from .records import record_event
 from .sliding import follow, keep_on_surface, mask_solved
 from .state import (
-    C_LAYERS,
     CONTACT,
     DONE,
     EV_CROSSING,
     EV_STICK,
     EV_TANGENCY,
     HELD,
-    I_SOLVED_THERE,
     NO_ROOT_FOUND,
     SECOND_ORDER,
     SLIDING,
@@ -67,12 +65,12 @@ def cross_stick_or_leave(P, S, R, W, j):
     if not (ahead - 2.0 * slope > 0.0 and abs(ahead) < math.inf):
         S.mult[j] = float(came)  # the near side does not push: grazing
         return -1
-    S.counts[C_LAYERS] += 1
+    S.layers += 1
     S.deflate[j] = 1
     if ahead > 0.0:
         S.status[j] = -came
         record_event(S, R, j, EV_CROSSING, came, -came)
-        note_interval(S.last[j], S.now[0])
+        note_interval(S.last[j], S.t)
         return DONE
     S.status[j] = SOLVED
     S.mult[j] -= far / slope
@@ -80,7 +78,7 @@ def cross_stick_or_leave(P, S, R, W, j):
     mask_solved(P, S, W)
     if not follow(P, S, W):
         return NO_ROOT_FOUND
-    W.code[I_SOLVED_THERE] = 1
+    W.solved_there = 1
     record_event(S, R, j, EV_STICK, came, 0)
-    note_interval(S.last[j], S.now[0])
+    note_interval(S.last[j], S.t)
     return DONE

@@ -1,50 +1,50 @@
 """Writing what happened into the Record buffers."""
 
 from .compiling import inlined_kernel, kernel
-from .state import AMB_GRAZING, C_AMBIGUITIES, C_DENSE, C_EVAL, C_EVENTS, C_POINTS, HELD, SOLVED
+from .state import AMB_GRAZING, HELD, SOLVED
 from .steps import dot, powers
 
 
 @inlined_kernel
 def record_point(P, S, R):
-    i = S.counts[C_POINTS]
-    R.t[i] = S.now[0]
+    i = S.points
+    R.t[i] = S.t
     for k in range(P.n):
         R.x[i, k] = S.x[k]
     for j in range(P.m):
         R.mult[i, j] = S.mult[j]
         R.status[i, j] = S.status[j] if S.status[j] != HELD else SOLVED  # at 0 both
-    S.counts[C_POINTS] += 1
+    S.points += 1
 
 
 @kernel
 def record_event(S, R, index, kind, came, went):
-    i = S.counts[C_EVENTS]
-    R.event_t[i] = S.now[0]
+    i = S.events
+    R.event_t[i] = S.t
     R.event[i, 0] = index
     R.event[i, 1] = kind
     R.event[i, 2] = came
     R.event[i, 3] = went
-    S.counts[C_EVENTS] += 1
+    S.events += 1
 
 
 @kernel
 def record_ambiguity(S, R, index, kind, taken):
-    i = S.counts[C_AMBIGUITIES]
-    R.ambiguity_t[i] = S.now[0]
+    i = S.ambiguities
+    R.ambiguity_t[i] = S.t
     R.ambiguity[i, 0] = index
     R.ambiguity[i, 1] = kind
     R.ambiguity[i, 2] = taken
-    S.counts[C_AMBIGUITIES] += 1
+    S.ambiguities += 1
 
 
 @kernel
 def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
     """Fills the asked-for instants inside the step just made."""
     m, K = P.m, C.order
-    while S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
-        i = S.counts[C_EVAL]
-        s = R.t_eval[i] - S.now[0]
+    while S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
+        i = S.samples
+        s = R.t_eval[i] - S.t
         if time_row >= 0:
             # Along a multiplier's arc: invert t(s), monotone, by Newton inside [0, h].
             want = R.t_eval[i]
@@ -72,13 +72,13 @@ def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
         for j in range(m):
             solved = S.status[j] == SOLVED
             R.mult_eval[i, j] = dot(rows[mult_row + j], work.end_power, K + 1) if solved else S.mult[j]
-        S.counts[C_EVAL] += 1
+        S.samples += 1
 
 
 @kernel
 def keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     """Stores the step's polynomials: states, multipliers, time."""
-    i = S.counts[C_DENSE]
+    i = S.pieces
     K = C.order
     block = R.dense[i]
     for k in range(P.n):
@@ -92,21 +92,21 @@ def keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     for r in range(K + 1):
         block[P.n + P.m, r] = rows[time_row, r] if time_row >= 0 else 0.0
     if time_row < 0:
-        block[P.n + P.m, 0] = S.now[0]
+        block[P.n + P.m, 0] = S.t
         block[P.n + P.m, 1] = 1.0
     R.dense_s[i] = h
-    S.counts[C_DENSE] += 1
+    S.pieces += 1
 
 
 @kernel
 def record_grazes(P, C, S, R, rows, time_row, h, last, W):
-    """Records every surface grazed in the step up to `last`; leaves S.now[0] at one of them."""
-    t0 = S.now[0]
+    """Records every surface grazed in the step up to `last`; leaves S.t at one of them."""
+    t0 = S.t
     for j in range(P.m):
         if W.grazed[j] <= last:
             s = W.grazed[j] * h
-            S.now[0] = t0 + s
+            S.t = t0 + s
             if time_row >= 0:
                 powers(W.end_power, s)
-                S.now[0] = dot(rows[time_row], W.end_power, C.order + 1)
+                S.t = dot(rows[time_row], W.end_power, C.order + 1)
             record_ambiguity(S, R, j, AMB_GRAZING, W.graze_crosses[j])

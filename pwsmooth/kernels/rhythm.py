@@ -42,4 +42,4 @@ def forget_rhythm(S, W):
     """Before the first step of a run."""
     W.rhythm[:, 0] = 0.0
     W.rhythm[:, 1] = 1.0
-    W.rhythm[W.rhythm.shape[0] - 1, 0] = S.now[0]
+    W.rhythm[W.rhythm.shape[0] - 1, 0] = S.t

@@ -13,7 +13,7 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .lanes import fused, load8, store8
 from .pointers import abs8, at, below_zero8, call_root, count_bits, powers8, sum8
-from .state import A_GRAZE, A_GUESS, A_SHALLOW, I_GRAZE_CROSSES, I_GRAZES, Work
+from .state import Work
 from .tables import SHORT
 
 NO_ROOT = 2.0  # outside [0, 1]
@@ -94,9 +94,9 @@ def _short_form(W, a, degree, b):
 @kernel
 def _note_grazing(W, s, crosses):
     """Leaves word for the loop: near s the surface is touched to within GRAZING of its value at the start."""
-    W.code[I_GRAZES] = 1
-    W.code[I_GRAZE_CROSSES] = crosses
-    W.answer[A_GRAZE] = s
+    W.dips = 1
+    W.dip_crosses = crosses
+    W.dip_at = s
 
 
 @fused
@@ -152,7 +152,7 @@ def _polish(W, degree, lo, hi, s):
 
 @kernel
 def _note_shallow(W, s, d, c):
-    if c > 0.0 and 0.5 * d * d < GRAZING * c * max(at(W.poly, 0), W.answer[A_SHALLOW]):
+    if c > 0.0 and 0.5 * d * d < GRAZING * c * max(at(W.poly, 0), W.shallow):
         _note_grazing(W, s, 1)  # it turns back after a dip that shallow
 
 
@@ -238,7 +238,7 @@ def _subdivide(W, degree, stride, negative):
                     degree if left + size >= 1.0 else degree + 1
                 )  # the step's end is the next step's business
                 for k in range(1, last):
-                    if c[k] < GRAZING * max(a[0], W.answer[A_SHALLOW]):
+                    if c[k] < GRAZING * max(a[0], W.shallow):
                         _note_grazing(W, left + size * k / degree, 0)
         elif depth < _DEEPEST:
             lowest = c[0]
@@ -308,7 +308,7 @@ def _isolate_short(W, degree):
         negative, undecided, rest = _short_form(W, scaled, degree, b)
         if undecided != 0 or negative == 0 or _sign_changes(negative, SHORT) != 1:
             return -1.0
-    guess = W.answer[A_GUESS]
+    guess = W.guess
     if not 0.0 < guess < end:
         guess = end * _lone_guess(b, count_bits((negative & -negative) - 1) - 1)
     s, d, c = _polish(W, degree, 0.0, end, guess)

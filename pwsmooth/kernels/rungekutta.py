@@ -14,7 +14,7 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved, surface_size
-from .state import A_LONGEST, A_NEXT_STEP, CONTACT, I_PAIR_SOLVES, SOLVED, Control, Problem, State, Work
+from .state import CONTACT, SOLVED, Control, Problem, State, Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
@@ -49,14 +49,14 @@ _FIT_WITH_SLOPE = np.linalg.inv(_POWERS)
 @kernel
 def _rate(P, S, W, t, out, stage):
     """Overwrites out[stage] with f at S.x, the solved multipliers solved there; False when they have no solution."""
-    keep = S.now[0]
-    S.now[0] = t
+    keep = S.t
+    S.t = t
     found = True
-    if W.code[I_PAIR_SOLVES]:
+    if W.pair_solves:
         mask_solved(P, S, W)
         found = call_newton(P.newton_unit, P, S, W) != 0
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    S.now[0] = keep
+    S.t = keep
     for i in range(P.n):
         out[stage, i] = W.dx[i]
     return found
@@ -65,7 +65,7 @@ def _rate(P, S, W, t, out, stage):
 @kernel
 def _try_step(P, C, S, W, h):
     """One step of size h from (W.rk_x, W.rk_mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
-    n, k, x0, t = P.n, W.rk_k, W.rk_x, S.now[0]
+    n, k, x0, t = P.n, W.rk_k, W.rk_x, S.t
     for s in range(_STAGES + 1):
         for i in range(n):
             total = 0.0
@@ -112,7 +112,7 @@ def _slope(P, W, i):
 @kernel
 def _polynomials(P, S, W, h):
     """Overwrites W.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
-    n, m, k, rows, t = P.n, P.m, W.rk_k, W.rows, S.now[0]
+    n, m, k, rows, t = P.n, P.m, W.rk_k, W.rows, S.t
     surfaces = m + P.ne
     for i in range(n):
         W.after[i] = S.x[i]
@@ -152,7 +152,7 @@ def _polynomials(P, S, W, h):
         W.dx[i] = k[0, i]
     call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
     # While multipliers are solved for, surfaces in which they stand change with them.
-    with_slope = W.code[I_PAIR_SOLVES] == 0
+    with_slope = W.pair_solves == 0
     for j in range(surfaces):
         with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
     fit = _FIT_WITH_SLOPE if with_slope else _FIT
@@ -166,8 +166,8 @@ def _polynomials(P, S, W, h):
             for c in range(_DEGREE - 1, -1, -1):
                 value = value * theta + rows[i, c]
             S.x[i] = value
-        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.code[I_PAIR_SOLVES] else found
-        if not W.code[I_PAIR_SOLVES]:
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.pair_solves else found
+        if not W.pair_solves:
             call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for c in range(_DEGREE + 1):
             for j in range(m):
@@ -193,14 +193,14 @@ def _misfit(P, C, S, W, h):
     n, m, rows, s = P.n, P.m, W.rows, _BETWEEN * h
     for i in range(n):
         S.x[i] = _value(rows[i], s)
-    worst = 0.0 if _rate(P, S, W, S.now[0] + s, W.rk_k, 0) else math.inf
+    worst = 0.0 if _rate(P, S, W, S.t + s, W.rk_k, 0) else math.inf
     for i in range(n):
         slope = 0.0
         for c in range(_DEGREE, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = C.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
         worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
-    call_linear(P.linear, S.now[0] + s, S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t + s, S.x, S.mult, P.p, W.G, W.dh)
     for r in range(n, n + m + m + P.ne):
         i = r - n if r < n + m else r - n - m
         # A multiplier counts while it is solved for, a surface while it is not kept at 0.
@@ -226,7 +226,7 @@ def _value(row, s):
 @kernel
 def _linear_terms(P, S, W):
     """Overwrites W.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     W.rows[:, :] = 0.0
     for i in range(P.n):
         W.rows[i, 0] = S.x[i]
@@ -245,19 +245,19 @@ def rk_step(P, C, S, W, h, refine):
     `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
     """
     n, m = P.n, P.m
-    W.code[I_PAIR_SOLVES] = 0
+    W.pair_solves = 0
     for i in range(n):
         W.rk_x[i] = S.x[i]
     for j in range(m):
         W.rk_mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
-            W.code[I_PAIR_SOLVES] = 1
-    _rate(P, S, W, S.now[0], W.rk_k, 0)
+            W.pair_solves = 1
+    _rate(P, S, W, S.t, W.rk_k, 0)
     if refine < 0:
         # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
         power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
         if not P.pair:
-            h = min(h, W.answer[A_LONGEST])
+            h = min(h, W.longest)
         for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
@@ -265,26 +265,24 @@ def rk_step(P, C, S, W, h, refine):
                 h *= 0.25
             elif error <= 1.0:
                 # The next step's size, kept in S by the caller.
-                W.answer[A_NEXT_STEP] = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
-                W.answer[A_LONGEST] = W.answer[A_NEXT_STEP]
+                W.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                W.longest = W.next_step
                 misfit = math.inf
                 if _polynomials(P, S, W, h):
                     misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
                 if misfit <= 1.0:
                     if P.pair:
-                        W.answer[A_NEXT_STEP] = min(
-                            W.answer[A_NEXT_STEP], h * 0.9 * max(misfit, 1e-12) ** -0.125
-                        )
+                        W.next_step = min(W.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
                     return h
                 _restore(P, S, W)
-                _rate(P, S, W, S.now[0], W.rk_k, 0)
+                _rate(P, S, W, S.t, W.rk_k, 0)
                 h *= max(0.25, 0.9 * misfit**-0.125)
             else:
                 h *= max(least, 0.9 * error**power)
-            if h <= 1e-15 * abs(S.now[0]) + 1e-300:
+            if h <= 1e-15 * abs(S.t) + 1e-300:
                 break
         _restore(P, S, W)
-        _rate(P, S, W, S.now[0], W.rk_k, 0)
+        _rate(P, S, W, S.t, W.rk_k, 0)
         _linear_terms(P, S, W)
         return 0.0
     for _ in range(8):
@@ -304,11 +302,11 @@ def rk_step(P, C, S, W, h, refine):
         if not abs(change) < 0.1 * h:
             break
         h -= change
-        if abs(change) <= 1e-15 * (abs(S.now[0]) + h):
+        if abs(change) <= 1e-15 * (abs(S.t) + h):
             break
     _restore(P, S, W)
-    _rate(P, S, W, S.now[0], W.rk_k, 0)
-    if not h > 1e-15 * abs(S.now[0]):
+    _rate(P, S, W, S.t, W.rk_k, 0)
+    if not h > 1e-15 * abs(S.t):
         _linear_terms(P, S, W)  # the surface is met where the step begins: its twin was a rounding earlier
         return 0.0
     _try_step(P, C, S, W, h)

@@ -18,14 +18,11 @@ from .state import (
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
-    C_AMBIGUITIES,
-    C_LAYERS,
     CHATTERING,
     DONE,
     EV_RESET,
     HELD,
     HIDDEN_OSCILLATION,
-    I_JUMPED,
     NO_ROOT_FOUND,
     SECOND_ORDER,
     SLIDING,
@@ -48,7 +45,7 @@ def layer_code(P, S, R, j, outcome):
 @kernel
 def settle_arrivals(P, S, R, W, size):
     """Runs the layer of W.group[:size], come from W.arrival; returns the loop's code."""
-    S.counts[C_LAYERS] += 1
+    S.layers += 1
     j = W.group[0]
     return layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0))
 
@@ -138,7 +135,7 @@ def settle_at_rest(P, C, S, R, W, size):
             code = max(code, _one_at_rest(P, S, R, W, W.active[a]))
     if some_second_order(P):
         hold_beside(P, S, W)
-    if code == DONE and C.strict and S.counts[C_AMBIGUITIES] > 0:
+    if code == DONE and C.strict and S.ambiguities > 0:
         return STRICT
     return code
 
@@ -198,7 +195,7 @@ def resettle(P, S, R, W):
 
     Leaves the side of those that slip in S.status; returns a code.
     """
-    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.code[I_JUMPED] else follow(P, S, W)):
+    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.jumped else follow(P, S, W)):
         return NO_ROOT_FOUND
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):

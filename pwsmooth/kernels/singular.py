@@ -18,17 +18,9 @@ from .pointers import call_act, call_fields, call_linear
 from .records import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
 from .state import (
-    A_GRAZE,
-    A_GUESS,
-    A_SHALLOW,
-    A_STEP,
-    C_STALLED,
     DONE,
     EV_REST,
     EV_SINGULAR,
-    I_ARRIVES,
-    I_GRAZES,
-    I_ROWS,
     SINGULAR_POINT,
     Control,
     Problem,
@@ -58,9 +50,9 @@ def _speed_at(P, S, W, i, share):
 
     Leaves S.x there, and what the argument is there in W.h.
     """
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     row, last = P.m + i, P.m + P.ne
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     square = 0.0
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
         square += W.dh[e] ** 2
@@ -69,7 +61,7 @@ def _speed_at(P, S, W, i, share):
         S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
     if P.watch_state[i] >= 0 and share == 0.0:
         S.x[P.watch_state[i]] = 0.0
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     speed = W.dh[P.dh_row[last] + row]
     for e in range(P.dh_row[row], P.dh_row[row + 1]):
         speed += W.dh[e] * W.dx[P.dh_col[e]]
@@ -101,7 +93,7 @@ def _power(P, S, W, i, a, speed):
 @kernel
 def _tolerance(P, C, S, W, i):
     """By how much the absolute tolerance lets the argument of event i vary."""
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     total = 0.0
     for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
         total += abs(W.dh[e]) * C.atol[P.dh_col[e]]
@@ -121,18 +113,18 @@ def _row(P, kind, i):
 @kernel
 def _is_active(P, S, W, i):
     """Whether the branch in which argument i stands is evaluated."""
-    return call_act(P.act, i, S.now[0], S.x, S.mult, P.p, W.after) != 0
+    return call_act(P.act, i, S.t, S.x, S.mult, P.p, W.after) != 0
 
 
 @kernel
 def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
-    row = W.rows[_row(P, W.code[I_ROWS], P.m + i)]
+    row = W.rows[_row(P, W.rows_kind, P.m + i)]
     stands = 0
     if P.watch[i] != POLE and P.watch[i] != CONE and _speed_at(P, S, W, i, 0.0) <= _STANDS * abs(row[1]):
         stands = 1
     S.deflate[:] = 0
-    S.counts[C_STALLED] = 0
+    S.stalled = 0
     passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0)
     if P.watch[i] != CONE:
         record_event(S, R, P.m + i, EV_REST if passes else EV_SINGULAR, P.watch[i], stands)
@@ -142,13 +134,13 @@ def _arrived(P, S, R, W, i):
 
 @unit(types.int64, Problem, Control, State, Record, Work)
 def approach(P, C, S, R, W):
-    """Overwrites A_STEP with the longest step before a singular point, or to the one that I_ARRIVES then names.
+    """Overwrites W.length with the longest step before a singular point, or to the one that W.arrives then names.
 
-    Called with I_ARRIVES set where that step ends: acts on it and returns a code.
+    Called with W.arrives set where that step ends: acts on it and returns a code.
     """
-    m, K, kind, h = P.m, C.order, W.code[I_ROWS], W.answer[A_STEP]
-    if W.code[I_ARRIVES] >= 0:
-        return _arrived(P, S, R, W, W.code[I_ARRIVES])
+    m, K, kind, h = P.m, C.order, W.rows_kind, W.length
+    if W.arrives >= 0:
+        return _arrived(P, S, R, W, W.arrives)
     # An event of the user's at the same place says what happens there; a switch does not.
     first = NO_ROOT
     for j in range(m + P.ne):
@@ -170,23 +162,23 @@ def approach(P, C, S, R, W):
         in_sight = left <= _IN_SIGHT * h and left <= first * h
         if not in_sight and variation(row, W.power, K) < 0.5 * a:
             continue
-        W.answer[A_GUESS] = 0.0
-        W.answer[A_SHALLOW] = _DIP * C.rtol / GRAZING
-        W.code[I_GRAZES] = 0
+        W.guess = 0.0
+        W.shallow = _DIP * C.rtol / GRAZING
+        W.dips = 0
         scaled(row, W.power, W.poly, K, 0, side / a)
         s = first_root(P, W, W.poly, K)
-        if s > 1.0 and W.code[I_GRAZES] != 0:
-            s = W.answer[A_GRAZE]
-        W.answer[A_SHALLOW] = 0.0
+        if s > 1.0 and W.dips != 0:
+            s = W.dip_at
+        W.shallow = 0.0
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * (1.0 + abs(S.now[0])) or a <= _tolerance(P, C, S, W, i)
+            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
             if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
-                    W.code[I_ARRIVES] = i
-                    W.answer[A_STEP] = 2.0 * left if P.watch[i] == CONE else left
+                    W.arrives = i
+                    W.length = 2.0 * left if P.watch[i] == CONE else left
                     return DONE
         if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
-            W.answer[A_STEP] = min(W.answer[A_STEP], _SHARE * s * h)
+            W.length = min(W.length, _SHARE * s * h)
     return DONE

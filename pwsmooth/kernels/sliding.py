@@ -21,7 +21,7 @@ _INSIDE = 1.0 - 2.0**-53
 @unit(types.int64, Problem, State, Work)
 def newton(P, S, W):
     """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
-    m, t = P.m, S.now[0]
+    m, t = P.m, S.t
     x, mult, g, mask, b = S.x, S.mult, W.g, W.mask, W.vector
     previous = math.inf
     change = 0.0
@@ -59,7 +59,7 @@ def follow(P, S, W):
         some = some or W.mask[j] != 0
     if not some:
         return True
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     clean = True
     for j in range(P.m):
         # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
@@ -93,10 +93,10 @@ def keep_on_surface(P, S, j, W):
         S.x[P.surface_state[j]] = 0.0
         return
     for _ in range(3):
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         if W.h[j] == 0.0:
             return
-        call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
             square += W.dh[e] ** 2
@@ -109,7 +109,7 @@ def keep_on_surface(P, S, j, W):
 @kernel
 def surface_size(P, S, j, W):
     """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
-    total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.now[0])
+    total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t)
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         total += abs(W.dh[e] * S.x[P.dh_col[e]])
     return total

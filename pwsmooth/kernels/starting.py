@@ -12,12 +12,9 @@ from .records import record_point
 from .settling import settle_at_rest
 from .sliding import mask_instant, surface_rounding
 from .state import (
-    A_AT_REST,
-    A_LONGEST,
     ALGEBRAIC,
     CONTACT,
     DONE,
-    I_LOOK_AGAIN,
     NEWTON_FAILED,
     NO_ROOT_FOUND,
     SECOND_ORDER,
@@ -37,15 +34,15 @@ from .unknowns import solve_unknowns
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
     m, status, mult = P.m, S.status, S.mult
-    W.answer[A_LONGEST] = math.inf
+    W.longest = math.inf
     for i in range(P.ne):
-        forget_intervals(W.fired[i], S.now[0])
+        forget_intervals(W.fired[i], S.t)
     for j in range(m):
         status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
         mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0
     # Twice: a surface may depend on an inner switch that is known only after the first look.
     for _ in range(2):
-        call_fields(P.fields, S.now[0], S.x, mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
         for j in range(m):
             if P.kind[j] < CONTACT:
                 status[j] = 1 if W.h[j] >= 0.0 else -1
@@ -64,10 +61,10 @@ def start(P, C, S, R, W):
         if not W.hit[j]:
             continue
         if P.kind[j] == CONTACT:
-            if status[j] != SOLVED and approach_speed(P, S, j, W) > W.answer[A_AT_REST]:
+            if status[j] != SOLVED and approach_speed(P, S, j, W) > W.rest_speed:
                 S.deflate[j] = 1
         elif P.kind[j] == SLIDING or (
-            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= W.answer[A_AT_REST]
+            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= W.rest_speed
         ):
             W.active[size] = j
             size += 1
@@ -78,7 +75,7 @@ def start(P, C, S, R, W):
             S.deflate[j] = abs(order) - 1
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     # What the switches have become acts on the contacts that were looked at before them.
-    W.code[I_LOOK_AGAIN] = int(size > 0 and len(P.contact) > 0)
+    W.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_solved(P, S)
     for i in range(m + P.ne):
         if not W.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):

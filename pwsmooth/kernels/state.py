@@ -145,69 +145,33 @@ class Control(Bundle):
 
 
 class State(Bundle):
-    """What the loop carries from call to call; every array is overwritten."""
+    """What the loop carries from call to call; every field is overwritten."""
 
-    now: "f8[1]"  # t, last step size
+    t: "float"
+    step: "float"  # length of the last one
     x: "f8[1]"  # (n,)
     mult: "f8[1]"  # (m,)
     status: "i8[1]"  # (m,) int64
     deflate: "i8[1]"  # (m + ne,) known zero orders of the surfaces at the step's start
     side: "i8[1]"  # (ne,) sign of each event surface
-    counts: "i8[1]"  # int64: see the C_ names
     last: "f8[2]"  # (m, 6) rows of intervals.py
+    steps: "int"  # counts, since the start or since the caller has emptied the buffers
+    jets: "int"
+    layers: "int"
+    events: "int"
+    points: "int"
+    pieces: "int"  # of the dense output
+    ambiguities: "int"
+    ticks: "int"  # instants of the clock that are over
+    samples: "int"  # of the wanted times
+    stalled: "int"  # instants in succession without progress in time
+    minute: "int"  # crossings in succession between which the motion has stayed within its tolerance
+    started: "int"
 
 
-(
-    C_STEPS,
-    C_EVENTS,
-    C_POINTS,
-    C_DENSE,
-    C_AMBIGUITIES,
-    C_CLOCK,
-    C_EVAL,
-    C_STALLED,
-    C_JETS,
-    C_LAYERS,
-    C_STARTED,
-    C_MINUTE,  # crossings in succession between which the motion has stayed within its tolerance
-) = range(12)
-N_COUNTS = 12
 MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
-
-
-# What the parts of a step and of an instant tell each other: integers in W.code, numbers in W.answer.
-(
-    I_TOUCHED,  # switch whose root comes to a fold that is touched
-    I_FOLD,  # switch that stands at its fold at this instant, or -1
-    I_WAY,  # direction of time along its root there
-    I_MASKED,  # whether a layer solves the multipliers of every instant along
-    I_AT_CLOCK,  # whether a time event is due
-    I_JUMPED,  # whether the states have jumped at this instant
-    I_TOGETHER,  # whether several coupled switches arrive at this instant
-    I_PAIR_SOLVES,  # whether the Runge-Kutta pair solves for multipliers
-    I_GRAZES,  # whether the polynomial at hand grazes zero
-    I_GRAZE_CROSSES,  # and counts as crossing it
-    I_SOLVED_THERE,  # whether the solved multipliers are those of the state left behind
-    I_LOOK_AGAIN,  # whether a contact at this instant may be moved by what happens after it
-    I_ROWS,  # kind of the step's polynomials
-    I_ARRIVES,  # singular argument whose zero the step ends at, or -1
-) = range(14)
-(
-    A_MET,  # where in the step the first surface is met
-    A_STEP,
-    A_ELAPSED,  # since the last instant
-    A_HOP,  # length of a hop over a fold
-    A_GUESS,  # where the next root is expected
-    A_NEXT_STEP,  # of the Runge-Kutta pair
-    A_GRAZE,  # where the polynomial at hand grazes zero
-    A_LONGEST,  # step of the pair in a run of Taylor steps
-    A_SHALLOW,  # size of a surface so far, against which a dip is shallow
-    A_AT_REST,  # size at which an approach speed is rounding
-    A_PACE,  # factor of the layer's time, in which its fastest rate is of size 1
-) = range(11)
-N_CODE, N_ANSWER = 14, 11
 
 
 class Record(Bundle):
@@ -229,8 +193,33 @@ class Record(Bundle):
 
 
 class Work(Bundle):
-    """Scratch arrays, overwritten by everybody."""
+    """What the parts of a step and of an instant tell each other, and scratch arrays, overwritten by everybody."""
 
+    met: "float"  # where in the step the first surface is met
+    length: "float"  # of the step
+    elapsed: "float"  # since the last instant
+    hop: "float"  # length of a hop over a fold
+    guess: "float"  # where the next root is expected
+    next_step: "float"  # of the Runge-Kutta pair
+    longest: "float"  # step of the pair in a run of Taylor steps
+    shallow: "float"  # size of a surface so far, against which a dip is shallow
+    rest_speed: "float"  # size at which an approach speed is rounding
+    pace: "float"  # factor of the layer's time, in which its fastest rate is of size 1
+    dips: "int"  # whether the polynomial at hand grazes zero
+    dip_at: "float"  # where
+    dip_crosses: "int"  # whether that counts as crossing it
+    touched: "int"  # switch whose root comes to a fold that is touched
+    fold: "int"  # switch that stands at its fold at this instant, or -1
+    way: "int"  # direction of time along its root there
+    masked: "int"  # whether a layer solves the multipliers of every instant along
+    at_clock: "int"  # whether a time event is due
+    jumped: "int"  # whether the states have jumped at this instant
+    together: "int"  # whether several coupled switches arrive at this instant
+    pair_solves: "int"  # whether the Runge-Kutta pair solves for multipliers
+    solved_there: "int"  # whether the solved multipliers are those of the state left behind
+    look_again: "int"  # whether a contact at this instant may be moved by what happens after it
+    rows_kind: "int"  # kind of the step's polynomials
+    arrives: "int"  # singular argument whose zero the step ends at, or -1
     order: "int"  # of the polynomials
     per_order: "float"  # 1/order and 1/(order - 1)
     per_order_before: "float"
@@ -264,7 +253,6 @@ class Work(Bundle):
     fold_mult: "f8[1]"
     fold_mask: "i8[1]"
     fold_slope: "f8[1]"  # (order + PAD,) dt/ds along a fold step
-    code: "i8[1]"  # int64: see the I_ names
     widest: "f8[1]"  # (m + ne,) largest |h| of each surface so far
     grazed: "f8[1]"  # (m,) where in the step each surface is grazed, in [0, 1]; 2 = not grazed
     graze_crosses: "i8[1]"  # (m,) and whether it counts as crossed
@@ -285,7 +273,6 @@ class Work(Bundle):
     rk_k: "f8[2]"  # (16, n) its stages
     rest_status: "i8[1]"  # (m,)
     rest_mult: "f8[1]"  # (m,)
-    answer: "f8[1]"  # see the A_ names
     linked: "i8[1]"  # (m,) see sparse.link
     stack: "i8[1]"  # (m,)
     touching: "i8[1]"  # (contacts,) see contacts.py

@@ -94,7 +94,7 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
     that is no state has a series of its own (an exponential that the branch in force does not contain, say).
     """
     K, rtol, atol, x, count = C.order, C.rtol, C.atol, S.x, P.n
-    reach = S.now[1]
+    reach = S.step
     while True:
         half, quarter = 0.5 * reach, 0.5 * reach * reach
         e0, e1, finite = 0.0, 0.0, 0.0
@@ -187,7 +187,7 @@ def take_slip_jet(P, C, S, work):
     """Overwrites work.rows with the jet at (t, x, mult), every multiplier constant."""
     stride = work.rows.shape[1]
     own = P.own_slip * stride
-    call_jet_slip(P.jet_slip, S.now[0], S.x, S.mult, P.p, C.order, stride, work.rows, own)
+    call_jet_slip(P.jet_slip, S.t, S.x, S.mult, P.p, C.order, stride, work.rows, own)
 
 
 @inlined_kernel
@@ -197,7 +197,7 @@ def take_jet(P, C, S, any_solved, work):
         mask_solved(P, S, work)
         K, stride = C.order, work.rows.shape[1]
         own = P.own_general * stride
-        code = call_jet_general(P.jet_general, S.now[0], S.x, S.mult, P.p, work.mask, K, stride, work.rows, own)
+        code = call_jet_general(P.jet_general, S.t, S.x, S.mult, P.p, work.mask, K, stride, work.rows, own)
         return P.mult_row if code == 0 else -1
     take_slip_jet(P, C, S, work)
     return 0
@@ -229,7 +229,7 @@ def fold_jet(P, C, S, W, j, toward):
     bias, mult, mask, index = P.fold_bias, W.fold_mult, W.fold_mask, W.index
     for i in range(n):
         W.fold_x[i] = S.x[i]
-    W.fold_x[n] = S.now[0]
+    W.fold_x[n] = S.t
     for i in range(count):
         bias[i] = P.p[i]
     mask[0] = 1
@@ -268,7 +268,7 @@ def fold_step_size(P, C, S, rows, W):
     the step there is the zero of dt/ds.
     """
     K, n, m = C.order, P.n, P.m
-    span = 1.0 + abs(S.now[0])
+    span = 1.0 + abs(S.t)
     tolerance, h = 1e-3 * C.rtol * span, 0.0
     for _ in range(2):
         e0, e1, finite = 0.0, 0.0, 0.0

@@ -6,15 +6,15 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from .compiling import kernel
 from .pointers import call_act, call_fields, call_linear
 from .sliding import follow, keep_on_surface, mask_instant, surface_rounding
-from .state import A_AT_REST, HELD, SECOND_ORDER, SOLVED
+from .state import HELD, SECOND_ORDER, SOLVED
 from .steps import take_slip_jet
 
 
 @kernel
 def evaluate_surfaces(P, S, W):
     """Overwrites W.dx, W.h, W.g, W.G, W.dh at the present state."""
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
 
 
 @kernel
@@ -40,14 +40,14 @@ def residual(P, S, W, j, lam):
     S.mult[j] = lam
     if mask_instant(P, S, W):
         follow(P, S, W)
-    call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     S.mult[j] = keep
     return W.g[j]
 
 
 @kernel
 def approach_speed(P, S, j, W):
-    """dh_j/dt with the present field; leaves in A_AT_REST the size at which it is rounding."""
+    """dh_j/dt with the present field; leaves in W.rest_speed the size at which it is rounding."""
     evaluate_surfaces(P, S, W)
     speed = W.dh[P.dh_row[P.m + P.ne] + j]
     size = abs(speed)
@@ -55,7 +55,7 @@ def approach_speed(P, S, j, W):
         part = W.dh[e] * W.dx[P.dh_col[e]]
         speed += part
         size += abs(part)
-    W.answer[A_AT_REST] = 1e-14 * size + 1e-13
+    W.rest_speed = 1e-14 * size + 1e-13
     return speed
 
 
@@ -70,7 +70,7 @@ def leading_order(P, C, S, W, i):
         speed = approach_speed(P, S, i, W)
         if abs(W.h[i]) > surface_rounding(P, S, i, W):
             return 1 if W.h[i] > 0.0 else -1
-        return 5 if abs(speed) <= W.answer[A_AT_REST] else (2 if speed > 0.0 else -2)
+        return 5 if abs(speed) <= W.rest_speed else (2 if speed > 0.0 else -2)
     take_slip_jet(P, C, S, W)
     row = W.rows[P.rows_slip[i]]
     size = 1e-3
@@ -90,7 +90,7 @@ def stop_normal_speed(P, S, j, W, contact):
         for i in range(P.n):
             W.before[i] = S.x[i]
             W.after[i] = S.x[i]
-        call_act(P.act, P.ne + j, S.now[0], S.x, S.mult, P.p, W.after)
+        call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.after)
         for i in range(P.n):
             S.x[i] = W.after[i]
         rebound = approach_speed(P, S, j, W)
@@ -120,5 +120,5 @@ def stop_normal_speed(P, S, j, W, contact):
 def keep_sliding(P, S, j, W):
     """Puts S.x exactly on h_j = 0, of a second-order slide on dh_j/dt = 0 too."""
     keep_on_surface(P, S, j, W)
-    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.answer[A_AT_REST]:
+    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.rest_speed:
         stop_normal_speed(P, S, j, W, False)

@@ -17,16 +17,8 @@ from .roots import NO_ROOT
 from .sliding import follow, mask_solved
 from .sparse import solve_masked
 from .state import (
-    A_ELAPSED,
-    A_HOP,
-    A_MET,
-    A_STEP,
     AMB_FOLD,
     DONE,
-    I_AT_CLOCK,
-    I_FOLD,
-    I_TOUCHED,
-    I_WAY,
     NEWTON_FAILED,
     SLIDING,
     SOLVED,
@@ -96,7 +88,7 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
-    Leaves that switch in I_TOUCHED and the length of a hop over the point in A_HOP; -1 where a root comes to
+    Leaves that switch in W.touched and the length of a hop over the point in W.hop; -1 where a root comes to
     stand within rounding of its fold.
     """
     found = math.inf
@@ -106,7 +98,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
-        W.answer[A_HOP] = HOP / (speed + 1e-300)
+        W.hop = HOP / (speed + 1e-300)
         if not last >= 0.0:
             call_fields(P.fields, t + s_end, W.before, W.keep_mult, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
@@ -114,13 +106,13 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
                 bend = _bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j]))
                 rounding = _NEAR * _NEAR * abs(bend)
                 if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
-                    W.answer[A_HOP] = min(W.answer[A_HOP], 0.1 * s_end)
+                    W.hop = min(W.hop, 0.1 * s_end)
                     return 0.5 / SHARE_TO_A_FOLD * s_end
             # The steps by a fold are short: lambda hardly moves.
             if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, W.before, W.keep_mult, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
-                    W.code[I_TOUCHED] = j
+                    W.touched = j
                     found = -1.0
             continue
         bend = abs(_bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j])))
@@ -141,8 +133,8 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
         # Where two branches cross, and neither turns back, they part at another rate.
-        W.answer[A_HOP] = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
-        W.code[I_TOUCHED] = j
+        W.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        W.touched = j
         return hi
     return found
 
@@ -151,15 +143,15 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
 def _past_the_touch(P, S, W, j, toward):
     """Puts switch j, repelling behind a touched fold, on the attracting root beside it; False if there is none."""
     beyond = S.mult[j]
-    slope = _slope(P, S, W, S.now[0], S.x, S.mult, j)
-    bend = _bend(P, S, W, S.now[0], S.x, S.mult, j, slope, -toward)
+    slope = _slope(P, S, W, S.t, S.x, S.mult, j)
+    bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, -toward)
     top = beyond - slope / bend if bend != 0.0 else math.inf
     if not 0.0 < toward * (beyond - top) < 0.1:
         top = beyond - toward * _BEND  # no simple fold
     if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, -toward, top) != 0:
         mask_solved(P, S, W)
         if follow(P, S, W) and toward * (top - S.mult[j]) > 0.0:
-            if _slope(P, S, W, S.now[0], S.x, S.mult, j) < 0.0:
+            if _slope(P, S, W, S.t, S.x, S.mult, j) < 0.0:
                 return True
     S.mult[j] = top
     return False
@@ -167,21 +159,21 @@ def _past_the_touch(P, S, W, j, toward):
 
 @kernel
 def _root_is_back(P, S, W, j, toward):
-    """Whether the root of switch j, which stands at its fold, exists again a hop (A_HOP) later."""
-    t, hop = S.now[0], W.answer[A_HOP]
+    """Whether the root of switch j, which stands at its fold, exists again a hop (W.hop) later."""
+    t, hop = S.t, W.hop
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
         W.before[i] = S.x[i]
         S.x[i] += hop * W.dx[i]
     for i in range(P.m):
         W.keep_mult[i] = S.mult[i]
-    S.now[0] = t + hop
+    S.t = t + hop
     mask_solved(P, S, W)
     W.mask[j] = 0
     back = follow(P, S, W)
     call_fields(P.fields, t + hop, S.x, S.mult, P.p, W.dx, W.h, W.g)
     back = back and toward * W.g[j] <= 0.0
-    S.now[0] = t
+    S.t = t
     for i in range(P.n):
         S.x[i] = W.before[i]
     for i in range(P.m):
@@ -191,17 +183,17 @@ def _root_is_back(P, S, W, j, toward):
 
 @kernel
 def touch(P, C, S, R, how, t_touch, toward, W):
-    """What becomes of switch I_TOUCHED at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
+    """What becomes of switch W.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
 
     Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
     """
-    j, now = W.code[I_TOUCHED], S.now[0]
+    j, now = W.touched, S.t
     stays = how == PASSED or (how == HOPPED and _past_the_touch(P, S, W, j, toward))
     if how == LEFT and not _root_is_back(P, S, W, j, toward):
         return DONE
-    S.now[0] = t_touch
+    S.t = t_touch
     record_ambiguity(S, R, j, AMB_FOLD, 0 if stays else 1)
-    S.now[0] = now
+    S.t = now
     if C.strict:
         return STRICT
     if how != HOPPED or stays:
@@ -212,10 +204,10 @@ def touch(P, C, S, R, how, t_touch, toward, W):
 
 @kernel
 def _leave(W, toward):
-    """Makes the present instant one at which switch I_TOUCHED stands at its fold, and nothing else happens."""
+    """Makes the present instant one at which switch W.touched stands at its fold, and nothing else happens."""
     W.tau[:] = NO_ROOT
-    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = NO_ROOT, 0.0, 0.0
-    W.code[I_FOLD], W.code[I_WAY], W.code[I_AT_CLOCK] = W.code[I_TOUCHED], toward, 0
+    W.met, W.length, W.elapsed = NO_ROOT, 0.0, 0.0
+    W.fold, W.way, W.at_clock = W.touched, toward, 0
 
 
 @kernel
@@ -229,10 +221,10 @@ def lost_at_a_fold(P, C, S, R, W):
     for j in range(P.m):
         if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
             continue
-        slope = _slope(P, S, W, S.now[0], S.x, S.mult, j)
-        bend = _bend(P, S, W, S.now[0], S.x, S.mult, j, slope, _way(S.mult[j]))
+        slope = _slope(P, S, W, S.t, S.x, S.mult, j)
+        bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _way(S.mult[j]))
         if abs(slope) <= _NEAR * abs(bend):
-            W.code[I_TOUCHED] = j
+            W.touched = j
             S.mult[j] -= slope / bend
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             _leave(W, 1 if slope * bend < 0.0 else -1)
@@ -246,7 +238,7 @@ def lost_at_a_fold(P, C, S, R, W):
 @kernel
 def flattest(P, S, W):
     """The hidden switch whose residual depends least on its own multiplier, or -1."""
-    call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     best, least = -1, math.inf
     for j in range(P.m):
         if S.status[j] == SOLVED and P.hidden[j] and P.kind[j] == SLIDING and abs(W.G[P.g_diagonal[j]]) < least:

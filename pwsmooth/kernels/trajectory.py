@@ -11,6 +11,7 @@ from numba import types
 
 from .compiling import inlined_kernel, kernel, unit
 from .contacts import stop_closed
+from .fresh import restart_flags
 from .invariants import CHECK, broken_by
 from .meeting import find_first, first_graze, meet
 from .pointers import at, call_fold, call_rk, call_unit
@@ -21,35 +22,11 @@ from .settling import release_held
 from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
 from .sliding import follow, mask_solved
 from .state import (
-    A_ELAPSED,
-    A_GUESS,
-    A_HOP,
-    A_MET,
-    A_NEXT_STEP,
-    A_STEP,
     ALGEBRAIC,
     BROKEN,
-    C_AMBIGUITIES,
-    C_CLOCK,
-    C_DENSE,
-    C_EVAL,
-    C_EVENTS,
-    C_JETS,
-    C_POINTS,
-    C_STALLED,
-    C_STARTED,
-    C_STEPS,
     CONTACT,
     DONE,
     FULL,
-    I_ARRIVES,
-    I_AT_CLOCK,
-    I_FOLD,
-    I_LOOK_AGAIN,
-    I_ROWS,
-    I_SOLVED_THERE,
-    I_TOUCHED,
-    I_WAY,
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
@@ -102,7 +79,7 @@ def _reach_singular_surface(P, S, rows, surface_rows, mult_row, h):
 
     There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
     """
-    reach = 1e-11 * (1.0 + abs(S.now[0]))
+    reach = 1e-11 * (1.0 + abs(S.t))
     for i in range(P.m + P.ne):
         row = surface_rows[i]
         if row >= 0 and rows[row, 1] != 0.0:
@@ -122,8 +99,8 @@ def _reach_singular_surface(P, S, rows, surface_rows, mult_row, h):
 @inlined_kernel
 def next_stop(C, S):
     """The end of the span or the next instant of a time event, whichever comes first."""
-    if S.counts[C_CLOCK] < len(C.clock):
-        return min(C.t_end, C.clock[S.counts[C_CLOCK]])
+    if S.ticks < len(C.clock):
+        return min(C.t_end, C.clock[S.ticks])
     return C.t_end
 
 
@@ -140,14 +117,14 @@ def after_event(P, S):
 def _find_roots(P, C, S, R, W):
     """Solves for the multipliers at the present state; -1, or where a root is lost the code of what is made of it."""
     mask_solved(P, S, W)
-    if W.code[I_SOLVED_THERE] == 0:
+    if W.solved_there == 0:
         if P.jet_fold != 0:
             for j in range(P.m):
                 W.rest_mult[j] = S.mult[j]
         if not follow(P, S, W):
             code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
             return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
-    W.code[I_SOLVED_THERE] = 0
+    W.solved_there = 0
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
             # Its bound was passed between two looks: it leaves, and all are settled again with the field after.
@@ -161,8 +138,8 @@ def _find_roots(P, C, S, R, W):
 @kernel
 def _settle_again(P, C, S, R, W):
     """An instant at which nothing is met but what W.tau says; a code."""
-    W.code[I_FOLD], W.code[I_WAY], W.code[I_AT_CLOCK] = -1, 0, 0
-    W.answer[A_MET], W.answer[A_STEP], W.answer[A_ELAPSED] = 0.0, 0.0, 0.0
+    W.fold, W.way, W.at_clock = -1, 0, 0
+    W.met, W.length, W.elapsed = 0.0, 0.0, 0.0
     return call_unit(P.instant_unit, P, C, S, R, W)
 
 
@@ -175,7 +152,7 @@ def _take_arc(P, C, S, rows, mult_row, singular, fold, W):
         toward = 1 if rows[mult_row + fold, 1] > 0.0 else -1
     if toward == 0 or not call_fold(P.fold_unit, P, C, S, W, fold, toward):
         return 0
-    S.counts[C_JETS] += 1
+    S.jets += 1
     return toward
 
 
@@ -187,7 +164,7 @@ def _end_of_arc(P, C, time, power, h, stop, singular, best, W):
     where something is met, whether that is the fold, and whether it is the end of the span.
     """
     K, fraction, folded, capped, slope = C.order, 1.0, False, False, W.fold_slope
-    W.answer[A_GUESS] = 0.0
+    W.guess = 0.0
     for k in range(K):
         slope[k] = (k + 1.0) * time[k + 1]
     s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
@@ -226,10 +203,10 @@ def _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W
 def _room(R, S):
     """Whether the buffers can take another step with all that may happen at its end."""
     return (
-        S.counts[C_POINTS] + 8 < R.t.shape[0]
-        and S.counts[C_EVENTS] + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.counts[C_AMBIGUITIES] + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
-        and (R.dense.shape[0] == 0 or S.counts[C_DENSE] + 1 < R.dense.shape[0])
+        S.points + 8 < R.t.shape[0]
+        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.ambiguities + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
+        and (R.dense.shape[0] == 0 or S.pieces + 1 < R.dense.shape[0])
     )
 
 
@@ -237,24 +214,24 @@ def _room(R, S):
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
     n, m, K, rows, power, x = P.n, P.m, C.order, W.rows, W.power, S.x
-    if S.counts[C_STARTED] == 0:
-        S.counts[C_STARTED] = 1
+    if S.started == 0:
+        S.started = 1
         W.widest[:] = 0.0
         W.fired[:, :] = 0.0
         forget_rhythm(S, W)
-        W.code[:] = 0
+        restart_flags(W)
         code = call_unit(P.start_unit, P, C, S, R, W)
-        if code == DONE and W.code[I_LOOK_AGAIN]:
+        if code == DONE and W.look_again:
             W.tau[:] = NO_ROOT
             code = _settle_again(P, C, S, R, W)
-            S.counts[C_EVENTS], S.counts[C_POINTS] = 0, 0  # what holds from the start is no event
+            S.events, S.points = 0, 0  # what holds from the start is no event
             record_point(P, S, R)
         if code != DONE:
             return code
-    while S.now[0] < C.t_end:
+    while S.t < C.t_end:
         if not _room(R, S):
             return FULL
-        if S.counts[C_STEPS] >= C.max_steps:
+        if S.steps >= C.max_steps:
             return MAX_STEPS
         if any_held(P, S):
             code = release_held(P, C, S, R, W)
@@ -270,11 +247,11 @@ def run(P, C, S, R, W):
             if code != -1:
                 return code
         if CHECK and broken_by(P, C, S, W) >= 0:
-            W.code[I_TOUCHED] = broken_by(P, C, S, W)
+            W.touched = broken_by(P, C, S, W)
             return BROKEN
         # The step: polynomials of states, surfaces and solved multipliers, and how far they hold.
-        S.counts[C_JETS] += 1
-        S.counts[C_STEPS] += 1
+        S.jets += 1
+        S.steps += 1
         by_pair, singular = P.pair != 0, False
         h = math.nan
         if not by_pair:
@@ -283,18 +260,18 @@ def run(P, C, S, R, W):
             if singular and P.jet_fold == 0 and P.rk_unit == 0:
                 return NEWTON_FAILED
             surface_rows = P.rows_general if sliding else P.rows_slip
-            h = S.now[1]
+            h = S.step
             if singular and P.jet_fold == 0:
                 h = math.nan  # of a power that vanishes, perhaps: the pair will see
             elif not singular:
                 h = taylor_step_size(P, C, S, rows, surface_rows, mult_row, sliding, W)
-        if P.rk_unit != 0 and not h > max(1e-9 * S.now[1], 1e-13 * (1.0 + abs(S.now[0]))):
+        if P.rk_unit != 0 and not h > max(1e-9 * S.step, 1e-13 * (1.0 + abs(S.t))):
             # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as
             # delta^1.5 at touch-down.
             by_pair = True
             mult_row, surface_rows = n, P.rows_pair
-            longest = min(C.max_step, next_stop(C, S) - S.now[0])
-            h = call_rk(P.rk_unit, P, C, S, W, min(S.now[1], longest), -1)
+            longest = min(C.max_step, next_stop(C, S) - S.t)
+            h = call_rk(P.rk_unit, P, C, S, W, min(S.step, longest), -1)
             if singular and not h > 0.0:
                 return NEWTON_FAILED
             singular = False
@@ -303,11 +280,11 @@ def run(P, C, S, R, W):
             if not by_arc:
                 return NOT_FINITE
             h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
-        if h < 1e-12 * (1.0 + abs(S.now[0])):
+        if h < 1e-12 * (1.0 + abs(S.t)):
             h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
         fold, toward, time_row = -1, 0, -1
         if by_arc:
-            within = h if h > 0.0 else 1e-12 * (1.0 + abs(S.now[0]))
+            within = h if h > 0.0 else 1e-12 * (1.0 + abs(S.t))
             fold = flattest(P, S, W) if singular else near_fold(P, S, rows, mult_row, within)
         if fold >= 0:
             # Near a fold lambda runs, not time: the step is an arc of the root, and t one of its polynomials.
@@ -326,10 +303,10 @@ def run(P, C, S, R, W):
             elif sliding:
                 flat_rows = P.flat_general
             h = keep_in_sight(C, rows, flat_rows, h, W)
-        t0 = S.now[0]
+        t0 = S.t
         stop = next_stop(C, S)
-        if time_row < 0 and not by_pair and SHORTEST_AGAIN * h <= S.now[1] <= h and after_event(P, S):
-            h = S.now[1]
+        if time_row < 0 and not by_pair and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
+            h = S.step
         capped = False
         if time_row < 0 and h >= stop - t0:
             h = stop - t0
@@ -356,16 +333,16 @@ def run(P, C, S, R, W):
             capped = capped and h == asked
         arrives = False
         if P.watches != 0:
-            W.code[I_ROWS] = (
+            W.rows_kind = (
                 ROWS_ARC if time_row >= 0 else ROWS_PAIR if by_pair else ROWS_GENERAL if sliding else ROWS_SLIP
             )
-            W.code[I_ARRIVES], W.answer[A_STEP] = -1, h
+            W.arrives, W.length = -1, h
             call_unit(P.approach_unit, P, C, S, R, W)
-            arrives = W.code[I_ARRIVES] >= 0
-            if arrives and time_row < 0 and W.answer[A_STEP] > stop - t0:
+            arrives = W.arrives >= 0
+            if arrives and time_row < 0 and W.length > stop - t0:
                 arrives = False  # beyond the end of the span or the next instant of a time event
-            elif W.answer[A_STEP] != h:
-                h, capped = W.answer[A_STEP], False
+            elif W.length != h:
+                h, capped = W.length, False
                 powers(power, h)
                 best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
             if arrives:
@@ -397,14 +374,14 @@ def run(P, C, S, R, W):
         touched, t_touch = LEFT if folded else 0, t0
         if by_arc and time_row < 0:
             end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
-            hop = W.answer[A_HOP]
+            hop = W.hop
             if end < 0.0:
                 touched, t_touch = PASSED, t0 + s_end
             elif end < s_end:
                 hop = min(hop, s_end - end)
-                if end <= W.answer[A_HOP] and hop >= SHORTEST_HOP * W.answer[A_HOP]:
+                if end <= W.hop and hop >= SHORTEST_HOP * W.hop:
                     touched, t_touch, s_end = HOPPED, t0 + end, end + hop
-                    toward = 1 if rows[mult_row + W.code[I_TOUCHED], 1] > 0.0 else -1
+                    toward = 1 if rows[mult_row + W.touched, 1] > 0.0 else -1
                 else:
                     s_end = SHARE_TO_A_FOLD * end
                 fraction, happened, capped, grazes = 0.5, False, False, False
@@ -416,10 +393,10 @@ def run(P, C, S, R, W):
         t_new = dot(rows[time_row], final, K + 1) if time_row >= 0 else t0 + s_end
         if capped or t_new > stop or abs(t_new - stop) <= 4e-16 * abs(stop):
             t_new = stop
-        at_clock = t_new >= stop and S.counts[C_CLOCK] < len(C.clock) and C.clock[S.counts[C_CLOCK]] <= stop
+        at_clock = t_new >= stop and S.ticks < len(C.clock) and C.clock[S.ticks] <= stop
         if len(R.dense_s) > 0:
             keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
-        if S.counts[C_EVAL] < R.t_eval.shape[0] and R.t_eval[S.counts[C_EVAL]] <= t_new:
+        if S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
             sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
             final = W.end_power
             powers(final, s_end)
@@ -431,8 +408,8 @@ def run(P, C, S, R, W):
                     S.mult[j] = dot(rows[mult_row + j], final, K + 1)
         if grazes:
             record_grazes(P, C, S, R, rows, time_row, h, last_graze, W)
-        S.now[0] = t_new
-        S.now[1] = W.answer[A_NEXT_STEP] if by_pair else h
+        S.t = t_new
+        S.step = W.next_step if by_pair else h
         if grazes and C.strict:
             record_point(P, S, R)
             return STRICT
@@ -459,8 +436,8 @@ def run(P, C, S, R, W):
         # What happens there.
         if touched != 0:
             if touched == LEFT:
-                W.code[I_TOUCHED], t_touch = fold, t_new
-                W.answer[A_HOP] = HOP * (t_new - t0) / s_end  # at the pace of this arc
+                W.touched, t_touch = fold, t_new
+                W.hop = HOP * (t_new - t0) / s_end  # at the pace of this arc
             code = touch(P, C, S, R, touched, t_touch, toward, W)
             if code == -1:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
@@ -470,18 +447,18 @@ def run(P, C, S, R, W):
                 record_point(P, S, R)
                 return code
         if happened or at_clock:
-            W.code[I_FOLD] = fold if folded else -1
-            W.code[I_WAY] = toward
-            W.code[I_AT_CLOCK] = 1 if at_clock else 0
-            W.answer[A_MET] = best if happened else NO_ROOT
-            W.answer[A_STEP] = h
-            W.answer[A_ELAPSED] = t_new - t0
+            W.fold = fold if folded else -1
+            W.way = toward
+            W.at_clock = 1 if at_clock else 0
+            W.met = best if happened else NO_ROOT
+            W.length = h
+            W.elapsed = t_new - t0
             note_rhythm(P, S, W, best, t_new)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             if code != DONE:
                 return code
         else:
             S.deflate[:] = 0
-            S.counts[C_STALLED] = 0
+            S.stalled = 0
             record_point(P, S, R)
     return DONE

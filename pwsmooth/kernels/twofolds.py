@@ -41,7 +41,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
         return -1
     for j in range(m):
         if S.status[j] == SOLVED and P.slope_moves[j]:
-            call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             if W.G[P.g_diagonal[j]] >= 0.0 and _alone(P, j):
                 lo, hi = 0.0, s_end
                 for _ in range(200):
@@ -55,7 +55,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                     else:
                         hi = mid
                 _state_at(P, C, S, rows, mult_row, hi, W)
-                S.now[0] = t0 + hi
+                S.t = t0 + hi
                 keep_on_surface(P, S, j, W)
                 record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)
                 return STRICT if C.strict else DETERMINACY_LOST

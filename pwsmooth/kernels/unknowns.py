@@ -22,7 +22,7 @@ _OFF = 1e-3  # from where a slope is infinite
 def _defect(P, S, W, turned):
     """Largest masked residual with the sides in force at S.mult; counts in W.came the switches that `turned`."""
     for _ in range(P.m):
-        call_fields(P.fields, S.now[0], S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         changed = False
         for j in range(P.m):
             if P.nested[j] == 0 or P.kind[j] >= CONTACT or S.status[j] == SOLVED or S.status[j] == HELD:
@@ -51,7 +51,7 @@ def solve_unknowns(P, S, W):
         return call_newton(P.newton_unit, P, S, W) != 0
     defect = _defect(P, S, W, 0)
     for _ in range(_SWEEPS):
-        call_linear(P.linear, S.now[0], S.x, S.mult, P.p, W.G, W.dh)
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         total = 0.0
         for j in range(P.m):
             W.vector[j] = -W.g[j]
