@@ -149,7 +149,7 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0 and P.watch[i - m] == 0:
-            W.answer[A_GUESS] = expected(W, i, S.side[i - m], S.now[0], h)
+            W.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
             best = min(best, tau[i])

@@ -55,7 +55,7 @@ SOLVED, HELD = 0, 2
     NEWTON_FAILED,
     DETERMINACY_LOST,
     ACCUMULATED,
-    BROKEN,  # an invariant does not hold: invariants.py, and I_TOUCHED says of which multiplier
+    BROKEN,  # an invariant does not hold: invariants.py, and W.touched says of which multiplier
     SINGULAR_POINT,
 ) = range(15)
 
