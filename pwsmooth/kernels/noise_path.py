@@ -119,7 +119,7 @@ def _longest(P, S, W, N):
 
 @kernel
 def _step(P, S, W, N):
-    """One step over the present part of the path from N.x, N.f, N.out_start: overwrites S.x, S.now, S.mult.
+    """One step over the present part of the path from N.x, N.f, N.out_start: overwrites S.x, S.t, S.mult.
 
     False if a sliding multiplier was lost at the stage.
     """
