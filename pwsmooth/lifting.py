@@ -238,8 +238,7 @@ class Lifting:
 
     def _angle(self, y, x, given):
         """atan2 by the tangent of half the angle: smooth but for the jump of 2 pi across y = 0, x < 0."""
-        size = x**2 + y**2
-        r = sp.sqrt(sp.simplify(size) if size.has(sp.cos, sp.sin) and size.count_ops() < 60 else size)
+        r = sp.sqrt(_without_cosines(x**2 + y**2))
         return self._choose(
             x,
             _const(2 * sp.atan(y / (r + x))),
@@ -457,6 +456,18 @@ def _order(a, b):
     """1 if a >= b for all values of the symbols, -1 if a <= b, 0 if that is not known."""
     difference = a - b
     return 1 if difference.is_nonnegative else -1 if difference.is_nonpositive else 0
+
+
+def _without_cosines(e):
+    """`e` with 1 - sin**2 for cos**2 where that makes it shorter: r**2 (cos**2 + sin**2) is r**2.
+
+    Not `simplify`, which factorises: an angle of random expressions kept it busy for hours.
+    """
+    if not e.has(sp.cos) or e.count_ops() >= 60:
+        return e
+    shorter = e.expand().replace(lambda q: q.is_Pow and q.exp == 2 and isinstance(q.base, sp.cos),
+                                 lambda q: 1 - sp.sin(*q.base.args) ** 2).expand()  # fmt: skip
+    return shorter if shorter.count_ops() < e.count_ops() else e
 
 
 def _const(expr):

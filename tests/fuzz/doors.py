@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
 import decimal
 import fractions
 import functools
@@ -531,6 +532,13 @@ def run(cases, seed, first=0, told=print):
     return counts, findings
 
 
+def _compile_all():
+    """Every callable once as it is meant: a first compilation is no hang."""
+    for function, given in subjects().values():
+        with contextlib.suppress(Exception):
+            function(**given)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=12000)
@@ -539,6 +547,9 @@ def main():
         "--first", type=int, default=0, help="number of the first case: goes on where another run stopped"
     )
     asked = parser.parse_args()
+    compiling = multiprocessing.get_context("spawn").Process(target=_compile_all)
+    compiling.start()
+    compiling.join()
     counts, findings = run(asked.cases, asked.seed, asked.first)
     print("\n".join(sorted(findings)))
     refused = counts["named"] + counts["unnamed"]
