@@ -244,7 +244,6 @@ def test_a_quotient_that_is_a_sign_sticks(method, rate):
     assert solution.event_times("stick") == pytest.approx([1.0], abs=1e-12)
 
 
-@METHODS
 def test_an_angle_of_long_expressions_is_lifted_at_once():
     # Factorising its size kept the lifting busy for hours.
     inner = sp.log(2 + x**2) + sp.cot(1 + sp.sin(x) / 2)
@@ -252,6 +251,7 @@ def test_an_angle_of_long_expressions_is_lifted_at_once():
     assert solution.success
 
 
+@METHODS
 def test_the_angle_of_a_rotation_jumps_by_two_pi_only_at_the_cut(method):
     solution = solve(System({x: -y, y: x, u: sp.atan2(y, x)}), (0, 7), [1, 0, 0], method=method)
     # int of the angle over a turn is 0
