@@ -128,7 +128,8 @@ def play(played, seed):
         return judging.Verdict(judging.WRONG, "other instants")
     scale = 1 + np.max(np.abs(expected))
     error = float(np.max(np.abs(solution.x.T - expected)))
-    if error <= judging.tolerance(options, scale):
+    # Fast oscillations take thousands of steps, each as good as the tolerance.
+    if error <= judging.tolerance(options, scale) * max(1.0, solution.cost["steps"] / 100):
         return judging.Verdict(judging.RIGHT, error=error)
     size = min(options.get("rtol", 1e-9), 1e-6)
     moved = reference(start * (1 + size), p * (1 - size))
