@@ -40,8 +40,8 @@ class Family:
     -----
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
     time to set up. Contacts, surfaces between neighbours, time events of elements, elements that act on each other's
-    multipliers and hidden terms on surfaces that slide have no looped form: their copies are written out, as are
-    those of smoothed and layered views.
+    multipliers, hidden terms on surfaces that slide and switches that can slide to second order (relays on positions)
+    have no looped form: their copies are written out, as are those of smoothed and layered views.
 
     Source: defined here.
 

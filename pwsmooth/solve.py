@@ -66,7 +66,8 @@ def solve(
     dense_output : bool
         Keep the steps' polynomials, so that `solution(t)` works.
     max_step : float, in units of time
-        Bound on the step.
+        Bound on the step. Methods that look at the field in points (all but Taylor steps) need one where it has
+        pulses much narrower than their steps, which they would step over.
     max_steps : int
         Bound on the number of steps; reaching it is an outcome with the partial solution.
     max_seconds : float, in units of wall time, s, optional

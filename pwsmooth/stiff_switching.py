@@ -16,12 +16,14 @@ import numpy as np
 import sympy as sp
 
 from .budget import Budget
+from .codegen.dag import UNARY
+from .codegen.recurrences import FLAT
 from .event_driven import Options, ready
 from .model import EventSpec, Model, Select
 from .records import course
 from .solution import Solution
 
-_FLAT = (sp.exp, sp.sinh, sp.cosh, sp.tanh, sp.erf, sp.erfc)
+_FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
 
 

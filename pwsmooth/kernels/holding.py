@@ -19,9 +19,10 @@ AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoot
 
 @kernel
 def hold_supported(P, S, W, size):
-    """Holds at 0 those of W.active[:size] whose surface a closed contact keeps at 0 whatever lambda is.
+    """Holds at 0 those of W.active[:size] whose surface is kept at 0 whatever their lambda is.
 
-    As a piston at its stop: lambda and the reaction are not unique there. Returns the size without them.
+    By a closed contact, as a piston at its stop, or by a second-order slide: lambda is not unique there. Returns the
+    size without them.
     """
     rest = 0
     for a in range(size):

@@ -49,7 +49,7 @@ from .state import (
     State,
     Work,
 )
-from .surface_rates import any_solved
+from .surface_rates import any_is
 
 _SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
 _LEAP = 0.25  # of a multiplier within one step: a root farther away is another branch
@@ -65,7 +65,7 @@ def call_outputs(typingctx, address, t, x, mult, p, out):
 def _evaluate(P, S, W, N):
     """Overwrites W.dx, W.h, W.g and N.out at the present state, multipliers first; False if one is lost."""
     found = True
-    if any_solved(P, S):
+    if any_is(P, S, SOLVED):
         mask_solved(P, S, W)
         found = follow(P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -134,7 +134,7 @@ def _step(P, S, W, N):
         x[i] = N.x[i] + total
     S.t = t + 0.75 * h
     found = True
-    if any_solved(P, S):
+    if any_is(P, S, SOLVED):
         mask_solved(P, S, W)
         found = follow(P, S, W)
     call_fields(P.fields, S.t, x, S.mult, P.p, W.dx, W.h, W.g)

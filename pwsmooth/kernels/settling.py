@@ -29,7 +29,7 @@ from .state import (
     SOLVED,
     STRICT,
 )
-from .surface_rates import any_solved, evaluate_surfaces, leading_order, residual
+from .surface_rates import any_is, evaluate_surfaces, leading_order, residual
 from .unknowns import solve_unknowns
 
 
@@ -146,7 +146,7 @@ def release_held(P, C, S, R, W):
 
     After an accumulation another switch does, which sticks; on a piston at its stop, the closed contact.
     """
-    solved, some, size = any_solved(P, S), False, 0
+    solved, some, size = any_is(P, S, SOLVED), False, 0
     evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
         W.tau[i] = 2.0

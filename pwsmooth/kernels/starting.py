@@ -26,7 +26,7 @@ from .state import (
     State,
     Work,
 )
-from .surface_rates import any_solved, approach_speed, evaluate_surfaces, leading_order
+from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
 from .unknowns import solve_unknowns
 
 
@@ -68,7 +68,7 @@ def start(P, C, S, R, W):
         ):
             W.active[size] = j
             size += 1
-        elif not any_solved(P, S):
+        elif not any_is(P, S, SOLVED):
             order = leading_order(P, C, S, W, j)
             status[j] = 1 if order > 0 else -1
             mult[j] = float(status[j])
@@ -76,7 +76,7 @@ def start(P, C, S, R, W):
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     # What the switches have become acts on the contacts that were looked at before them.
     W.look_again = int(size > 0 and len(P.contact) > 0)
-    slipping = not any_solved(P, S)
+    slipping = not any_is(P, S, SOLVED)
     for i in range(m + P.ne):
         if not W.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):
             continue

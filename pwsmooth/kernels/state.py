@@ -5,7 +5,8 @@ from .block import Bundle
 # Kinds of multiplier (order of pwsmooth.model: a switch's regularity, then the other two kinds).
 SLIDING, KINK, CROSSING, SECOND_ORDER, CONTACT, ALGEBRAIC = range(6)
 
-# Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD at 0 after an accumulation.
+# Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its
+# surface at 0, or an accumulation has left it there.
 SOLVED, HELD = 0, 2
 
 # What happened at an instant.

@@ -6,7 +6,7 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from .compiling import kernel
 from .pointers import call_act, call_fields, call_linear
 from .sliding import follow, keep_on_surface, mask_instant, surface_rounding
-from .state import HELD, SECOND_ORDER, SOLVED
+from .state import SECOND_ORDER
 from .steps import take_slip_jet
 
 
@@ -18,17 +18,10 @@ def evaluate_surfaces(P, S, W):
 
 
 @kernel
-def any_solved(P, S):
+def any_is(P, S, status):
+    """Whether some multiplier has this status."""
     for j in range(P.m):
-        if S.status[j] == SOLVED:
-            return True
-    return False
-
-
-@kernel
-def any_held(P, S):
-    for j in range(P.m):
-        if S.status[j] == HELD:
+        if S.status[j] == status:
             return True
     return False
 

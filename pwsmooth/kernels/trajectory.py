@@ -27,6 +27,7 @@ from .state import (
     CONTACT,
     DONE,
     FULL,
+    HELD,
     MAX_STEPS,
     NEWTON_FAILED,
     NOT_FINITE,
@@ -49,7 +50,7 @@ from .steps import (
     take_jet,
     taylor_step_size,
 )
-from .surface_rates import any_held, any_solved, keep_sliding
+from .surface_rates import any_is, keep_sliding
 from .touching import (
     HOP,
     HOPPED,
@@ -233,13 +234,13 @@ def run(P, C, S, R, W):
             return FULL
         if S.steps >= C.max_steps:
             return MAX_STEPS
-        if any_held(P, S):
+        if any_is(P, S, HELD):
             code = release_held(P, C, S, R, W)
             if code == DONE:
                 code = _settle_again(P, C, S, R, W)
             if code > DONE:
                 return code
-        sliding = any_solved(P, S)
+        sliding = any_is(P, S, SOLVED)
         if sliding:
             code = _find_roots(P, C, S, R, W)
             if code == DONE:
