@@ -14,7 +14,7 @@ import sympy as sp
 from .codegen import compile_model
 from .codegen.units import UNITS, unit_address
 from .folds import fold_model
-from .kernels import state
+from .kernels import state, work
 from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
@@ -182,112 +182,26 @@ class CompiledProblem:
 
     def new_work(self, order: int):
         """Scratch arrays that nobody else has."""
-        n, m, ne, nz = self.code.n, self.code.m, self.code.ne, len(self.ratios)
+        n, m, ne, fixed, fold = self.code.n, self.code.m, self.code.ne, self.fixed, self.fold
         width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
-        hubs, contacts = len(self.fixed["hub"]), len(self.fixed["contact"])
-        group = max(int(np.diff(self.fixed["block_row"]).max(initial=0)), m + 1 if self.fold else 0)
+        sizes = dict(
+            n=n, m=m, ne=ne, nz=len(self.ratios), width=width, rows=self.nrows,
+            fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]), gradients=len(fixed["dh_col"]) + m + ne,
+            fold_entries=len(fixed["fold_col"]),
+            fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
+            group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
+            contacts=len(fixed["contact"]),
+        )  # fmt: skip
+        k = np.arange(float(width))
         short_table, short_error, short_powers = short_tables(order, width)
         left_half, right_half = halving_tables(order, width)
-        k = np.arange(float(width))
-        fields = dict(
-            order=order,
-            per_order=1.0 / order,
-            per_order_before=1.0 / (order - 1),
-            counting=k,
-            pairing=k * (k - 1),
-            tripling=k * (k - 1) * (k - 2),
-            rows=np.zeros((self.nrows, width)),
-            rk_x=np.zeros(n),
-            rk_mult=np.zeros(m),
-            rk_k=np.zeros((16, n)),
-            bernstein=np.zeros(48 * width),
-            bernstein_table=bernstein_tables(order, width),
-            short_table=short_table,
-            short_error=short_error,
-            short_powers=short_powers,
-            left_half=left_half,
-            right_half=right_half,
-            layer_k=np.zeros((7, m + nz)),
-            fired=np.zeros((ne, 6)),
-            rhythm=np.zeros((3 * (m + ne) + 1, 2)),
-            matrix=np.zeros((group, group + 1 + hubs)),
-            schur=np.zeros((hubs, hubs + 1)),
-            border=np.zeros((m, hubs)),
-            place=np.zeros(m),
-            delassus=np.zeros((contacts, contacts)),
-            pivots=np.zeros((contacts, contacts + 1)),
-            **{
-                name: np.zeros(contacts)
-                for name in (
-                    "touching",
-                    "chosen",
-                    "speed",
-                    "at_rest",
-                    "load",
-                    "impulse",
-                    "restitution",
-                    "sequel",
-                )
-            },
-            **{name: np.zeros(width) for name in ("power", "end_power", "poly", "near", "fold_slope")},
-            **{
-                name: np.zeros(n)
-                for name in (
-                    "dx",
-                    "arrived",
-                    "before",
-                    "after",
-                    "gradient",
-                    "added",
-                    "was_set",
-                    "trial",
-                    "shifted",
-                )
-            },
-            **{name: np.zeros(m + ne) for name in ("h", "tau", "hit", "widest")},
-            **{name: np.zeros(ne) for name in ("pending", "firing")},
-            **{
-                name: np.zeros(m)
-                for name in (
-                    "g",
-                    "mask",
-                    "exit_side",
-                    "grazed",
-                    "graze_crosses",
-                    "active",
-                    "arrival",
-                    "group",
-                    "came",
-                    "keep_status",
-                    "keep_mult",
-                    "rest_status",
-                    "rest_mult",
-                    "linked",
-                    "stack",
-                )
-            },
-            **{name: np.zeros(m + 1) for name in ("fold_mult", "fold_mask", "fold_g", "vector", "index")},
-            **{name: np.zeros(nz) for name in ("z", "q")},
-            **{name: np.zeros(m + nz) for name in ("layer_y", "layer_new")},
-            G=np.zeros(len(self.fixed["g_col"])),
-            dh=np.zeros(len(self.fixed["dh_col"]) + m + ne),
-            fold_x=np.zeros(n + 1 + m),
-            fold_dx=np.zeros(n + 1 + m),
-            fold_h=np.zeros(m + 1 + ne),
-            fold_G=np.zeros(len(self.fixed["fold_col"])),
-            fold_dh=np.zeros(len(self.fold.pattern("DH")[1]) + m + 1 + ne if self.fold else 0),
-        )
-        return state.Work(**{k: _on_cache_lines(v) if np.size(v) >= width else v for k, v in fields.items()})
-
-
-def _on_cache_lines(values):
-    """A copy that begins on a cache line of 64 bytes: each vector of eight would lie across two of them."""
-    values = np.ascontiguousarray(values)
-    room = np.zeros(values.nbytes + 64, np.uint8)
-    begin = -room.ctypes.data % 64
-    copy = room[begin : begin + values.nbytes].view(values.dtype).reshape(values.shape)
-    copy[...] = values
-    return copy
+        roots = work.Roots.zeros(
+            sizes, order=order, counting=k, pairing=k * (k - 1), tripling=k * (k - 1) * (k - 2),
+            bernstein_table=bernstein_tables(order, width), short_table=short_table, short_error=short_error,
+            short_powers=short_powers, left_half=left_half, right_half=right_half,
+        )  # fmt: skip
+        step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
+        return work.Work.zeros(sizes, roots=roots, step=step)
 
 
 def _groups(row, col, hub):

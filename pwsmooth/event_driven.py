@@ -199,7 +199,7 @@ class EventDriven:
 
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
         if code == names.BROKEN:
-            mu = self.model.multipliers[self.work.touched].symbol
+            mu = self.model.multipliers[self.work.broken].symbol
             raise AssertionError(
                 f"an invariant of {mu} does not hold at t = {state.t!r}: statuses {state.status.tolist()}, "
                 f"multipliers {state.mult.tolist()}, states {state.x.tolist()} (PWSMOOTH_CHECK; kernels/invariants.py)."

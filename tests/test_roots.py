@@ -19,15 +19,15 @@ def first_root():
     x = sp.Symbol("x", real=True)
     problem = compiled_problem(System({x: -Switch("lam", x)}).model)
     unit = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(unit_address("root_unit"))
-    works = {order: problem.work(order) for order in range(7, 32)}
+    searches = {order: problem.work(order).roots for order in range(7, 32)}
 
     def call(coefficients, expected=0.0):
         degree = len(coefficients) - 1
-        work = works[degree]
-        work.poly[:] = 0
-        work.poly[: degree + 1] = coefficients
-        work.guess = expected
-        return unit(work.address, degree)
+        roots = searches[degree]
+        roots.poly[:] = 0
+        roots.poly[: degree + 1] = coefficients
+        roots.guess = expected
+        return unit(roots.address, degree)
 
     return call
 

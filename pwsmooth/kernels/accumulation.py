@@ -62,13 +62,13 @@ def _comes_to(last, limit):
 
 @kernel
 def _was_lost(P, S, W, i):
-    """Whether the surface of event i, which x met at W.arrived, had been lost since it fired."""
+    """Whether the surface of event i, which x met at W.firing.arrived, had been lost since it fired."""
     for k in range(P.n):
-        W.after[k] = S.x[k]
-        S.x[k] = W.arrived[k]
-    lost = _is_lost(P, S, W, P.m + i, W.fired[i, 1])
+        W.firing.after[k] = S.x[k]
+        S.x[k] = W.firing.arrived[k]
+    lost = _is_lost(P, S, W, P.m + i, W.firing.last[i, 1])
     for k in range(P.n):
-        S.x[k] = W.after[k]
+        S.x[k] = W.firing.after[k]
     return lost
 
 
@@ -76,29 +76,29 @@ def _was_lost(P, S, W, i):
 def _comes_to_rest(P, S, W, i):
     """Whether the update of event i changes less and less: at the limit it changes nothing."""
     for k in range(P.n):
-        W.after[k] = S.x[k]
-    call_act(P.act, i, S.t, S.x, S.mult, P.p, W.after)
+        W.firing.after[k] = S.x[k]
+    call_act(P.act, i, S.t, S.x, S.mult, P.p, W.firing.after)
     rest = 0.0
     for k in range(P.n):
-        rest = max(rest, abs(W.after[k] - S.x[k]) / (1.0 + abs(S.x[k])))
+        rest = max(rest, abs(W.firing.after[k] - S.x[k]) / (1.0 + abs(S.x[k])))
     return rest <= _AT_REST
 
 
 @kernel
 def events_accumulate(P, S, R, W):
-    """Whether the events that fired at this instant (W.pending = 2) come in intervals that shrink to nothing.
+    """Whether the events that fired at this instant (W.firing.pending = 2) come in intervals that shrink to nothing.
 
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
     switch or a contact that accumulates with them is passed, and they with it.
     """
     t = S.t
     for i in range(P.ne):
-        if W.pending[i] != 2 or not W.hit[P.m + i] or t <= W.fired[i, 0]:
+        if W.firing.pending[i] != 2 or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
             continue
-        note_interval(W.fired[i], t)
-        if time_to_last_event(W.fired[i], True) == math.inf:
+        note_interval(W.firing.last[i], t)
+        if time_to_last_event(W.firing.last[i], True) == math.inf:
             continue
-        left = time_to_last_event(W.fired[i], _was_lost(P, S, W, i))
+        left = time_to_last_event(W.firing.last[i], _was_lost(P, S, W, i))
         if left == math.inf:
             continue
         for j in range(P.m):
@@ -116,7 +116,7 @@ def pass_accumulation(P, C, S, R, W):
     t = S.t
     leader, left = -1, math.inf
     for j in range(P.m):
-        if W.hit[j] and S.status[j] != SOLVED and W.came[j] != SOLVED:
+        if W.instant.hit[j] and S.status[j] != SOLVED and W.instant.came[j] != SOLVED:
             estimate = time_left(S.last[j])
             if estimate < left:
                 leader, left = j, estimate
@@ -147,11 +147,15 @@ def pass_accumulation(P, C, S, R, W):
         else:
             if P.kind[j] == SECOND_ORDER:
                 stop_normal_speed(P, S, j, W, False)
-            W.active[size] = j
+            W.instant.active[size] = j
             size += 1
     for i in range(P.ne):
         # Its surface may accumulate with these; what it does may have no limit.
-        if W.fired[i, 1] > 0.0 and t - W.fired[i, 0] <= 10.0 * interval and not _comes_to_rest(P, S, W, i):
+        if (
+            W.firing.last[i, 1] > 0.0
+            and t - W.firing.last[i, 0] <= 10.0 * interval
+            and not _comes_to_rest(P, S, W, i)
+        ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     if code == DONE:

@@ -1,8 +1,9 @@
 """A struct of numbers and arrays that kernels take as one pointer.
 
 Passing some sixty arrays one by one (or in a tuple, which is the same to LLVM) makes every call flatten hundreds of
-words and made the core compile for minutes. A Bundle is a block of 8-byte cells: a scalar takes one, an array its
-address and shape. To a kernel `bundle.x` is an ordinary array (bundle.py); the Python object keeps the memory alive.
+words and made the core compile for minutes. A Bundle is a block of 8-byte cells: a number takes one, an array its
+address and shape, a Bundle inside it all of its own. To a kernel `bundle.x` is an ordinary array (bundle.py); the
+Python object keeps the memory alive.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ _DTYPES = {
     "b1": np.dtype(np.bool_),
 }
 _FLOAT, _WORD = struct.Struct("d").pack, struct.Struct("q").unpack
+_LINE = 64  # bytes of a cache line: a vector of eight that begins elsewhere lies across two of them
 
 
 class _Number:
@@ -42,29 +44,49 @@ class _Number:
         return part if self.kind == "int" else part.view(np.float64)
 
 
-class Bundle:
-    """Base of the structs in state.py; an annotation is "int", "float" or an element's code with "[rank]".
+def _product(term, sizes):
+    """A size such as "3*m": numbers and names of sizes."""
+    return math.prod(int(f) if f.isdecimal() else sizes[f] for f in map(str.strip, term.split("*")))
 
-    Numbers that are not given begin at 0.
+
+class Bundle:
+    """Base of the structs in state.py and work.py.
+
+    An annotation is "int", "float", an array's element and shape such as "f8[m + ne, 3]", whose sizes have names
+    (only their number binds, but for `zeros`), or another Bundle. Numbers that are not given begin at 0.
     """
 
-    layout: tuple[tuple[str, str], ...]
+    layout: tuple  # (name, "int" | "float" | element and rank such as "f8[2]" | Bundle) of every field
+    shapes: dict  # what stands in the brackets, split at the commas
+    size: int  # cells
 
     def __init_subclass__(cls):
-        cls.layout = tuple(cls.__annotations__.items())
-        at = 0
-        for name, code in cls.layout:
-            if code in ("int", "float"):
-                setattr(cls, name, _Number(at, code))
-            at += 1 if code in ("int", "float") else 1 + int(code[3])
+        layout, cls.shapes, cls.size = [], {}, 0
+        for name, code in cls.__annotations__.items():
+            if isinstance(code, type):
+                width = code.size
+            elif code in ("int", "float"):
+                width = 1
+                setattr(cls, name, _Number(cls.size, code))
+            else:
+                cls.shapes[name] = code[3:-1].split(",")
+                width = 1 + len(cls.shapes[name])
+                code = f"{code[:2]}[{width - 1}]"
+            layout.append((name, code))
+            cls.size += width
+        cls.layout = tuple(layout)
 
     def __init__(self, **values):
-        cells = []
+        cells, parts = [], []
         for name, code in self.layout:
             if code == "int":
                 cells.append(values.pop(name, 0))
             elif code == "float":
                 cells += _WORD(_FLOAT(values.pop(name, 0.0)))
+            elif isinstance(code, type):
+                parts.append((len(cells), values[name]))
+                cells += values[name].cells.tolist()
+                setattr(self, name, values.pop(name))
             else:
                 value = np.ascontiguousarray(values.pop(name), _DTYPES[code[:2]])
                 if value.ndim != int(code[3]):
@@ -75,6 +97,28 @@ class Bundle:
             raise TypeError(f"{type(self).__name__} has no fields {', '.join(values)}.")
         self.cells = np.array(cells, np.int64)
         self.address = self.cells.ctypes.data
+        for at, part in parts:
+            part.cells = self.cells[at : at + part.size]  # one memory: what the kernels write is read there
+
+    @classmethod
+    def zeros(cls, sizes, **values):
+        """With zeros for every array that is not given, its shape told by the `sizes` that its annotation names.
+
+        All arrays begin on cache lines; those that are given are copied.
+        """
+        for name, code in cls.layout:
+            if isinstance(code, type):
+                values[name] = values.get(name) or code.zeros(sizes)
+            elif name in cls.shapes:
+                given = values.get(name)
+                if given is None:
+                    shape = [sum(_product(term, sizes) for term in s.split("+")) for s in cls.shapes[name]]
+                else:
+                    shape = np.shape(given)
+                values[name] = _on_cache_lines(shape, _DTYPES[code[:2]])
+                if given is not None:
+                    values[name][...] = given
+        return cls(**values)
 
     @classmethod
     def in_one_block(cls, shapes, least=0, **others):
@@ -96,3 +140,11 @@ class Bundle:
     def scalar(self, name):
         """A number as an array of one element on its own memory."""
         return getattr(type(self), name).cell(self)
+
+
+def _on_cache_lines(shape, dtype):
+    """Zeros that begin on a cache line."""
+    nbytes = math.prod(shape) * dtype.itemsize
+    room = np.zeros(nbytes + _LINE, np.uint8)
+    begin = -room.ctypes.data % _LINE
+    return room[begin : begin + nbytes].view(dtype).reshape(shape)

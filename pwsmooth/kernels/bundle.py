@@ -22,10 +22,10 @@ _ELEMENTS = {"f8": types.float64, "i8": types.int64, "i1": types.int8, "b1": typ
 
 
 class BundleType(types.Type):
-    """numba's type of a Bundle; `fields` holds (name, "int" | "float" | element code + "[rank]")."""
+    """numba's type of a Bundle; `fields` holds (name, "int" | "float" | element code + "[rank]" | a BundleType)."""
 
-    def __init__(self, name, fields):
-        self.fields = fields
+    def __init__(self, name, fields, size):
+        self.fields, self.size = fields, size
         # A short name: it becomes part of every symbol.
         mark = hashlib.sha256(repr(fields).encode()).hexdigest()[:8]
         super().__init__(name=f"{name}{mark}")
@@ -34,10 +34,13 @@ class BundleType(types.Type):
         """(cell of the field, its numba type), or None."""
         cell = 0
         for field, code in self.fields:
-            rank = 0 if code in _SCALARS else int(code[3])
+            inside = isinstance(code, BundleType)
+            rank = 0 if inside or code in _SCALARS else int(code[3])
             if field == name:
-                return cell, (types.Array(_ELEMENTS[code[:2]], rank, "C") if rank else _SCALARS[code])
-            cell += 1 + rank
+                if rank:
+                    return cell, types.Array(_ELEMENTS[code[:2]], rank, "C")
+                return cell, code if inside else _SCALARS[code]
+            cell += code.size if inside else 1 + rank
         return None
 
 
@@ -47,7 +50,8 @@ register_model(BundleType)(models.OpaqueModel)
 @cache
 def bundle_type(struct):
     """The numba type of a subclass of Bundle."""
-    return BundleType(struct.__name__, struct.layout)
+    fields = tuple((name, bundle_type(c) if isinstance(c, type) else c) for name, c in struct.layout)
+    return BundleType(struct.__name__, fields, struct.size)
 
 
 @infer_getattr
@@ -68,6 +72,8 @@ def _getattr(context, builder, typ, value, attr):
     def load(k):
         return builder.load(builder.gep(cells, [ir.Constant(word, cell + k)]))
 
+    if isinstance(kind, BundleType):
+        return builder.bitcast(builder.gep(cells, [ir.Constant(word, cell)]), context.get_value_type(kind))
     if kind is types.int64:
         return load(0)
     if kind is types.float64:
@@ -96,7 +102,7 @@ def _setattr(context, builder, sig, args, attr):
     cell, kind = sig.args[0].resolve(attr)
     bundle, value = args
     if kind not in _SCALARS.values():
-        raise TypeError(f"the array {attr} of a Bundle cannot be replaced, only overwritten")
+        raise TypeError(f"{attr} of a Bundle is no number: it cannot be replaced, only overwritten")
     word = ir.IntType(64)
     place = builder.gep(builder.bitcast(bundle, word.as_pointer()), [ir.Constant(word, cell)])
     builder.store(value if kind is types.int64 else builder.bitcast(value, word), place)

@@ -44,55 +44,57 @@ def _open(S, R, j, order):
 
 @kernel
 def _find_touching(P, S, R, W):
-    """Overwrites W.touching, the contacts whose gap is 0, W.speed and W.at_rest; returns how many.
+    """Overwrites W.contacts.touching, the contacts whose gap is 0, W.contacts.speed and W.contacts.at_rest; returns how many.
 
-    W.tau holds the gaps before the updates of this instant.
+    W.firing.level holds the gaps before the updates of this instant.
     """
     size = 0
     evaluate_surfaces(P, S, W)
     for c in range(len(P.contact)):
         j = P.contact[c]
         rounding = surface_rounding(P, S, j, W)
-        if S.status[j] == SOLVED and W.jumped and W.h[j] > rounding and W.h[j] != W.tau[j]:
+        if S.status[j] == SOLVED and W.instant.jumped and W.h[j] > rounding and W.h[j] != W.firing.level[j]:
             _open(S, R, j, 0)  # an update has lifted the body off
-        elif S.status[j] == SOLVED or W.hit[j] or W.h[j] <= rounding:
-            W.touching[size] = j
+        elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
+            W.contacts.touching[size] = j
             size += 1
     for a in range(size):
-        W.speed[a] = approach_speed(P, S, W.touching[a], W)
-        W.at_rest[a] = W.rest_speed
+        W.contacts.speed[a] = approach_speed(P, S, W.contacts.touching[a], W)
+        W.contacts.at_rest[a] = W.instant.rest_speed
     return size
 
 
 @kernel
 def _find_couplings(P, S, W, size):
-    """Overwrites W.delassus, the matrix D of the touching contacts."""
+    """Overwrites W.contacts.delassus, the matrix D of the touching contacts."""
     evaluate_surfaces(P, S, W)
     for a in range(size):
         for b in range(size):
-            W.delassus[a, b] = entry(P.g_row, P.g_col, W.G, W.touching[a], W.touching[b])
+            W.contacts.delassus[a, b] = entry(
+                P.g_row, P.g_col, W.G, W.contacts.touching[a], W.contacts.touching[b]
+            )
 
 
 @kernel
 def _coupled(W, a, size):
     """Whether an impulse at touching contact a moves another one that touches, or is moved by it."""
     for b in range(size):
-        if b != a and (W.delassus[a, b] != 0.0 or W.delassus[b, a] != 0.0):
+        if b != a and (W.contacts.delassus[a, b] != 0.0 or W.contacts.delassus[b, a] != 0.0):
             return True
     return False
 
 
 @kernel
 def _rebound(P, S, W, j):
-    """Overwrites W.after by the state after a rebound of contact j alone; returns its speed there."""
+    """Overwrites W.contacts.after by the state after a rebound of contact j alone; returns its speed there."""
     for i in range(P.n):
-        W.before[i] = W.after[i] = S.x[i]
-    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.after)
+        W.contacts.before[i] = W.contacts.after[i] = S.x[i]
+    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.contacts.after)
     for i in range(P.n):
-        S.x[i] = W.after[i]
+        S.x[i] = W.contacts.after[i]
     speed = approach_speed(P, S, j, W)
     for i in range(P.n):
-        S.x[i] = W.before[i]
+        S.x[i] = W.contacts.before[i]
     return speed
 
 
@@ -101,25 +103,25 @@ def _kick(P, S, W, j, impulse):
     """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
     mult = S.mult[j]
     S.mult[j] = -_HEAVY
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.after, W.h, W.g)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.contacts.after, W.h, W.g)
     S.mult[j] = _HEAVY
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     S.mult[j] = mult
     for i in range(P.n):
-        S.x[i] += impulse * ((W.dx[i] - W.after[i]) / (2.0 * _HEAVY))
+        S.x[i] += impulse * ((W.dx[i] - W.contacts.after[i]) / (2.0 * _HEAVY))
 
 
 @kernel
 def _solve_chosen(W, size):
-    """Overwrites W.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
-    p, q, D, A = W.impulse, W.load, W.delassus, W.pivots
+    """Overwrites W.contacts.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
+    p, q, D, A = W.contacts.impulse, W.contacts.load, W.contacts.delassus, W.contacts.pivots
     rows, scale = 0, 0.0
     for a in range(size):
         scale = max(scale, abs(q[a]))
-        if W.chosen[a]:
+        if W.contacts.chosen[a]:
             columns = 0
             for b in range(size):
-                if W.chosen[b]:
+                if W.contacts.chosen[b]:
                     A[rows, columns] = D[a, b]
                     columns += 1
             A[rows, columns] = -q[a]
@@ -129,7 +131,7 @@ def _solve_chosen(W, size):
     row = 0
     for a in range(size):
         p[a] = 0.0
-        if W.chosen[a]:
+        if W.contacts.chosen[a]:
             p[a] = A[row, rows]
             row += 1
             if not abs(p[a] * D[a, a]) <= _SINGULAR * scale:
@@ -139,14 +141,14 @@ def _solve_chosen(W, size):
 
 @kernel
 def _complementarity(W, size):
-    """Solves 0 <= p, q + D p >= 0, one of them 0, for W.impulse, q in W.load: Murty's least-index pivoting.
+    """Solves 0 <= p, q + D p >= 0, one of them 0, for W.contacts.impulse, q in W.contacts.load: Murty's least-index pivoting.
 
     False where D is no P-matrix, as where two walls close on a body.
     """
-    p, q, D = W.impulse, W.load, W.delassus
+    p, q, D = W.contacts.impulse, W.contacts.load, W.contacts.delassus
     scale = 0.0
     for a in range(size):
-        W.chosen[a] = 0
+        W.contacts.chosen[a] = 0
         p[a] = 0.0
         scale = max(scale, abs(q[a]))
     for _ in range(64 + 16 * size):
@@ -157,12 +159,12 @@ def _complementarity(W, size):
             rate = q[a]
             for b in range(size):
                 rate += D[a, b] * p[b]
-            if p[a] < -_EQUAL * largest if W.chosen[a] else rate < -_EQUAL * scale:
+            if p[a] < -_EQUAL * largest if W.contacts.chosen[a] else rate < -_EQUAL * scale:
                 wrong = a
                 break
         if wrong < 0:
             return True
-        W.chosen[wrong] = 1 - W.chosen[wrong]
+        W.contacts.chosen[wrong] = 1 - W.contacts.chosen[wrong]
         if not _solve_chosen(W, size):
             return False
     return False
@@ -170,31 +172,35 @@ def _complementarity(W, size):
 
 @kernel
 def _apart_from_single_impacts(W, size):
-    """Largest difference between the speeds after W.impulse and after rebounds one by one, first or last contact first.
+    """Largest difference between the speeds after W.contacts.impulse and after rebounds one by one, first or last contact first.
 
     Relative to the largest speed of approach.
     """
     scale, apart = 0.0, 0.0
     for a in range(size):
-        scale = max(scale, abs(W.speed[a]))
+        scale = max(scale, abs(W.contacts.speed[a]))
     for turn in range(2):
         for a in range(size):
-            W.sequel[a] = W.speed[a]
+            W.contacts.sequel[a] = W.contacts.speed[a]
         for _ in range(200 * size):
             found = -1
             for k in range(size):
                 a = k if turn == 0 else size - 1 - k
-                if found < 0 and W.sequel[a] < -_EQUAL * scale:
+                if found < 0 and W.contacts.sequel[a] < -_EQUAL * scale:
                     found = a
             if found < 0:
                 break
-            impulse = -(1.0 + W.restitution[found]) * W.sequel[found] / W.delassus[found, found]
+            impulse = (
+                -(1.0 + W.contacts.restitution[found])
+                * W.contacts.sequel[found]
+                / W.contacts.delassus[found, found]
+            )
             for a in range(size):
-                W.sequel[a] += W.delassus[a, found] * impulse
+                W.contacts.sequel[a] += W.contacts.delassus[a, found] * impulse
         for a in range(size):
-            speed = W.speed[a] - W.sequel[a]
+            speed = W.contacts.speed[a] - W.contacts.sequel[a]
             for b in range(size):
-                speed += W.delassus[a, b] * W.impulse[b]
+                speed += W.contacts.delassus[a, b] * W.contacts.impulse[b]
             apart = max(apart, abs(speed))
     return apart / scale
 
@@ -204,40 +210,40 @@ def _collide(P, S, R, W, size):
     """Impacts of the touching contacts, those that act on each other together; False where they have no solution."""
     approaching, together = False, False
     for a in range(size):
-        approaching = approaching or W.speed[a] < -W.at_rest[a]
+        approaching = approaching or W.contacts.speed[a] < -W.contacts.at_rest[a]
     if not approaching:
         return True
     if size > 1:
         _find_couplings(P, S, W, size)
     for a in range(size if size > 1 else 0):
-        W.load[a] = W.speed[a]
-        W.restitution[a] = 0.0
-        if W.speed[a] < -W.at_rest[a]:
-            after = _rebound(P, S, W, W.touching[a])
-            W.restitution[a] = -after / W.speed[a]
-            W.load[a] -= after
+        W.contacts.load[a] = W.contacts.speed[a]
+        W.contacts.restitution[a] = 0.0
+        if W.contacts.speed[a] < -W.contacts.at_rest[a]:
+            after = _rebound(P, S, W, W.contacts.touching[a])
+            W.contacts.restitution[a] = -after / W.contacts.speed[a]
+            W.contacts.load[a] -= after
             together = together or _coupled(W, a, size)
     if together:
         if not _complementarity(W, size):
             return False
         if _apart_from_single_impacts(W, size) > 1e-9:
-            record_ambiguity(S, R, W.touching[0], AMB_IMPACTS, 0)
+            record_ambiguity(S, R, W.contacts.touching[0], AMB_IMPACTS, 0)
     for a in range(size):
-        j, meets = W.touching[a], W.speed[a] < -W.at_rest[a]
+        j, meets = W.contacts.touching[a], W.contacts.speed[a] < -W.contacts.at_rest[a]
         if together and _coupled(W, a, size):
-            if W.impulse[a] > 0.0:
-                _kick(P, S, W, j, W.impulse[a])
+            if W.contacts.impulse[a] > 0.0:
+                _kick(P, S, W, j, W.contacts.impulse[a])
         elif meets:
             _rebound(P, S, W, j)
             for i in range(P.n):
-                S.x[i] = W.after[i]
+                S.x[i] = W.contacts.after[i]
         if meets:
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
-            W.hit[j] = True
+            W.instant.hit[j] = True
             note_interval(S.last[j], S.t)
             record_event(S, R, j, EV_IMPACT, 1, 1)
-    W.jumped = 1
+    W.instant.jumped = 1
     return True
 
 
@@ -264,26 +270,26 @@ def part_or_press(P, S, W, j):
         if S.status[k] != SOLVED and S.deflate[k] == 2 and abs(W.g[k]) < 1e-9 * abs(held):
             parts = S.status[j] * held * W.G[P.g_diagonal[j]] > 0.0
             S.deflate[k] = 3 if parts else PRESSING
-            W.look_again = 1
+            W.instant.look_again = 1
 
 
 @kernel
 def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
-    largest, resting, was_closed = 0.0, W.chosen, W.load
+    largest, resting, was_closed = 0.0, W.contacts.chosen, W.contacts.load
     some = False
-    W.look_again = int(size > 1)
+    W.instant.look_again = int(size > 1)
     for a in range(size):
-        j = W.touching[a]
+        j = W.contacts.touching[a]
         was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
         # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
         smooth = S.status[j] != SOLVED and S.deflate[j] == 3
-        resting[a] = 1 if abs(W.speed[a]) <= W.at_rest[a] and not smooth else 0
+        resting[a] = 1 if abs(W.contacts.speed[a]) <= W.contacts.at_rest[a] and not smooth else 0
         if resting[a] and S.deflate[j] == PRESSING:
             S.status[j] = SOLVED
         if resting[a]:
             some = True
-            W.look_again = 1
+            W.instant.look_again = 1
         largest = max(largest, S.mult[j])
     added = -1
     for _ in range(64 + 16 * size if some else 0):
@@ -291,10 +297,10 @@ def _settle_forces(P, S, R, W, size):
         solved = call_newton(P.newton_unit, P, S, W) != 0
         now = 0.0
         for a in range(size):
-            now = max(now, abs(S.mult[W.touching[a]]))
+            now = max(now, abs(S.mult[W.contacts.touching[a]]))
         if added >= 0 and (not solved or (largest > 0.0 and now > _SINGULAR * largest)):
-            S.status[W.touching[added]] = 1
-            S.mult[W.touching[added]] = 0.0
+            S.status[W.contacts.touching[added]] = 1
+            S.mult[W.contacts.touching[added]] = 0.0
             resting[added] = 0
             added = -1
             continue
@@ -304,7 +310,7 @@ def _settle_forces(P, S, R, W, size):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         wrong = -1
         for a in range(size):
-            j = W.touching[a]
+            j = W.contacts.touching[a]
             if wrong < 0 and resting[a]:
                 own = abs(entry(P.g_row, P.g_col, W.G, j, j))
                 rounding = _EQUAL * (own * largest + friction_on(P, W, j))
@@ -318,12 +324,12 @@ def _settle_forces(P, S, R, W, size):
                     wrong = a
         if wrong < 0:
             break
-        j = W.touching[wrong]
+        j = W.contacts.touching[wrong]
         added = wrong if S.status[j] != SOLVED else -1
         S.status[j] = SOLVED if added >= 0 else 1
         S.mult[j] = 0.0
     for a in range(size):
-        j = W.touching[a]
+        j = W.contacts.touching[a]
         if S.status[j] == SOLVED and was_closed[a] == 0.0:
             record_event(S, R, j, EV_CLOSED, 1, 0)
         elif S.status[j] != SOLVED and was_closed[a] != 0.0:
@@ -335,20 +341,20 @@ def _settle_forces(P, S, R, W, size):
 
 @kernel
 def settle_contacts(P, S, R, W):
-    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with W.jumped set where velocities jump."""
+    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with W.instant.jumped set where velocities jump."""
     before = S.events
     for c in range(len(P.contact)):
         j = P.contact[c]
-        if W.hit[j] and S.status[j] == SOLVED and W.jumped == 0:
+        if W.instant.hit[j] and S.status[j] == SOLVED and W.instant.jumped == 0:
             _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
-            W.hit[j] = False
+            W.instant.hit[j] = False
     size = _find_touching(P, S, R, W)
     if not _collide(P, S, R, W, size):
         return UNSOLVABLE
     for a in range(size):
-        j = W.touching[a]
-        W.speed[a] = approach_speed(P, S, j, W)
-        if W.speed[a] > W.at_rest[a]:
+        j = W.contacts.touching[a]
+        W.contacts.speed[a] = approach_speed(P, S, j, W)
+        if W.contacts.speed[a] > W.contacts.at_rest[a]:
             if S.status[j] == SOLVED:
                 _open(S, R, j, 1)
             S.deflate[j] = 1
@@ -374,15 +380,15 @@ def stop_closed(P, S, W):
         j = P.contact[c]
         if S.status[j] == SOLVED:
             keep_on_surface(P, S, j, W)
-            W.touching[size] = j
+            W.contacts.touching[size] = j
             size += 1
     if size == 0:
         return
     for a in range(size):
-        W.chosen[a] = 1
-        W.load[a] = approach_speed(P, S, W.touching[a], W)
+        W.contacts.chosen[a] = 1
+        W.contacts.load[a] = approach_speed(P, S, W.contacts.touching[a], W)
     _find_couplings(P, S, W, size)
     if _solve_chosen(W, size):
         for a in range(size):
-            if W.impulse[a] != 0.0:
-                _kick(P, S, W, W.touching[a], W.impulse[a])
+            if W.contacts.impulse[a] != 0.0:
+                _kick(P, S, W, W.contacts.touching[a], W.contacts.impulse[a])

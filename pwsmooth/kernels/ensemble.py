@@ -37,8 +37,8 @@ from .state import (
     Problem,
     Record,
     State,
-    Work,
 )
+from .work import Work
 
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 

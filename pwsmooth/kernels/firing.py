@@ -3,8 +3,6 @@
 All events whose `when` holds fire from the values before, repeated until none newly fires.
 """
 
-import math
-
 from .accumulation import events_accumulate
 from .compiling import kernel
 from .pointers import call_act, call_fields
@@ -31,33 +29,39 @@ def _meet_event(P, S, W, i):
     """Event surface i has been met: flips its side and marks the event as pending if the direction fits."""
     S.side[i] = -S.side[i]
     if P.direction[i] == 0 or P.direction[i] == S.side[i]:
-        W.pending[i] = 1
+        W.firing.pending[i] = 1
 
 
 @kernel
 def _note_conflicts(P, S, R, W, size):
-    """Records an ambiguity where of the events W.firing[:size] one sets a state that another sets or adds to otherwise.
+    """Records an ambiguity where of the events W.firing.together[:size] one sets a state that another sets or adds to otherwise.
 
     What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
     """
-    added, was_set, value, trial, shifted = W.added, W.was_set, W.gradient, W.trial, W.shifted
+    added, was_set, value, trial, shifted = (
+        W.firing.added,
+        W.firing.was_set,
+        W.firing.value,
+        W.firing.trial,
+        W.firing.shifted,
+    )
     for k in range(P.n):
         added[k] = was_set[k] = 0
     conflict = -1
     for a in range(size):
-        i = W.firing[a]
+        i = W.firing.together[a]
         for k in range(P.n):
-            trial[k] = W.before[k]
-            shifted[k] = W.before[k] + 1.0 + abs(W.before[k])
-        call_act(P.act, i, S.t, W.before, S.mult, P.p, trial)
-        call_act(P.act, i, S.t, W.before, S.mult, P.p, shifted)
+            trial[k] = W.firing.before[k]
+            shifted[k] = W.firing.before[k] + 1.0 + abs(W.firing.before[k])
+        call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, trial)
+        call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, shifted)
         for k in range(P.n):
             if trial[k] == shifted[k]:
                 if added[k] or (was_set[k] and value[k] != trial[k]):
                     conflict = i
                 was_set[k] = 1
                 value[k] = trial[k]
-            elif trial[k] != W.before[k]:
+            elif trial[k] != W.firing.before[k]:
                 if was_set[k]:
                     conflict = i
                 added[k] = 1
@@ -67,9 +71,9 @@ def _note_conflicts(P, S, R, W, size):
 
 @kernel
 def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with W.jumped set.
+    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with W.instant.jumped set.
 
-    Keeps in W.tau the event surfaces before each update, and the switches' before the first.
+    Keeps in W.firing.level the event surfaces before each update, and the switches' before the first.
     """
     m, n, ne = P.m, P.n, P.ne
     code = DONE
@@ -77,18 +81,21 @@ def _fire_events(P, C, S, R, W):
     while fired <= ne + MOST_AT_ONCE - 1:
         newly, together = False, 0
         for k in range(n):
-            W.before[k] = S.x[k]
-            W.after[k] = S.x[k]
+            W.firing.before[k] = S.x[k]
+            W.firing.after[k] = S.x[k]
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(m if fired > 0 else 0, m + ne):
-            W.tau[i] = W.h[i]
+            W.firing.level[i] = W.h[i]
         for i in range(ne):
-            if W.pending[i] == 1 and call_act(P.act, i, S.t, W.before, S.mult, P.p, W.after) != 0:
-                W.pending[i] = 2
+            if (
+                W.firing.pending[i] == 1
+                and call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+            ):
+                W.firing.pending[i] = 2
                 newly = True
                 fired += 1
                 together += 1
-                W.firing[together - 1] = i
+                W.firing.together[together - 1] = i
                 record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
                 if P.terminal[i]:
                     code = TERMINAL
@@ -97,17 +104,17 @@ def _fire_events(P, C, S, R, W):
         if together > 1:
             _note_conflicts(P, S, R, W, together)
         for k in range(n):
-            if W.after[k] != S.x[k]:
-                W.jumped = 1
-                S.x[k] = W.after[k]
+            if W.firing.after[k] != S.x[k]:
+                W.instant.jumped = 1
+                S.x[k] = W.firing.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
-            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == W.tau[m + i]:
+            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == W.firing.level[m + i]:
                 continue
             rounding = 0.0
             for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
                 k = P.dh_col[e]
-                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.before[k]) + abs(S.x[k]))
+                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(S.x[k]))
             if abs(W.h[m + i]) <= rounding:
                 continue
             S.deflate[m + i] = 0  # the update has left the surface, to whichever side
@@ -115,15 +122,15 @@ def _fire_events(P, C, S, R, W):
                 continue
             acted = False
             for a in range(together):
-                acted = acted or W.firing[a] == i
-            if acted or (W.hit[m + i] and abs(W.tau[m + i]) <= rounding):
+                acted = acted or W.firing.together[a] == i
+            if acted or (W.instant.hit[m + i] and abs(W.firing.level[m + i]) <= rounding):
                 # Put back, from the surface that it had just reached or to where another update had carried it: it will
                 # be met again from there. An update fires no event that acts with it: one that only records at the
                 # surface of another would make that act twice.
                 S.side[i] = -S.side[i]
             else:
                 # An event surface that the update has jumped through is met as well.
-                W.hit[m + i] = True
+                W.instant.hit[m + i] = True
                 _meet_event(P, S, W, i)
     return CHATTERING
 
@@ -132,21 +139,19 @@ def _fire_events(P, C, S, R, W):
 def events(P, C, S, R, W):
     """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
     some = False
-    for j in range(P.m):
-        W.tau[j] = math.nan
     for i in range(P.ne):
-        W.pending[i] = 0
-        if W.hit[P.m + i]:
+        W.firing.pending[i] = 0
+        if W.instant.hit[P.m + i]:
             S.deflate[P.m + i] = 1
             _meet_event(P, S, W, i)
-            some = some or W.pending[i] == 1
-    if W.at_clock:
+            some = some or W.firing.pending[i] == 1
+    if W.instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
-            W.pending[C.clock_event[S.ticks]] = 1
+            W.firing.pending[C.clock_event[S.ticks]] = 1
             S.ticks += 1
             some = True
     for k in range(P.n):
-        W.arrived[k] = S.x[k]
+        W.firing.arrived[k] = S.x[k]
     code = _fire_events(P, C, S, R, W) if some else DONE
     if code == DONE and some and events_accumulate(P, S, R, W):
         return ACCUMULATED
@@ -160,7 +165,7 @@ def sides_after_crossing(P, S, R, W):
         evaluate_surfaces(P, S, W)
         changed = False
         for j in range(P.m):
-            if P.nested[j] == 0 or W.hit[j]:
+            if P.nested[j] == 0 or W.instant.hit[j]:
                 continue
             if abs(W.h[j]) <= surface_rounding(P, S, j, W):
                 continue
@@ -182,16 +187,16 @@ def sides_after_jump(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] >= CONTACT:
             continue
-        if W.hit[j] and W.h[j] == W.tau[j]:
+        if W.instant.hit[j] and W.h[j] == W.firing.level[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
             if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
                 continue
-            if not W.hit[j]:
+            if not W.instant.hit[j]:
                 S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
-            W.hit[j] = True  # still, or now, on its surface
+            W.instant.hit[j] = True  # still, or now, on its surface
             continue
-        W.hit[j] = False
+        W.instant.hit[j] = False
         S.deflate[j] = 0
         side = 1 if W.h[j] > 0.0 else -1
         if S.status[j] != side:

@@ -12,5 +12,9 @@ def restart_counts(S):
 
 @kernel
 def restart_flags(W):
-    W.dips = W.dip_crosses = W.touched = W.fold = W.way = W.masked = W.at_clock = 0
-    W.jumped = W.together = W.pair_solves = W.solved_there = W.look_again = W.rows_kind = W.arrives = 0
+    W.roots.dips = W.roots.dip_crosses = W.arc.touched = W.instant.fold = W.instant.way = W.layer.masked = (
+        W.instant.at_clock
+    ) = 0
+    W.instant.jumped = W.instant.together = W.pair.solves = W.instant.solved_there = W.instant.look_again = (
+        W.step.kind
+    ) = W.step.arrives = 0

@@ -19,21 +19,21 @@ AT_BOUND = 1e-9  # a multiplier no farther beyond its bound has come to it smoot
 
 @kernel
 def hold_supported(P, S, W, size):
-    """Holds at 0 those of W.active[:size] whose surface is kept at 0 whatever their lambda is.
+    """Holds at 0 those of W.instant.active[:size] whose surface is kept at 0 whatever their lambda is.
 
     By a closed contact, as a piston at its stop, or by a second-order slide: lambda is not unique there. Returns the
     size without them.
     """
     rest = 0
     for a in range(size):
-        j = W.active[a]
+        j = W.instant.active[a]
         most = max(abs(residual(P, S, W, j, 1.0)), abs(residual(P, S, W, j, -1.0)))
         evaluate_surfaces(P, S, W)
         if most <= 1e-12 * abs(W.G[P.g_diagonal[j]]):
             S.status[j] = HELD
             S.mult[j] = 0.0
         else:
-            W.active[rest] = j
+            W.instant.active[rest] = j
             rest += 1
     return rest
 
@@ -64,29 +64,29 @@ def some_second_order(P):
 
 @kernel
 def hold_second_order(P, S, R, W, size):
-    """Settles those of W.active[:size] that can slide to second order; returns the size without them.
+    """Settles those of W.instant.active[:size] that can slide to second order; returns the size without them.
 
     With h = dh/dt = 0 such a switch stays where lambda between its bounds keeps d2h/dt2 = 0, as a closed contact does
     with its reaction, and leaves to the side of the bound where it would take more.
     """
     count, rest = 0, 0
     for a in range(size):
-        j = W.active[a]
+        j = W.instant.active[a]
         if P.kind[j] == SECOND_ORDER:
-            W.group[count] = j
+            W.instant.group[count] = j
             count += 1
             S.status[j] = SOLVED
             S.mult[j] = 0.0
         else:
-            W.active[rest] = j
+            W.instant.active[rest] = j
             rest += 1
     if count == 0:
         return rest
     for a in range(count):
-        j = W.group[a]
+        j = W.instant.group[a]
         speed = approach_speed(P, S, j, W)
         slope = W.G[P.g_diagonal[j]]
-        if abs(speed) > W.rest_speed:
+        if abs(speed) > W.instant.rest_speed:
             _leave(S, j, 1 if speed > 0.0 else -1, 1)
         elif not slope < 0.0:
             force = residual(P, S, W, j, 0.0)
@@ -98,14 +98,14 @@ def hold_second_order(P, S, R, W, size):
         mask_instant(P, S, W)
         if not follow(P, S, W):
             for a in range(count):
-                j = W.group[a]
+                j = W.instant.group[a]
                 if S.status[j] == SOLVED:
                     S.status[j] = HELD  # two that hold one motion: neither has a lambda of its own
                     S.mult[j] = 0.0
             return rest
         most, worst = 1.0, -1
         for a in range(count):
-            j = W.group[a]
+            j = W.instant.group[a]
             if S.status[j] == SOLVED and abs(S.mult[j]) > most:
                 most, worst = abs(S.mult[j]), j
         if worst < 0:
@@ -136,7 +136,7 @@ def hold_beside(P, S, W):
             continue
         j = held_by(P, S, W, k)
         still = j >= 0 and abs(W.g[k]) <= 1e-9 * abs(entry(P.g_row, P.g_col, W.G, k, j))
-        if still and abs(approach_speed(P, S, k, W)) <= W.rest_speed:
+        if still and abs(approach_speed(P, S, k, W)) <= W.instant.rest_speed:
             S.status[k] = HELD
 
 
@@ -147,8 +147,8 @@ def hold_instead(P, S, R, W, j):
     size, order = 0, 3 if abs(S.mult[j]) <= 1.0 + AT_BOUND else 2
     for k in range(P.m):
         if S.status[k] == HELD and P.kind[k] == SECOND_ORDER and entry(P.g_row, P.g_col, W.G, k, j) != 0.0:
-            W.linked[size] = W.active[size] = k
-            W.keep_mult[k] = S.mult[k]
+            W.linear.linked[size] = W.instant.active[size] = k
+            W.instant.mult[k] = S.mult[k]
             size += 1
     if size == 0:
         return False
@@ -157,10 +157,10 @@ def hold_instead(P, S, R, W, j):
     hold_second_order(P, S, R, W, size)
     turned = False
     for a in range(size):
-        k = W.linked[a]
+        k = W.linear.linked[a]
         if S.status[k] == SOLVED:
             return True
-        turned = turned or S.mult[k] != W.keep_mult[k]
+        turned = turned or S.mult[k] != W.instant.mult[k]
     S.status[j], S.mult[j] = SOLVED, lam
     if turned:
         # At their other bound they leave it less to hold.
@@ -170,7 +170,7 @@ def hold_instead(P, S, R, W, j):
             return True
         S.mult[j] = lam
     for a in range(size):
-        S.deflate[W.linked[a]] = order
+        S.deflate[W.linear.linked[a]] = order
     return False
 
 
@@ -179,10 +179,10 @@ def hold_what_rests(P, S, R, W):
     """After x has jumped: switches on whose surface it stands at rest slide to second order, or slide no longer."""
     size = 0
     for j in range(P.m):
-        if P.kind[j] == SECOND_ORDER and W.hit[j]:
-            rests = abs(approach_speed(P, S, j, W)) <= W.rest_speed
+        if P.kind[j] == SECOND_ORDER and W.instant.hit[j]:
+            rests = abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
             if rests or S.status[j] == SOLVED or S.status[j] == HELD:
-                W.active[size] = j
+                W.instant.active[size] = j
                 size += 1
     if size == 0:
         return
@@ -190,12 +190,12 @@ def hold_what_rests(P, S, R, W):
     size = 0
     for j in range(P.m):
         if P.kind[j] == SLIDING and S.status[j] == SOLVED:
-            W.active[size] = j
+            W.instant.active[size] = j
             size += 1
     hold_supported(P, S, W, size)
     for j in range(P.m):
-        held = S.status[j] == SOLVED or W.came[j] == SOLVED or W.came[j] == HELD
-        if P.kind[j] == SECOND_ORDER and W.hit[j] and held:
-            W.hit[j] = False
-            if S.status[j] != W.came[j]:
-                record_event(S, R, j, EV_RESET, W.came[j], S.status[j])
+        held = S.status[j] == SOLVED or W.instant.came[j] == SOLVED or W.instant.came[j] == HELD
+        if P.kind[j] == SECOND_ORDER and W.instant.hit[j] and held:
+            W.instant.hit[j] = False
+            if S.status[j] != W.instant.came[j]:
+                record_event(S, R, j, EV_RESET, W.instant.came[j], S.status[j])

@@ -57,9 +57,9 @@ from .state import (
     Problem,
     Record,
     State,
-    Work,
 )
 from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
+from .work import Work
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
@@ -69,37 +69,37 @@ _MOST_MINUTE = 10_000
 
 @kernel
 def _arrivals(P, C, S, R, W, size, jumped):
-    """Settles the switches W.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+    """Settles the switches W.instant.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
     if len(P.contact) > 0:
         size = hold_supported(P, S, W, size)
         for j in range(P.m):
-            if S.status[j] == HELD and W.came[j] != HELD and W.hit[j]:
-                record_event(S, R, j, EV_STICK, W.came[j], 0)
+            if S.status[j] == HELD and W.instant.came[j] != HELD and W.instant.hit[j]:
+                record_event(S, R, j, EV_STICK, W.instant.came[j], 0)
                 keep_on_surface(P, S, j, W)
                 forget_intervals(S.last[j], S.t)
         if size == 0:
             return DONE
     joint = size
     for a in range(size):
-        link(P, S, W, W.active[a])
+        link(P, S, W, W.instant.active[a])
         for b in range(P.m):
-            if W.linked[b] == 0 or P.kind[b] != SLIDING or b == W.active[a]:
+            if W.linear.linked[b] == 0 or P.kind[b] != SLIDING or b == W.instant.active[a]:
                 continue
             known = -1
             for c in range(joint):
-                if W.active[c] == b:
+                if W.instant.active[c] == b:
                     known = c
             if 0 <= known < size:
-                W.together = 1
+                W.instant.together = 1
             elif known < 0 and S.status[b] == SOLVED:
-                W.active[joint] = b
+                W.instant.active[joint] = b
                 joint += 1
     code = DONE
-    if joint > size or W.together:
+    if joint > size or W.instant.together:
         for a in range(joint):
-            j = W.active[a]
-            W.group[a] = j
-            W.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
+            j = W.instant.active[a]
+            W.instant.group[a] = j
+            W.instant.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
             if jumped and S.status[j] != SOLVED:
                 S.mult[j] = 0.0
         code = settle_arrivals(P, S, R, W, joint)
@@ -109,14 +109,14 @@ def _arrivals(P, C, S, R, W, size, jumped):
         code = settle_at_rest(P, C, S, R, W, size)
     else:
         for a in range(size):
-            W.group[0] = W.active[a]
-            W.arrival[0] = S.status[W.active[a]]
+            W.instant.group[0] = W.instant.active[a]
+            W.instant.arrival[0] = S.status[W.instant.active[a]]
             code = max(code, settle_arrivals(P, S, R, W, 1))
     if code != DONE:
         return code
     for a in range(joint):
-        j = W.active[a]
-        came = W.came[j]
+        j = W.instant.active[a]
+        came = W.instant.came[j]
         S.deflate[j] = 1
         if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
@@ -136,27 +136,27 @@ def _arrivals(P, C, S, R, W, size, jumped):
 @kernel
 def _try_other_ratio(P, S, R, W, size):
     """Runs the corner's layer again with eps_1/eps_2 changed by 10 and 1/10; another outcome is an ambiguity."""
-    m, first = P.m, W.active[0]
+    m, first = P.m, W.instant.active[0]
     for j in range(m):
-        W.keep_status[j] = S.status[j]
-        W.keep_mult[j] = S.mult[j]
+        W.instant.status[j] = S.status[j]
+        W.instant.mult[j] = S.mult[j]
     weight = P.weight[first]
     same = True
     for factor in (10.0, 0.1):
         for j in range(m):
-            S.status[j] = W.came[j]
-            S.mult[j] = W.keep_mult[j] if W.came[j] == SOLVED else float(W.came[j])
+            S.status[j] = W.instant.came[j]
+            S.mult[j] = W.instant.mult[j] if W.instant.came[j] == SOLVED else float(W.instant.came[j])
         for a in range(size):
-            W.group[a] = W.active[a]
-            W.arrival[a] = W.came[W.active[a]]
+            W.instant.group[a] = W.instant.active[a]
+            W.instant.arrival[a] = W.instant.came[W.instant.active[a]]
         P.weight[first] = weight * factor
         same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
         for j in range(m):
-            same = same and S.status[j] == W.keep_status[j]
+            same = same and S.status[j] == W.instant.status[j]
     P.weight[first] = weight
     for j in range(m):
-        S.status[j] = W.keep_status[j]
-        S.mult[j] = W.keep_mult[j]
+        S.status[j] = W.instant.status[j]
+        S.mult[j] = W.instant.mult[j]
     if not same:
         record_ambiguity(S, R, first, AMB_CORNER, 0)
 
@@ -175,14 +175,14 @@ def _is_minute(P, C, S, W, j):
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     m, mult, status = P.m, S.mult, S.status
-    jumped = W.jumped != 0
+    jumped = W.instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):
-        if not W.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
+        if not W.instant.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
             continue
         if status[j] == SOLVED:
             if not jumped:
@@ -190,7 +190,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 smooth = P.kind[j] == SECOND_ORDER and abs(mult[j]) <= 1.0 + AT_BOUND
                 if P.kind[j] == SLIDING and some_second_order(P) and hold_instead(P, S, R, W, j):
                     continue
-                status[j] = W.exit_side[j]
+                status[j] = W.meeting.exit_side[j]
                 mult[j] = float(status[j])
                 S.deflate[j] = 3 if smooth else 2
                 if P.kind[j] == SECOND_ORDER:
@@ -199,7 +199,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                     record_event(S, R, j, EV_TANGENCY, 0, status[j])
                     part_or_press(P, S, W, j)
         elif P.kind[j] == SLIDING:
-            W.active[size] = j
+            W.instant.active[size] = j
             size += 1
         else:
             went = -status[j]
@@ -221,7 +221,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
                 forget_intervals(S.last[j], S.t)
                 stop_normal_speed(P, S, j, W, False)
-                W.active[0] = j
+                W.instant.active[0] = j
                 hold_second_order(P, S, R, W, 1)
                 record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
                 S.minute = 0
@@ -256,11 +256,11 @@ def _left_behind(P, S, W, i):
 @kernel
 def _forget_what_was_met(P, S, W):
     """Before another look at the contacts of an instant: nothing is met but by what they do now."""
-    W.jumped = 0
+    W.instant.jumped = 0
     for j in range(P.m):
-        W.hit[j] = False
-        W.came[j] = S.status[j]
-        W.tau[j] = math.nan
+        W.instant.hit[j] = False
+        W.instant.came[j] = S.status[j]
+        W.firing.level[j] = math.nan
 
 
 @kernel
@@ -268,10 +268,10 @@ def _follow_up(P, S, R, W):
     """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
     sides_after_crossing(P, S, R, W)
     for j in range(P.m):
-        W.keep_status[j] = S.status[j]
+        W.instant.status[j] = S.status[j]
     code = resettle(P, S, R, W)
     for j in range(P.m):
-        if S.status[j] != W.keep_status[j]:
+        if S.status[j] != W.instant.status[j]:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
     return code
 
@@ -280,9 +280,9 @@ def _follow_up(P, S, R, W):
 def _sides_of_events(P, S, W):
     """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
     for i in range(P.ne):
-        if W.hit[P.m + i] and S.deflate[P.m + i] != 0:
+        if W.instant.hit[P.m + i] and S.deflate[P.m + i] != 0:
             speed = approach_speed(P, S, P.m + i, W)
-            if abs(speed) > W.rest_speed:
+            if abs(speed) > W.instant.rest_speed:
                 S.side[i] = 1 if speed > 0.0 else -1
 
 
@@ -290,18 +290,20 @@ def _sides_of_events(P, S, W):
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
 
-    Reads W.met, W.length, W.elapsed, W.fold, W.way and W.at_clock; sets W.jumped, W.together and W.solved_there.
+    Reads W.instant.met, W.step.length, W.instant.elapsed, W.instant.fold, W.instant.way and W.instant.at_clock; sets W.instant.jumped, W.instant.together and W.instant.solved_there.
     """
     m, ne, t, status = P.m, P.ne, S.t, S.status
-    best, h, elapsed = W.met, W.length, W.elapsed
-    fold, fold_way = W.fold, W.way
-    W.jumped = 0
-    W.together = 0
+    best, h, elapsed = W.instant.met, W.step.length, W.instant.elapsed
+    fold, fold_way = W.instant.fold, W.instant.way
+    W.instant.jumped = 0
+    W.instant.together = 0
     for i in range(m + ne):
-        W.hit[i] = W.tau[i] <= 1.0 and (W.tau[i] - best) * h <= AT_ONCE * max(abs(t), elapsed)
+        W.instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
+            abs(t), elapsed
+        )
         # Not of events: a latch at its own threshold is left and met again within rounding.
         if (
-            not W.hit[i]
+            not W.instant.hit[i]
             and S.deflate[i] != 0
             and (elapsed > 1e-12 * (1.0 + abs(t)) or (i < m and _left_behind(P, S, W, i)))
         ):
@@ -309,33 +311,34 @@ def at_instant(P, C, S, R, W):
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
-        if j >= 0 and W.hit[m + i] != W.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
-            W.hit[m + i] = W.hit[j] = True
+        if j >= 0 and W.instant.hit[m + i] != W.instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+            W.instant.hit[m + i] = W.instant.hit[j] = True
     if fold >= 0:
-        W.hit[fold] = False
+        W.instant.hit[fold] = False
     for j in range(m):
-        W.came[j] = status[j]
-        if W.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
+        W.instant.came[j] = status[j]
+        W.firing.level[j] = math.nan
+        if W.instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
-        elif W.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+        elif W.instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
     if S.stalled > MOST_AT_ONCE:
         return CHATTERING
     events_before = S.events
-    only = only_one(P, S, W) if fold < 0 and W.at_clock == 0 else -1
+    only = only_one(P, S, W) if fold < 0 and W.instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != -1 and (code != DONE or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         only = code
-        W.solved_there = 0
+        W.instant.solved_there = 0
     stop, jumped = DONE, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
-        jumped = W.jumped != 0
+        jumped = W.instant.jumped != 0
         if stop == ACCUMULATED:
             record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
@@ -365,7 +368,7 @@ def at_instant(P, C, S, R, W):
             code = _follow_up(P, S, R, W)
             if code != DONE:
                 return code
-        if len(P.contact) == 0 or W.look_again == 0:
+        if len(P.contact) == 0 or W.instant.look_again == 0:
             break
     if len(P.contact) > 0:
         stop_closed(P, S, W)

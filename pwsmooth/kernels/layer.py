@@ -15,9 +15,10 @@ from .compiling import kernel, unit
 from .pointers import call_fields, call_layer, call_newton
 from .sliding import follow, mask_instant, mask_solved
 from .sparse import link
-from .state import SLIDING, SOLVED, Problem, State, Work
+from .state import SLIDING, SOLVED, Problem, State
+from .work import Work
 
-# Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.group.
+# Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.instant.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
 SETTLED, OSCILLATES, LOST = range(3)
 _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
@@ -54,13 +55,13 @@ def sigmoid_inverse(kind, lam):
 def _push(P, S, W, j, lam, toward, frozen):
     """toward * g_j at lambda_j = lam, the multipliers of every instant (W.mask) solved along.
 
-    `frozen`: with the layered states held at W.z.
+    `frozen`: with the layered states held at W.layer.z.
     """
     S.mult[j] = lam
     if frozen:
-        call_layer(P.layer, S.t, S.x, S.mult, W.z, P.p, W.g, W.q)
+        call_layer(P.layer, S.t, S.x, S.mult, W.layer.z, P.p, W.g, W.layer.q)
         return toward * W.g[j]
-    if W.masked:
+    if W.layer.masked:
         call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     return toward * W.g[j]
@@ -69,7 +70,7 @@ def _push(P, S, W, j, lam, toward, frozen):
 @kernel
 def _prepare(P, S, W, j):
     """Masks the multipliers of every instant, without switch j."""
-    W.masked = 1 if mask_instant(P, S, W) else 0
+    W.layer.masked = 1 if mask_instant(P, S, W) else 0
     W.mask[j] = 0
 
 
@@ -160,74 +161,74 @@ _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525,
 
 @kernel
 def _rates(P, S, W, size, y, out, stage):
-    """Overwrites out[stage] with the rates of the layer system at y = (u of W.group, z)."""
+    """Overwrites out[stage] with the rates of the layer system at y = (u of W.instant.group, z)."""
     mult = S.mult
     for i in range(size):
-        mult[W.group[i]] = sigmoid(P.sigmoid, y[i])
+        mult[W.instant.group[i]] = sigmoid(P.sigmoid, y[i])
     if P.nz > 0:
         for i in range(P.nz):
-            W.z[i] = y[size + i]
-        call_layer(P.layer, S.t, S.x, mult, W.z, P.p, W.g, W.q)
+            W.layer.z[i] = y[size + i]
+        call_layer(P.layer, S.t, S.x, mult, W.layer.z, P.p, W.g, W.layer.q)
         for i in range(P.nz):
-            out[stage, size + i] = W.pace * P.ratio[i] * W.q[i]
+            out[stage, size + i] = W.layer.pace * P.ratio[i] * W.layer.q[i]
     else:
-        if W.masked:
+        if W.layer.masked:
             call_newton(P.newton_unit, P, S, W)
         call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
-        out[stage, i] = W.pace * P.weight[W.group[i]] * W.g[W.group[i]]
+        out[stage, i] = W.layer.pace * P.weight[W.instant.group[i]] * W.g[W.instant.group[i]]
 
 
 @kernel
 def _rest_is_near(P, S, W, size):
     """Solves for the rest state beside a layer run that has become slow; False (S as before) if it is elsewhere."""
     for i in range(size):
-        W.rest_status[i] = S.status[W.group[i]]
-        W.rest_mult[i] = S.mult[W.group[i]]
-        S.status[W.group[i]] = SOLVED
+        W.layer.status[i] = S.status[W.instant.group[i]]
+        W.layer.mult[i] = S.mult[W.instant.group[i]]
+        S.status[W.instant.group[i]] = SOLVED
     mask_solved(P, S, W)
     near = call_newton(P.newton_unit, P, S, W) != 0
     for i in range(size):
-        near = near and abs(S.mult[W.group[i]] - W.rest_mult[i]) < 1e-3
+        near = near and abs(S.mult[W.instant.group[i]] - W.layer.mult[i]) < 1e-3
     if not near:
         for i in range(size):
-            S.status[W.group[i]] = W.rest_status[i]
-            S.mult[W.group[i]] = W.rest_mult[i]
+            S.status[W.instant.group[i]] = W.layer.status[i]
+            S.mult[W.instant.group[i]] = W.layer.mult[i]
     return near
 
 
 @kernel
 def _set_pace(P, S, W, size):
-    """Leaves in W.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
+    """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
     fastest = 0.0
     for i in range(size):
-        j = W.group[i]
+        j = W.instant.group[i]
         keep = S.mult[j]
         for side in range(-1, 2):
             S.mult[j] = float(side)
             call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
             fastest = max(fastest, abs(P.weight[j] * W.g[j]))
         S.mult[j] = keep
-    W.pace = 1.0
+    W.layer.pace = 1.0
     if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
-        W.pace = 2.0 ** -math.floor(math.log2(fastest))
+        W.layer.pace = 2.0 ** -math.floor(math.log2(fastest))
 
 
 @kernel
 def _integrate(P, S, W, size):
-    """Runs the layer system of W.group[:size] from u = W.layer_y (and W.z) until all are settled.
+    """Runs the layer system of W.instant.group[:size] from u = W.layer.y (and W.layer.z) until all are settled.
 
-    Overwrites S.mult, S.status, W.z, W.group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
+    Overwrites S.mult, S.status, W.layer.z, W.instant.group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
     A switch that runs out to u = +-inf gets that side; the rest goes on without it.
     """
-    nz, y, new, k = P.nz, W.layer_y, W.layer_new, W.layer_k
-    W.masked = 1 if mask_instant(P, S, W) else 0
+    nz, y, new, k = P.nz, W.layer.y, W.layer.new, W.layer.k
+    W.layer.masked = 1 if mask_instant(P, S, W) else 0
     reach = 1e3
     for i in range(size):
-        W.mask[W.group[i]] = 0
+        W.mask[W.instant.group[i]] = 0
         reach = max(reach, 10.0 * abs(y[i]))
     for i in range(nz):
-        y[size + i] = W.z[i]
+        y[size + i] = W.layer.z[i]
     _set_pace(P, S, W, size)
     tau, step, scale = 0.0, 1e-3, 0.0
     _rates(P, S, W, size, y, k, 0)
@@ -267,13 +268,13 @@ def _integrate(P, S, W, size):
                 gone = i
         scale = max(scale, speed)
         if gone >= 0:
-            j = W.group[gone]
+            j = W.instant.group[gone]
             S.status[j] = 1 if y[gone] > 0.0 else -1
             S.mult[j] = float(S.status[j])
             for i in range(gone, dim - 1):
                 y[i] = y[i + 1]
             for i in range(gone, size - 1):
-                W.group[i] = W.group[i + 1]
+                W.instant.group[i] = W.instant.group[i + 1]
             size -= 1
             if size == 0:
                 return SETTLED
@@ -288,7 +289,7 @@ def _integrate(P, S, W, size):
             quiet = 0
             small *= 0.1
             for i in range(size):
-                W.mask[W.group[i]] = 0
+                W.mask[W.instant.group[i]] = 0
     return OSCILLATES
 
 
@@ -314,11 +315,11 @@ def _root_along(P, S, W, j):
 def _relax(P, S, W, j, along):
     """Lets the layered states run to rest at fixed lambda_j, or along the root of g_j (two-stage layer).
 
-    Overwrites W.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest. The pair
+    Overwrites W.layer.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest. The pair
     5(4), so that rest is reached in some sixty steps; a root is lost only on a step so short that a stage does not
     jump over it.
     """
-    z, q, z0, k, nz = W.z, W.q, W.layer_new, W.layer_k, P.nz
+    z, q, z0, k, nz = W.layer.z, W.layer.q, W.layer.new, W.layer.k, P.nz
     dt, lam = _SURE_STEP, S.mult[j]
     for i in range(nz):
         z0[i] = z[i]
@@ -375,7 +376,7 @@ def _relax(P, S, W, j, along):
 @kernel
 def _relax_from_zero(P, S, W, j):
     for i in range(P.nz):
-        W.z[i] = 0.0
+        W.layer.z[i] = 0.0
     _relax(P, S, W, j, False)
 
 
@@ -403,11 +404,11 @@ def _settle_one(P, S, W, j, start, toward):
 
 @kernel
 def _arrive(P, S, W, size):
-    """Settles the switches W.group[:size], come to their surfaces from W.arrival (0: at rest there, u = 0)."""
+    """Settles the switches W.instant.group[:size], come to their surfaces from W.instant.arrival (0: at rest there, u = 0)."""
     one = size == 1 and (P.nz == 0 or P.ratio[0] == 0.0)
     if one:
-        j = W.group[0]
-        side = W.arrival[0]
+        j = W.instant.group[0]
+        side = W.instant.arrival[0]
         S.mult[j] = float(side)
         if P.nz > 0:
             _relax_from_zero(P, S, W, j)
@@ -419,23 +420,23 @@ def _arrive(P, S, W, size):
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     top, slowest = 1e-300, 1.0
     for i in range(size):
-        if W.arrival[i] != 0:
-            top = max(top, abs(W.g[W.group[i]]) * P.weight[W.group[i]])
+        if W.instant.arrival[i] != 0:
+            top = max(top, abs(W.g[W.instant.group[i]]) * P.weight[W.instant.group[i]])
     for i in range(P.nz):
         slowest = min(slowest, P.ratio[i])
     # Far enough that fast layered states have settled on the way.
     tail = 1e3 + 50.0 * (top if P.nz > 0 else min(top, 100.0)) / slowest
     for i in range(size):
-        j = W.group[i]
-        if W.arrival[i] == 0:
-            W.layer_y[i] = sigmoid_inverse(P.sigmoid, S.mult[j])
+        j = W.instant.group[i]
+        if W.instant.arrival[i] == 0:
+            W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
             share = abs(W.g[j]) * P.weight[j] / top
-            W.layer_y[i] = W.arrival[i] * tail * max(share, 1e-6)
-            S.mult[j] = sigmoid(P.sigmoid, W.layer_y[i])
+            W.layer.y[i] = W.instant.arrival[i] * tail * max(share, 1e-6)
+            S.mult[j] = sigmoid(P.sigmoid, W.layer.y[i])
     if P.nz > 0:
-        _relax_from_zero(P, S, W, W.group[0])
+        _relax_from_zero(P, S, W, W.instant.group[0])
     return _integrate(P, S, W, size)
 
 
@@ -443,11 +444,11 @@ def _arrive(P, S, W, size):
 def _leave_fold(P, S, W, j, toward):
     """After a fold of switch j's root the layer decides again, going on in the direction `toward`."""
     size = 1
-    W.group[0] = j
+    W.instant.group[0] = j
     link(P, S, W, j)
     for i in range(P.m):
-        if i != j and W.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
-            W.group[size] = i
+        if i != j and W.linear.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
+            W.instant.group[size] = i
             size += 1
     fold = S.mult[j]
     if size == 1 and P.nz == 0 and toward * fold >= 1.0 - 1e-6:
@@ -472,7 +473,7 @@ def _leave_fold(P, S, W, j, toward):
                 S.mult[j] = float(left)
             return _close(P, S, W)
     for i in range(size):
-        W.layer_y[i] = sigmoid_inverse(P.sigmoid, S.mult[W.group[i]])
+        W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[W.instant.group[i]])
     return _integrate(P, S, W, size)
 
 

@@ -22,11 +22,12 @@ _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its
 
 
 @inlined_kernel
-def meet(P, row, power, degree, drop, sign, W, poly):
+def meet(P, row, power, degree, drop, sign, W):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
     if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
+    poly = W.roots.poly
     scaled(row, power, poly, degree, drop, sign)
     if poly[0] <= SURFACE_ROUNDING:
         size = 0.0
@@ -37,12 +38,13 @@ def meet(P, row, power, degree, drop, sign, W, poly):
         if drop < 3 and poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             drop += 1
             scaled(row, power, poly, degree, drop, sign)
-    return first_root(P, W, poly, degree - drop)
+    return first_root(P, W.roots, degree - drop)
 
 
 @inlined_kernel
-def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
-    """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.exit_side."""
+def _meet_bounds(P, C, S, row, power, degree, j, W):
+    """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.meeting.exit_side."""
+    poly = W.roots.poly
     scaled(row, power, poly, degree, 0, 1.0)
     lo, hi = low_bounds(poly)
     rest = remainder(poly, degree)
@@ -65,37 +67,37 @@ def _meet_bounds(P, C, S, row, power, degree, j, W, poly):
             if size <= C.rtol:
                 continue
         if best > 1.0:
-            best = first_root(P, W, poly, degree - drop)
+            best = first_root(P, W.roots, degree - drop)
             if best <= 1.0:
-                W.exit_side[j] = side
+                W.meeting.exit_side[j] = side
             continue
         # The other bound matters up to there only, and is hardly ever near.
-        powers(W.end_power, best)
+        powers(W.step.end_power, best)
         for k in range(0, degree - drop + 1, 8):
-            store8(poly, k, load8(poly, k) * load8(W.end_power, k))
-        W.guess = 0.0
-        s = first_root(P, W, poly, degree - drop)
-        if W.dips == 1:
-            W.dip_at *= best
+            store8(poly, k, load8(poly, k) * load8(W.step.end_power, k))
+        W.roots.guess = 0.0
+        s = first_root(P, W.roots, degree - drop)
+        if W.roots.dips == 1:
+            W.roots.dip_at *= best
         if s < 1.0 and best > 0.0:
             best *= s
-            W.exit_side[j] = side
+            W.meeting.exit_side[j] = side
     return best
 
 
 @inlined_kernel
 def _note_size(P, C, W, i, row, drop):
-    """Leaves in W.shallow the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
+    """Leaves in W.roots.shallow the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
 
     A jet's step goes from afar to a tangency; the pair's last ones begin close to it, and are as good as its tolerance.
     """
     if P.pair:
-        W.widest[i] = max(W.widest[i], abs(at(row, 0)))
-        W.shallow = W.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
+        W.meeting.widest[i] = max(W.meeting.widest[i], abs(at(row, 0)))
+        W.roots.shallow = W.meeting.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
 
 
 @kernel
-def _kink_met(P, C, S, row, power, j, met, W, poly):
+def _kink_met(P, C, S, row, power, j, met, W):
     """Where in the step kink j is met, if a series says at `met`.
 
     The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
@@ -105,6 +107,7 @@ def _kink_met(P, C, S, row, power, j, met, W, poly):
     tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
     if abs(row[0]) > tolerance:
         return met
+    poly = W.roots.poly
     scaled(row, power, poly, C.order, 0, float(S.status[j]))
     size = 0.0
     for k in range(1, C.order + 1):
@@ -114,46 +117,46 @@ def _kink_met(P, C, S, row, power, j, met, W, poly):
     # It leaves with the second derivative, and the first one is rounding: a dip of no depth.
     if met <= 0.0 and poly[2] > 0.0 and poly[1] * poly[1] <= 4.0 * tolerance * poly[2]:
         scaled(row, power, poly, C.order, 2, float(S.status[j]))
-        return first_root(P, W, poly, C.order - 2)
+        return first_root(P, W.roots, C.order - 2)
     return met
 
 
 @inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
-    """Overwrites W.tau, W.grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
-    m, K, tau, poly, status, kind, deflate = P.m, C.order, W.tau, W.poly, S.status, P.kind, S.deflate
+    """Overwrites W.meeting.tau, W.meeting.grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
+    m, K, tau, status, kind, deflate = P.m, C.order, W.meeting.tau, S.status, P.kind, S.deflate
     best = NO_ROOT
     for j in range(m):
         met = NO_ROOT
-        W.dips = 0
-        W.guess = expected(W, j, status[j], S.t, h)
+        W.roots.dips = 0
+        W.roots.guess = expected(W, j, status[j], S.t, h)
         if status[j] == SOLVED:
             if kind[j] == CONTACT:
-                met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W, poly)
-                W.exit_side[j] = 1
+                met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W)
+                W.meeting.exit_side[j] = 1
             elif kind[j] != ALGEBRAIC:
-                met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W, poly)
+                met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
         elif surface_rows[j] >= 0 and status[j] != HELD:
             _note_size(P, C, W, j, rows[surface_rows[j]], deflate[j])
-            met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W, poly)
+            met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[surface_rows[j]], 0))
-                W.widest[j] = max(W.widest[j], away)
-                if away <= 1e-6 * W.widest[j]:
-                    met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W, poly)
-        W.shallow = 0.0
+                W.meeting.widest[j] = max(W.meeting.widest[j], away)
+                if away <= 1e-6 * W.meeting.widest[j]:
+                    met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W)
+        W.roots.shallow = 0.0
         tau[j] = met
         best = min(best, met)
-        W.grazed[j] = W.dip_at if W.dips != 0 else NO_ROOT
-        W.graze_crosses[j] = W.dip_crosses
+        W.meeting.grazed[j] = W.roots.dip_at if W.roots.dips != 0 else NO_ROOT
+        W.meeting.graze_crosses[j] = W.roots.dip_crosses
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0 and P.watch[i - m] == 0:
-            W.guess = expected(W, i, S.side[i - m], S.t, h)
+            W.roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
-            tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W, poly)
+            tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
             best = min(best, tau[i])
-        W.shallow = 0.0
+        W.roots.shallow = 0.0
     return best
 
 
@@ -162,5 +165,5 @@ def first_graze(P, W):
     """Where in the step the first surface is grazed."""
     first = NO_ROOT
     for j in range(P.m):
-        first = min(first, W.grazed[j])
+        first = min(first, W.meeting.grazed[j])
     return first

@@ -10,7 +10,8 @@ from .fresh import restart_counts, restart_flags
 from .intervals import forget_intervals
 from .noise_state import INTERVAL, LAST, TRAJECTORY, Diffused
 from .pointers import _caller
-from .state import DONE, FULL, Control, Problem, Record, State, Work
+from .state import DONE, FULL, Control, Problem, Record, State
+from .work import Work
 
 
 @intrinsic

@@ -47,9 +47,9 @@ from .state import (
     Problem,
     Record,
     State,
-    Work,
 )
 from .surface_rates import any_is
+from .work import Work
 
 _SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
 _LEAP = 0.25  # of a multiplier within one step: a root farther away is another branch
@@ -162,24 +162,24 @@ def _step(P, S, W, N):
 
 @kernel
 def _changes(P, S, W, N, found):
-    """Marks in W.tau and W.fold what has changed its status over the step just made; True if anything has."""
+    """Marks in W.meeting.tau and W.instant.fold what has changed its status over the step just made; True if anything has."""
     m, some = P.m, False
-    W.fold = -1
+    W.instant.fold = -1
     linear = False
     at = P.n * N.q + P.n * N.pairs + 1 + m + P.ne
     for i in range(m + P.ne):
-        W.tau[i] = NO_ROOT
+        W.meeting.tau[i] = NO_ROOT
         if i < m:
             if N.noisy[i] or S.status[i] == HELD or P.kind[i] >= CONTACT:
                 continue
             if S.status[i] == SOLVED:
                 lam = S.mult[i]
                 if not found or not abs(lam - N.mult[i]) <= _LEAP or N.out[at + 3 * i + 1] >= 0.0:
-                    W.fold = i
+                    W.instant.fold = i
                     some = True
                 elif abs(lam) > 1.0:
-                    W.tau[i] = 0.5
-                    W.exit_side[i] = 1 if lam > 0.0 else -1
+                    W.meeting.tau[i] = 0.5
+                    W.meeting.exit_side[i] = 1 if lam > 0.0 else -1
                     some = True
                 continue
             side = S.status[i]
@@ -191,7 +191,7 @@ def _changes(P, S, W, N, found):
             call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             linear = True
         if -W.h[i] * side > surface_rounding(P, S, i, W):
-            W.tau[i] = 0.5
+            W.meeting.tau[i] = 0.5
             some = True
     return some
 
@@ -200,10 +200,10 @@ def _changes(P, S, W, N, found):
 def _deep_enough(P, W, N):
     """Whether what has changed is located: to the finest level where noise acts on the surface, else to rounding."""
     level = N.place[LEVEL]
-    if W.fold >= 0:
+    if W.instant.fold >= 0:
         return level >= LOCATED
     for i in range(P.m + P.ne):
-        if W.tau[i] < NO_ROOT and not N.noisy[i]:
+        if W.meeting.tau[i] < NO_ROOT and not N.noisy[i]:
             return level >= LOCATED
     return level >= N.level + N.finest
 
@@ -212,16 +212,16 @@ def _deep_enough(P, W, N):
 def _act(P, C, S, R, W, N, t_before):
     """Acts on the changes at the present instant; returns a code."""
     t = S.t
-    fold = W.fold
+    fold = W.instant.fold
     if fold >= 0:
         # Past the fold the layer flow has one direction: that of g at the root that was.
         S.mult[fold] = N.mult[fold]
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        W.way = 1 if W.g[fold] > 0.0 else -1
-    W.at_clock = 0
+        W.instant.way = 1 if W.g[fold] > 0.0 else -1
+    W.instant.at_clock = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
-    W.met, W.length, W.elapsed = 0.5, t - t_before, t - t_before
+    W.instant.met, W.step.length, W.instant.elapsed = 0.5, t - t_before, t - t_before
     code = call_unit(P.instant_unit, P, C, S, R, W)
     S.t = t
     return code

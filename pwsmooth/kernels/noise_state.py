@@ -14,8 +14,8 @@ class Kick(Bundle):
     normal: "int"  # 1: standard normal, 0: uniform
     seed: "int"
     trajectory: "int"
-    where: "i8[1]"  # states that are kicked
-    size: "f8[1]"
+    where: "i8[:]"  # states that are kicked
+    size: "f8[:]"
 
 
 ROOT, SPLIT = 0x726F6F74, 0x73706C69  # of the Brownian path: whole intervals, and their halves
@@ -39,23 +39,23 @@ class Diffused(Bundle):
     level: "int"  # halvings of every interval
     finest: "int"  # further ones beside a surface that the noise acts on
     seed: "int"
-    noisy: "i8[1]"  # (m + ne,) the noise acts on this surface
-    place: "i8[1]"
+    noisy: "i8[m + ne]"  # the noise acts on this surface
+    place: "i8[:]"
     out: (
-        "f8[1]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
+        "f8[:]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
     )
-    out_start: "f8[1]"  # the same at the start of the step
-    out_ahead: "f8[1]"
-    increment: "f8[2]"  # (DEEPEST + 1, q) of every level: increment of W over the present part of the interval
-    area: "f8[2]"  # ... and its space-time area H = int W ds / h - W/2
-    right_increment: "f8[2]"  # the same of the other half
-    right_area: "f8[2]"
-    x: "f8[1]"  # (n,) start of the step
-    f: "f8[1]"
-    mult: "f8[1]"  # (m,)
-    status: "i8[1]"
-    starts: "f8[2]"  # (1 or trajectories, n), of an ensemble
-    snapshots: "f8[3]"  # (trajectories, times, n)
-    grid: "i8[1]"  # (times,) interval at whose start each snapshot is taken
-    ends: "f8[2]"  # (trajectories, n + 1): time and state at the end of each
-    codes: "i8[2]"  # (trajectories, 2): why it ended, steps
+    out_start: "f8[:]"  # the same at the start of the step
+    out_ahead: "f8[:]"
+    increment: "f8[DEEPEST + 1, q]"  # of every level: increment of W over the present part of the interval
+    area: "f8[DEEPEST + 1, q]"  # ... and its space-time area H = int W ds / h - W/2
+    right_increment: "f8[DEEPEST + 1, q]"  # the same of the other half
+    right_area: "f8[DEEPEST + 1, q]"
+    x: "f8[n]"  # start of the step
+    f: "f8[n]"
+    mult: "f8[m]"
+    status: "i8[m]"
+    starts: "f8[:, :]"  # (1 or trajectories, n), of an ensemble
+    snapshots: "f8[trajectories, times, n]"
+    grid: "i8[times]"  # interval at whose start each snapshot is taken
+    ends: "f8[trajectories, n + 1]"  # time and state at the end of each
+    codes: "i8[trajectories, 2]"  # why it ended, steps

@@ -34,14 +34,14 @@ def only_one(P, S, W):
     only = -1
     for j in range(P.m):
         beside = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
-        if beside or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.hit[j]):
+        if beside or P.nested[j] != 0 or (S.status[j] == SOLVED and not W.instant.hit[j]):
             return -1
-        if W.hit[j]:
+        if W.instant.hit[j]:
             if only >= 0 or P.kind[j] != SLIDING or S.status[j] == HELD:
                 return -1
             only = j
     for i in range(P.m, P.m + P.ne):
-        if W.hit[i]:
+        if W.instant.hit[i]:
             return -1
     return only if only >= 0 and not P.hidden[only] and P.nz == 0 else -1
 
@@ -54,7 +54,7 @@ def cross_stick_or_leave(P, S, R, W, j):
     """
     came = S.status[j]
     if came == SOLVED:
-        side = W.exit_side[j]
+        side = W.meeting.exit_side[j]
         S.status[j], S.mult[j], S.deflate[j] = side, float(side), 2
         record_event(S, R, j, EV_TANGENCY, 0, side)
         return DONE
@@ -78,7 +78,7 @@ def cross_stick_or_leave(P, S, R, W, j):
     mask_solved(P, S, W)
     if not follow(P, S, W):
         return NO_ROOT_FOUND
-    W.solved_there = 1
+    W.instant.solved_there = 1
     record_event(S, R, j, EV_STICK, came, 0)
     note_interval(S.last[j], S.t)
     return DONE

@@ -88,19 +88,19 @@ def call_layer_unit(typingctx, address, P, S, W, task, j, toward, start):
 
 @intrinsic
 def call_fold(typingctx, address, P, C, S, W, j, toward):
-    """fold jet(P, C, S, W, j, toward) -> int64: overwrites W.rows, 0 where it is singular."""
+    """fold jet(P, C, S, W, j, toward) -> int64: overwrites W.step.rows, 0 where it is singular."""
     return _caller((address, P, C, S, W, j, toward), types.int64)
 
 
 @intrinsic
-def call_root(typingctx, address, W, degree):
-    """first_root(W, degree) -> float64; see roots.py."""
-    return _caller((address, W, degree), types.float64)
+def call_root(typingctx, address, roots, degree):
+    """isolate(roots, degree) -> float64; see roots.py."""
+    return _caller((address, roots, degree), types.float64)
 
 
 @intrinsic
 def call_rk(typingctx, address, P, C, S, W, h, refine):
-    """rk_step(P, C, S, W, h, refine) -> float64: the step's size, its polynomials in W.rows."""
+    """rk_step(P, C, S, W, h, refine) -> float64: the step's size, its polynomials in W.step.rows."""
     return _caller((address, P, C, S, W, h, refine), types.float64)
 
 

@@ -51,8 +51,8 @@ def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
             lo, hi = 0.0, h
             s = 0.5 * h
             for _ in range(100):
-                powers(work.end_power, s)
-                value = dot(rows[time_row], work.end_power, K + 1) - want
+                powers(work.step.end_power, s)
+                value = dot(rows[time_row], work.step.end_power, K + 1) - want
                 if value > 0.0:
                     hi = s
                 else:
@@ -66,12 +66,12 @@ def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
                 if abs(new - s) <= 1e-16:
                     break
                 s = new
-        powers(work.end_power, s)
+        powers(work.step.end_power, s)
         for k in range(P.n):
-            R.x_eval[i, k] = dot(rows[k], work.end_power, K + 1)
+            R.x_eval[i, k] = dot(rows[k], work.step.end_power, K + 1)
         for j in range(m):
             solved = S.status[j] == SOLVED
-            R.mult_eval[i, j] = dot(rows[mult_row + j], work.end_power, K + 1) if solved else S.mult[j]
+            R.mult_eval[i, j] = dot(rows[mult_row + j], work.step.end_power, K + 1) if solved else S.mult[j]
         S.samples += 1
 
 
@@ -103,10 +103,10 @@ def record_grazes(P, C, S, R, rows, time_row, h, last, W):
     """Records every surface grazed in the step up to `last`; leaves S.t at one of them."""
     t0 = S.t
     for j in range(P.m):
-        if W.grazed[j] <= last:
-            s = W.grazed[j] * h
+        if W.meeting.grazed[j] <= last:
+            s = W.meeting.grazed[j] * h
             S.t = t0 + s
             if time_row >= 0:
-                powers(W.end_power, s)
-                S.t = dot(rows[time_row], W.end_power, C.order + 1)
-            record_ambiguity(S, R, j, AMB_GRAZING, W.graze_crosses[j])
+                powers(W.step.end_power, s)
+                S.t = dot(rows[time_row], W.step.end_power, C.order + 1)
+            record_ambiguity(S, R, j, AMB_GRAZING, W.meeting.graze_crosses[j])

@@ -4,7 +4,7 @@ A periodic motion meets its surfaces at regular intervals: started there, the se
 need not wait for a first guess. Where the intervals differ the expectation is not followed, and it never decides
 anything: the root is the same to rounding.
 
-    W.rhythm[3 i + status + 1] = interval, how far it was off;   W.rhythm[-1] = time of the last instant, -
+    W.meeting.rhythm[3 i + status + 1] = interval, how far it was off;   W.meeting.rhythm[-1] = time of the last instant, -
 """
 
 from .compiling import inlined_kernel, kernel
@@ -16,7 +16,7 @@ _REGULAR = 0.02  # of an interval: nearer than what the coefficients of the poly
 @inlined_kernel
 def expected(W, i, status, t, h):
     """Where in the step from t to t + h surface i is expected to be met; 0 for no expectation."""
-    rhythm, row = W.rhythm, 3 * i + status + 1
+    rhythm, row = W.meeting.rhythm, 3 * i + status + 1
     if status == HELD or not rhythm[row, 1] <= _REGULAR * rhythm[row, 0]:
         return 0.0
     return (rhythm[rhythm.shape[0] - 1, 0] + rhythm[row, 0] - t) / h
@@ -25,10 +25,10 @@ def expected(W, i, status, t, h):
 @kernel
 def note_rhythm(P, S, W, best, t):
     """Takes note of the surfaces that are met at t, an instant."""
-    rhythm, last = W.rhythm, W.rhythm.shape[0] - 1
+    rhythm, last = W.meeting.rhythm, W.meeting.rhythm.shape[0] - 1
     interval = t - rhythm[last, 0]
     for i in range(P.m + P.ne):
-        if W.tau[i] == best:
+        if W.meeting.tau[i] == best:
             status = S.status[i] if i < P.m else S.side[i - P.m]
             if status != HELD:
                 row = 3 * i + status + 1
@@ -40,6 +40,6 @@ def note_rhythm(P, S, W, best, t):
 @kernel
 def forget_rhythm(S, W):
     """Before the first step of a run."""
-    W.rhythm[:, 0] = 0.0
-    W.rhythm[:, 1] = 1.0
-    W.rhythm[W.rhythm.shape[0] - 1, 0] = S.t
+    W.meeting.rhythm[:, 0] = 0.0
+    W.meeting.rhythm[:, 1] = 1.0
+    W.meeting.rhythm[W.meeting.rhythm.shape[0] - 1, 0] = S.t

@@ -13,8 +13,8 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .lanes import fused, load8, store8
 from .pointers import abs8, at, below_zero8, call_root, count_bits, powers8, sum8
-from .state import Work
 from .tables import SHORT
+from .work import Roots
 
 NO_ROOT = 2.0  # outside [0, 1]
 _LOW = 6  # degree of the quick test
@@ -47,10 +47,10 @@ def remainder(a, degree):
 
 
 @fused
-def _to_bernstein(W, degree, b):
-    """Overwrites b with the Bernstein coefficients of W.poly on [0, 1]; returns which are negative, as bits."""
-    a, table, negative, width = W.poly, W.bernstein_table, 0, len(W.poly)
-    columns = (W.order - degree) * width * width
+def _to_bernstein(roots, degree, b):
+    """Overwrites b with the Bernstein coefficients of roots.poly on [0, 1]; returns which are negative, as bits."""
+    a, table, negative, width = roots.poly, roots.bernstein_table, 0, len(roots.poly)
+    columns = (roots.order - degree) * width * width
     for start in range(0, degree + 1, 8):
         # By columns, in two sums: a sum of one chain would wait for each addition. Columns beyond the degree are zero.
         column = columns + start
@@ -67,10 +67,10 @@ def _to_bernstein(W, degree, b):
 
 
 @fused
-def _short_form(W, a, degree, b):
+def _short_form(roots, a, degree, b):
     """Overwrites b[:16] with coefficients of degree 15 of a; returns which are negative and which undecided, as bits,
     and the bound of what they leave out."""
-    table, error = W.short_table, W.short_error
+    table, error = roots.short_table, roots.short_error
     low0, high0 = load8(table, 0) * at(a, 0), load8(table, 8) * at(a, 0)
     low1, high1 = load8(table, 16) * at(a, 1), load8(table, 24) * at(a, 1)
     for k in range(2, degree + 1, 2):
@@ -92,20 +92,20 @@ def _short_form(W, a, degree, b):
 
 
 @kernel
-def _note_grazing(W, s, crosses):
+def _note_grazing(roots, s, crosses):
     """Leaves word for the loop: near s the surface is touched to within GRAZING of its value at the start."""
-    W.dips = 1
-    W.dip_crosses = crosses
-    W.dip_at = s
+    roots.dips = 1
+    roots.dip_crosses = crosses
+    roots.dip_at = s
 
 
 @fused
-def _polish(W, degree, lo, hi, s):
-    """The single root of W.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket.
+def _polish(roots, degree, lo, hi, s):
+    """The single root of roots.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket.
 
     Returns also s p'(s) and s^2 p''(s) there.
     """
-    a, n1, n2, n3 = W.poly, W.counting, W.pairing, W.tripling
+    a, n1, n2, n3 = roots.poly, roots.counting, roots.pairing, roots.tripling
     before, d, c = 0.0, 0.0, 0.0
     for _ in range(60):
         # p and s, s^2, s^3 times its derivatives at once, eight terms a block: a_k s^k times 1, k, k (k - 1), ...
@@ -151,16 +151,16 @@ def _polish(W, degree, lo, hi, s):
 
 
 @kernel
-def _note_shallow(W, s, d, c):
-    if c > 0.0 and 0.5 * d * d < GRAZING * c * max(at(W.poly, 0), W.shallow):
-        _note_grazing(W, s, 1)  # it turns back after a dip that shallow
+def _note_shallow(roots, s, d, c):
+    if c > 0.0 and 0.5 * d * d < GRAZING * c * max(at(roots.poly, 0), roots.shallow):
+        _note_grazing(roots, s, 1)  # it turns back after a dip that shallow
 
 
 @fused
-def _refine(W, degree, lo, hi, s):
-    """The single root of W.poly in [lo, hi], near s."""
-    s, d, c = _polish(W, degree, lo, hi, s)
-    _note_shallow(W, s, d, c)
+def _refine(roots, degree, lo, hi, s):
+    """The single root of roots.poly in [lo, hi], near s."""
+    s, d, c = _polish(roots, degree, lo, hi, s)
+    _note_shallow(roots, s, d, c)
     return s
 
 
@@ -189,13 +189,13 @@ def _sign_changes(negative, degree):
 
 
 @fused
-def _split(W, degree, stride, slot):
-    """The halves of the polynomial in slot `slot` of W.bernstein: left in the next slot, right in place.
+def _split(roots, degree, stride, slot):
+    """The halves of the polynomial in slot `slot` of roots.bernstein: left in the next slot, right in place.
 
     Returns which coefficients of the left half are negative. Columns of de Casteljau's weights at 1/2.
     """
-    work, negative, width = W.bernstein, 0, len(W.poly)
-    left, right = W.left_half, W.right_half
+    work, negative, width = roots.bernstein, 0, len(roots.poly)
+    left, right = roots.left_half, roots.right_half
     here, there = slot * stride, (slot + 1) * stride
     for start in range(0, degree + 1, 8):
         block = load8(left, start) * at(work, here)
@@ -203,7 +203,7 @@ def _split(W, degree, stride, slot):
             block = block + load8(left, k * width + start) * at(work, here + k)
         store8(work, there + start, block)
         negative |= below_zero8(block) << start
-    columns = (W.order - degree) * width * width
+    columns = (roots.order - degree) * width * width
     for start in range(0, degree + 1, 8):
         # From coefficient `start` on, so that those written are not read again.
         block = load8(right, columns + start * width + start) * at(work, here + start)
@@ -214,9 +214,9 @@ def _split(W, degree, stride, slot):
 
 
 @kernel
-def _subdivide(W, degree, stride, negative):
-    """First root where more than one is possible: halves, left first. W.bernstein holds [0, 1] in its first slot."""
-    a, work = W.poly, W.bernstein
+def _subdivide(roots, degree, stride, negative):
+    """First root where more than one is possible: halves, left first. roots.bernstein holds [0, 1] in its first slot."""
+    a, work = roots.poly, roots.bernstein
     top = 0.0
     for k in range(degree + 1):
         top = max(top, abs(work[k]))
@@ -229,7 +229,7 @@ def _subdivide(W, degree, stride, negative):
         if c[0] <= 0.0:
             return left
         if changes == 1 or (changes > 1 and depth >= _DEEPEST and c[degree] < -noise):
-            return _refine(W, degree, left, left + size, left + size * _guess(degree, c))
+            return _refine(roots, degree, left, left + size, left + size * _guess(degree, c))
         if changes == 0:
             if c[degree] == 0.0:
                 return left + size
@@ -238,16 +238,18 @@ def _subdivide(W, degree, stride, negative):
                     degree if left + size >= 1.0 else degree + 1
                 )  # the step's end is the next step's business
                 for k in range(1, last):
-                    if c[k] < GRAZING * max(a[0], W.shallow):
-                        _note_grazing(W, left + size * k / degree, 0)
+                    if c[k] < GRAZING * max(a[0], roots.shallow):
+                        _note_grazing(roots, left + size * k / degree, 0)
         elif depth < _DEEPEST:
             lowest = c[0]
             for k in range(degree + 1):
                 lowest = min(lowest, c[k])
             if lowest > -noise and c[degree] > 0.0:
-                _note_grazing(W, left + 0.5 * size, 0)  # touches within rounding: not decided by the numbers
+                _note_grazing(
+                    roots, left + 0.5 * size, 0
+                )  # touches within rounding: not decided by the numbers
             else:
-                negative = _split(W, degree, stride, depth)
+                negative = _split(roots, degree, stride, depth)
                 pending |= 1 << depth
                 size *= 0.5
                 depth += 1
@@ -286,10 +288,10 @@ def _lone_guess(b, k):
 
 
 @fused
-def _isolate_short(W, degree):
-    """The first root of W.poly by its best polynomial of degree 15; below 0 where that does not decide."""
-    a, b, scaled = W.poly, W.bernstein, W.near
-    negative, undecided, rest = _short_form(W, a, degree, b)
+def _isolate_short(roots, degree):
+    """The first root of roots.poly by its best polynomial of degree 15; below 0 where that does not decide."""
+    a, b, scaled = roots.poly, roots.bernstein, roots.near
+    negative, undecided, rest = _short_form(roots, a, degree, b)
     if undecided != 0:
         return -1.0
     if negative == 0:
@@ -304,47 +306,47 @@ def _isolate_short(W, degree):
         end = middle * (1.0 / SHORT)
         row = middle * len(a)
         for k in range(0, degree + 1, 8):
-            store8(scaled, k, load8(a, k) * load8(W.short_powers, row + k))
-        negative, undecided, rest = _short_form(W, scaled, degree, b)
+            store8(scaled, k, load8(a, k) * load8(roots.short_powers, row + k))
+        negative, undecided, rest = _short_form(roots, scaled, degree, b)
         if undecided != 0 or negative == 0 or _sign_changes(negative, SHORT) != 1:
             return -1.0
-    guess = W.guess
+    guess = roots.guess
     if not 0.0 < guess < end:
         guess = end * _lone_guess(b, count_bits((negative & -negative) - 1) - 1)
-    s, d, c = _polish(W, degree, 0.0, end, guess)
+    s, d, c = _polish(roots, degree, 0.0, end, guess)
     # The polynomial differs by `rest` from one with a single root: it has a second one only beside a flat one.
-    bend = load8(W.pairing, 0) * abs8(load8(a, 0))
+    bend = load8(roots.pairing, 0) * abs8(load8(a, 0))
     for k in range(8, degree + 1, 8):
-        bend = bend + load8(W.pairing, k) * abs8(load8(a, k))
+        bend = bend + load8(roots.pairing, k) * abs8(load8(a, k))
     if not d * d > 4.0 * rest * sum8(bend) * s * s:
         return -1.0
-    _note_shallow(W, s, d, c)
+    _note_shallow(roots, s, d, c)
     return s
 
 
-@unit(types.float64, Work, types.int64)
-def isolate(W, degree):
-    """First root of the polynomial W.poly, which is positive at 0; NO_ROOT if there is none. Overwrites W.bernstein."""
-    s = _isolate_short(W, degree)
+@unit(types.float64, Roots, types.int64)
+def isolate(roots, degree):
+    """First root of the polynomial roots.poly, which is positive at 0; NO_ROOT if there is none. Overwrites roots.bernstein."""
+    s = _isolate_short(roots, degree)
     if s >= 0.0:
         return s
-    negative = _to_bernstein(W, degree, W.bernstein)
+    negative = _to_bernstein(roots, degree, roots.bernstein)
     if negative == 0:
-        return 1.0 if W.bernstein[degree] == 0.0 else NO_ROOT
+        return 1.0 if roots.bernstein[degree] == 0.0 else NO_ROOT
     if _sign_changes(negative, degree) == 1:
-        return _refine(W, degree, 0.0, 1.0, _guess(degree, W.bernstein))
-    return _subdivide(W, degree, len(W.poly), negative)
+        return _refine(roots, degree, 0.0, 1.0, _guess(degree, roots.bernstein))
+    return _subdivide(roots, degree, len(roots.poly), negative)
 
 
 @inlined_kernel
-def first_root(P, W, poly, degree):
-    """First s in [0, 1] where `poly` (which is W.poly), positive at 0, ceases to be positive; else NO_ROOT.
+def first_root(P, roots, degree):
+    """First s in [0, 1] where roots.poly, positive at 0, ceases to be positive; else NO_ROOT.
 
     A value <= 0 at s = 0 is a root there. A dip that stays above zero is none, however shallow; one that only touches
     within rounding is none either.
     """
-    if poly[0] <= 0.0:
+    if roots.poly[0] <= 0.0:
         return 0.0
-    if low_bounds(poly)[0] > remainder(poly, degree):
+    if low_bounds(roots.poly)[0] > remainder(roots.poly, degree):
         return NO_ROOT
-    return call_root(P.root_unit, W, degree)
+    return call_root(P.root_unit, roots, degree)

@@ -14,7 +14,8 @@ from scipy.integrate._ivp import dop853_coefficients as dop
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sliding import mask_solved, surface_size
-from .state import CONTACT, SOLVED, Control, Problem, State, Work
+from .state import CONTACT, SOLVED, Control, Problem, State
+from .work import Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
@@ -52,7 +53,7 @@ def _rate(P, S, W, t, out, stage):
     keep = S.t
     S.t = t
     found = True
-    if W.pair_solves:
+    if W.pair.solves:
         mask_solved(P, S, W)
         found = call_newton(P.newton_unit, P, S, W) != 0
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -64,8 +65,8 @@ def _rate(P, S, W, t, out, stage):
 
 @kernel
 def _try_step(P, C, S, W, h):
-    """One step of size h from (W.rk_x, W.rk_mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
-    n, k, x0, t = P.n, W.rk_k, W.rk_x, S.t
+    """One step of size h from (W.pair.x, W.pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
+    n, k, x0, t = P.n, W.pair.k, W.pair.x, S.t
     for s in range(_STAGES + 1):
         for i in range(n):
             total = 0.0
@@ -95,9 +96,9 @@ def _try_step(P, C, S, W, h):
 @kernel
 def _restore(P, S, W):
     for i in range(P.n):
-        S.x[i] = W.rk_x[i]
+        S.x[i] = W.pair.x[i]
     for j in range(P.m):
-        S.mult[j] = W.rk_mult[j]
+        S.mult[j] = W.pair.mult[j]
 
 
 @inlined_kernel
@@ -111,11 +112,11 @@ def _slope(P, W, i):
 
 @kernel
 def _polynomials(P, S, W, h):
-    """Overwrites W.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
-    n, m, k, rows, t = P.n, P.m, W.rk_k, W.rows, S.t
+    """Overwrites W.step.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
+    n, m, k, rows, t = P.n, P.m, W.pair.k, W.step.rows, S.t
     surfaces = m + P.ne
     for i in range(n):
-        W.after[i] = S.x[i]
+        W.pair.end[i] = S.x[i]
     found = True
     for s in range(3):
         stage = _STAGES + 1 + s
@@ -123,10 +124,10 @@ def _polynomials(P, S, W, h):
             total = 0.0
             for r in range(stage):
                 total += _A[stage, r] * k[r, i]
-            S.x[i] = W.rk_x[i] + h * total
+            S.x[i] = W.pair.x[i] + h * total
         found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
     for i in range(n):
-        step = W.after[i] - W.rk_x[i]
+        step = W.pair.end[i] - W.pair.x[i]
         for c in range(rows.shape[1]):
             rows[i, c] = 0.0
         for part in range(7):
@@ -143,7 +144,7 @@ def _polynomials(P, S, W, h):
                 value *= h
             for c in range(_DEGREE + 1):
                 rows[i, c] += value * _BASIS[part, c]
-        rows[i, 0] += W.rk_x[i]
+        rows[i, 0] += W.pair.x[i]
     for r in range(m + surfaces):
         for c in range(rows.shape[1]):
             rows[n + r, c] = 0.0
@@ -152,7 +153,7 @@ def _polynomials(P, S, W, h):
         W.dx[i] = k[0, i]
     call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
     # While multipliers are solved for, surfaces in which they stand change with them.
-    with_slope = W.pair_solves == 0
+    with_slope = W.pair.solves == 0
     for j in range(surfaces):
         with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
     fit = _FIT_WITH_SLOPE if with_slope else _FIT
@@ -166,8 +167,8 @@ def _polynomials(P, S, W, h):
             for c in range(_DEGREE - 1, -1, -1):
                 value = value * theta + rows[i, c]
             S.x[i] = value
-        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.pair_solves else found
-        if not W.pair_solves:
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.pair.solves else found
+        if not W.pair.solves:
             call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for c in range(_DEGREE + 1):
             for j in range(m):
@@ -190,10 +191,10 @@ def _misfit(P, C, S, W, h):
     The error estimate of a step passes through 0 now and then, where its defect does not. In a stick the states may be
     constant, and their error says nothing of how fast lambda goes to its bound.
     """
-    n, m, rows, s = P.n, P.m, W.rows, _BETWEEN * h
+    n, m, rows, s = P.n, P.m, W.step.rows, _BETWEEN * h
     for i in range(n):
         S.x[i] = _value(rows[i], s)
-    worst = 0.0 if _rate(P, S, W, S.t + s, W.rk_k, 0) else math.inf
+    worst = 0.0 if _rate(P, S, W, S.t + s, W.pair.k, 0) else math.inf
     for i in range(n):
         slope = 0.0
         for c in range(_DEGREE, 0, -1):
@@ -225,39 +226,39 @@ def _value(row, s):
 
 @kernel
 def _linear_terms(P, S, W):
-    """Overwrites W.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
+    """Overwrites W.step.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    W.rows[:, :] = 0.0
+    W.step.rows[:, :] = 0.0
     for i in range(P.n):
-        W.rows[i, 0] = S.x[i]
-        W.rows[i, 1] = W.dx[i]
+        W.step.rows[i, 0] = S.x[i]
+        W.step.rows[i, 1] = W.dx[i]
     for j in range(P.m):
-        W.rows[P.n + j, 0] = S.mult[j]
+        W.step.rows[P.n + j, 0] = S.mult[j]
     for i in range(P.m + P.ne):
-        W.rows[P.n + P.m + i, 0] = W.h[i]
-        W.rows[P.n + P.m + i, 1] = _slope(P, W, i)
+        W.step.rows[P.n + P.m + i, 0] = W.h[i]
+        W.step.rows[P.n + P.m + i, 1] = _slope(P, W, i)
 
 
 @unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
 def rk_step(P, C, S, W, h, refine):
-    """A step of at most h with its polynomials in W.rows, S left at its start; returns its size, nan if it failed.
+    """A step of at most h with its polynomials in W.step.rows, S left at its start; returns its size, nan if it failed.
 
     `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
     """
     n, m = P.n, P.m
-    W.pair_solves = 0
+    W.pair.solves = 0
     for i in range(n):
-        W.rk_x[i] = S.x[i]
+        W.pair.x[i] = S.x[i]
     for j in range(m):
-        W.rk_mult[j] = S.mult[j]
+        W.pair.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
-            W.pair_solves = 1
-    _rate(P, S, W, S.t, W.rk_k, 0)
+            W.pair.solves = 1
+    _rate(P, S, W, S.t, W.pair.k, 0)
     if refine < 0:
         # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
         power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
         if not P.pair:
-            h = min(h, W.longest)
+            h = min(h, W.pair.longest)
         for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
@@ -265,24 +266,24 @@ def rk_step(P, C, S, W, h, refine):
                 h *= 0.25
             elif error <= 1.0:
                 # The next step's size, kept in S by the caller.
-                W.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
-                W.longest = W.next_step
+                W.pair.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                W.pair.longest = W.pair.next_step
                 misfit = math.inf
                 if _polynomials(P, S, W, h):
                     misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
                 if misfit <= 1.0:
                     if P.pair:
-                        W.next_step = min(W.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
+                        W.pair.next_step = min(W.pair.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
                     return h
                 _restore(P, S, W)
-                _rate(P, S, W, S.t, W.rk_k, 0)
+                _rate(P, S, W, S.t, W.pair.k, 0)
                 h *= max(0.25, 0.9 * misfit**-0.125)
             else:
                 h *= max(least, 0.9 * error**power)
             if h <= 1e-15 * abs(S.t) + 1e-300:
                 break
         _restore(P, S, W)
-        _rate(P, S, W, S.t, W.rk_k, 0)
+        _rate(P, S, W, S.t, W.pair.k, 0)
         _linear_terms(P, S, W)
         return 0.0
     for _ in range(8):
@@ -290,10 +291,10 @@ def rk_step(P, C, S, W, h, refine):
         if not _try_step(P, C, S, W, h) < math.inf:
             return math.nan
         if refine < m and S.status[refine] == SOLVED:
-            row = W.rows[n + refine]
-            value = S.mult[refine] - (float(W.exit_side[refine]) if P.kind[refine] < CONTACT else 0.0)
+            row = W.step.rows[n + refine]
+            value = S.mult[refine] - (float(W.meeting.exit_side[refine]) if P.kind[refine] < CONTACT else 0.0)
         else:
-            row = W.rows[n + m + refine]
+            row = W.step.rows[n + m + refine]
             value = W.h[refine]
         slope = 0.0
         for c in range(_DEGREE, 0, -1):
@@ -305,7 +306,7 @@ def rk_step(P, C, S, W, h, refine):
         if abs(change) <= 1e-15 * (abs(S.t) + h):
             break
     _restore(P, S, W)
-    _rate(P, S, W, S.t, W.rk_k, 0)
+    _rate(P, S, W, S.t, W.pair.k, 0)
     if not h > 1e-15 * abs(S.t):
         _linear_terms(P, S, W)  # the surface is met where the step begins: its twin was a rounding earlier
         return 0.0

@@ -44,9 +44,9 @@ def layer_code(P, S, R, j, outcome):
 
 @kernel
 def settle_arrivals(P, S, R, W, size):
-    """Runs the layer of W.group[:size], come from W.arrival; returns the loop's code."""
+    """Runs the layer of W.instant.group[:size], come from W.instant.arrival; returns the loop's code."""
     S.layers += 1
-    j = W.group[0]
+    j = W.instant.group[0]
     return layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0))
 
 
@@ -71,68 +71,70 @@ def _one_at_rest(P, S, R, W, j):
         if up != down or abs(high - S.mult[j]) > 1e-9:
             record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)
     S.mult[j] = 0.0
-    W.group[0] = j
-    W.arrival[0] = 0
+    W.instant.group[0] = j
+    W.instant.arrival[0] = 0
     return settle_arrivals(P, S, R, W, 1)
 
 
 @kernel
 def _rest_repels(P, S, W, size):
-    """Whether the joint rest state on which the switches W.active[:size] stand is left when lambda is moved a bit.
+    """Whether the joint rest state on which the switches W.instant.active[:size] stand is left when lambda is moved a bit.
 
     The layer is run from beside it, along two directions that no stable manifold contains for long. S is kept.
     """
     for j in range(P.m):
-        W.keep_status[j] = S.status[j]
-        W.keep_mult[j] = S.mult[j]
+        W.instant.status[j] = S.status[j]
+        W.instant.mult[j] = S.mult[j]
     repels = False
     for sign in range(-1, 2, 2):
         for j in range(P.m):
-            S.status[j] = W.keep_status[j]
-            S.mult[j] = W.keep_mult[j]
+            S.status[j] = W.instant.status[j]
+            S.mult[j] = W.instant.mult[j]
         shift = 1e-3
         for a in range(size):
-            W.group[a] = W.active[a]
-            W.arrival[a] = 0
-            S.mult[W.active[a]] += shift
+            W.instant.group[a] = W.instant.active[a]
+            W.instant.arrival[a] = 0
+            S.mult[W.instant.active[a]] += shift
             shift *= 0.7 * sign
         settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0) == SETTLED
         for j in range(P.m):
-            same = S.status[j] == W.keep_status[j] and abs(S.mult[j] - W.keep_mult[j]) < 1e-6
+            same = S.status[j] == W.instant.status[j] and abs(S.mult[j] - W.instant.mult[j]) < 1e-6
             repels = repels or not (settled and same)
     for j in range(P.m):
-        S.status[j] = W.keep_status[j]
-        S.mult[j] = W.keep_mult[j]
+        S.status[j] = W.instant.status[j]
+        S.mult[j] = W.instant.mult[j]
     return repels
 
 
 @kernel
 def settle_at_rest(P, C, S, R, W, size):
-    """Settles the switches W.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
+    """Settles the switches W.instant.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
     for a in range(size):
-        S.mult[W.active[a]] = 0.0
+        S.mult[W.instant.active[a]] = 0.0
     size = hold_supported(P, S, W, hold_second_order(P, S, R, W, size))
     together = False
     for a in range(size):
         if size > 1:
-            link(P, S, W, W.active[a])
+            link(P, S, W, W.instant.active[a])
             for b in range(size):
-                together = together or (a != b and W.linked[W.active[b]] != 0)
+                together = together or (a != b and W.linear.linked[W.instant.active[b]] != 0)
     code = DONE
     if together:
         for a in range(size):
-            W.group[a] = W.active[a]
-            W.arrival[a] = 0
+            W.instant.group[a] = W.instant.active[a]
+            W.instant.arrival[a] = 0
         code = settle_arrivals(P, S, R, W, size)
         still = code == DONE
         for a in range(size):
             # A layer run that never moved: at rest, but nothing says that it stays so.
-            still = still and S.status[W.active[a]] == SOLVED and abs(S.mult[W.active[a]]) < 1e-9
+            still = (
+                still and S.status[W.instant.active[a]] == SOLVED and abs(S.mult[W.instant.active[a]]) < 1e-9
+            )
         if still and _rest_repels(P, S, W, size):
-            record_ambiguity(S, R, W.active[0], AMB_REPELLING, 0)
+            record_ambiguity(S, R, W.instant.active[0], AMB_REPELLING, 0)
     else:
         for a in range(size):
-            code = max(code, _one_at_rest(P, S, R, W, W.active[a]))
+            code = max(code, _one_at_rest(P, S, R, W, W.instant.active[a]))
     if some_second_order(P):
         hold_beside(P, S, W)
     if code == DONE and C.strict and S.ambiguities > 0:
@@ -149,12 +151,12 @@ def release_held(P, C, S, R, W):
     solved, some, size = any_is(P, S, SOLVED), False, 0
     evaluate_surfaces(P, S, W)
     for i in range(P.m + P.ne):
-        W.tau[i] = 2.0
+        W.meeting.tau[i] = 2.0
     for j in range(P.m):
         if S.status[j] != HELD:
             continue
         if P.kind[j] == SLIDING or (P.kind[j] == SECOND_ORDER and held_by(P, S, W, j) < 0):
-            W.active[size] = j
+            W.instant.active[size] = j
             size += 1
         if P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER:
             continue
@@ -195,7 +197,7 @@ def resettle(P, S, R, W):
 
     Leaves the side of those that slip in S.status; returns a code.
     """
-    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.jumped else follow(P, S, W)):
+    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.instant.jumped else follow(P, S, W)):
         return NO_ROOT_FOUND
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
@@ -212,13 +214,13 @@ def resettle(P, S, R, W):
         size = _sliding_with(P, S, W, j)
         if size > 1:
             for a in range(size):
-                W.arrival[a] = 0
-                W.active[a] = W.group[a]
+                W.instant.arrival[a] = 0
+                W.instant.active[a] = W.instant.group[a]
             code = settle_arrivals(P, S, R, W, size)
             if code != DONE:
                 return code
             for a in range(size):
-                S.deflate[W.active[a]] = 1
+                S.deflate[W.instant.active[a]] = 1
             continue
         toward = 1 if g > 0.0 else -1
         if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:
@@ -231,11 +233,11 @@ def resettle(P, S, R, W):
 
 @kernel
 def _sliding_with(P, S, W, j):
-    """Overwrites W.group by switch j and the sliding ones that act on it or it on them; returns how many."""
+    """Overwrites W.instant.group by switch j and the sliding ones that act on it or it on them; returns how many."""
     link(P, S, W, j)
     size = 0
     for i in range(P.m):
-        if W.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
-            W.group[size] = i
+        if W.linear.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
+            W.instant.group[size] = i
             size += 1
     return size

@@ -26,9 +26,9 @@ from .state import (
     Problem,
     Record,
     State,
-    Work,
 )
 from .steps import scaled, variation
+from .work import Work
 
 # What there is at the zero of an argument (pwsmooth.singular.KINDS).
 POLE, END, CONE, BRANCH = range(1, 5)
@@ -72,10 +72,10 @@ def _speed_at(P, S, W, i, share):
 def _stands(P, S, W, i, speed):
     """Whether the argument of event i, now of that speed, stands still once it is 0."""
     for k in range(P.n):
-        W.before[k] = S.x[k]
+        W.step.x[k] = S.x[k]
     there = _speed_at(P, S, W, i, 0.0)
     for k in range(P.n):
-        S.x[k] = W.before[k]
+        S.x[k] = W.step.x[k]
     return there <= _STANDS * speed
 
 
@@ -83,10 +83,10 @@ def _stands(P, S, W, i, speed):
 def _power(P, S, W, i, a, speed):
     """p of da/dt ~ a^p by the fields here and half-way to 0: a step of the pair over the point has no good a''."""
     for k in range(P.n):
-        W.before[k] = S.x[k]
+        W.step.x[k] = S.x[k]
     there = _speed_at(P, S, W, i, 0.5)
     for k in range(P.n):
-        S.x[k] = W.before[k]
+        S.x[k] = W.step.x[k]
     return math.log(there / speed) / math.log(abs(W.h[P.m + i]) / a)
 
 
@@ -113,13 +113,13 @@ def _row(P, kind, i):
 @kernel
 def _is_active(P, S, W, i):
     """Whether the branch in which argument i stands is evaluated."""
-    return call_act(P.act, i, S.t, S.x, S.mult, P.p, W.after) != 0
+    return call_act(P.act, i, S.t, S.x, S.mult, P.p, W.firing.trial) != 0
 
 
 @kernel
 def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
-    row = W.rows[_row(P, W.rows_kind, P.m + i)]
+    row = W.step.rows[_row(P, W.step.kind, P.m + i)]
     stands = 0
     if P.watch[i] != POLE and P.watch[i] != CONE and _speed_at(P, S, W, i, 0.0) <= _STANDS * abs(row[1]):
         stands = 1
@@ -134,22 +134,22 @@ def _arrived(P, S, R, W, i):
 
 @unit(types.int64, Problem, Control, State, Record, Work)
 def approach(P, C, S, R, W):
-    """Overwrites W.length with the longest step before a singular point, or to the one that W.arrives then names.
+    """Overwrites W.step.length with the longest step before a singular point, or to the one that W.step.arrives then names.
 
-    Called with W.arrives set where that step ends: acts on it and returns a code.
+    Called with W.step.arrives set where that step ends: acts on it and returns a code.
     """
-    m, K, kind, h = P.m, C.order, W.rows_kind, W.length
-    if W.arrives >= 0:
-        return _arrived(P, S, R, W, W.arrives)
+    m, K, kind, h = P.m, C.order, W.step.kind, W.step.length
+    if W.step.arrives >= 0:
+        return _arrived(P, S, R, W, W.step.arrives)
     # An event of the user's at the same place says what happens there; a switch does not.
     first = NO_ROOT
     for j in range(m + P.ne):
-        first = min(first, W.tau[j] * (1.0 + _SAME if j < m else 1.0 - _SAME))
+        first = min(first, W.meeting.tau[j] * (1.0 + _SAME if j < m else 1.0 - _SAME))
     for i in range(P.ne):
         r = _row(P, kind, m + i)
         if P.watch[i] == 0 or r < 0:
             continue
-        row = W.rows[r]
+        row = W.step.rows[r]
         side = 1.0 if row[0] > 0.0 else -1.0
         a, speed, bend = side * row[0], -side * row[1], 2.0 * side * row[2]
         if not a > 0.0 or (side < 0.0 and P.watch[i] != POLE and P.watch[i] != BRANCH):
@@ -160,25 +160,25 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
-        if not in_sight and variation(row, W.power, K) < 0.5 * a:
+        if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
             continue
-        W.guess = 0.0
-        W.shallow = _DIP * C.rtol / GRAZING
-        W.dips = 0
-        scaled(row, W.power, W.poly, K, 0, side / a)
-        s = first_root(P, W, W.poly, K)
-        if s > 1.0 and W.dips != 0:
-            s = W.dip_at
-        W.shallow = 0.0
+        W.roots.guess = 0.0
+        W.roots.shallow = _DIP * C.rtol / GRAZING
+        W.roots.dips = 0
+        scaled(row, W.step.power, W.roots.poly, K, 0, side / a)
+        s = first_root(P, W.roots, K)
+        if s > 1.0 and W.roots.dips != 0:
+            s = W.roots.dip_at
+        W.roots.shallow = 0.0
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
             near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
             if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
-                    W.arrives = i
-                    W.length = 2.0 * left if P.watch[i] == CONE else left
+                    W.step.arrives = i
+                    W.step.length = 2.0 * left if P.watch[i] == CONE else left
                     return DONE
         if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
-            W.length = min(W.length, _SHARE * s * h)
+            W.step.length = min(W.step.length, _SHARE * s * h)
     return DONE

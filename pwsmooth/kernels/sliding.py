@@ -11,7 +11,8 @@ from numba import types
 from .compiling import inlined_kernel, kernel, unit
 from .pointers import call_fields, call_linear, call_newton
 from .sparse import solve_masked
-from .state import ALGEBRAIC, CONTACT, SECOND_ORDER, SOLVED, Problem, State, Work
+from .state import ALGEBRAIC, CONTACT, SECOND_ORDER, SOLVED, Problem, State
+from .work import Work
 
 # At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
@@ -22,7 +23,7 @@ _INSIDE = 1.0 - 2.0**-53
 def newton(P, S, W):
     """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
     m, t = P.m, S.t
-    x, mult, g, mask, b = S.x, S.mult, W.g, W.mask, W.vector
+    x, mult, g, mask, b = S.x, S.mult, W.g, W.mask, W.linear.rhs
     previous = math.inf
     change = 0.0
     for sweep in range(25):

@@ -27,24 +27,24 @@ def entry(row, col, values, i, j):
 
 @kernel
 def link(P, S, W, j):
-    """Overwrites W.linked: 1 for the multipliers that act on multiplier j, or it on them, at this instant.
+    """Overwrites W.linear.linked: 1 for the multipliers that act on multiplier j, or it on them, at this instant.
 
     Directly, or through what is solved at this instant as well: unknowns, closed contacts, sliding switches.
     """
     for i in range(P.m):
-        W.linked[i] = 0
-    W.linked[j] = 1
-    W.stack[0] = j
+        W.linear.linked[i] = 0
+    W.linear.linked[j] = 1
+    W.linear.stack[0] = j
     size = 1
     while size > 0:
         size -= 1
-        i = W.stack[size]
+        i = W.linear.stack[size]
         for e in range(P.link_row[i], P.link_row[i + 1]):
             k = P.link_col[e]
-            if W.linked[k] == 0:
-                W.linked[k] = 1
+            if W.linear.linked[k] == 0:
+                W.linear.linked[k] = 1
                 if S.status[k] == SOLVED and P.kind[k] != KINK and P.kind[k] != CROSSING:
-                    W.stack[size] = k
+                    W.linear.stack[size] = k
                     size += 1
 
 
@@ -78,9 +78,9 @@ def solve_dense(A, size, count):
 
 @kernel
 def solve_masked(P, W):
-    """Solves G u = b for the multipliers of W.mask, b and then u in W.vector; False if singular."""
-    row, col, G, mask, b, place = P.g_row, P.g_col, W.G, W.mask, W.vector, W.place
-    A, Y, D, index = W.matrix, W.border, W.schur, W.index
+    """Solves G u = b for the multipliers of W.mask, b and then u in W.linear.rhs; False if singular."""
+    row, col, G, mask, b, place = P.g_row, P.g_col, W.G, W.mask, W.linear.rhs, W.linear.place
+    A, Y, D, index = W.linear.matrix, W.linear.border, W.linear.schur, W.linear.index
     hubs = 0
     for j in range(P.m):
         place[j] = -1

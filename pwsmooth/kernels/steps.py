@@ -24,7 +24,8 @@ from .pointers import (
 )
 from .sliding import mask_solved
 from .sparse import entry, solve_dense
-from .state import SOLVED, Control, Problem, State, Work
+from .state import SOLVED, Control, Problem, State
+from .work import Work
 
 
 @inlined_kernel
@@ -80,8 +81,8 @@ def step_within(e0, e1, C, W, longest):
     """
     if not e0 + e1 < math.inf:
         return math.nan
-    log0 = (float_bits(max(e0, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.per_order_before
-    log1 = (float_bits(max(e1, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.per_order
+    log0 = (float_bits(max(e0, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.step.per_order_before
+    log1 = (float_bits(max(e1, 1e-290)) * (1.0 / _ONE_BIT) - _BIAS) * W.step.per_order
     return 0.94 * min(longest, bits_float(int((_BIAS - max(log0, log1)) * _ONE_BIT)))
 
 
@@ -117,9 +118,9 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
             if surface_rows[i] >= count and (i >= P.m or abs(S.status[i]) == 1):
                 row = rows[surface_rows[i]]
                 size = max(abs(at(row, 0)), max(half * abs(at(row, 1)), quarter * abs(at(row, 2))))
-                W.widest[i] = max(W.widest[i], abs(at(row, 0)))
+                W.meeting.widest[i] = max(W.meeting.widest[i], abs(at(row, 0)))
                 # A surface that comes to rest on 0 is small by nature: so its size over the whole run counts too.
-                weight = 1.0 / (rtol * (size + 1e-3 * W.widest[i]) + SURFACE_ROUNDING)
+                weight = 1.0 / (rtol * (size + 1e-3 * W.meeting.widest[i]) + SURFACE_ROUNDING)
                 e0 = max(e0, abs(at(row, K - 1)) * weight)
                 e1 = max(e1, abs(at(row, K)) * weight)
                 finite += at(row, K) * 0.0
@@ -134,29 +135,29 @@ def keep_in_sight(C, rows, flat_rows, h, W):
     """h, shortened so that no argument of a flat function goes far on it, seen from the distance to 0 at which it is.
 
     tanh(u), exp(-u) and erf(u) tell nothing of what they do at 0 where u is large: a step over it, back to where they
-    are as flat, would end as its polynomial says. W.power is that of the h returned.
+    are as flat, would end as its polynomial says. W.step.power is that of the h returned.
     """
-    if at(W.power, 1) != h:
-        powers(W.power, h)
+    if at(W.step.power, 1) != h:
+        powers(W.step.power, h)
     for a in range(len(flat_rows)):
         row = rows[flat_rows[a]]
         allowed = max(_FLAT_SHARE * abs(at(row, 0)), _FLAT_REACH)
-        change = variation(row, W.power, C.order)
+        change = variation(row, W.step.power, C.order)
         while change > allowed:
             h *= max(allowed / change, 0.5)
-            powers(W.power, h)
-            change = variation(row, W.power, C.order)
+            powers(W.step.power, h)
+            change = variation(row, W.step.power, C.order)
     return h
 
 
 @kernel
 def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
-    """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.power is of s.
+    """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.step.power is of s.
 
     exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there: only a look at
     the end of the step does. 100: K terms of the tolerance's size in a derivative, and what a stiff field makes of it.
     """
-    n, m, K, x, mult, power = P.n, P.m, C.order, W.before, W.keep_mult, W.power
+    n, m, K, x, mult, power = P.n, P.m, C.order, W.step.x, W.step.mult, W.step.power
     for i in range(n):
         x[i] = dot(rows[i], power, K + 1)
     for j in range(m):
@@ -166,9 +167,9 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
         if S.status[j] == SOLVED and P.surface_state[j] >= 0:
             W.dx[P.surface_state[j]] = 0.0  # exactly, by construction
     for i in range(n):
-        rise = load8(rows[i], 0) * load8(power, 0) * load8(W.counting, 0)
+        rise = load8(rows[i], 0) * load8(power, 0) * load8(W.roots.counting, 0)
         for k in range(8, K + 1, 8):
-            rise = rise + load8(rows[i], k) * load8(power, k) * load8(W.counting, k)
+            rise = rise + load8(rows[i], k) * load8(power, k) * load8(W.roots.counting, k)
         size = max(max(abs(at(rows[i], 0)), abs(x[i])), s * abs(at(rows[i], 1)))
         if abs(s * W.dx[i] - sum8(rise)) > 100.0 * (C.atol[i] + C.rtol * size):
             return False
@@ -176,7 +177,7 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
         if surface_rows[i] >= n and (i >= m or abs(S.status[i]) == 1):
             row = rows[surface_rows[i]]
             size = max(abs(at(row, 0)), max(s * abs(at(row, 1)), s * s * abs(at(row, 2))))
-            tolerance = C.rtol * (size + 1e-3 * W.widest[i]) + SURFACE_ROUNDING
+            tolerance = C.rtol * (size + 1e-3 * W.meeting.widest[i]) + SURFACE_ROUNDING
             if abs(W.h[i] - dot(row, power, K + 1)) > 100.0 * tolerance:
                 return False
     return True
@@ -184,20 +185,20 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
 
 @inlined_kernel
 def take_slip_jet(P, C, S, work):
-    """Overwrites work.rows with the jet at (t, x, mult), every multiplier constant."""
-    stride = work.rows.shape[1]
+    """Overwrites work.step.rows with the jet at (t, x, mult), every multiplier constant."""
+    stride = work.step.rows.shape[1]
     own = P.own_slip * stride
-    call_jet_slip(P.jet_slip, S.t, S.x, S.mult, P.p, C.order, stride, work.rows, own)
+    call_jet_slip(P.jet_slip, S.t, S.x, S.mult, P.p, C.order, stride, work.step.rows, own)
 
 
 @inlined_kernel
 def take_jet(P, C, S, any_solved, work):
-    """Overwrites work.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
+    """Overwrites work.step.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
     if any_solved:
         mask_solved(P, S, work)
-        K, stride = C.order, work.rows.shape[1]
+        K, stride = C.order, work.step.rows.shape[1]
         own = P.own_general * stride
-        code = call_jet_general(P.jet_general, S.t, S.x, S.mult, P.p, work.mask, K, stride, work.rows, own)
+        code = call_jet_general(P.jet_general, S.t, S.x, S.mult, P.p, work.mask, K, stride, work.step.rows, own)
         return P.mult_row if code == 0 else -1
     take_slip_jet(P, C, S, work)
     return 0
@@ -220,16 +221,16 @@ def near_fold(P, S, rows, mult_row, h):
 
 @unit(types.int64, Problem, Control, State, Work, types.int64, types.int64)
 def fold_jet(P, C, S, W, j, toward):
-    """Overwrites W.rows with the jet along lambda_j (direction `toward`); 0 where even that is singular.
+    """Overwrites W.step.rows with the jet along lambda_j (direction `toward`); 0 where even that is singular.
 
     Rows: x, t, lambda_1..m. The multipliers of this program are dt/ds and dlambda_i/ds; they solve the bordered
     linear system  g_t dt/ds + G dlambda/ds = 0,  c . dlambda/ds = 1,  with c = toward e_j.
     """
     n, m, count = P.n, P.m, len(P.p)
-    bias, mult, mask, index = P.fold_bias, W.fold_mult, W.fold_mask, W.index
+    bias, mult, mask, index = P.fold_bias, W.arc.mult, W.arc.mask, W.arc.index
     for i in range(n):
-        W.fold_x[i] = S.x[i]
-    W.fold_x[n] = S.t
+        W.arc.x[i] = S.x[i]
+    W.arc.x[n] = S.t
     for i in range(count):
         bias[i] = P.p[i]
     mask[0] = 1
@@ -238,25 +239,25 @@ def fold_jet(P, C, S, W, j, toward):
     size = 1
     for i in range(m):
         bias[count + i] = float(toward) if i == j else 0.0
-        W.fold_x[n + 1 + i] = S.mult[i]
+        W.arc.x[n + 1 + i] = S.mult[i]
         mult[1 + i] = 0.0
         mask[1 + i] = 1 if S.status[i] == SOLVED else 0
         if S.status[i] == SOLVED:
             index[size] = 1 + i
             size += 1
-    call_fields(P.fields_fold, 0.0, W.fold_x, mult, bias, W.fold_dx, W.fold_h, W.fold_g)
-    call_linear(P.linear_fold, 0.0, W.fold_x, mult, bias, W.fold_G, W.fold_dh)
+    call_fields(P.fields_fold, 0.0, W.arc.x, mult, bias, W.arc.dx, W.arc.h, W.arc.g)
+    call_linear(P.linear_fold, 0.0, W.arc.x, mult, bias, W.arc.G, W.arc.dh)
     for r in range(size):
         for c in range(size):
-            W.matrix[r, c] = entry(P.fold_row, P.fold_col, W.fold_G, index[r], index[c])
-        W.matrix[r, size] = -W.fold_g[index[r]]
-    if not solve_dense(W.matrix, size, 1):
+            W.arc.matrix[r, c] = entry(P.fold_row, P.fold_col, W.arc.G, index[r], index[c])
+        W.arc.matrix[r, size] = -W.arc.g[index[r]]
+    if not solve_dense(W.arc.matrix, size, 1):
         return 0
     for r in range(size):
-        mult[index[r]] = W.matrix[r, size]
-    stride = W.rows.shape[1]
+        mult[index[r]] = W.arc.matrix[r, size]
+    stride = W.step.rows.shape[1]
     own = P.own_fold * stride
-    code = call_jet_general(P.jet_fold, 0.0, W.fold_x, mult, bias, mask, C.order, stride, W.rows, own)
+    code = call_jet_general(P.jet_fold, 0.0, W.arc.x, mult, bias, mask, C.order, stride, W.step.rows, own)
     return 1 if code == 0 else 0
 
 

@@ -40,7 +40,7 @@ def residual(P, S, W, j, lam):
 
 @kernel
 def approach_speed(P, S, j, W):
-    """dh_j/dt with the present field; leaves in W.rest_speed the size at which it is rounding."""
+    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding."""
     evaluate_surfaces(P, S, W)
     speed = W.dh[P.dh_row[P.m + P.ne] + j]
     size = abs(speed)
@@ -48,7 +48,7 @@ def approach_speed(P, S, j, W):
         part = W.dh[e] * W.dx[P.dh_col[e]]
         speed += part
         size += abs(part)
-    W.rest_speed = 1e-14 * size + 1e-13
+    W.instant.rest_speed = 1e-14 * size + 1e-13
     return speed
 
 
@@ -63,12 +63,12 @@ def leading_order(P, C, S, W, i):
         speed = approach_speed(P, S, i, W)
         if abs(W.h[i]) > surface_rounding(P, S, i, W):
             return 1 if W.h[i] > 0.0 else -1
-        return 5 if abs(speed) <= W.rest_speed else (2 if speed > 0.0 else -2)
+        return 5 if abs(speed) <= W.instant.rest_speed else (2 if speed > 0.0 else -2)
     take_slip_jet(P, C, S, W)
-    row = W.rows[P.rows_slip[i]]
+    row = W.step.rows[P.rows_slip[i]]
     size = 1e-3
     for k in range(P.n):
-        size += abs(S.x[k]) + abs(W.rows[k, 1])
+        size += abs(S.x[k]) + abs(W.step.rows[k, 1])
     for k in range(4):
         if abs(row[k]) > 1e-12 * size:
             return k + 1 if row[k] > 0.0 else -(k + 1)
@@ -81,16 +81,16 @@ def stop_normal_speed(P, S, j, W, contact):
     if contact:
         speed = approach_speed(P, S, j, W)
         for i in range(P.n):
-            W.before[i] = S.x[i]
-            W.after[i] = S.x[i]
-        call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.after)
+            W.contacts.before[i] = S.x[i]
+            W.contacts.after[i] = S.x[i]
+        call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.contacts.after)
         for i in range(P.n):
-            S.x[i] = W.after[i]
+            S.x[i] = W.contacts.after[i]
         rebound = approach_speed(P, S, j, W)
         # The impact map is affine in its impulse: the share of it that leaves dh/dt = 0.
         share = speed / (speed - rebound) if speed != rebound else 0.0
         for i in range(P.n):
-            S.x[i] = W.before[i] + share * (W.after[i] - W.before[i])
+            S.x[i] = W.contacts.before[i] + share * (W.contacts.after[i] - W.contacts.before[i])
         return
     # dh/dt = dh . f(x): its gradient by differences, minimum-norm Newton, twice.
     for _ in range(2):
@@ -100,18 +100,18 @@ def stop_normal_speed(P, S, j, W, contact):
             keep = S.x[i]
             step = 1e-6 * (1.0 + abs(keep))
             S.x[i] = keep + step
-            W.gradient[i] = (approach_speed(P, S, j, W) - speed) / step
+            W.instant.gradient[i] = (approach_speed(P, S, j, W) - speed) / step
             S.x[i] = keep
-            square += W.gradient[i] ** 2
+            square += W.instant.gradient[i] ** 2
         if square == 0.0:
             return
         for i in range(P.n):
-            S.x[i] -= W.gradient[i] * speed / square
+            S.x[i] -= W.instant.gradient[i] * speed / square
 
 
 @kernel
 def keep_sliding(P, S, j, W):
     """Puts S.x exactly on h_j = 0, of a second-order slide on dh_j/dt = 0 too."""
     keep_on_surface(P, S, j, W)
-    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.rest_speed:
+    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
         stop_normal_speed(P, S, j, W, False)

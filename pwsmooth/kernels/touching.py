@@ -44,22 +44,22 @@ def _slope(P, S, W, t, x, mult, j):
         return W.G[P.g_diagonal[j]]
     mask_solved(P, S, W)
     for i in range(P.m):
-        W.vector[i] = 0.0
-    W.vector[j] = 1.0
-    return 1.0 / W.vector[j] if solve_masked(P, W) and W.vector[j] != 0.0 else 0.0
+        W.linear.rhs[i] = 0.0
+    W.linear.rhs[j] = 1.0
+    return 1.0 / W.linear.rhs[j] if solve_masked(P, W) and W.linear.rhs[j] != 0.0 else 0.0
 
 
 @kernel
 def _slope_at(P, C, S, rows, mult_row, t, s, j, W):
-    """The same where the step's polynomials stand at s; overwrites W.before and W.keep_mult with them."""
-    powers(W.end_power, s)
+    """The same where the step's polynomials stand at s; overwrites W.arc.there and W.arc.mult_there with them."""
+    powers(W.step.end_power, s)
     for i in range(P.n):
-        W.before[i] = dot(rows[i], W.end_power, C.order + 1)
+        W.arc.there[i] = dot(rows[i], W.step.end_power, C.order + 1)
     for i in range(P.m):
-        W.keep_mult[i] = (
-            dot(rows[mult_row + i], W.end_power, C.order + 1) if S.status[i] == SOLVED else S.mult[i]
+        W.arc.mult_there[i] = (
+            dot(rows[mult_row + i], W.step.end_power, C.order + 1) if S.status[i] == SOLVED else S.mult[i]
         )
-    return _slope(P, S, W, t + s, W.before, W.keep_mult, j)
+    return _slope(P, S, W, t + s, W.arc.there, W.arc.mult_there, j)
 
 
 @kernel
@@ -88,7 +88,7 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
-    Leaves that switch in W.touched and the length of a hop over the point in W.hop; -1 where a root comes to
+    Leaves that switch in W.arc.touched and the length of a hop over the point in W.arc.hop; -1 where a root comes to
     stand within rounding of its fold.
     """
     found = math.inf
@@ -98,24 +98,26 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
-        W.hop = HOP / (speed + 1e-300)
+        W.arc.hop = HOP / (speed + 1e-300)
         if not last >= 0.0:
-            call_fields(P.fields, t + s_end, W.before, W.keep_mult, P.p, W.dx, W.h, W.g)
+            call_fields(P.fields, t + s_end, W.arc.there, W.arc.mult_there, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
                 # Off its root, which is not far from the fold: what is small among all lambda is not small there.
-                bend = _bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j]))
+                bend = _bend(
+                    P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last, _way(W.arc.mult_there[j])
+                )
                 rounding = _NEAR * _NEAR * abs(bend)
                 if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
-                    W.hop = min(W.hop, 0.1 * s_end)
+                    W.arc.hop = min(W.arc.hop, 0.1 * s_end)
                     return 0.5 / SHARE_TO_A_FOLD * s_end
             # The steps by a fold are short: lambda hardly moves.
-            if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, W.before, W.keep_mult, j, last):
+            if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
-                    W.touched = j
+                    W.arc.touched = j
                     found = -1.0
             continue
-        bend = abs(_bend(P, S, W, t + s_end, W.before, W.keep_mult, j, last, _way(W.keep_mult[j])))
+        bend = abs(_bend(P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last, _way(W.arc.mult_there[j])))
         first = _slope_at(P, C, S, rows, mult_row, t, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
@@ -133,8 +135,8 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
         # Where two branches cross, and neither turns back, they part at another rate.
-        W.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
-        W.touched = j
+        W.arc.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        W.arc.touched = j
         return hi
     return found
 
@@ -159,14 +161,14 @@ def _past_the_touch(P, S, W, j, toward):
 
 @kernel
 def _root_is_back(P, S, W, j, toward):
-    """Whether the root of switch j, which stands at its fold, exists again a hop (W.hop) later."""
-    t, hop = S.t, W.hop
+    """Whether the root of switch j, which stands at its fold, exists again a hop (W.arc.hop) later."""
+    t, hop = S.t, W.arc.hop
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
-        W.before[i] = S.x[i]
+        W.arc.there[i] = S.x[i]
         S.x[i] += hop * W.dx[i]
     for i in range(P.m):
-        W.keep_mult[i] = S.mult[i]
+        W.arc.mult_there[i] = S.mult[i]
     S.t = t + hop
     mask_solved(P, S, W)
     W.mask[j] = 0
@@ -175,19 +177,19 @@ def _root_is_back(P, S, W, j, toward):
     back = back and toward * W.g[j] <= 0.0
     S.t = t
     for i in range(P.n):
-        S.x[i] = W.before[i]
+        S.x[i] = W.arc.there[i]
     for i in range(P.m):
-        S.mult[i] = W.keep_mult[i]
+        S.mult[i] = W.arc.mult_there[i]
     return back
 
 
 @kernel
 def touch(P, C, S, R, how, t_touch, toward, W):
-    """What becomes of switch W.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
+    """What becomes of switch W.arc.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
 
     Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
     """
-    j, now = W.touched, S.t
+    j, now = W.arc.touched, S.t
     stays = how == PASSED or (how == HOPPED and _past_the_touch(P, S, W, j, toward))
     if how == LEFT and not _root_is_back(P, S, W, j, toward):
         return DONE
@@ -204,27 +206,27 @@ def touch(P, C, S, R, how, t_touch, toward, W):
 
 @kernel
 def _leave(W, toward):
-    """Makes the present instant one at which switch W.touched stands at its fold, and nothing else happens."""
-    W.tau[:] = NO_ROOT
-    W.met, W.length, W.elapsed = NO_ROOT, 0.0, 0.0
-    W.fold, W.way, W.at_clock = W.touched, toward, 0
+    """Makes the present instant one at which switch W.arc.touched stands at its fold, and nothing else happens."""
+    W.meeting.tau[:] = NO_ROOT
+    W.instant.met, W.step.length, W.instant.elapsed = NO_ROOT, 0.0, 0.0
+    W.instant.fold, W.instant.way, W.instant.at_clock = W.arc.touched, toward, 0
 
 
 @kernel
 def lost_at_a_fold(P, C, S, R, W):
-    """A root that Newton's method has lost, from W.rest_mult, within rounding of its fold: it leaves, recorded.
+    """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
     Returns a code; -1 where S stands at the fold's lambda.
     """
     for i in range(P.m):
-        S.mult[i] = W.rest_mult[i]
+        S.mult[i] = W.arc.mult_before[i]
     for j in range(P.m):
         if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
             continue
         slope = _slope(P, S, W, S.t, S.x, S.mult, j)
         bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _way(S.mult[j]))
         if abs(slope) <= _NEAR * abs(bend):
-            W.touched = j
+            W.arc.touched = j
             S.mult[j] -= slope / bend
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             _leave(W, 1 if slope * bend < 0.0 else -1)
@@ -260,7 +262,7 @@ def way_of_time(P, C, S, W, j):
     """The direction of lambda_j in which time goes on from a point where dt/dlambda_j = 0; 0 where none does."""
     for toward in range(1, -2, -2):
         if call_fold(P.fold_unit, P, C, S, W, j, toward):
-            row = W.rows[P.n]
+            row = W.step.rows[P.n]
             for k in range(1, 5):
                 if abs(row[k]) > 1e-12:
                     if row[k] > 0.0:

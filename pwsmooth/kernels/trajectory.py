@@ -38,7 +38,6 @@ from .state import (
     Problem,
     Record,
     State,
-    Work,
 )
 from .steps import (
     dot,
@@ -67,6 +66,7 @@ from .touching import (
     where_attraction_ends,
 )
 from .twofolds import two_fold
+from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
 # if it is at least this share of what the series allow.
@@ -118,29 +118,29 @@ def after_event(P, S):
 def _find_roots(P, C, S, R, W):
     """Solves for the multipliers at the present state; -1, or where a root is lost the code of what is made of it."""
     mask_solved(P, S, W)
-    if W.solved_there == 0:
+    if W.instant.solved_there == 0:
         if P.jet_fold != 0:
             for j in range(P.m):
-                W.rest_mult[j] = S.mult[j]
+                W.arc.mult_before[j] = S.mult[j]
         if not follow(P, S, W):
             code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
             return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
-    W.solved_there = 0
+    W.instant.solved_there = 0
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
             # Its bound was passed between two looks: it leaves, and all are settled again with the field after.
-            W.tau[:] = NO_ROOT
-            W.tau[j] = 0.0
-            W.exit_side[j] = 1 if S.mult[j] > 0.0 else -1
+            W.meeting.tau[:] = NO_ROOT
+            W.meeting.tau[j] = 0.0
+            W.meeting.exit_side[j] = 1 if S.mult[j] > 0.0 else -1
             return _settle_again(P, C, S, R, W)
     return -1
 
 
 @kernel
 def _settle_again(P, C, S, R, W):
-    """An instant at which nothing is met but what W.tau says; a code."""
-    W.fold, W.way, W.at_clock = -1, 0, 0
-    W.met, W.length, W.elapsed = 0.0, 0.0, 0.0
+    """An instant at which nothing is met but what W.meeting.tau says; a code."""
+    W.instant.fold, W.instant.way, W.instant.at_clock = -1, 0, 0
+    W.instant.met, W.step.length, W.instant.elapsed = 0.0, 0.0, 0.0
     return call_unit(P.instant_unit, P, C, S, R, W)
 
 
@@ -164,11 +164,11 @@ def _end_of_arc(P, C, time, power, h, stop, singular, best, W):
     dt/ds > 0 until the fold; its zero ends the step, and so does the end of the span. Returns the share of the arc,
     where something is met, whether that is the fold, and whether it is the end of the span.
     """
-    K, fraction, folded, capped, slope = C.order, 1.0, False, False, W.fold_slope
-    W.guess = 0.0
+    K, fraction, folded, capped, slope = C.order, 1.0, False, False, W.arc.slope
+    W.roots.guess = 0.0
     for k in range(K):
         slope[k] = (k + 1.0) * time[k + 1]
-    s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W, W.poly)
+    s = meet(P, slope, power, K - 1, known_zeros(slope) if singular else 0, 1.0, W)
     if s <= 1.0 and not turns_back(slope, s * h, h, K):
         # lambda^3 = t: dt/dlambda vanishes, but time goes on. Not where the step ends: the next has no series.
         if s > 0.8:
@@ -177,9 +177,9 @@ def _end_of_arc(P, C, time, power, h, stop, singular, best, W):
     if s < best and s <= fraction:
         folded, best = True, s
     for k in range(K + 1):
-        W.poly[k] = -time[k] * power[k]
-    W.poly[0] += stop
-    s = first_root(P, W, W.poly, K)
+        W.roots.poly[k] = -time[k] * power[k]
+    W.roots.poly[0] += stop
+    s = first_root(P, W.roots, K)
     if s < min(best, fraction):
         fraction, folded, capped = s, False, True
     return fraction, best, folded, capped
@@ -214,16 +214,16 @@ def _room(R, S):
 @unit(types.int64, Problem, Control, State, Record, Work)
 def run(P, C, S, R, W):
     """Advances S to C.t_end or to the first reason to return; see the codes of state.py."""
-    n, m, K, rows, power, x = P.n, P.m, C.order, W.rows, W.power, S.x
+    n, m, K, rows, power, x = P.n, P.m, C.order, W.step.rows, W.step.power, S.x
     if S.started == 0:
         S.started = 1
-        W.widest[:] = 0.0
-        W.fired[:, :] = 0.0
+        W.meeting.widest[:] = 0.0
+        W.firing.last[:, :] = 0.0
         forget_rhythm(S, W)
         restart_flags(W)
         code = call_unit(P.start_unit, P, C, S, R, W)
-        if code == DONE and W.look_again:
-            W.tau[:] = NO_ROOT
+        if code == DONE and W.instant.look_again:
+            W.meeting.tau[:] = NO_ROOT
             code = _settle_again(P, C, S, R, W)
             S.events, S.points = 0, 0  # what holds from the start is no event
             record_point(P, S, R)
@@ -248,7 +248,7 @@ def run(P, C, S, R, W):
             if code != -1:
                 return code
         if CHECK and broken_by(P, C, S, W) >= 0:
-            W.touched = broken_by(P, C, S, W)
+            W.broken = broken_by(P, C, S, W)
             return BROKEN
         # The step: polynomials of states, surfaces and solved multipliers, and how far they hold.
         S.jets += 1
@@ -317,7 +317,7 @@ def run(P, C, S, R, W):
                 return UNDERFLOW
             # Within rounding of a fold, on the root that does not attract.
             for j in range(m):
-                W.rest_mult[j] = S.mult[j]
+                W.arc.mult_before[j] = S.mult[j]
             code = lost_at_a_fold(P, C, S, R, W)
             if code == -1:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
@@ -334,21 +334,21 @@ def run(P, C, S, R, W):
             capped = capped and h == asked
         arrives = False
         if P.watches != 0:
-            W.rows_kind = (
+            W.step.kind = (
                 ROWS_ARC if time_row >= 0 else ROWS_PAIR if by_pair else ROWS_GENERAL if sliding else ROWS_SLIP
             )
-            W.arrives, W.length = -1, h
+            W.step.arrives, W.step.length = -1, h
             call_unit(P.approach_unit, P, C, S, R, W)
-            arrives = W.arrives >= 0
-            if arrives and time_row < 0 and W.length > stop - t0:
+            arrives = W.step.arrives >= 0
+            if arrives and time_row < 0 and W.step.length > stop - t0:
                 arrives = False  # beyond the end of the span or the next instant of a time event
-            elif W.length != h:
-                h, capped = W.length, False
+            elif W.step.length != h:
+                h, capped = W.step.length, False
                 powers(power, h)
                 best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
             if arrives:
                 best = NO_ROOT
-                W.grazed[:] = NO_ROOT
+                W.meeting.grazed[:] = NO_ROOT
         fraction, folded = 1.0, False
         if time_row >= 0:
             fraction, best, folded, capped = _end_of_arc(
@@ -366,7 +366,7 @@ def run(P, C, S, R, W):
         if happened and by_pair and h > 1e-11 * (1.0 + abs(t0)):
             met = 0
             for i in range(m + P.ne):
-                if W.tau[i] < W.tau[met]:
+                if W.meeting.tau[i] < W.meeting.tau[met]:
                     met = i
             s_end = call_rk(P.rk_unit, P, C, S, W, s_end, met)
             if math.isnan(s_end):
@@ -375,21 +375,21 @@ def run(P, C, S, R, W):
         touched, t_touch = LEFT if folded else 0, t0
         if by_arc and time_row < 0:
             end = where_attraction_ends(P, C, S, rows, mult_row, t0, s_end, h, W)
-            hop = W.hop
+            hop = W.arc.hop
             if end < 0.0:
                 touched, t_touch = PASSED, t0 + s_end
             elif end < s_end:
                 hop = min(hop, s_end - end)
-                if end <= W.hop and hop >= SHORTEST_HOP * W.hop:
+                if end <= W.arc.hop and hop >= SHORTEST_HOP * W.arc.hop:
                     touched, t_touch, s_end = HOPPED, t0 + end, end + hop
-                    toward = 1 if rows[mult_row + W.touched, 1] > 0.0 else -1
+                    toward = 1 if rows[mult_row + W.arc.touched, 1] > 0.0 else -1
                 else:
                     s_end = SHARE_TO_A_FOLD * end
                 fraction, happened, capped, grazes = 0.5, False, False, False
         # There.
         final = power
         if fraction < 1.0:
-            final = W.end_power
+            final = W.step.end_power
             powers(final, s_end)
         t_new = dot(rows[time_row], final, K + 1) if time_row >= 0 else t0 + s_end
         if capped or t_new > stop or abs(t_new - stop) <= 4e-16 * abs(stop):
@@ -399,7 +399,7 @@ def run(P, C, S, R, W):
             keep_dense(P, C, S, R, rows, mult_row, time_row, s_end)
         if S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
             sample(P, C, S, R, rows, mult_row, time_row, s_end, t_new, W)
-            final = W.end_power
+            final = W.step.end_power
             powers(final, s_end)
         for i in range(n):
             x[i] = dot(rows[i], final, K + 1)
@@ -410,7 +410,7 @@ def run(P, C, S, R, W):
         if grazes:
             record_grazes(P, C, S, R, rows, time_row, h, last_graze, W)
         S.t = t_new
-        S.step = W.next_step if by_pair else h
+        S.step = W.pair.next_step if by_pair else h
         if grazes and C.strict:
             record_point(P, S, R)
             return STRICT
@@ -437,8 +437,8 @@ def run(P, C, S, R, W):
         # What happens there.
         if touched != 0:
             if touched == LEFT:
-                W.touched, t_touch = fold, t_new
-                W.hop = HOP * (t_new - t0) / s_end  # at the pace of this arc
+                W.arc.touched, t_touch = fold, t_new
+                W.arc.hop = HOP * (t_new - t0) / s_end  # at the pace of this arc
             code = touch(P, C, S, R, touched, t_touch, toward, W)
             if code == -1:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
@@ -448,12 +448,12 @@ def run(P, C, S, R, W):
                 record_point(P, S, R)
                 return code
         if happened or at_clock:
-            W.fold = fold if folded else -1
-            W.way = toward
-            W.at_clock = 1 if at_clock else 0
-            W.met = best if happened else NO_ROOT
-            W.length = h
-            W.elapsed = t_new - t0
+            W.instant.fold = fold if folded else -1
+            W.instant.way = toward
+            W.instant.at_clock = 1 if at_clock else 0
+            W.instant.met = best if happened else NO_ROOT
+            W.step.length = h
+            W.instant.elapsed = t_new - t0
             note_rhythm(P, S, W, best, t_new)
             code = call_unit(P.instant_unit, P, C, S, R, W)
             if code != DONE:

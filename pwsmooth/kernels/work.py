@@ -1,0 +1,197 @@
+"""What the parts of a step and of an instant tell each other, and their scratch arrays: one struct a user.
+
+Sizes: n states, m multipliers, ne events, nz layered states; K the order of the polynomials, `width` K + 1 made up to
+blocks of eight and one more (state.PAD); `contacts`, `hubs`; `rows` of the Taylor programs; `group` the largest group
+of coupled multipliers.
+"""
+
+from .block import Bundle
+
+
+class Linear(Bundle):
+    """Systems with the sparse dg/dmult: see sparse.py."""
+
+    matrix: "f8[group, group + 1 + hubs]"
+    schur: "f8[hubs, hubs + 1]"
+    border: "f8[m, hubs]"
+    rhs: "f8[m + 1]"  # and then the solution
+    index: "i8[m + 1]"
+    place: "i8[m]"
+    linked: "i8[m]"  # multipliers that a residual reaches
+    stack: "i8[m]"
+    start: "f8[m]"  # multipliers from which a damped step of Newton's goes
+
+
+class Step(Bundle):
+    """The polynomials of a step, and how far they hold."""
+
+    kind: "int"  # see ROWS_* in singular.py
+    length: "float"
+    arrives: "int"  # singular argument whose zero the step ends at, or -1
+    per_order: "float"  # 1/K and 1/(K - 1)
+    per_order_before: "float"
+    rows: "f8[rows, width]"  # Taylor coefficients, zero behind the last block of four orders
+    power: "f8[width]"  # powers of the length
+    end_power: "f8[width]"  # powers of where the step ends
+    x: "f8[n]"  # a look ahead
+    mult: "f8[m]"
+
+
+class Roots(Bundle):
+    """One polynomial on a step, and its first root: see roots.py."""
+
+    order: "int"  # K
+    guess: "float"  # where the root is expected, 0 for no guess
+    shallow: "float"  # size against which a dip is shallow, if larger than the value at the start
+    dips: "int"  # answer: whether the polynomial grazes zero
+    dip_at: "float"  # where
+    dip_crosses: "int"  # whether that counts as crossing it
+    poly: "f8[width]"  # scaled to [0, 1]
+    counting: "f8[width]"  # k, k (k - 1), k (k - 1) (k - 2)
+    pairing: "f8[width]"
+    tripling: "f8[width]"
+    bernstein: "f8[48*width]"
+    bernstein_table: "f8[:]"  # see tables.py
+    short_table: "f8[:]"
+    short_error: "f8[:]"
+    short_powers: "f8[:]"
+    left_half: "f8[:]"
+    right_half: "f8[:]"
+    near: "f8[width]"  # the polynomial on a part of the step
+
+
+class Meeting(Bundle):
+    """Which surfaces a step meets: see meeting.py."""
+
+    tau: "f8[m + ne]"  # where in the step each surface is met, in [0, 1]; 2 = not met
+    exit_side: "i8[m]"  # bound that a solved multiplier runs into
+    grazed: "f8[m]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
+    graze_crosses: "i8[m]"  # and whether it counts as crossed
+    widest: "f8[m + ne]"  # largest |h| of each surface so far
+    rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
+
+
+class Pair(Bundle):
+    """A step of the Runge-Kutta pair: see rungekutta.py."""
+
+    next_step: "float"
+    longest: "float"  # in a run of Taylor steps
+    solves: "int"  # whether it solves for multipliers
+    x: "f8[n]"  # at its start
+    mult: "f8[m]"
+    k: "f8[16, n]"  # its stages
+    end: "f8[n]"
+
+
+class Arc(Bundle):
+    """Folds of a multiplier, and the step along one: see steps.fold_jet and touching.py."""
+
+    touched: "int"  # switch whose root comes to a fold that is touched
+    hop: "float"  # length of a hop over a fold
+    x: "f8[n + 1 + m]"  # states of the fold program: states, time, multipliers
+    mult: "f8[m + 1]"
+    mask: "i8[m + 1]"
+    dx: "f8[n + 1 + m]"
+    h: "f8[m + 1 + ne]"
+    g: "f8[m + 1]"
+    G: "f8[fold_entries]"
+    dh: "f8[fold_gradients]"
+    matrix: "f8[fold_size, fold_size + 1]"
+    index: "i8[m + 1]"
+    slope: "f8[width]"  # dt/ds along the arc
+    there: "f8[n]"  # a state beside the present one, and its multipliers
+    mult_there: "f8[m]"
+    mult_before: "f8[m]"  # last multipliers that Newton's method has found
+
+
+class Layer(Bundle):
+    """A run of the layer: see layer.py."""
+
+    masked: "int"  # whether it solves the multipliers of every instant along
+    pace: "float"  # factor of its time, in which its fastest rate is of size 1
+    z: "f8[nz]"
+    q: "f8[nz]"
+    y: "f8[m + nz]"  # its state
+    new: "f8[m + nz]"
+    k: "f8[7, m + nz]"
+    status: "i8[m]"  # where it began
+    mult: "f8[m]"
+
+
+class Contacts(Bundle):
+    """Contacts that touch, and their impulses: see contacts.py."""
+
+    touching: "i8[contacts]"
+    chosen: "i8[contacts]"
+    speed: "f8[contacts]"
+    at_rest: "f8[contacts]"
+    load: "f8[contacts]"
+    impulse: "f8[contacts]"
+    restitution: "f8[contacts]"
+    sequel: "f8[contacts]"
+    delassus: "f8[contacts, contacts]"
+    pivots: "f8[contacts, contacts + 1]"
+    before: "f8[n]"  # state before and after a rebound
+    after: "f8[n]"
+
+
+class Firing(Bundle):
+    """Events of an instant: see firing.py."""
+
+    last: "f8[ne, 6]"  # as State.last, for the firings of the events
+    pending: "i8[ne]"  # 1 pending, 2 fired
+    together: "i8[ne]"  # those that act on the same values
+    before: "f8[n]"  # state before and after their updates
+    after: "f8[n]"
+    arrived: "f8[n]"  # state with which the instant begins
+    level: "f8[m + ne]"  # surfaces before each update, the switches' before the first; nan for none
+    added: "i8[n]"  # states that they add to, and that they set
+    was_set: "i8[n]"
+    value: "f8[n]"  # to what
+    trial: "f8[n]"
+    shifted: "f8[n]"
+
+
+class Instant(Bundle):
+    """What happens at an instant: see instants.py."""
+
+    met: "float"  # where in the step the first surface is met
+    elapsed: "float"  # since the last instant
+    fold: "int"  # switch that stands at its fold, or -1
+    way: "int"  # direction of time along its root there
+    at_clock: "int"  # whether a time event is due
+    jumped: "int"  # whether the states have jumped
+    together: "int"  # whether several coupled switches arrive
+    solved_there: "int"  # whether the solved multipliers are those of the state left behind
+    look_again: "int"  # whether a contact may be moved by what happens after it
+    rest_speed: "float"  # size at which an approach speed is rounding
+    hit: "b1[m + ne]"  # met
+    came: "i8[m]"  # status before the instant
+    active: "i8[m]"  # switches that are settled
+    arrival: "i8[m]"  # side of arrival of the active ones
+    group: "i8[m]"  # those whose layers are settled together
+    status: "i8[m]"  # kept over another look
+    mult: "f8[m]"
+    gradient: "f8[n]"
+
+
+class Work(Bundle):
+    """All of them, and what the model's functions gave last."""
+
+    dx: "f8[n]"
+    h: "f8[m + ne]"
+    g: "f8[m]"
+    G: "f8[entries]"  # entries of the sparse dg/dmult
+    dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
+    mask: "i8[m]"  # multipliers that are solved for
+    broken: "int"  # multiplier whose invariant does not hold: invariants.py
+    linear: Linear
+    step: Step
+    roots: Roots
+    meeting: Meeting
+    pair: Pair
+    arc: Arc
+    layer: Layer
+    contacts: Contacts
+    firing: Firing
+    instant: Instant
