@@ -15,6 +15,7 @@ from .codegen import compile_model
 from .codegen.units import UNITS, unit_address
 from .folds import fold_model
 from .kernels import state, work
+from .kernels.block import on_cache_lines
 from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
@@ -193,13 +194,13 @@ class CompiledProblem:
             contacts=len(fixed["contact"]),
         )  # fmt: skip
         k = np.arange(float(width))
-        short_table, short_error, short_powers = short_tables(order, width)
-        left_half, right_half = halving_tables(order, width)
+        tables = (k, k * (k - 1), k * (k - 1) * (k - 2), bernstein_tables(order, width), *short_tables(order, width),
+                  *halving_tables(order, width))  # fmt: skip
+        names = ("counting", "pairing", "tripling", "bernstein_table", "short_table", "short_error", "short_powers",
+                 "left_half", "right_half")  # fmt: skip
         roots = work.Roots.zeros(
-            sizes, order=order, counting=k, pairing=k * (k - 1), tripling=k * (k - 1) * (k - 2),
-            bernstein_table=bernstein_tables(order, width), short_table=short_table, short_error=short_error,
-            short_powers=short_powers, left_half=left_half, right_half=right_half,
-        )  # fmt: skip
+            sizes, order=order, **dict(zip(names, map(on_cache_lines, tables), strict=True))
+        )
         step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
         return work.Work.zeros(sizes, roots=roots, step=step)
 

@@ -134,13 +134,20 @@ class DiffusionRun:
         lowered, noise = self.lowered, self.noise
         n, m = len(lowered.model.states), len(lowered.model.multipliers)
         q = lowered.q
-        rows = 0 if snapshots is None else len(snapshots)
-        halves = np.zeros((names.DEEPEST + 2, q))
-        out = np.zeros(len(lowered.model.outputs))
         from .codegen import compile_model
 
         self._code = compile_model(lowered.model)  # its addresses live as long as it
-        return names.Diffused(
+        given = {} if starts is None else dict(starts=starts, snapshots=snapshots, grid=grid)
+        sizes = dict(
+            n=n,
+            m=m,
+            q=q,
+            outputs=len(lowered.model.outputs),
+            trajectories=len(given.get("starts", ())),
+            times=0,
+        )
+        return names.Diffused.zeros(
+            sizes,
             outputs=self._code.outputs,
             q=q,
             pairs=lowered.pairs,
@@ -152,23 +159,7 @@ class DiffusionRun:
             finest=noise.finest,
             seed=noise.seed,
             noisy=np.array(lowered.noisy, np.int64),
-            place=np.zeros(7, np.int64),
-            out=out,
-            out_start=out.copy(),
-            out_ahead=out.copy(),
-            increment=halves,
-            area=halves.copy(),
-            right_increment=halves.copy(),
-            right_area=halves.copy(),
-            x=np.zeros(n),
-            f=np.zeros(n),
-            mult=np.zeros(m),
-            status=np.zeros(m, np.int64),
-            starts=np.zeros((0, n + 1)) if starts is None else starts,
-            snapshots=np.zeros((0, 0, n)) if snapshots is None else snapshots,
-            grid=np.zeros(0, np.int64) if grid is None else grid,
-            ends=np.zeros((rows, n + 1)),
-            codes=np.zeros((rows, 2), np.int64),
+            **given,
         )
 
 
@@ -201,14 +192,12 @@ class Path(EventDriven):
     def diffuse(self, first, last, start, times, spending):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
         from .codegen.units import unit_address
-        from .kernels import noise_state as names
 
         owner = self.owner
         step = owner.noise.step
         control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
         noise = owner.bundle(self.problem)
-        noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 1
-        noise.place[names.TRAJECTORY] = owner.noise.trajectory
+        noise.interval, noise.last, noise.trajectory, noise.recording = first, last, owner.noise.trajectory, 1
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
 
         def advance(record):
@@ -221,5 +210,5 @@ class Path(EventDriven):
         solution = self.finish(owner.system, code, self.problem, state, record, times)
         solution.noise = owner.noise
         solution.cost = {"steps": state.steps,
-                         "refused": int(noise.place[names.REJECTED]), "events": len(solution.events)}  # fmt: skip
+                         "refused": noise.rejected, "events": len(solution.events)}  # fmt: skip
         return solution

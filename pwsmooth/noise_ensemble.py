@@ -192,7 +192,6 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
 def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ensemble:
     """`count` trajectories in one compiled loop; starts (1 or count, n)."""
     from .codegen.units import unit_address
-    from .kernels import noise_state as names
     from .words import OUT_OF_TIME, OUTCOMES
 
     first, last = (run.interval(t, "`t_span`") for t in t_span)
@@ -203,8 +202,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     control, state = path.timed(first * step, last * step, run.values), path.begin(first * step, starts[0])
     begun = np.column_stack([starts, np.full(len(starts), first * step)])
     noise = run.bundle(path.problem, begun, np.empty((count, len(grid), n)), grid)
-    noise.place[[names.INTERVAL, names.LAST, names.RECORDING]] = first, last, 0
-    noise.place[names.TRAJECTORY] = run.noise.trajectory
+    noise.interval, noise.last, noise.trajectory = first, last, run.noise.trajectory
     loop = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 6)(
         unit_address("diffuse_many")
     )

@@ -5,7 +5,7 @@ import pytest
 
 from pwsmooth.codegen.cache import load_kernels
 from pwsmooth.compiled import _both_ways, _diagonal, _groups
-from pwsmooth.kernels import state
+from pwsmooth.kernels import state, work
 
 
 class Numbers:
@@ -49,14 +49,14 @@ def test_groups_and_hubs_give_the_solution_of_the_dense_system(size, hubs, neigh
         b = rng.normal(size=m)
         P = Numbers(m=m, g_row=row, g_col=col, g_diagonal=_diagonal(row, col), hub=hub, block_row=block_row,
                     block_member=block_member)  # fmt: skip
-        W = Numbers(G=G, mask=mask, vector=b.copy(), place=np.zeros(m, int), index=np.zeros(m, int),
-                    matrix=np.zeros((m, m + 1 + hubs)), border=np.zeros((m, hubs)),
-                    schur=np.zeros((hubs, hubs + 1)))  # fmt: skip
+        linear = work.Linear.zeros(dict(group=m, hubs=hubs, m=m))
+        linear.rhs[:m] = b
+        W = Numbers(G=G, mask=mask, linear=linear)
         assert sparse.solve_masked(P, W)
         on = mask == 1
         # Backward stable elimination: the residual is a few eps of |A||u|, with growth for no pivoting across groups.
-        rest = A[np.ix_(on, on)] @ W.vector[on] - b[on]
-        scale = np.abs(A[np.ix_(on, on)]).sum() * np.abs(W.vector[on]).max(initial=0.0) + 1.0
+        rest = A[np.ix_(on, on)] @ linear.rhs[:m][on] - b[on]
+        scale = np.abs(A[np.ix_(on, on)]).sum() * np.abs(linear.rhs[:m][on]).max(initial=0.0) + 1.0
         assert np.abs(rest).max(initial=0.0) <= 1e-11 * scale
 
 
@@ -87,12 +87,14 @@ def test_a_link_goes_through_what_is_solved_and_no_further():
         either = pattern | pattern.T
         passes = (status == state.SOLVED) & (kind != state.KINK) & (kind != state.CROSSING)
         for j in range(m):
-            W = Numbers(linked=np.full(m, 7), stack=np.zeros(m, int))
+            linear = work.Linear.zeros(dict(group=m, hubs=0, m=m))
+            linear.linked[:] = 7
+            W = Numbers(linear=linear)
             sparse.link(P, S, W, j)
             reached = np.arange(m) == j
             for _ in range(m):
                 through = reached & (passes | (np.arange(m) == j))
                 reached = reached | either[through].any(axis=0)
-            assert np.array_equal(W.linked != 0, reached) and set(W.linked) <= {0, 1}
+            assert np.array_equal(linear.linked != 0, reached) and set(linear.linked) <= {0, 1}
             lengths.add(int(reached.sum()))
     assert len(lengths) > 4  # chains among them, not only neighbours

@@ -104,20 +104,16 @@ class Bundle:
     def zeros(cls, sizes, **values):
         """With zeros for every array that is not given, its shape told by the `sizes` that its annotation names.
 
-        All arrays begin on cache lines; those that are given are copied.
+        They begin on cache lines.
         """
         for name, code in cls.layout:
+            if name in values:
+                continue
             if isinstance(code, type):
-                values[name] = values.get(name) or code.zeros(sizes)
+                values[name] = code.zeros(sizes)
             elif name in cls.shapes:
-                given = values.get(name)
-                if given is None:
-                    shape = [sum(_product(term, sizes) for term in s.split("+")) for s in cls.shapes[name]]
-                else:
-                    shape = np.shape(given)
-                values[name] = _on_cache_lines(shape, _DTYPES[code[:2]])
-                if given is not None:
-                    values[name][...] = given
+                shape = [sum(_product(term, sizes) for term in s.split("+")) for s in cls.shapes[name]]
+                values[name] = on_cache_lines(np.zeros(shape, _DTYPES[code[:2]]))
         return cls(**values)
 
     @classmethod
@@ -142,9 +138,10 @@ class Bundle:
         return getattr(type(self), name).cell(self)
 
 
-def _on_cache_lines(shape, dtype):
-    """Zeros that begin on a cache line."""
-    nbytes = math.prod(shape) * dtype.itemsize
-    room = np.zeros(nbytes + _LINE, np.uint8)
+def on_cache_lines(values):
+    """A copy that begins on a cache line."""
+    room = np.empty(values.nbytes + _LINE, np.uint8)
     begin = -room.ctypes.data % _LINE
-    return room[begin : begin + nbytes].view(dtype).reshape(shape)
+    copy = room[begin : begin + values.nbytes].view(values.dtype).reshape(values.shape)
+    copy[...] = values
+    return copy

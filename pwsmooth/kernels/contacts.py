@@ -44,10 +44,11 @@ def _open(S, R, j, order):
 
 @kernel
 def _find_touching(P, S, R, W):
-    """Overwrites W.contacts.touching, the contacts whose gap is 0, W.contacts.speed and W.contacts.at_rest; returns how many.
+    """Overwrites `touching`, the contacts whose gap is 0, their `speed` and `at_rest`; returns how many.
 
     W.firing.level holds the gaps before the updates of this instant.
     """
+    contacts = W.contacts
     size = 0
     evaluate_surfaces(P, S, W)
     for c in range(len(P.contact)):
@@ -56,30 +57,29 @@ def _find_touching(P, S, R, W):
         if S.status[j] == SOLVED and W.instant.jumped and W.h[j] > rounding and W.h[j] != W.firing.level[j]:
             _open(S, R, j, 0)  # an update has lifted the body off
         elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
-            W.contacts.touching[size] = j
+            contacts.touching[size] = j
             size += 1
     for a in range(size):
-        W.contacts.speed[a] = approach_speed(P, S, W.contacts.touching[a], W)
-        W.contacts.at_rest[a] = W.instant.rest_speed
+        contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
+        contacts.at_rest[a] = W.instant.rest_speed
     return size
 
 
 @kernel
 def _find_couplings(P, S, W, size):
     """Overwrites W.contacts.delassus, the matrix D of the touching contacts."""
+    contacts = W.contacts
     evaluate_surfaces(P, S, W)
     for a in range(size):
         for b in range(size):
-            W.contacts.delassus[a, b] = entry(
-                P.g_row, P.g_col, W.G, W.contacts.touching[a], W.contacts.touching[b]
-            )
+            contacts.delassus[a, b] = entry(P.g_row, P.g_col, W.G, contacts.touching[a], contacts.touching[b])
 
 
 @kernel
-def _coupled(W, a, size):
+def _coupled(contacts, a, size):
     """Whether an impulse at touching contact a moves another one that touches, or is moved by it."""
     for b in range(size):
-        if b != a and (W.contacts.delassus[a, b] != 0.0 or W.contacts.delassus[b, a] != 0.0):
+        if b != a and (contacts.delassus[a, b] != 0.0 or contacts.delassus[b, a] != 0.0):
             return True
     return False
 
@@ -87,14 +87,15 @@ def _coupled(W, a, size):
 @kernel
 def _rebound(P, S, W, j):
     """Overwrites W.contacts.after by the state after a rebound of contact j alone; returns its speed there."""
+    contacts = W.contacts
     for i in range(P.n):
-        W.contacts.before[i] = W.contacts.after[i] = S.x[i]
-    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.contacts.after)
+        contacts.before[i] = contacts.after[i] = S.x[i]
+    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, contacts.after)
     for i in range(P.n):
-        S.x[i] = W.contacts.after[i]
+        S.x[i] = contacts.after[i]
     speed = approach_speed(P, S, j, W)
     for i in range(P.n):
-        S.x[i] = W.contacts.before[i]
+        S.x[i] = contacts.before[i]
     return speed
 
 
@@ -112,16 +113,16 @@ def _kick(P, S, W, j, impulse):
 
 
 @kernel
-def _solve_chosen(W, size):
-    """Overwrites W.contacts.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
-    p, q, D, A = W.contacts.impulse, W.contacts.load, W.contacts.delassus, W.contacts.pivots
+def _solve_chosen(contacts, size):
+    """Overwrites contacts.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
+    p, q, D, A = contacts.impulse, contacts.load, contacts.delassus, contacts.pivots
     rows, scale = 0, 0.0
     for a in range(size):
         scale = max(scale, abs(q[a]))
-        if W.contacts.chosen[a]:
+        if contacts.chosen[a]:
             columns = 0
             for b in range(size):
-                if W.contacts.chosen[b]:
+                if contacts.chosen[b]:
                     A[rows, columns] = D[a, b]
                     columns += 1
             A[rows, columns] = -q[a]
@@ -131,7 +132,7 @@ def _solve_chosen(W, size):
     row = 0
     for a in range(size):
         p[a] = 0.0
-        if W.contacts.chosen[a]:
+        if contacts.chosen[a]:
             p[a] = A[row, rows]
             row += 1
             if not abs(p[a] * D[a, a]) <= _SINGULAR * scale:
@@ -140,15 +141,15 @@ def _solve_chosen(W, size):
 
 
 @kernel
-def _complementarity(W, size):
-    """Solves 0 <= p, q + D p >= 0, one of them 0, for W.contacts.impulse, q in W.contacts.load: Murty's least-index pivoting.
+def _complementarity(contacts, size):
+    """Solves 0 <= p, q + D p >= 0, one of them 0, for the impulse p, q in contacts.load: Murty's least-index pivoting.
 
     False where D is no P-matrix, as where two walls close on a body.
     """
-    p, q, D = W.contacts.impulse, W.contacts.load, W.contacts.delassus
+    p, q, D = contacts.impulse, contacts.load, contacts.delassus
     scale = 0.0
     for a in range(size):
-        W.contacts.chosen[a] = 0
+        contacts.chosen[a] = 0
         p[a] = 0.0
         scale = max(scale, abs(q[a]))
     for _ in range(64 + 16 * size):
@@ -159,48 +160,46 @@ def _complementarity(W, size):
             rate = q[a]
             for b in range(size):
                 rate += D[a, b] * p[b]
-            if p[a] < -_EQUAL * largest if W.contacts.chosen[a] else rate < -_EQUAL * scale:
+            if p[a] < -_EQUAL * largest if contacts.chosen[a] else rate < -_EQUAL * scale:
                 wrong = a
                 break
         if wrong < 0:
             return True
-        W.contacts.chosen[wrong] = 1 - W.contacts.chosen[wrong]
-        if not _solve_chosen(W, size):
+        contacts.chosen[wrong] = 1 - contacts.chosen[wrong]
+        if not _solve_chosen(contacts, size):
             return False
     return False
 
 
 @kernel
-def _apart_from_single_impacts(W, size):
-    """Largest difference between the speeds after W.contacts.impulse and after rebounds one by one, first or last contact first.
+def _apart_from_single_impacts(contacts, size):
+    """Largest difference between the speeds after the impulses and after rebounds one by one, from either end.
 
     Relative to the largest speed of approach.
     """
     scale, apart = 0.0, 0.0
     for a in range(size):
-        scale = max(scale, abs(W.contacts.speed[a]))
+        scale = max(scale, abs(contacts.speed[a]))
     for turn in range(2):
         for a in range(size):
-            W.contacts.sequel[a] = W.contacts.speed[a]
+            contacts.sequel[a] = contacts.speed[a]
         for _ in range(200 * size):
             found = -1
             for k in range(size):
                 a = k if turn == 0 else size - 1 - k
-                if found < 0 and W.contacts.sequel[a] < -_EQUAL * scale:
+                if found < 0 and contacts.sequel[a] < -_EQUAL * scale:
                     found = a
             if found < 0:
                 break
             impulse = (
-                -(1.0 + W.contacts.restitution[found])
-                * W.contacts.sequel[found]
-                / W.contacts.delassus[found, found]
+                -(1.0 + contacts.restitution[found]) * contacts.sequel[found] / contacts.delassus[found, found]
             )
             for a in range(size):
-                W.contacts.sequel[a] += W.contacts.delassus[a, found] * impulse
+                contacts.sequel[a] += contacts.delassus[a, found] * impulse
         for a in range(size):
-            speed = W.contacts.speed[a] - W.contacts.sequel[a]
+            speed = contacts.speed[a] - contacts.sequel[a]
             for b in range(size):
-                speed += W.contacts.delassus[a, b] * W.contacts.impulse[b]
+                speed += contacts.delassus[a, b] * contacts.impulse[b]
             apart = max(apart, abs(speed))
     return apart / scale
 
@@ -208,35 +207,36 @@ def _apart_from_single_impacts(W, size):
 @kernel
 def _collide(P, S, R, W, size):
     """Impacts of the touching contacts, those that act on each other together; False where they have no solution."""
+    contacts = W.contacts
     approaching, together = False, False
     for a in range(size):
-        approaching = approaching or W.contacts.speed[a] < -W.contacts.at_rest[a]
+        approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
     if not approaching:
         return True
     if size > 1:
         _find_couplings(P, S, W, size)
     for a in range(size if size > 1 else 0):
-        W.contacts.load[a] = W.contacts.speed[a]
-        W.contacts.restitution[a] = 0.0
-        if W.contacts.speed[a] < -W.contacts.at_rest[a]:
-            after = _rebound(P, S, W, W.contacts.touching[a])
-            W.contacts.restitution[a] = -after / W.contacts.speed[a]
-            W.contacts.load[a] -= after
-            together = together or _coupled(W, a, size)
+        contacts.load[a] = contacts.speed[a]
+        contacts.restitution[a] = 0.0
+        if contacts.speed[a] < -contacts.at_rest[a]:
+            after = _rebound(P, S, W, contacts.touching[a])
+            contacts.restitution[a] = -after / contacts.speed[a]
+            contacts.load[a] -= after
+            together = together or _coupled(W.contacts, a, size)
     if together:
-        if not _complementarity(W, size):
+        if not _complementarity(W.contacts, size):
             return False
-        if _apart_from_single_impacts(W, size) > 1e-9:
-            record_ambiguity(S, R, W.contacts.touching[0], AMB_IMPACTS, 0)
+        if _apart_from_single_impacts(W.contacts, size) > 1e-9:
+            record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
     for a in range(size):
-        j, meets = W.contacts.touching[a], W.contacts.speed[a] < -W.contacts.at_rest[a]
-        if together and _coupled(W, a, size):
-            if W.contacts.impulse[a] > 0.0:
-                _kick(P, S, W, j, W.contacts.impulse[a])
+        j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
+        if together and _coupled(W.contacts, a, size):
+            if contacts.impulse[a] > 0.0:
+                _kick(P, S, W, j, contacts.impulse[a])
         elif meets:
             _rebound(P, S, W, j)
             for i in range(P.n):
-                S.x[i] = W.contacts.after[i]
+                S.x[i] = contacts.after[i]
         if meets:
             keep_on_surface(P, S, j, W)
             S.deflate[j] = 1
@@ -276,15 +276,16 @@ def part_or_press(P, S, W, j):
 @kernel
 def _settle_forces(P, S, R, W, size):
     """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
-    largest, resting, was_closed = 0.0, W.contacts.chosen, W.contacts.load
+    contacts = W.contacts
+    largest, resting, was_closed = 0.0, contacts.chosen, contacts.load
     some = False
     W.instant.look_again = int(size > 1)
     for a in range(size):
-        j = W.contacts.touching[a]
+        j = contacts.touching[a]
         was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
         # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
         smooth = S.status[j] != SOLVED and S.deflate[j] == 3
-        resting[a] = 1 if abs(W.contacts.speed[a]) <= W.contacts.at_rest[a] and not smooth else 0
+        resting[a] = 1 if abs(contacts.speed[a]) <= contacts.at_rest[a] and not smooth else 0
         if resting[a] and S.deflate[j] == PRESSING:
             S.status[j] = SOLVED
         if resting[a]:
@@ -297,10 +298,10 @@ def _settle_forces(P, S, R, W, size):
         solved = call_newton(P.newton_unit, P, S, W) != 0
         now = 0.0
         for a in range(size):
-            now = max(now, abs(S.mult[W.contacts.touching[a]]))
+            now = max(now, abs(S.mult[contacts.touching[a]]))
         if added >= 0 and (not solved or (largest > 0.0 and now > _SINGULAR * largest)):
-            S.status[W.contacts.touching[added]] = 1
-            S.mult[W.contacts.touching[added]] = 0.0
+            S.status[contacts.touching[added]] = 1
+            S.mult[contacts.touching[added]] = 0.0
             resting[added] = 0
             added = -1
             continue
@@ -310,7 +311,7 @@ def _settle_forces(P, S, R, W, size):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         wrong = -1
         for a in range(size):
-            j = W.contacts.touching[a]
+            j = contacts.touching[a]
             if wrong < 0 and resting[a]:
                 own = abs(entry(P.g_row, P.g_col, W.G, j, j))
                 rounding = _EQUAL * (own * largest + friction_on(P, W, j))
@@ -324,12 +325,12 @@ def _settle_forces(P, S, R, W, size):
                     wrong = a
         if wrong < 0:
             break
-        j = W.contacts.touching[wrong]
+        j = contacts.touching[wrong]
         added = wrong if S.status[j] != SOLVED else -1
         S.status[j] = SOLVED if added >= 0 else 1
         S.mult[j] = 0.0
     for a in range(size):
-        j = W.contacts.touching[a]
+        j = contacts.touching[a]
         if S.status[j] == SOLVED and was_closed[a] == 0.0:
             record_event(S, R, j, EV_CLOSED, 1, 0)
         elif S.status[j] != SOLVED and was_closed[a] != 0.0:
@@ -341,7 +342,8 @@ def _settle_forces(P, S, R, W, size):
 
 @kernel
 def settle_contacts(P, S, R, W):
-    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with W.instant.jumped set where velocities jump."""
+    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with `jumped` set where velocities jump."""
+    contacts = W.contacts
     before = S.events
     for c in range(len(P.contact)):
         j = P.contact[c]
@@ -352,9 +354,9 @@ def settle_contacts(P, S, R, W):
     if not _collide(P, S, R, W, size):
         return UNSOLVABLE
     for a in range(size):
-        j = W.contacts.touching[a]
-        W.contacts.speed[a] = approach_speed(P, S, j, W)
-        if W.contacts.speed[a] > W.contacts.at_rest[a]:
+        j = contacts.touching[a]
+        contacts.speed[a] = approach_speed(P, S, j, W)
+        if contacts.speed[a] > contacts.at_rest[a]:
             if S.status[j] == SOLVED:
                 _open(S, R, j, 1)
             S.deflate[j] = 1
@@ -375,20 +377,21 @@ def close_at_start(P, S, R, W):
 @kernel
 def stop_closed(P, S, W):
     """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
+    contacts = W.contacts
     size = 0
     for c in range(len(P.contact)):
         j = P.contact[c]
         if S.status[j] == SOLVED:
             keep_on_surface(P, S, j, W)
-            W.contacts.touching[size] = j
+            contacts.touching[size] = j
             size += 1
     if size == 0:
         return
     for a in range(size):
-        W.contacts.chosen[a] = 1
-        W.contacts.load[a] = approach_speed(P, S, W.contacts.touching[a], W)
+        contacts.chosen[a] = 1
+        contacts.load[a] = approach_speed(P, S, contacts.touching[a], W)
     _find_couplings(P, S, W, size)
-    if _solve_chosen(W, size):
+    if _solve_chosen(W.contacts, size):
         for a in range(size):
-            if W.contacts.impulse[a] != 0.0:
-                _kick(P, S, W, W.contacts.touching[a], W.contacts.impulse[a])
+            if contacts.impulse[a] != 0.0:
+                _kick(P, S, W, contacts.touching[a], contacts.impulse[a])

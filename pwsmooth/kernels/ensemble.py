@@ -14,14 +14,7 @@ from numba.extending import intrinsic
 from .compiling import inlined_kernel, kernel, unit
 from .ensemble_state import (
     EXTREMES,
-    FLAG_PIECE,
-    FLAG_POINT,
-    FLAG_SEGMENTS,
     INTEGRALS,
-    K_AMBIGUITIES,
-    K_EVENTS,
-    K_EVENTS_IN_WINDOW,
-    K_STEPS,
     Ensemble,
 )
 from .fresh import restart_counts, restart_flags
@@ -67,17 +60,16 @@ def _reset(P, C, S, W, E, i):
     restart_counts(S)
     for j in range(P.m):
         forget_intervals(S.last[j], E.t0[i])
-    E.t_end[0] = E.window[i, 1]
+    C.t_end = E.window[i, 1]
     restart_flags(W)  # of a run that stopped half-way
-    E.flags[:] = 0
+    E.has_point = E.has_piece = E.segments = 0
     for j in range(P.m):
         E.stick_time[i, j] = 0.0
         E.sticks[i, j] = 0
     for q in range(len(E.quantity)):
         E.low[i, q], E.high[i, q] = math.inf, -math.inf
         E.first[i, q], E.second[i, q] = 0.0, 0.0
-    for k in range(E.counts.shape[1]):
-        E.counts[i, k] = 0
+    E.events[i] = E.ambiguities[i] = E.events_inside[i] = 0
 
 
 @kernel
@@ -85,11 +77,11 @@ def _piece(P, E, i, t_from, t_to):
     """Takes note of the status E.was on an interval of time of positive length."""
     begin, end = E.window[i, 0], E.window[i, 1]
     inside = min(t_to, end) - max(t_from, begin)
-    changed = E.flags[FLAG_PIECE] == 0
+    changed = E.has_piece == 0
     for j in range(P.m):
         if E.was[j] == SOLVED and inside > 0.0:
             E.stick_time[i, j] += inside
-        if E.flags[FLAG_PIECE] == 0 or E.was[j] != E.before[j]:
+        if E.has_piece == 0 or E.was[j] != E.before[j]:
             changed = True
             if E.was[j] == SOLVED and begin <= t_from < end:
                 E.sticks[i, j] += 1
@@ -99,12 +91,12 @@ def _piece(P, E, i, t_from, t_to):
             code += (E.was[j] + 1) * E.word_digits[j]
             E.before[j] = E.was[j]
         # A change of a multiplier that makes no word is none of the word.
-        count, ring = E.flags[FLAG_SEGMENTS], len(E.segment)
+        count, ring = E.segments, len(E.segment)
         if count == 0 or E.segment[(count - 1) % ring] != code:
             E.segment[count % ring] = code
             E.segment_t[count % ring] = t_from
-            E.flags[FLAG_SEGMENTS] += 1
-        E.flags[FLAG_PIECE] = 1
+            E.segments += 1
+        E.has_piece = 1
 
 
 @kernel
@@ -112,15 +104,15 @@ def _follow_points(P, S, R, E, i):
     """Takes note of the points in the buffers: sticks and segments."""
     for a in range(S.points):
         t = R.t[a]
-        if E.flags[FLAG_POINT] == 1 and t > E.last[0]:
-            _piece(P, E, i, E.last[0], t)
-        E.last[0] = t
-        E.flags[FLAG_POINT] = 1
+        if E.has_point == 1 and t > E.last:
+            _piece(P, E, i, E.last, t)
+        E.last = t
+        E.has_point = 1
         for j in range(P.m):
             E.was[j] = R.status[a, j]
     for a in range(S.events):
         if R.event_t[a] > E.window[i, 0]:
-            E.counts[i, K_EVENTS_IN_WINDOW] += 1
+            E.events_inside[i] += 1
 
 
 @inlined_kernel
@@ -297,7 +289,7 @@ def _find_period(P, E, i):
 def _keep_word(E, i):
     """The segments that begin in the last period(s) of orbit i; the one that is on if none begins."""
     begin = E.window[i, 1] - max(E.found[i], 1) * E.period[i]
-    count, ring = E.flags[FLAG_SEGMENTS], len(E.segment)
+    count, ring = E.segments, len(E.segment)
     first = count
     while first > 0 and count - first < ring and E.segment_t[(first - 1) % ring] >= begin:
         first -= 1
@@ -330,15 +322,15 @@ def ensemble(P, C, S, R, W, E, first, stop):
             code = call_unit(E.run, P, C, S, R, W)
             _follow_points(P, S, R, E, i)
             _follow_steps(P, C, S, R, E, i)
-            E.counts[i, K_EVENTS] += S.events
-            E.counts[i, K_AMBIGUITIES] += S.ambiguities
+            E.events[i] += S.events
+            E.ambiguities[i] += S.ambiguities
             S.points = 0
             S.events = 0
             S.ambiguities = 0
             S.pieces = 0
         E.code[i] = code
         E.reached[i] = S.t
-        E.counts[i, K_STEPS] = S.steps
+        E.steps[i] = S.steps
         for k in range(strobes):
             for r in range(P.n):
                 E.strobe[i, k, r] = R.x_eval[k, r]

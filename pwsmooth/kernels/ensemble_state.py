@@ -3,8 +3,6 @@
 from .block import Bundle
 
 EXTREMES, INTEGRALS = 1, 2  # bits of Ensemble.wanted
-K_STEPS, K_EVENTS, K_AMBIGUITIES, K_EVENTS_IN_WINDOW = range(4)
-FLAG_POINT, FLAG_PIECE, FLAG_SEGMENTS = range(3)
 
 
 class Ensemble(Bundle):
@@ -15,7 +13,6 @@ class Ensemble(Bundle):
     longest: "int"  # largest period looked for, in drive periods
     period_tol: "float"
     stop: "i8[1]"  # set to 1 by another thread: no orbit goes on
-    t_end: "f8[1]"  # the cell of Control.t_end
     p: "f8[N, np]"  # parameters
     ratio: "f8[N, nz]"  # Problem.ratio
     x0: "f8[N, n]"
@@ -29,7 +26,10 @@ class Ensemble(Bundle):
     weight: "f8[nodes]"
     code: "i8[N]"  # why the loop returned
     reached: "f8[N]"  # last time
-    counts: "i8[N, 4]"  # see the K_ names
+    steps: "i8[N]"
+    events: "i8[N]"
+    ambiguities: "i8[N]"
+    events_inside: "i8[N]"  # of the window
     stick_time: "f8[N, m]"  # time solved, inside the window
     sticks: "i8[N, m]"  # sticks that begin inside the window
     strobe: "f8[N, strobes, n]"  # states at window start, one period later, ...
@@ -40,8 +40,10 @@ class Ensemble(Bundle):
     high: "f8[N, nq]"
     first: "f8[N, nq]"  # integral over the window
     second: "f8[N, nq]"  # of the square
-    last: "f8[1]"  # time of the last point
-    flags: "i8[3]"
+    last: "float"  # time of the last point
+    has_point: "int"  # of the orbit at hand: whether there has been one, and a piece between two
+    has_piece: "int"
+    segments: "int"  # so far
     was: "i8[m]"  # status behind the last point
     before: "i8[m]"  # status of the last segment
     segment_t: "f8[ring]"  # when the last segments began

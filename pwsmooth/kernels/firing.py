@@ -34,34 +34,35 @@ def _meet_event(P, S, W, i):
 
 @kernel
 def _note_conflicts(P, S, R, W, size):
-    """Records an ambiguity where of the events W.firing.together[:size] one sets a state that another sets or adds to otherwise.
+    """Records an ambiguity where one of the events together[:size] sets a state that another sets or adds to otherwise.
 
     What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
     """
+    firing = W.firing
     added, was_set, value, trial, shifted = (
-        W.firing.added,
-        W.firing.was_set,
-        W.firing.value,
-        W.firing.trial,
-        W.firing.shifted,
+        firing.added,
+        firing.was_set,
+        firing.value,
+        firing.trial,
+        firing.shifted,
     )
     for k in range(P.n):
         added[k] = was_set[k] = 0
     conflict = -1
     for a in range(size):
-        i = W.firing.together[a]
+        i = firing.together[a]
         for k in range(P.n):
-            trial[k] = W.firing.before[k]
-            shifted[k] = W.firing.before[k] + 1.0 + abs(W.firing.before[k])
-        call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, trial)
-        call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, shifted)
+            trial[k] = firing.before[k]
+            shifted[k] = firing.before[k] + 1.0 + abs(firing.before[k])
+        call_act(P.act, i, S.t, firing.before, S.mult, P.p, trial)
+        call_act(P.act, i, S.t, firing.before, S.mult, P.p, shifted)
         for k in range(P.n):
             if trial[k] == shifted[k]:
                 if added[k] or (was_set[k] and value[k] != trial[k]):
                     conflict = i
                 was_set[k] = 1
                 value[k] = trial[k]
-            elif trial[k] != W.firing.before[k]:
+            elif trial[k] != firing.before[k]:
                 if was_set[k]:
                     conflict = i
                 added[k] = 1
@@ -75,27 +76,29 @@ def _fire_events(P, C, S, R, W):
 
     Keeps in W.firing.level the event surfaces before each update, and the switches' before the first.
     """
+    instant = W.instant
+    firing = W.firing
     m, n, ne = P.m, P.n, P.ne
     code = DONE
     fired = 0
     while fired <= ne + MOST_AT_ONCE - 1:
         newly, together = False, 0
         for k in range(n):
-            W.firing.before[k] = S.x[k]
-            W.firing.after[k] = S.x[k]
+            firing.before[k] = S.x[k]
+            firing.after[k] = S.x[k]
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(m if fired > 0 else 0, m + ne):
-            W.firing.level[i] = W.h[i]
+            firing.level[i] = W.h[i]
         for i in range(ne):
             if (
-                W.firing.pending[i] == 1
-                and call_act(P.act, i, S.t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+                firing.pending[i] == 1
+                and call_act(P.act, i, S.t, firing.before, S.mult, P.p, firing.after) != 0
             ):
-                W.firing.pending[i] = 2
+                firing.pending[i] = 2
                 newly = True
                 fired += 1
                 together += 1
-                W.firing.together[together - 1] = i
+                firing.together[together - 1] = i
                 record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
                 if P.terminal[i]:
                     code = TERMINAL
@@ -104,17 +107,17 @@ def _fire_events(P, C, S, R, W):
         if together > 1:
             _note_conflicts(P, S, R, W, together)
         for k in range(n):
-            if W.firing.after[k] != S.x[k]:
-                W.instant.jumped = 1
-                S.x[k] = W.firing.after[k]
+            if firing.after[k] != S.x[k]:
+                instant.jumped = 1
+                S.x[k] = firing.after[k]
         evaluate_surfaces(P, S, W)
         for i in range(ne):
-            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == W.firing.level[m + i]:
+            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == firing.level[m + i]:
                 continue
             rounding = 0.0
             for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
                 k = P.dh_col[e]
-                rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(S.x[k]))
+                rounding += 1e-13 * abs(W.dh[e]) * (abs(firing.before[k]) + abs(S.x[k]))
             if abs(W.h[m + i]) <= rounding:
                 continue
             S.deflate[m + i] = 0  # the update has left the surface, to whichever side
@@ -122,15 +125,15 @@ def _fire_events(P, C, S, R, W):
                 continue
             acted = False
             for a in range(together):
-                acted = acted or W.firing.together[a] == i
-            if acted or (W.instant.hit[m + i] and abs(W.firing.level[m + i]) <= rounding):
+                acted = acted or firing.together[a] == i
+            if acted or (instant.hit[m + i] and abs(firing.level[m + i]) <= rounding):
                 # Put back, from the surface that it had just reached or to where another update had carried it: it will
                 # be met again from there. An update fires no event that acts with it: one that only records at the
                 # surface of another would make that act twice.
                 S.side[i] = -S.side[i]
             else:
                 # An event surface that the update has jumped through is met as well.
-                W.instant.hit[m + i] = True
+                instant.hit[m + i] = True
                 _meet_event(P, S, W, i)
     return CHATTERING
 
@@ -138,20 +141,21 @@ def _fire_events(P, C, S, R, W):
 @kernel
 def events(P, C, S, R, W):
     """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
+    firing = W.firing
     some = False
     for i in range(P.ne):
-        W.firing.pending[i] = 0
+        firing.pending[i] = 0
         if W.instant.hit[P.m + i]:
             S.deflate[P.m + i] = 1
             _meet_event(P, S, W, i)
-            some = some or W.firing.pending[i] == 1
+            some = some or firing.pending[i] == 1
     if W.instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
-            W.firing.pending[C.clock_event[S.ticks]] = 1
+            firing.pending[C.clock_event[S.ticks]] = 1
             S.ticks += 1
             some = True
     for k in range(P.n):
-        W.firing.arrived[k] = S.x[k]
+        firing.arrived[k] = S.x[k]
     code = _fire_events(P, C, S, R, W) if some else DONE
     if code == DONE and some and events_accumulate(P, S, R, W):
         return ACCUMULATED
@@ -183,20 +187,21 @@ def sides_after_crossing(P, S, R, W):
 @kernel
 def sides_after_jump(P, S, R, W):
     """After x has jumped: switches off their surfaces take their sides; those on them stay or become hit."""
+    instant = W.instant
     evaluate_surfaces(P, S, W)
     for j in range(P.m):
         if P.kind[j] >= CONTACT:
             continue
-        if W.instant.hit[j] and W.h[j] == W.firing.level[j]:
+        if instant.hit[j] and W.h[j] == W.firing.level[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
             if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
                 continue
-            if not W.instant.hit[j]:
+            if not instant.hit[j]:
                 S.last[j, 2] = 0.0  # what puts it there comes back to its surface, not the motion
-            W.instant.hit[j] = True  # still, or now, on its surface
+            instant.hit[j] = True  # still, or now, on its surface
             continue
-        W.instant.hit[j] = False
+        instant.hit[j] = False
         S.deflate[j] = 0
         side = 1 if W.h[j] > 0.0 else -1
         if S.status[j] != side:

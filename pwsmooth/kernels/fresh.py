@@ -12,9 +12,9 @@ def restart_counts(S):
 
 @kernel
 def restart_flags(W):
-    W.roots.dips = W.roots.dip_crosses = W.arc.touched = W.instant.fold = W.instant.way = W.layer.masked = (
-        W.instant.at_clock
+    instant, step, roots = W.instant, W.step, W.roots
+    roots.dips = roots.dip_crosses = W.arc.touched = W.layer.masked = W.pair.solves = step.kind = (
+        step.arrives
     ) = 0
-    W.instant.jumped = W.instant.together = W.pair.solves = W.instant.solved_there = W.instant.look_again = (
-        W.step.kind
-    ) = W.step.arrives = 0
+    instant.fold = instant.way = instant.at_clock = instant.jumped = instant.together = 0
+    instant.solved_there = instant.look_again = 0

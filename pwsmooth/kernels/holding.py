@@ -69,24 +69,25 @@ def hold_second_order(P, S, R, W, size):
     With h = dh/dt = 0 such a switch stays where lambda between its bounds keeps d2h/dt2 = 0, as a closed contact does
     with its reaction, and leaves to the side of the bound where it would take more.
     """
+    instant = W.instant
     count, rest = 0, 0
     for a in range(size):
-        j = W.instant.active[a]
+        j = instant.active[a]
         if P.kind[j] == SECOND_ORDER:
-            W.instant.group[count] = j
+            instant.group[count] = j
             count += 1
             S.status[j] = SOLVED
             S.mult[j] = 0.0
         else:
-            W.instant.active[rest] = j
+            instant.active[rest] = j
             rest += 1
     if count == 0:
         return rest
     for a in range(count):
-        j = W.instant.group[a]
+        j = instant.group[a]
         speed = approach_speed(P, S, j, W)
         slope = W.G[P.g_diagonal[j]]
-        if abs(speed) > W.instant.rest_speed:
+        if abs(speed) > instant.rest_speed:
             _leave(S, j, 1 if speed > 0.0 else -1, 1)
         elif not slope < 0.0:
             force = residual(P, S, W, j, 0.0)
@@ -98,14 +99,14 @@ def hold_second_order(P, S, R, W, size):
         mask_instant(P, S, W)
         if not follow(P, S, W):
             for a in range(count):
-                j = W.instant.group[a]
+                j = instant.group[a]
                 if S.status[j] == SOLVED:
                     S.status[j] = HELD  # two that hold one motion: neither has a lambda of its own
                     S.mult[j] = 0.0
             return rest
         most, worst = 1.0, -1
         for a in range(count):
-            j = W.instant.group[a]
+            j = instant.group[a]
             if S.status[j] == SOLVED and abs(S.mult[j]) > most:
                 most, worst = abs(S.mult[j]), j
         if worst < 0:
@@ -143,12 +144,13 @@ def hold_beside(P, S, W):
 @kernel
 def hold_instead(P, S, R, W, j):
     """Whether switches that have been held beside switch j, which slips now, keep it at rest; it is held then."""
+    instant = W.instant
     evaluate_surfaces(P, S, W)
     size, order = 0, 3 if abs(S.mult[j]) <= 1.0 + AT_BOUND else 2
     for k in range(P.m):
         if S.status[k] == HELD and P.kind[k] == SECOND_ORDER and entry(P.g_row, P.g_col, W.G, k, j) != 0.0:
-            W.linear.linked[size] = W.instant.active[size] = k
-            W.instant.mult[k] = S.mult[k]
+            W.linear.linked[size] = instant.active[size] = k
+            instant.mult[k] = S.mult[k]
             size += 1
     if size == 0:
         return False
@@ -160,7 +162,7 @@ def hold_instead(P, S, R, W, j):
         k = W.linear.linked[a]
         if S.status[k] == SOLVED:
             return True
-        turned = turned or S.mult[k] != W.instant.mult[k]
+        turned = turned or S.mult[k] != instant.mult[k]
     S.status[j], S.mult[j] = SOLVED, lam
     if turned:
         # At their other bound they leave it less to hold.
@@ -177,12 +179,13 @@ def hold_instead(P, S, R, W, j):
 @kernel
 def hold_what_rests(P, S, R, W):
     """After x has jumped: switches on whose surface it stands at rest slide to second order, or slide no longer."""
+    instant = W.instant
     size = 0
     for j in range(P.m):
-        if P.kind[j] == SECOND_ORDER and W.instant.hit[j]:
-            rests = abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
+        if P.kind[j] == SECOND_ORDER and instant.hit[j]:
+            rests = abs(approach_speed(P, S, j, W)) <= instant.rest_speed
             if rests or S.status[j] == SOLVED or S.status[j] == HELD:
-                W.instant.active[size] = j
+                instant.active[size] = j
                 size += 1
     if size == 0:
         return
@@ -190,12 +193,12 @@ def hold_what_rests(P, S, R, W):
     size = 0
     for j in range(P.m):
         if P.kind[j] == SLIDING and S.status[j] == SOLVED:
-            W.instant.active[size] = j
+            instant.active[size] = j
             size += 1
     hold_supported(P, S, W, size)
     for j in range(P.m):
-        held = S.status[j] == SOLVED or W.instant.came[j] == SOLVED or W.instant.came[j] == HELD
-        if P.kind[j] == SECOND_ORDER and W.instant.hit[j] and held:
-            W.instant.hit[j] = False
-            if S.status[j] != W.instant.came[j]:
-                record_event(S, R, j, EV_RESET, W.instant.came[j], S.status[j])
+        held = S.status[j] == SOLVED or instant.came[j] == SOLVED or instant.came[j] == HELD
+        if P.kind[j] == SECOND_ORDER and instant.hit[j] and held:
+            instant.hit[j] = False
+            if S.status[j] != instant.came[j]:
+                record_event(S, R, j, EV_RESET, instant.came[j], S.status[j])

@@ -69,37 +69,38 @@ _MOST_MINUTE = 10_000
 
 @kernel
 def _arrivals(P, C, S, R, W, size, jumped):
-    """Settles the switches W.instant.active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+    """Settles the switches active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+    instant = W.instant
     if len(P.contact) > 0:
         size = hold_supported(P, S, W, size)
         for j in range(P.m):
-            if S.status[j] == HELD and W.instant.came[j] != HELD and W.instant.hit[j]:
-                record_event(S, R, j, EV_STICK, W.instant.came[j], 0)
+            if S.status[j] == HELD and instant.came[j] != HELD and instant.hit[j]:
+                record_event(S, R, j, EV_STICK, instant.came[j], 0)
                 keep_on_surface(P, S, j, W)
                 forget_intervals(S.last[j], S.t)
         if size == 0:
             return DONE
     joint = size
     for a in range(size):
-        link(P, S, W, W.instant.active[a])
+        link(P, S, W, instant.active[a])
         for b in range(P.m):
-            if W.linear.linked[b] == 0 or P.kind[b] != SLIDING or b == W.instant.active[a]:
+            if W.linear.linked[b] == 0 or P.kind[b] != SLIDING or b == instant.active[a]:
                 continue
             known = -1
             for c in range(joint):
-                if W.instant.active[c] == b:
+                if instant.active[c] == b:
                     known = c
             if 0 <= known < size:
-                W.instant.together = 1
+                instant.together = 1
             elif known < 0 and S.status[b] == SOLVED:
-                W.instant.active[joint] = b
+                instant.active[joint] = b
                 joint += 1
     code = DONE
-    if joint > size or W.instant.together:
+    if joint > size or instant.together:
         for a in range(joint):
-            j = W.instant.active[a]
-            W.instant.group[a] = j
-            W.instant.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
+            j = instant.active[a]
+            instant.group[a] = j
+            instant.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
             if jumped and S.status[j] != SOLVED:
                 S.mult[j] = 0.0
         code = settle_arrivals(P, S, R, W, joint)
@@ -109,14 +110,14 @@ def _arrivals(P, C, S, R, W, size, jumped):
         code = settle_at_rest(P, C, S, R, W, size)
     else:
         for a in range(size):
-            W.instant.group[0] = W.instant.active[a]
-            W.instant.arrival[0] = S.status[W.instant.active[a]]
+            instant.group[0] = instant.active[a]
+            instant.arrival[0] = S.status[instant.active[a]]
             code = max(code, settle_arrivals(P, S, R, W, 1))
     if code != DONE:
         return code
     for a in range(joint):
-        j = W.instant.active[a]
-        came = W.instant.came[j]
+        j = instant.active[a]
+        came = instant.came[j]
         S.deflate[j] = 1
         if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
             record_event(S, R, j, EV_STICK, came, 0)
@@ -136,27 +137,28 @@ def _arrivals(P, C, S, R, W, size, jumped):
 @kernel
 def _try_other_ratio(P, S, R, W, size):
     """Runs the corner's layer again with eps_1/eps_2 changed by 10 and 1/10; another outcome is an ambiguity."""
-    m, first = P.m, W.instant.active[0]
+    instant = W.instant
+    m, first = P.m, instant.active[0]
     for j in range(m):
-        W.instant.status[j] = S.status[j]
-        W.instant.mult[j] = S.mult[j]
+        instant.status[j] = S.status[j]
+        instant.mult[j] = S.mult[j]
     weight = P.weight[first]
     same = True
     for factor in (10.0, 0.1):
         for j in range(m):
-            S.status[j] = W.instant.came[j]
-            S.mult[j] = W.instant.mult[j] if W.instant.came[j] == SOLVED else float(W.instant.came[j])
+            S.status[j] = instant.came[j]
+            S.mult[j] = instant.mult[j] if instant.came[j] == SOLVED else float(instant.came[j])
         for a in range(size):
-            W.instant.group[a] = W.instant.active[a]
-            W.instant.arrival[a] = W.instant.came[W.instant.active[a]]
+            instant.group[a] = instant.active[a]
+            instant.arrival[a] = instant.came[instant.active[a]]
         P.weight[first] = weight * factor
         same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
         for j in range(m):
-            same = same and S.status[j] == W.instant.status[j]
+            same = same and S.status[j] == instant.status[j]
     P.weight[first] = weight
     for j in range(m):
-        S.status[j] = W.instant.status[j]
-        S.mult[j] = W.instant.mult[j]
+        S.status[j] = instant.status[j]
+        S.mult[j] = instant.mult[j]
     if not same:
         record_ambiguity(S, R, first, AMB_CORNER, 0)
 
@@ -174,15 +176,16 @@ def _is_minute(P, C, S, W, j):
 @kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
+    instant = W.instant
     m, mult, status = P.m, S.mult, S.status
-    jumped = W.instant.jumped != 0
+    jumped = instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):
-        if not W.instant.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
+        if not instant.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
             continue
         if status[j] == SOLVED:
             if not jumped:
@@ -199,7 +202,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                     record_event(S, R, j, EV_TANGENCY, 0, status[j])
                     part_or_press(P, S, W, j)
         elif P.kind[j] == SLIDING:
-            W.instant.active[size] = j
+            instant.active[size] = j
             size += 1
         else:
             went = -status[j]
@@ -221,7 +224,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
                 forget_intervals(S.last[j], S.t)
                 stop_normal_speed(P, S, j, W, False)
-                W.instant.active[0] = j
+                instant.active[0] = j
                 hold_second_order(P, S, R, W, 1)
                 record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
                 S.minute = 0
@@ -256,10 +259,11 @@ def _left_behind(P, S, W, i):
 @kernel
 def _forget_what_was_met(P, S, W):
     """Before another look at the contacts of an instant: nothing is met but by what they do now."""
-    W.instant.jumped = 0
+    instant = W.instant
+    instant.jumped = 0
     for j in range(P.m):
-        W.instant.hit[j] = False
-        W.instant.came[j] = S.status[j]
+        instant.hit[j] = False
+        instant.came[j] = S.status[j]
         W.firing.level[j] = math.nan
 
 
@@ -290,20 +294,21 @@ def _sides_of_events(P, S, W):
 def at_instant(P, C, S, R, W):
     """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
 
-    Reads W.instant.met, W.step.length, W.instant.elapsed, W.instant.fold, W.instant.way and W.instant.at_clock; sets W.instant.jumped, W.instant.together and W.instant.solved_there.
+    Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
     """
+    instant = W.instant
     m, ne, t, status = P.m, P.ne, S.t, S.status
-    best, h, elapsed = W.instant.met, W.step.length, W.instant.elapsed
-    fold, fold_way = W.instant.fold, W.instant.way
-    W.instant.jumped = 0
-    W.instant.together = 0
+    best, h, elapsed = instant.met, W.step.length, instant.elapsed
+    fold, fold_way = instant.fold, instant.way
+    instant.jumped = 0
+    instant.together = 0
     for i in range(m + ne):
-        W.instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
             abs(t), elapsed
         )
         # Not of events: a latch at its own threshold is left and met again within rounding.
         if (
-            not W.instant.hit[i]
+            not instant.hit[i]
             and S.deflate[i] != 0
             and (elapsed > 1e-12 * (1.0 + abs(t)) or (i < m and _left_behind(P, S, W, i)))
         ):
@@ -311,34 +316,34 @@ def at_instant(P, C, S, R, W):
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
-        if j >= 0 and W.instant.hit[m + i] != W.instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
-            W.instant.hit[m + i] = W.instant.hit[j] = True
+        if j >= 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+            instant.hit[m + i] = instant.hit[j] = True
     if fold >= 0:
-        W.instant.hit[fold] = False
+        instant.hit[fold] = False
     for j in range(m):
-        W.instant.came[j] = status[j]
+        instant.came[j] = status[j]
         W.firing.level[j] = math.nan
-        if W.instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
+        if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
-        elif W.instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
     if S.stalled > MOST_AT_ONCE:
         return CHATTERING
     events_before = S.events
-    only = only_one(P, S, W) if fold < 0 and W.instant.at_clock == 0 else -1
+    only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
         if code != -1 and (code != DONE or not is_passed(S, only)):
             record_point(P, S, R)
             return code
         only = code
-        W.instant.solved_there = 0
+        instant.solved_there = 0
     stop, jumped = DONE, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
-        jumped = W.instant.jumped != 0
+        jumped = instant.jumped != 0
         if stop == ACCUMULATED:
             record_point(P, S, R)
         if stop != DONE and stop != TERMINAL:
@@ -368,7 +373,7 @@ def at_instant(P, C, S, R, W):
             code = _follow_up(P, S, R, W)
             if code != DONE:
                 return code
-        if len(P.contact) == 0 or W.instant.look_again == 0:
+        if len(P.contact) == 0 or instant.look_again == 0:
             break
     if len(P.contact) > 0:
         stop_closed(P, S, W)

@@ -162,9 +162,10 @@ _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525,
 @kernel
 def _rates(P, S, W, size, y, out, stage):
     """Overwrites out[stage] with the rates of the layer system at y = (u of W.instant.group, z)."""
+    instant = W.instant
     mult = S.mult
     for i in range(size):
-        mult[W.instant.group[i]] = sigmoid(P.sigmoid, y[i])
+        mult[instant.group[i]] = sigmoid(P.sigmoid, y[i])
     if P.nz > 0:
         for i in range(P.nz):
             W.layer.z[i] = y[size + i]
@@ -176,24 +177,25 @@ def _rates(P, S, W, size, y, out, stage):
             call_newton(P.newton_unit, P, S, W)
         call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
     for i in range(size):
-        out[stage, i] = W.layer.pace * P.weight[W.instant.group[i]] * W.g[W.instant.group[i]]
+        out[stage, i] = W.layer.pace * P.weight[instant.group[i]] * W.g[instant.group[i]]
 
 
 @kernel
 def _rest_is_near(P, S, W, size):
     """Solves for the rest state beside a layer run that has become slow; False (S as before) if it is elsewhere."""
+    instant = W.instant
     for i in range(size):
-        W.layer.status[i] = S.status[W.instant.group[i]]
-        W.layer.mult[i] = S.mult[W.instant.group[i]]
-        S.status[W.instant.group[i]] = SOLVED
+        W.layer.status[i] = S.status[instant.group[i]]
+        W.layer.mult[i] = S.mult[instant.group[i]]
+        S.status[instant.group[i]] = SOLVED
     mask_solved(P, S, W)
     near = call_newton(P.newton_unit, P, S, W) != 0
     for i in range(size):
-        near = near and abs(S.mult[W.instant.group[i]] - W.layer.mult[i]) < 1e-3
+        near = near and abs(S.mult[instant.group[i]] - W.layer.mult[i]) < 1e-3
     if not near:
         for i in range(size):
-            S.status[W.instant.group[i]] = W.layer.status[i]
-            S.mult[W.instant.group[i]] = W.layer.mult[i]
+            S.status[instant.group[i]] = W.layer.status[i]
+            S.mult[instant.group[i]] = W.layer.mult[i]
     return near
 
 
@@ -216,16 +218,17 @@ def _set_pace(P, S, W, size):
 
 @kernel
 def _integrate(P, S, W, size):
-    """Runs the layer system of W.instant.group[:size] from u = W.layer.y (and W.layer.z) until all are settled.
+    """Runs the layer system of the switches group[:size] from u = W.layer.y (and z) until all are settled.
 
-    Overwrites S.mult, S.status, W.layer.z, W.instant.group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
+    Overwrites S.mult, S.status, z, group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
     A switch that runs out to u = +-inf gets that side; the rest goes on without it.
     """
+    instant = W.instant
     nz, y, new, k = P.nz, W.layer.y, W.layer.new, W.layer.k
     W.layer.masked = 1 if mask_instant(P, S, W) else 0
     reach = 1e3
     for i in range(size):
-        W.mask[W.instant.group[i]] = 0
+        W.mask[instant.group[i]] = 0
         reach = max(reach, 10.0 * abs(y[i]))
     for i in range(nz):
         y[size + i] = W.layer.z[i]
@@ -268,13 +271,13 @@ def _integrate(P, S, W, size):
                 gone = i
         scale = max(scale, speed)
         if gone >= 0:
-            j = W.instant.group[gone]
+            j = instant.group[gone]
             S.status[j] = 1 if y[gone] > 0.0 else -1
             S.mult[j] = float(S.status[j])
             for i in range(gone, dim - 1):
                 y[i] = y[i + 1]
             for i in range(gone, size - 1):
-                W.instant.group[i] = W.instant.group[i + 1]
+                instant.group[i] = instant.group[i + 1]
             size -= 1
             if size == 0:
                 return SETTLED
@@ -289,7 +292,7 @@ def _integrate(P, S, W, size):
             quiet = 0
             small *= 0.1
             for i in range(size):
-                W.mask[W.instant.group[i]] = 0
+                W.mask[instant.group[i]] = 0
     return OSCILLATES
 
 
@@ -404,11 +407,12 @@ def _settle_one(P, S, W, j, start, toward):
 
 @kernel
 def _arrive(P, S, W, size):
-    """Settles the switches W.instant.group[:size], come to their surfaces from W.instant.arrival (0: at rest there, u = 0)."""
+    """Settles the switches group[:size], come to their surfaces from the side `arrival` (0: at rest there, u = 0)."""
+    instant = W.instant
     one = size == 1 and (P.nz == 0 or P.ratio[0] == 0.0)
     if one:
-        j = W.instant.group[0]
-        side = W.instant.arrival[0]
+        j = instant.group[0]
+        side = instant.arrival[0]
         S.mult[j] = float(side)
         if P.nz > 0:
             _relax_from_zero(P, S, W, j)
@@ -420,35 +424,36 @@ def _arrive(P, S, W, size):
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     top, slowest = 1e-300, 1.0
     for i in range(size):
-        if W.instant.arrival[i] != 0:
-            top = max(top, abs(W.g[W.instant.group[i]]) * P.weight[W.instant.group[i]])
+        if instant.arrival[i] != 0:
+            top = max(top, abs(W.g[instant.group[i]]) * P.weight[instant.group[i]])
     for i in range(P.nz):
         slowest = min(slowest, P.ratio[i])
     # Far enough that fast layered states have settled on the way.
     tail = 1e3 + 50.0 * (top if P.nz > 0 else min(top, 100.0)) / slowest
     for i in range(size):
-        j = W.instant.group[i]
-        if W.instant.arrival[i] == 0:
+        j = instant.group[i]
+        if instant.arrival[i] == 0:
             W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
             share = abs(W.g[j]) * P.weight[j] / top
-            W.layer.y[i] = W.instant.arrival[i] * tail * max(share, 1e-6)
+            W.layer.y[i] = instant.arrival[i] * tail * max(share, 1e-6)
             S.mult[j] = sigmoid(P.sigmoid, W.layer.y[i])
     if P.nz > 0:
-        _relax_from_zero(P, S, W, W.instant.group[0])
+        _relax_from_zero(P, S, W, instant.group[0])
     return _integrate(P, S, W, size)
 
 
 @kernel
 def _leave_fold(P, S, W, j, toward):
     """After a fold of switch j's root the layer decides again, going on in the direction `toward`."""
+    instant = W.instant
     size = 1
-    W.instant.group[0] = j
+    instant.group[0] = j
     link(P, S, W, j)
     for i in range(P.m):
         if i != j and W.linear.linked[i] and S.status[i] == SOLVED and P.kind[i] == SLIDING:
-            W.instant.group[size] = i
+            instant.group[size] = i
             size += 1
     fold = S.mult[j]
     if size == 1 and P.nz == 0 and toward * fold >= 1.0 - 1e-6:
@@ -473,7 +478,7 @@ def _leave_fold(P, S, W, j, toward):
                 S.mult[j] = float(left)
             return _close(P, S, W)
     for i in range(size):
-        W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[W.instant.group[i]])
+        W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[instant.group[i]])
     return _integrate(P, S, W, size)
 
 

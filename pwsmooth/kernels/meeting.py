@@ -44,7 +44,8 @@ def meet(P, row, power, degree, drop, sign, W):
 @inlined_kernel
 def _meet_bounds(P, C, S, row, power, degree, j, W):
     """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.meeting.exit_side."""
-    poly = W.roots.poly
+    roots = W.roots
+    poly = roots.poly
     scaled(row, power, poly, degree, 0, 1.0)
     lo, hi = low_bounds(poly)
     rest = remainder(poly, degree)
@@ -75,10 +76,10 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
         powers(W.step.end_power, best)
         for k in range(0, degree - drop + 1, 8):
             store8(poly, k, load8(poly, k) * load8(W.step.end_power, k))
-        W.roots.guess = 0.0
+        roots.guess = 0.0
         s = first_root(P, W.roots, degree - drop)
-        if W.roots.dips == 1:
-            W.roots.dip_at *= best
+        if roots.dips == 1:
+            roots.dip_at *= best
         if s < 1.0 and best > 0.0:
             best *= s
             W.meeting.exit_side[j] = side
@@ -87,13 +88,14 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
 
 @inlined_kernel
 def _note_size(P, C, W, i, row, drop):
-    """Leaves in W.roots.shallow the size of surface i so far, against which a dip is shallow, if the pair makes the steps.
+    """Leaves in roots.shallow the size of surface i so far, which a dip is measured by, if the pair makes the steps.
 
     A jet's step goes from afar to a tangency; the pair's last ones begin close to it, and are as good as its tolerance.
     """
+    meeting = W.meeting
     if P.pair:
-        W.meeting.widest[i] = max(W.meeting.widest[i], abs(at(row, 0)))
-        W.roots.shallow = W.meeting.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
+        meeting.widest[i] = max(meeting.widest[i], abs(at(row, 0)))
+        W.roots.shallow = meeting.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
 
 
 @kernel
@@ -123,17 +125,19 @@ def _kink_met(P, C, S, row, power, j, met, W):
 
 @inlined_kernel
 def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
-    """Overwrites W.meeting.tau, W.meeting.grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
-    m, K, tau, status, kind, deflate = P.m, C.order, W.meeting.tau, S.status, P.kind, S.deflate
+    """Overwrites tau and grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
+    meeting = W.meeting
+    roots = W.roots
+    m, K, tau, status, kind, deflate = P.m, C.order, meeting.tau, S.status, P.kind, S.deflate
     best = NO_ROOT
     for j in range(m):
         met = NO_ROOT
-        W.roots.dips = 0
-        W.roots.guess = expected(W, j, status[j], S.t, h)
+        roots.dips = 0
+        roots.guess = expected(W, j, status[j], S.t, h)
         if status[j] == SOLVED:
             if kind[j] == CONTACT:
                 met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W)
-                W.meeting.exit_side[j] = 1
+                meeting.exit_side[j] = 1
             elif kind[j] != ALGEBRAIC:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
         elif surface_rows[j] >= 0 and status[j] != HELD:
@@ -141,22 +145,22 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
             met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[surface_rows[j]], 0))
-                W.meeting.widest[j] = max(W.meeting.widest[j], away)
-                if away <= 1e-6 * W.meeting.widest[j]:
+                meeting.widest[j] = max(meeting.widest[j], away)
+                if away <= 1e-6 * meeting.widest[j]:
                     met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W)
-        W.roots.shallow = 0.0
+        roots.shallow = 0.0
         tau[j] = met
         best = min(best, met)
-        W.meeting.grazed[j] = W.roots.dip_at if W.roots.dips != 0 else NO_ROOT
-        W.meeting.graze_crosses[j] = W.roots.dip_crosses
+        meeting.grazed[j] = roots.dip_at if roots.dips != 0 else NO_ROOT
+        meeting.graze_crosses[j] = roots.dip_crosses
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
         if surface_rows[i] >= 0 and P.watch[i - m] == 0:
-            W.roots.guess = expected(W, i, S.side[i - m], S.t, h)
+            roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
             tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
             best = min(best, tau[i])
-        W.roots.shallow = 0.0
+        roots.shallow = 0.0
     return best
 
 

@@ -8,7 +8,7 @@ from numba.extending import intrinsic
 from .compiling import unit
 from .fresh import restart_counts, restart_flags
 from .intervals import forget_intervals
-from .noise_state import INTERVAL, LAST, TRAJECTORY, Diffused
+from .noise_state import Diffused
 from .pointers import _caller
 from .state import DONE, FULL, Control, Problem, Record, State
 from .work import Work
@@ -23,13 +23,13 @@ def call_diffuse(typingctx, address, P, C, S, R, W, N):
 @unit(types.int64, types.int64, types.int64, types.int64, Problem, Control, State, Record, Work, Diffused)
 def diffuse_many(address, first, stop, P, C, S, R, W, N):
     """Trajectories first..stop-1 of an ensemble; overwrites the rows of N.snapshots, N.ends and N.codes. Returns 0."""
-    n, interval = P.n, N.place[INTERVAL]
+    n, interval = P.n, N.interval
     t0 = N.starts[0, n]
-    end = N.place[LAST]
-    base = N.place[TRAJECTORY]
+    end = N.last
+    base = N.trajectory
     for row in range(first, stop):
-        N.place[TRAJECTORY] = base + row
-        N.place[INTERVAL] = interval
+        N.trajectory = base + row
+        N.interval = interval
         own = row if N.starts.shape[0] > 1 else 0
         for i in range(n):
             S.x[i] = N.starts[own, i]
@@ -41,7 +41,7 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
             forget_intervals(S.last[j], t0)
         code, taken = DONE, 0
         while taken <= len(N.grid) and code == DONE:
-            N.place[LAST] = N.grid[taken] if taken < len(N.grid) else end
+            N.last = N.grid[taken] if taken < len(N.grid) else end
             code = FULL
             while code == FULL:
                 code = call_diffuse(address, P, C, S, R, W, N)
@@ -59,7 +59,7 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
             N.ends[row, 1 + i] = S.x[i]
         N.codes[row, 0] = code
         N.codes[row, 1] = S.steps
-    N.place[TRAJECTORY] = base
-    N.place[INTERVAL] = interval
-    N.place[LAST] = end
+    N.trajectory = base
+    N.interval = interval
+    N.last = end
     return 0

@@ -19,13 +19,7 @@ from numba.extending import intrinsic
 from .compiling import kernel, unit
 from .noise_state import (
     DEEPEST,
-    INTERVAL,
-    LAST,
-    LEVEL,
     LOCATED,
-    POSITION,
-    RECORDING,
-    REJECTED,
     Diffused,
 )
 from .noise_tree import begin_interval, end_time, halve, halved, length_here, pass_on
@@ -124,7 +118,7 @@ def _step(P, S, W, N):
     False if a sliding multiplier was lost at the stage.
     """
     n, q, x, G = P.n, N.q, S.x, N.out_start
-    level = N.place[LEVEL]
+    level = N.depth
     dw, area = N.increment[level], N.area[level]
     h, t = length_here(N), S.t
     for i in range(n):
@@ -162,7 +156,7 @@ def _step(P, S, W, N):
 
 @kernel
 def _changes(P, S, W, N, found):
-    """Marks in W.meeting.tau and W.instant.fold what has changed its status over the step just made; True if anything has."""
+    """Marks in tau and instant.fold what has changed its status over the step just made; True if anything has."""
     m, some = P.m, False
     W.instant.fold = -1
     linear = False
@@ -199,7 +193,7 @@ def _changes(P, S, W, N, found):
 @kernel
 def _deep_enough(P, W, N):
     """Whether what has changed is located: to the finest level where noise acts on the surface, else to rounding."""
-    level = N.place[LEVEL]
+    level = N.depth
     if W.instant.fold >= 0:
         return level >= LOCATED
     for i in range(P.m + P.ne):
@@ -211,17 +205,18 @@ def _deep_enough(P, W, N):
 @kernel
 def _act(P, C, S, R, W, N, t_before):
     """Acts on the changes at the present instant; returns a code."""
+    instant = W.instant
     t = S.t
-    fold = W.instant.fold
+    fold = instant.fold
     if fold >= 0:
         # Past the fold the layer flow has one direction: that of g at the root that was.
         S.mult[fold] = N.mult[fold]
         call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        W.instant.way = 1 if W.g[fold] > 0.0 else -1
-    W.instant.at_clock = 0
+        instant.way = 1 if W.g[fold] > 0.0 else -1
+    instant.at_clock = 0
     for j in range(P.m):
         S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
-    W.instant.met, W.step.length, W.instant.elapsed = 0.5, t - t_before, t - t_before
+    instant.met, W.step.length, instant.elapsed = 0.5, t - t_before, t - t_before
     code = call_unit(P.instant_unit, P, C, S, R, W)
     S.t = t
     return code
@@ -273,13 +268,12 @@ def _begin(P, C, S, R, W, N):
 
 @unit(types.int64, Problem, Control, State, Record, Work, Diffused)
 def diffuse(P, C, S, R, W, N):
-    """Advances S to the start of interval N.place[LAST], or to the first reason to return; see state.py."""
-    place = N.place
+    """Advances S to the start of interval N.last, or to the first reason to return; see state.py."""
     if S.started == 0:
         code = _begin(P, C, S, R, W, N)
         if code != DONE:
             return code
-    while place[INTERVAL] < place[LAST]:
+    while N.interval < N.last:
         if not _room(S, R):
             return FULL
         if S.steps >= C.max_steps:
@@ -288,7 +282,7 @@ def diffuse(P, C, S, R, W, N):
         if not longest > 0.0:
             return NOT_FINITE
         while length_here(N) > longest:
-            if place[LEVEL] >= DEEPEST:
+            if N.depth >= DEEPEST:
                 return UNDERFLOW
             halve(N)
         t = S.t
@@ -309,7 +303,7 @@ def diffuse(P, C, S, R, W, N):
                 break
             _restore(P, S, N, t)
             halve(N)
-            place[REJECTED] += 1
+            N.rejected += 1
         total = 0.0
         for i in range(P.n):
             total += abs(S.x[i])
@@ -324,8 +318,8 @@ def diffuse(P, C, S, R, W, N):
                 return code
         else:
             S.stalled = 0
-        if place[LEVEL] == 0 and place[POSITION] == 0:
+        if N.depth == 0 and N.position == 0:
             _sample(S, R, P)
-            if place[RECORDING] and not changed:
+            if N.recording and not changed:
                 record_point(P, S, R)
     return DONE

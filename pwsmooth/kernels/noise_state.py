@@ -22,9 +22,6 @@ ROOT, SPLIT = 0x726F6F74, 0x73706C69  # of the Brownian path: whole intervals, a
 DEEPEST = 40  # halvings of an interval
 LOCATED = 34  # halvings after which an event counts as located: 6e-11 of an interval
 
-# Entries of Diffused.place: where on the Brownian path the run stands, and what it has done.
-INTERVAL, POSITION, LEVEL, LAST, RECORDING, TRAJECTORY, REJECTED = range(7)
-
 
 class Diffused(Bundle):
     """One diffusion: dx = f dt + G dW with q sources, on a Brownian path made of intervals of length `step`."""
@@ -40,12 +37,16 @@ class Diffused(Bundle):
     finest: "int"  # further ones beside a surface that the noise acts on
     seed: "int"
     noisy: "i8[m + ne]"  # the noise acts on this surface
-    place: "i8[:]"
-    out: (
-        "f8[:]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
-    )
-    out_start: "f8[:]"  # the same at the start of the step
-    out_ahead: "f8[:]"
+    trajectory: "int"
+    interval: "int"  # where on the Brownian path the run stands
+    depth: "int"  # halvings of that interval
+    position: "int"  # part of it
+    last: "int"  # interval at whose start the run ends
+    recording: "int"  # whether the points are kept
+    rejected: "int"  # steps
+    out: "f8[outputs]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
+    out_start: "f8[outputs]"  # the same at the start of the step
+    out_ahead: "f8[outputs]"
     increment: "f8[DEEPEST + 1, q]"  # of every level: increment of W over the present part of the interval
     area: "f8[DEEPEST + 1, q]"  # ... and its space-time area H = int W ds / h - W/2
     right_increment: "f8[DEEPEST + 1, q]"  # the same of the other half
@@ -54,7 +55,7 @@ class Diffused(Bundle):
     f: "f8[n]"
     mult: "f8[m]"
     status: "i8[m]"
-    starts: "f8[:, :]"  # (1 or trajectories, n), of an ensemble
+    starts: "f8[trajectories, n + 1]"  # of an ensemble: states and time
     snapshots: "f8[trajectories, times, n]"
     grid: "i8[times]"  # interval at whose start each snapshot is taken
     ends: "f8[trajectories, n + 1]"  # time and state at the end of each

@@ -14,7 +14,7 @@ import math
 
 from .compiling import kernel
 from .noise_random import four_normals
-from .noise_state import INTERVAL, LEVEL, POSITION, ROOT, SPLIT, TRAJECTORY
+from .noise_state import ROOT, SPLIT
 
 
 @kernel
@@ -25,12 +25,12 @@ def halved(length, times):
 
 @kernel
 def begin_interval(N):
-    """Puts the whole interval N.place[INTERVAL] on top: level 0."""
-    N.place[LEVEL] = 0
-    N.place[POSITION] = 0
+    """Puts the whole interval N.interval on top: level 0."""
+    N.depth = 0
+    N.position = 0
     wide, narrow = math.sqrt(N.step), math.sqrt(N.step / 12.0)
     for s in range(0, N.q, 2):
-        a, b, c, d = four_normals(N.seed, N.place[TRAJECTORY], N.place[INTERVAL], 1, s, ROOT)
+        a, b, c, d = four_normals(N.seed, N.trajectory, N.interval, 1, s, ROOT)
         N.increment[0, s] = wide * a
         N.area[0, s] = narrow * b
         if s + 1 < N.q:
@@ -53,31 +53,31 @@ def _halve_source(N, level, s, z1, z2, h):
 @kernel
 def halve(N):
     """Replaces the present part by its left half; the right one waits."""
-    level = N.place[LEVEL]
+    level = N.depth
     h = halved(N.step, level)
-    node = (1 << level) + N.place[POSITION]
+    node = (1 << level) + N.position
     for s in range(0, N.q, 2):
-        a, b, c, d = four_normals(N.seed, N.place[TRAJECTORY], N.place[INTERVAL], node, s, SPLIT)
+        a, b, c, d = four_normals(N.seed, N.trajectory, N.interval, node, s, SPLIT)
         _halve_source(N, level, s, a, b, h)
         if s + 1 < N.q:
             _halve_source(N, level, s + 1, c, d, h)
-    N.place[LEVEL] = level + 1
-    N.place[POSITION] *= 2
+    N.depth = level + 1
+    N.position *= 2
 
 
 @kernel
 def pass_on(N):
     """Goes on to the part after the present one: the right half that waits, or the next interval."""
-    level, position = N.place[LEVEL], N.place[POSITION]
+    level, position = N.depth, N.position
     while level > 0 and position % 2 == 1:
         level -= 1
         position //= 2
-    N.place[LEVEL] = level
+    N.depth = level
     if level == 0:
-        N.place[INTERVAL] += 1
+        N.interval += 1
         begin_interval(N)
         return
-    N.place[POSITION] = position + 1
+    N.position = position + 1
     for s in range(N.q):
         N.increment[level, s] = N.right_increment[level, s]
         N.area[level, s] = N.right_area[level, s]
@@ -86,14 +86,14 @@ def pass_on(N):
 @kernel
 def length_here(N):
     """Length of the present part."""
-    return halved(N.step, N.place[LEVEL])
+    return halved(N.step, N.depth)
 
 
 @kernel
 def end_time(N):
     """Time at the end of the present part; exactly a multiple of the step at the end of an interval."""
-    last = N.place[POSITION] + 1
-    whole = 1 << N.place[LEVEL]
+    last = N.position + 1
+    whole = 1 << N.depth
     if last == whole:
-        return N.step * float(N.place[INTERVAL] + 1)
-    return N.step * (float(N.place[INTERVAL]) + float(last) / float(whole))
+        return N.step * float(N.interval + 1)
+    return N.step * (float(N.interval) + float(last) / float(whole))

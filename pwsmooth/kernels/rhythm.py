@@ -4,7 +4,7 @@ A periodic motion meets its surfaces at regular intervals: started there, the se
 need not wait for a first guess. Where the intervals differ the expectation is not followed, and it never decides
 anything: the root is the same to rounding.
 
-    W.meeting.rhythm[3 i + status + 1] = interval, how far it was off;   W.meeting.rhythm[-1] = time of the last instant, -
+    rhythm[3 i + status + 1] = interval, how far it was off;   rhythm[-1] = time of the last instant, -
 """
 
 from .compiling import inlined_kernel, kernel

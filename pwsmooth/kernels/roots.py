@@ -215,7 +215,7 @@ def _split(roots, degree, stride, slot):
 
 @kernel
 def _subdivide(roots, degree, stride, negative):
-    """First root where more than one is possible: halves, left first. roots.bernstein holds [0, 1] in its first slot."""
+    """First root where more than one is possible: halves, left first. `bernstein` holds [0, 1] in its first slot."""
     a, work = roots.poly, roots.bernstein
     top = 0.0
     for k in range(degree + 1):
@@ -326,7 +326,7 @@ def _isolate_short(roots, degree):
 
 @unit(types.float64, Roots, types.int64)
 def isolate(roots, degree):
-    """First root of the polynomial roots.poly, which is positive at 0; NO_ROOT if there is none. Overwrites roots.bernstein."""
+    """First root of roots.poly, which is positive at 0; NO_ROOT if there is none. Overwrites roots.bernstein."""
     s = _isolate_short(roots, degree)
     if s >= 0.0:
         return s

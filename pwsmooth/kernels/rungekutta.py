@@ -65,7 +65,7 @@ def _rate(P, S, W, t, out, stage):
 
 @kernel
 def _try_step(P, C, S, W, h):
-    """One step of size h from (W.pair.x, W.pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
+    """One step of size h from (pair.x, pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
     n, k, x0, t = P.n, W.pair.k, W.pair.x, S.t
     for s in range(_STAGES + 1):
         for i in range(n):
@@ -112,11 +112,12 @@ def _slope(P, W, i):
 
 @kernel
 def _polynomials(P, S, W, h):
-    """Overwrites W.step.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
-    n, m, k, rows, t = P.n, P.m, W.pair.k, W.step.rows, S.t
+    """Overwrites step.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
+    pair = W.pair
+    n, m, k, rows, t = P.n, P.m, pair.k, W.step.rows, S.t
     surfaces = m + P.ne
     for i in range(n):
-        W.pair.end[i] = S.x[i]
+        pair.end[i] = S.x[i]
     found = True
     for s in range(3):
         stage = _STAGES + 1 + s
@@ -124,10 +125,10 @@ def _polynomials(P, S, W, h):
             total = 0.0
             for r in range(stage):
                 total += _A[stage, r] * k[r, i]
-            S.x[i] = W.pair.x[i] + h * total
+            S.x[i] = pair.x[i] + h * total
         found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
     for i in range(n):
-        step = W.pair.end[i] - W.pair.x[i]
+        step = pair.end[i] - pair.x[i]
         for c in range(rows.shape[1]):
             rows[i, c] = 0.0
         for part in range(7):
@@ -144,7 +145,7 @@ def _polynomials(P, S, W, h):
                 value *= h
             for c in range(_DEGREE + 1):
                 rows[i, c] += value * _BASIS[part, c]
-        rows[i, 0] += W.pair.x[i]
+        rows[i, 0] += pair.x[i]
     for r in range(m + surfaces):
         for c in range(rows.shape[1]):
             rows[n + r, c] = 0.0
@@ -153,7 +154,7 @@ def _polynomials(P, S, W, h):
         W.dx[i] = k[0, i]
     call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
     # While multipliers are solved for, surfaces in which they stand change with them.
-    with_slope = W.pair.solves == 0
+    with_slope = pair.solves == 0
     for j in range(surfaces):
         with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
     fit = _FIT_WITH_SLOPE if with_slope else _FIT
@@ -167,8 +168,8 @@ def _polynomials(P, S, W, h):
             for c in range(_DEGREE - 1, -1, -1):
                 value = value * theta + rows[i, c]
             S.x[i] = value
-        found = found and _rate(P, S, W, t + theta * h, k, 0) if W.pair.solves else found
-        if not W.pair.solves:
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if pair.solves else found
+        if not pair.solves:
             call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for c in range(_DEGREE + 1):
             for j in range(m):
@@ -226,7 +227,7 @@ def _value(row, s):
 
 @kernel
 def _linear_terms(P, S, W):
-    """Overwrites W.step.rows with value and slope only, where no step can be made: a surface may be met within rounding."""
+    """Overwrites rows with value and slope only, where no step can be made: a surface may be met within rounding."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     W.step.rows[:, :] = 0.0
     for i in range(P.n):
@@ -245,20 +246,21 @@ def rk_step(P, C, S, W, h, refine):
 
     `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
     """
+    pair = W.pair
     n, m = P.n, P.m
-    W.pair.solves = 0
+    pair.solves = 0
     for i in range(n):
-        W.pair.x[i] = S.x[i]
+        pair.x[i] = S.x[i]
     for j in range(m):
-        W.pair.mult[j] = S.mult[j]
+        pair.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
-            W.pair.solves = 1
-    _rate(P, S, W, S.t, W.pair.k, 0)
+            pair.solves = 1
+    _rate(P, S, W, S.t, pair.k, 0)
     if refine < 0:
         # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
         power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
         if not P.pair:
-            h = min(h, W.pair.longest)
+            h = min(h, pair.longest)
         for _ in range(60):
             _restore(P, S, W)
             error = _try_step(P, C, S, W, h)
@@ -266,24 +268,24 @@ def rk_step(P, C, S, W, h, refine):
                 h *= 0.25
             elif error <= 1.0:
                 # The next step's size, kept in S by the caller.
-                W.pair.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
-                W.pair.longest = W.pair.next_step
+                pair.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                pair.longest = pair.next_step
                 misfit = math.inf
                 if _polynomials(P, S, W, h):
                     misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
                 if misfit <= 1.0:
                     if P.pair:
-                        W.pair.next_step = min(W.pair.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
+                        pair.next_step = min(pair.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
                     return h
                 _restore(P, S, W)
-                _rate(P, S, W, S.t, W.pair.k, 0)
+                _rate(P, S, W, S.t, pair.k, 0)
                 h *= max(0.25, 0.9 * misfit**-0.125)
             else:
                 h *= max(least, 0.9 * error**power)
             if h <= 1e-15 * abs(S.t) + 1e-300:
                 break
         _restore(P, S, W)
-        _rate(P, S, W, S.t, W.pair.k, 0)
+        _rate(P, S, W, S.t, pair.k, 0)
         _linear_terms(P, S, W)
         return 0.0
     for _ in range(8):
@@ -306,7 +308,7 @@ def rk_step(P, C, S, W, h, refine):
         if abs(change) <= 1e-15 * (abs(S.t) + h):
             break
     _restore(P, S, W)
-    _rate(P, S, W, S.t, W.pair.k, 0)
+    _rate(P, S, W, S.t, pair.k, 0)
     if not h > 1e-15 * abs(S.t):
         _linear_terms(P, S, W)  # the surface is met where the step begins: its twin was a rounding earlier
         return 0.0

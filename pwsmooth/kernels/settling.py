@@ -78,63 +78,63 @@ def _one_at_rest(P, S, R, W, j):
 
 @kernel
 def _rest_repels(P, S, W, size):
-    """Whether the joint rest state on which the switches W.instant.active[:size] stand is left when lambda is moved a bit.
+    """Whether the joint rest state on which the switches active[:size] stand is left when lambda is moved a bit.
 
     The layer is run from beside it, along two directions that no stable manifold contains for long. S is kept.
     """
+    instant = W.instant
     for j in range(P.m):
-        W.instant.status[j] = S.status[j]
-        W.instant.mult[j] = S.mult[j]
+        instant.status[j] = S.status[j]
+        instant.mult[j] = S.mult[j]
     repels = False
     for sign in range(-1, 2, 2):
         for j in range(P.m):
-            S.status[j] = W.instant.status[j]
-            S.mult[j] = W.instant.mult[j]
+            S.status[j] = instant.status[j]
+            S.mult[j] = instant.mult[j]
         shift = 1e-3
         for a in range(size):
-            W.instant.group[a] = W.instant.active[a]
-            W.instant.arrival[a] = 0
-            S.mult[W.instant.active[a]] += shift
+            instant.group[a] = instant.active[a]
+            instant.arrival[a] = 0
+            S.mult[instant.active[a]] += shift
             shift *= 0.7 * sign
         settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0) == SETTLED
         for j in range(P.m):
-            same = S.status[j] == W.instant.status[j] and abs(S.mult[j] - W.instant.mult[j]) < 1e-6
+            same = S.status[j] == instant.status[j] and abs(S.mult[j] - instant.mult[j]) < 1e-6
             repels = repels or not (settled and same)
     for j in range(P.m):
-        S.status[j] = W.instant.status[j]
-        S.mult[j] = W.instant.mult[j]
+        S.status[j] = instant.status[j]
+        S.mult[j] = instant.mult[j]
     return repels
 
 
 @kernel
 def settle_at_rest(P, C, S, R, W, size):
-    """Settles the switches W.instant.active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
+    """Settles the switches active[:size], at rest on their surfaces: jointly where coupled, else one by one."""
+    instant = W.instant
     for a in range(size):
-        S.mult[W.instant.active[a]] = 0.0
+        S.mult[instant.active[a]] = 0.0
     size = hold_supported(P, S, W, hold_second_order(P, S, R, W, size))
     together = False
     for a in range(size):
         if size > 1:
-            link(P, S, W, W.instant.active[a])
+            link(P, S, W, instant.active[a])
             for b in range(size):
-                together = together or (a != b and W.linear.linked[W.instant.active[b]] != 0)
+                together = together or (a != b and W.linear.linked[instant.active[b]] != 0)
     code = DONE
     if together:
         for a in range(size):
-            W.instant.group[a] = W.instant.active[a]
-            W.instant.arrival[a] = 0
+            instant.group[a] = instant.active[a]
+            instant.arrival[a] = 0
         code = settle_arrivals(P, S, R, W, size)
         still = code == DONE
         for a in range(size):
             # A layer run that never moved: at rest, but nothing says that it stays so.
-            still = (
-                still and S.status[W.instant.active[a]] == SOLVED and abs(S.mult[W.instant.active[a]]) < 1e-9
-            )
+            still = still and S.status[instant.active[a]] == SOLVED and abs(S.mult[instant.active[a]]) < 1e-9
         if still and _rest_repels(P, S, W, size):
-            record_ambiguity(S, R, W.instant.active[0], AMB_REPELLING, 0)
+            record_ambiguity(S, R, instant.active[0], AMB_REPELLING, 0)
     else:
         for a in range(size):
-            code = max(code, _one_at_rest(P, S, R, W, W.instant.active[a]))
+            code = max(code, _one_at_rest(P, S, R, W, instant.active[a]))
     if some_second_order(P):
         hold_beside(P, S, W)
     if code == DONE and C.strict and S.ambiguities > 0:
@@ -197,7 +197,8 @@ def resettle(P, S, R, W):
 
     Leaves the side of those that slip in S.status; returns a code.
     """
-    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if W.instant.jumped else follow(P, S, W)):
+    instant = W.instant
+    if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if instant.jumped else follow(P, S, W)):
         return NO_ROOT_FOUND
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
@@ -214,13 +215,13 @@ def resettle(P, S, R, W):
         size = _sliding_with(P, S, W, j)
         if size > 1:
             for a in range(size):
-                W.instant.arrival[a] = 0
-                W.instant.active[a] = W.instant.group[a]
+                instant.arrival[a] = 0
+                instant.active[a] = instant.group[a]
             code = settle_arrivals(P, S, R, W, size)
             if code != DONE:
                 return code
             for a in range(size):
-                S.deflate[W.instant.active[a]] = 1
+                S.deflate[instant.active[a]] = 1
             continue
         toward = 1 if g > 0.0 else -1
         if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, toward, lam) == 0:

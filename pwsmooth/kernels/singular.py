@@ -134,10 +134,11 @@ def _arrived(P, S, R, W, i):
 
 @unit(types.int64, Problem, Control, State, Record, Work)
 def approach(P, C, S, R, W):
-    """Overwrites W.step.length with the longest step before a singular point, or to the one that W.step.arrives then names.
+    """Overwrites step.length with the longest step before a singular point, or to the one that step.arrives then names.
 
     Called with W.step.arrives set where that step ends: acts on it and returns a code.
     """
+    roots = W.roots
     m, K, kind, h = P.m, C.order, W.step.kind, W.step.length
     if W.step.arrives >= 0:
         return _arrived(P, S, R, W, W.step.arrives)
@@ -162,14 +163,14 @@ def approach(P, C, S, R, W):
         in_sight = left <= _IN_SIGHT * h and left <= first * h
         if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
             continue
-        W.roots.guess = 0.0
-        W.roots.shallow = _DIP * C.rtol / GRAZING
-        W.roots.dips = 0
-        scaled(row, W.step.power, W.roots.poly, K, 0, side / a)
+        roots.guess = 0.0
+        roots.shallow = _DIP * C.rtol / GRAZING
+        roots.dips = 0
+        scaled(row, W.step.power, roots.poly, K, 0, side / a)
         s = first_root(P, W.roots, K)
-        if s > 1.0 and W.roots.dips != 0:
-            s = W.roots.dip_at
-        W.roots.shallow = 0.0
+        if s > 1.0 and roots.dips != 0:
+            s = roots.dip_at
+        roots.shallow = 0.0
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:

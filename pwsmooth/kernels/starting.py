@@ -33,6 +33,7 @@ from .work import Work
 @unit(types.int64, Problem, Control, State, Record, Work)
 def start(P, C, S, R, W):
     """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
+    instant = W.instant
     m, status, mult = P.m, S.status, S.mult
     W.pair.longest = math.inf
     for i in range(P.ne):
@@ -51,22 +52,22 @@ def start(P, C, S, R, W):
         return NO_ROOT_FOUND
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):
-        W.instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
+        instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0 and not close_at_start(P, S, R, W):
         return NEWTON_FAILED
     size = 0
     for j in range(m):
-        if not W.instant.hit[j]:
+        if not instant.hit[j]:
             continue
         if P.kind[j] == CONTACT:
-            if status[j] != SOLVED and approach_speed(P, S, j, W) > W.instant.rest_speed:
+            if status[j] != SOLVED and approach_speed(P, S, j, W) > instant.rest_speed:
                 S.deflate[j] = 1
         elif P.kind[j] == SLIDING or (
-            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= W.instant.rest_speed
+            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= instant.rest_speed
         ):
-            W.instant.active[size] = j
+            instant.active[size] = j
             size += 1
         elif not any_is(P, S, SOLVED):
             order = leading_order(P, C, S, W, j)
@@ -75,10 +76,10 @@ def start(P, C, S, R, W):
             S.deflate[j] = abs(order) - 1
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     # What the switches have become acts on the contacts that were looked at before them.
-    W.instant.look_again = int(size > 0 and len(P.contact) > 0)
+    instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)
     for i in range(m + P.ne):
-        if not W.instant.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):
+        if not instant.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):
             continue
         S.deflate[i] = 1
         if slipping:

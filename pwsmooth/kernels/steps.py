@@ -193,7 +193,7 @@ def take_slip_jet(P, C, S, work):
 
 @inlined_kernel
 def take_jet(P, C, S, any_solved, work):
-    """Overwrites work.step.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
+    """Overwrites step.rows with the jet at (t, x, mult); returns the row of the first multiplier, -1 if it failed."""
     if any_solved:
         mask_solved(P, S, work)
         K, stride = C.order, work.step.rows.shape[1]
@@ -226,11 +226,12 @@ def fold_jet(P, C, S, W, j, toward):
     Rows: x, t, lambda_1..m. The multipliers of this program are dt/ds and dlambda_i/ds; they solve the bordered
     linear system  g_t dt/ds + G dlambda/ds = 0,  c . dlambda/ds = 1,  with c = toward e_j.
     """
+    arc = W.arc
     n, m, count = P.n, P.m, len(P.p)
-    bias, mult, mask, index = P.fold_bias, W.arc.mult, W.arc.mask, W.arc.index
+    bias, mult, mask, index = P.fold_bias, arc.mult, arc.mask, arc.index
     for i in range(n):
-        W.arc.x[i] = S.x[i]
-    W.arc.x[n] = S.t
+        arc.x[i] = S.x[i]
+    arc.x[n] = S.t
     for i in range(count):
         bias[i] = P.p[i]
     mask[0] = 1
@@ -239,25 +240,25 @@ def fold_jet(P, C, S, W, j, toward):
     size = 1
     for i in range(m):
         bias[count + i] = float(toward) if i == j else 0.0
-        W.arc.x[n + 1 + i] = S.mult[i]
+        arc.x[n + 1 + i] = S.mult[i]
         mult[1 + i] = 0.0
         mask[1 + i] = 1 if S.status[i] == SOLVED else 0
         if S.status[i] == SOLVED:
             index[size] = 1 + i
             size += 1
-    call_fields(P.fields_fold, 0.0, W.arc.x, mult, bias, W.arc.dx, W.arc.h, W.arc.g)
-    call_linear(P.linear_fold, 0.0, W.arc.x, mult, bias, W.arc.G, W.arc.dh)
+    call_fields(P.fields_fold, 0.0, arc.x, mult, bias, arc.dx, arc.h, arc.g)
+    call_linear(P.linear_fold, 0.0, arc.x, mult, bias, arc.G, arc.dh)
     for r in range(size):
         for c in range(size):
-            W.arc.matrix[r, c] = entry(P.fold_row, P.fold_col, W.arc.G, index[r], index[c])
-        W.arc.matrix[r, size] = -W.arc.g[index[r]]
-    if not solve_dense(W.arc.matrix, size, 1):
+            arc.matrix[r, c] = entry(P.fold_row, P.fold_col, arc.G, index[r], index[c])
+        arc.matrix[r, size] = -arc.g[index[r]]
+    if not solve_dense(arc.matrix, size, 1):
         return 0
     for r in range(size):
-        mult[index[r]] = W.arc.matrix[r, size]
+        mult[index[r]] = arc.matrix[r, size]
     stride = W.step.rows.shape[1]
     own = P.own_fold * stride
-    code = call_jet_general(P.jet_fold, 0.0, W.arc.x, mult, bias, mask, C.order, stride, W.step.rows, own)
+    code = call_jet_general(P.jet_fold, 0.0, arc.x, mult, bias, mask, C.order, stride, W.step.rows, own)
     return 1 if code == 0 else 0
 
 

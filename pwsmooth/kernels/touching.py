@@ -52,14 +52,15 @@ def _slope(P, S, W, t, x, mult, j):
 @kernel
 def _slope_at(P, C, S, rows, mult_row, t, s, j, W):
     """The same where the step's polynomials stand at s; overwrites W.arc.there and W.arc.mult_there with them."""
+    arc = W.arc
     powers(W.step.end_power, s)
     for i in range(P.n):
-        W.arc.there[i] = dot(rows[i], W.step.end_power, C.order + 1)
+        arc.there[i] = dot(rows[i], W.step.end_power, C.order + 1)
     for i in range(P.m):
-        W.arc.mult_there[i] = (
+        arc.mult_there[i] = (
             dot(rows[mult_row + i], W.step.end_power, C.order + 1) if S.status[i] == SOLVED else S.mult[i]
         )
-    return _slope(P, S, W, t + s, W.arc.there, W.arc.mult_there, j)
+    return _slope(P, S, W, t + s, arc.there, arc.mult_there, j)
 
 
 @kernel
@@ -91,6 +92,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
     Leaves that switch in W.arc.touched and the length of a hop over the point in W.arc.hop; -1 where a root comes to
     stand within rounding of its fold.
     """
+    arc = W.arc
     found = math.inf
     for j in range(P.m):
         if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
@@ -98,26 +100,24 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
-        W.arc.hop = HOP / (speed + 1e-300)
+        arc.hop = HOP / (speed + 1e-300)
         if not last >= 0.0:
-            call_fields(P.fields, t + s_end, W.arc.there, W.arc.mult_there, P.p, W.dx, W.h, W.g)
+            call_fields(P.fields, t + s_end, arc.there, arc.mult_there, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
                 # Off its root, which is not far from the fold: what is small among all lambda is not small there.
-                bend = _bend(
-                    P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last, _way(W.arc.mult_there[j])
-                )
+                bend = _bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j]))
                 rounding = _NEAR * _NEAR * abs(bend)
                 if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
-                    W.arc.hop = min(W.arc.hop, 0.1 * s_end)
+                    arc.hop = min(arc.hop, 0.1 * s_end)
                     return 0.5 / SHARE_TO_A_FOLD * s_end
             # The steps by a fold are short: lambda hardly moves.
-            if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last):
+            if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, arc.there, arc.mult_there, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
-                    W.arc.touched = j
+                    arc.touched = j
                     found = -1.0
             continue
-        bend = abs(_bend(P, S, W, t + s_end, W.arc.there, W.arc.mult_there, j, last, _way(W.arc.mult_there[j])))
+        bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j])))
         first = _slope_at(P, C, S, rows, mult_row, t, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
@@ -135,8 +135,8 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
         # Where two branches cross, and neither turns back, they part at another rate.
-        W.arc.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
-        W.arc.touched = j
+        arc.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        arc.touched = j
         return hi
     return found
 
@@ -162,13 +162,14 @@ def _past_the_touch(P, S, W, j, toward):
 @kernel
 def _root_is_back(P, S, W, j, toward):
     """Whether the root of switch j, which stands at its fold, exists again a hop (W.arc.hop) later."""
-    t, hop = S.t, W.arc.hop
+    arc = W.arc
+    t, hop = S.t, arc.hop
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
-        W.arc.there[i] = S.x[i]
+        arc.there[i] = S.x[i]
         S.x[i] += hop * W.dx[i]
     for i in range(P.m):
-        W.arc.mult_there[i] = S.mult[i]
+        arc.mult_there[i] = S.mult[i]
     S.t = t + hop
     mask_solved(P, S, W)
     W.mask[j] = 0
@@ -177,15 +178,15 @@ def _root_is_back(P, S, W, j, toward):
     back = back and toward * W.g[j] <= 0.0
     S.t = t
     for i in range(P.n):
-        S.x[i] = W.arc.there[i]
+        S.x[i] = arc.there[i]
     for i in range(P.m):
-        S.mult[i] = W.arc.mult_there[i]
+        S.mult[i] = arc.mult_there[i]
     return back
 
 
 @kernel
 def touch(P, C, S, R, how, t_touch, toward, W):
-    """What becomes of switch W.arc.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
+    """What becomes of switch arc.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
 
     Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
     """

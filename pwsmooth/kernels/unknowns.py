@@ -20,7 +20,7 @@ _OFF = 1e-3  # from where a slope is infinite
 
 @kernel
 def _defect(P, S, W, turned):
-    """Largest masked residual with the sides in force at S.mult; counts in W.instant.came the switches that `turned`."""
+    """Largest masked residual with the sides in force at S.mult; counts in instant.came the switches that `turned`."""
     for _ in range(P.m):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         changed = False

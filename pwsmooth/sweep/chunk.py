@@ -43,7 +43,7 @@ def _values(plan, columns, spending):
             for name, values in measure.gather(orbits, plan.setting).items():
                 result[name][:] = values
         result["t_reached"][:] = orbits.reached
-        result["ambiguities"][:] = orbits.counts[:, 2]
+        result["ambiguities"][:] = orbits.ambiguities
         result["outcome"][:] = orbits.outcome
     if plan.functions or not ensemble:
         _one_by_one(plan, columns, result, plan.functions if ensemble else plan.measures, ensemble, spending)

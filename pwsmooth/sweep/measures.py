@@ -472,7 +472,7 @@ class Counts(Measure):
         }
 
     def gather(self, orbits, setting):
-        return {"events": orbits.counts[:, 3].copy(), "steps": orbits.counts[:, 0].copy()}
+        return {"events": orbits.events_inside.copy(), "steps": orbits.steps.copy()}
 
     def of(self, solution, window, setting):
         times = np.array([e.time for e in solution.events])

@@ -60,7 +60,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     orbits = SimpleNamespace(
         code=np.zeros(count, np.int64),
         reached=np.zeros(count),
-        counts=np.zeros((count, 4), np.int64),
+        **{name: np.zeros(count, np.int64) for name in ("steps", "events", "ambiguities", "events_inside")},
         stick_time=np.zeros((count, m)),
         sticks=np.zeros((count, m), np.int64),
         strobe=np.zeros((count, strobes, n)),
@@ -74,13 +74,13 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 2)(address)
 
     def go(control, first, stop):
-        many = ensemble_state.Ensemble(
+        many = ensemble_state.Ensemble.zeros(
+            dict(n=n, m=m, nq=nq, nodes=_NODES, ring=_RING, outputs=len(model.outputs)),
             run=unit_address("run"),
             outputs=run.sizes.outputs if outputs else 0,
             longest=setting.period_detector.longest if setting.forced else 0,
             period_tol=setting.period_detector.tol,
             stop=gone,
-            t_end=control.scalar("t_end"),
             p=p,
             ratio=_ratios(plan, columns, problem.ratio, count),
             x0=x0,
@@ -91,18 +91,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             word_digits=digits,
             node=0.5 * (nodes + 1),
             weight=0.5 * weights,
-            last=np.zeros(1),
-            flags=np.zeros(3, np.int64),
-            was=np.zeros(m, np.int64),
-            before=np.zeros(m, np.int64),
-            segment_t=np.zeros(_RING),
-            segment=np.zeros(_RING, np.int64),
-            value=np.zeros((_NODES + 2, nq)),
-            at=np.zeros(_NODES + 2),
             poly=np.zeros(40),  # solve's highest order is 31
-            x=np.zeros(n),
-            mult=np.zeros(m),
-            out=np.zeros(len(model.outputs)),
             **vars(orbits),
         )
         bundles = (problem, control, now, record, run.work, many)
