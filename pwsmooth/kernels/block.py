@@ -96,13 +96,10 @@ class Bundle:
         if values:
             raise TypeError(f"{type(self).__name__} has no fields {', '.join(values)}.")
         self.cells = np.array(cells, np.int64)
+        self.address = self.cells.ctypes.data
         for at, part in parts:
-            part.cells = self.cells[at : at + part.size]  # one memory: what the kernels write is read there
-
-    @property
-    def address(self):
-        """Where the kernels find it."""
-        return self.cells.ctypes.data
+            # One memory: what the kernels write is read there.
+            part.cells, part.address = self.cells[at : at + part.size], self.address + 8 * at
 
     @classmethod
     def zeros(cls, sizes, **values):

@@ -47,10 +47,10 @@ class Diffused(Bundle):
     out: "f8[outputs]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
     out_start: "f8[outputs]"  # the same at the start of the step
     out_ahead: "f8[outputs]"
-    increment: "f8[DEEPEST + 1, q]"  # of every level: increment of W over the present part of the interval
-    area: "f8[DEEPEST + 1, q]"  # ... and its space-time area H = int W ds / h - W/2
-    right_increment: "f8[DEEPEST + 1, q]"  # the same of the other half
-    right_area: "f8[DEEPEST + 1, q]"
+    increment: "f8[levels, q]"  # of every level: increment of W over the present part of the interval
+    area: "f8[levels, q]"  # ... and its space-time area H = int W ds / h - W/2
+    right_increment: "f8[levels, q]"  # the same of the other half
+    right_area: "f8[levels, q]"
     x: "f8[n]"  # start of the step
     f: "f8[n]"
     mult: "f8[m]"
