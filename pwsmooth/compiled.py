@@ -19,6 +19,7 @@ from .kernels.block import on_cache_lines
 from .kernels.tables import bernstein_tables, halving_tables, short_tables
 from .model import EventSpec, Model, Multiplier
 from .pointwise import fingerprint
+from .regularity import may_skip_orders
 from .singular import KINDS
 
 _SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
@@ -69,6 +70,13 @@ class CompiledProblem:
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
+        surfaces = [part.surface for _, parts in holders for part in parts if part.surface is not None]
+
+        def looks(moving, flat):
+            return int(
+                len(flat) > 0 or any(may_skip_orders(e, text.time, moving) for e in (*expressions, *surfaces))
+            )
+
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
         self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
         fold = self.fold
@@ -77,7 +85,8 @@ class CompiledProblem:
         fold_row, fold_col = fold.pattern("G") if fold else (empty, empty)
         self.fixed = dict(
             rk_unit=0,
-            flat=int(any(map(len, flat_rows))),
+            look_slip=looks(set(text.states), flat_rows[0]),
+            look_general=looks({*text.states, *lams}, flat_rows[1]),
             pair=0,
             **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
             fields=code.fields,

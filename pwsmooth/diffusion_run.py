@@ -145,6 +145,7 @@ class DiffusionRun:
             outputs=len(lowered.model.outputs),
             trajectories=len(given.get("starts", ())),
             times=0,
+            levels=names.DEEPEST + 2,
         )
         return names.Diffused.zeros(
             sizes,

@@ -42,6 +42,27 @@ def affine_in(e, lam):
     return e.xreplace(selections) if selections else e
 
 
+def may_skip_orders(e, time, moving):
+    """Whether the Taylor series of a motion may lack orders that come again later, as that of 1/(1 + t**4) does.
+
+    Not where the rates are affine in what moves, forced by sin, cos and exp of a line in time: an order that none of
+    the states has is then followed by none.
+    """
+    changing = moving | {time}
+    if e in changing or e.free_symbols.isdisjoint(changing):
+        return False
+    if e.is_Add:
+        return any(may_skip_orders(a, time, moving) for a in e.args)
+    if e.is_Mul:
+        factors = [a for a in e.args if not a.free_symbols.isdisjoint(changing)]
+        return len(factors) > 1 or may_skip_orders(factors[0], time, moving)
+    if isinstance(e, (sp.sin, sp.cos, sp.exp)) and e.free_symbols.isdisjoint(moving):
+        return e.args[0].diff(time).has(time)
+    if isinstance(e, Select) and e.args[0] not in moving:
+        return any(may_skip_orders(branch, time, moving) for branch in e.args[1:])
+    return True
+
+
 class Surface:
     """Random points on the surface of one switch of a lifted field.
 

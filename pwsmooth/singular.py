@@ -228,11 +228,11 @@ class Bounds:
         # F_c + (F_s - F_c) exp(-u**2): affine in a bounded part, so that its ends decide.
         for part in sorted(e.atoms(sp.exp, *_BOUNDED), key=str) if e.is_Add else ():
             ends, stand_in = self.of(part, known), sp.Dummy(real=True)
-            if all(map(math.isfinite, ends)):
+            if part.free_symbols and all(map(math.isfinite, ends)):
                 line = e.xreplace({part: stand_in})
                 slope = line.diff(stand_in)
                 if slope != 0 and stand_in not in slope.free_symbols:
-                    signs = {self._sign(line.xreplace({stand_in: sp.nsimplify(end)}), known) for end in ends}
+                    signs = {self._sign(line.xreplace({stand_in: sp.Rational(end)}), known) for end in ends}
                     if len(signs) == 1:
                         return signs.pop()
         return 0

@@ -374,3 +374,11 @@ def test_random_fields_end_right_or_say_that_they_do_not(seed):
         exact = solve_ivp(field, (0, end), start, method="DOP853", rtol=1e-10, atol=1e-11, max_step=0.01)
         # Steps of 0.01 across jumps and roots leave some 1e-5.
         assert exact.success and solution(end) == pytest.approx(exact.y[:, -1], abs=1e-4, rel=1e-4)
+
+
+def test_a_bound_that_is_itself_an_exponential_ends_the_search_for_signs():
+    # The ends of exp(sin w) are exp(-1) and exp(1): neither is bounded by something simpler.
+    w, y = sp.symbols("w y", real=True)
+    u = sp.exp(sp.sin(w)) * y**2
+    solution = solve(System({y: sp.atan2(u, 2 + sp.sin(u)), w: 1}), (0, 1), [1, 0])
+    assert solution.outcome.name == "FINISHED"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.special import erf
 
 from pwsmooth import Event, Family, System, solve
@@ -52,6 +52,28 @@ def test_a_pulse_is_not_stepped_over_to_where_the_field_is_as_before(pulse, widt
     area = quad(sp.lambdify(v, pulse(v / width)), -1, 2, points=at, epsabs=1e-13, epsrel=1e-13, limit=300)[0]
     solution = solve(System({v: 1, x: pulse(v / width)}), (0, 3), [-1, 0])
     assert solution["x"][-1] == pytest.approx(area, abs=2e-9)
+
+
+t = sp.Symbol("t", real=True)
+GAPS = {
+    "t**4": (1 / (1 + t**4) - x / 4, 0.3),
+    "t**12": (1 / (1 + t**12) - x / 4, 0.3),
+    "asinh(t**2)": (sp.atan(sp.asinh(t**2)) + sp.cos(t) - x / 4, -0.8),
+    "atan(t**3)": (sp.atan(t**3), 1.0),
+    "x**4": (1 / (1 + x**4), 0.0),
+    "cos(t**4)": (sp.cos(t**4) / 2, 0.0),
+    "product": (t**3 * sp.cos(x) ** 2, 0.0),
+}
+
+
+@pytest.mark.parametrize("order", [12, 13, 14, 15, None])
+@pytest.mark.parametrize("rate, start", GAPS.values(), ids=GAPS)
+def test_a_series_without_its_last_orders_is_not_believed_beyond_its_radius(rate, start, order):
+    f = sp.lambdify((t, x), [rate])
+    expected = solve_ivp(f, (0, 2.5), [start], method="DOP853", rtol=1e-13, atol=1e-14).y[0, -1]
+    solution = solve(System({x: rate}, time=t), (0, 2.5), [start], order=order)
+    # Some 15 steps of 1e-9 each, which the rates amplify by less than e.
+    assert solution["x"][-1] == pytest.approx(expected, abs=4e-8)
 
 
 @pytest.mark.parametrize("of_neighbours", [False, True])

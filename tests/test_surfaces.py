@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 
 from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, solve
 from pwsmooth.laws.friction import MultistateXKY
@@ -107,3 +108,15 @@ def test_a_surface_that_is_an_algebraic_unknown_is_left_with_a_slope():
     assert solution.event_times() == pytest.approx([0.5, 1.5], abs=1e-9)
     # v: 1/8 until t = 1/2, constant, then -1/8 from 3/2 to 2
     assert solution["v"][-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk"])
+def test_no_state_is_moved_for_a_surface_that_time_alone_carries(method):
+    # At t = pi the surface x sin t = 0 has no gradient in x: no change of x brings its sign about.
+    x, t = sp.symbols("x t", real=True)
+    rate = sp.cos(t) - x / 4 + sp.Abs(sp.tanh(x * sp.sin(t))) ** sp.Rational(3, 2)
+    solution = solve(System({x: rate}, time=t), (2, 4), [1.0], method=method)
+    expected = solve_ivp(sp.lambdify((t, x), [rate]), (2, 4), [1.0], method="DOP853", rtol=1e-12, atol=1e-13)
+    # At its kinks, where only a third derivative jumps, the reference is good to 1e-8.
+    assert solution["x"][-1] == pytest.approx(expected.y[0, -1], abs=1e-7)
+    assert len(solution.events) == 2

@@ -83,7 +83,10 @@ class Problem(Bundle):
     layer_unit: "int"
     fold_unit: "int"
     rk_unit: "int"  # 0 where no step can need the Runge-Kutta pair
-    flat: "int"  # 1: a function that no Taylor coefficient foretells (exp, erf): the end of a step is looked at
+    look_slip: (
+        "int"  # 1: the last Taylor coefficients may not tell how far they hold: the end of a step is looked at
+    )
+    look_general: "int"
     pair: "int"  # 1: the pair makes every step; 0: only those that have no Taylor series
     start_unit: "int"
     instant_unit: "int"

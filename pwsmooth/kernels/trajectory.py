@@ -297,7 +297,8 @@ def run(P, C, S, R, W):
             return NEWTON_FAILED
         if math.isnan(h):
             return NOT_FINITE
-        if P.flat and not by_pair:
+        look = P.look_general if sliding else P.look_slip
+        if look and not by_pair:
             flat_rows = P.flat_slip
             if time_row >= 0:
                 flat_rows = P.flat_fold
@@ -328,7 +329,7 @@ def run(P, C, S, R, W):
         if at(power, 1) != h:
             powers(power, h)
         best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
-        if P.flat and time_row < 0 and not by_pair:
+        if look and time_row < 0 and not by_pair:
             asked = h
             h, best = _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W)
             capped = capped and h == asked

@@ -47,6 +47,11 @@ def _expression(r, leaves, depth, fresh):
     return f"({a} {'*' if kind < 0.75 else '+' if kind < 0.9 else '-'} {b})"
 
 
+def _gaps(seed):
+    """Whether runs begin where Taylor series lack orders: at t = 0 and x = 0, without terms that fill them."""
+    return seed % 4 == 3
+
+
 def structure(seed):
     """Text that makes a System S, and the numbers of its states and parameters."""
     r = np.random.default_rng([9, seed])
@@ -57,13 +62,15 @@ def structure(seed):
 
     xs = [f"x{i}" for i in range(n)]
     leaves = [*xs, *xs, "t", "sp.sin(t)"]
+    if _gaps(seed):
+        leaves += ["t**3", "t**4", *(f"{x}**4" for x in xs)]
     rates = []
     for x in xs:
         # Bounded outside, damped, so that runs stay in one place.
         body = _expression(r, leaves, int(r.integers(2, 5)), fresh)
-        rates.append(
-            f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body}) + p{fresh()}*sp.cos(t) - {x}/4"
-        )
+        rates.append(f"{x}: {r.choice(['sp.tanh', 'sp.sin', 'sp.atan'])}({body})")
+        if not _gaps(seed):
+            rates[-1] += f" + p{fresh()}*sp.cos(t) - {x}/4"
     ps = [f"p{q}" for q in range(4)]
     text = "\n".join(
         [
@@ -95,7 +102,11 @@ def case(n, seed):
     t0 = float(r.choice([0.0, r.uniform(-5, 5)]))
     end = float(r.uniform(0.5, 5))
     instants = np.sort(np.append(t0 + end * r.uniform(0, 1, 3), t0 + end))
-    return r.uniform(-1.5, 1.5, n), t0, instants, r.uniform(0.3, 1.5, 4), draw_options(r)
+    start, p, options = r.uniform(-1.5, 1.5, n), r.uniform(0.3, 1.5, 4), draw_options(r)
+    if _gaps(seed // 1000):
+        start[r.random(n) < 0.5] = 0.0
+        instants, t0 = instants - t0, 0.0
+    return start, t0, instants, p, options
 
 
 def play(played, seed):
