@@ -1,4 +1,4 @@
-"""numba's view of a Bundle (block.py): one pointer, whose numbers are loaded and stored, and its arrays loaded."""
+"""numba's view of a Bundle (block.py): one pointer, whose numbers are loaded and stored, its arrays only loaded."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from numba.extending import (
 )
 from numba.np.arrayobj import populate_array
 
+from .block import rank
+
 _SCALARS = {"int": types.int64, "float": types.float64}
 _ELEMENTS = {"f8": types.float64, "i8": types.int64, "i1": types.int8, "b1": types.boolean}
 
 
 class BundleType(types.Type):
-    """numba's type of a Bundle; `fields` holds (name, "int" | "float" | element code + "[rank]")."""
+    """numba's type of a Bundle; `fields` are its layout."""
 
     def __init__(self, name, fields):
         self.fields = fields
@@ -34,11 +36,17 @@ class BundleType(types.Type):
         """(cell of the field, its numba type), or None."""
         cell = 0
         for field, code in self.fields:
-            rank = 0 if code in _SCALARS else int(code[3])
             if field == name:
-                return cell, (types.Array(_ELEMENTS[code[:2]], rank, "C") if rank else _SCALARS[code])
-            cell += 1 + rank
+                return cell, _kind(code)
+            cell += 1 + rank(code)
         return None
+
+
+def _kind(code):
+    if code in _SCALARS:
+        return _SCALARS[code]
+    element = _ELEMENTS[code[:2]]
+    return types.Array(element, rank(code), "C") if rank(code) else types.CPointer(element)
 
 
 register_model(BundleType)(models.OpaqueModel)
@@ -72,6 +80,11 @@ def _getattr(context, builder, typ, value, attr):
         return load(0)
     if kind is types.float64:
         return builder.bitcast(load(0), ir.DoubleType())
+    if isinstance(kind, types.CPointer):
+        address = load(0)
+        # It stays what it is during a call, whatever is stored through it.
+        address.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return builder.inttoptr(address, context.get_value_type(kind))
     array = context.make_array(kind)(context, builder)
     element = context.get_data_type(kind.dtype)
     size = context.get_abi_sizeof(element)
@@ -96,7 +109,7 @@ def _setattr(context, builder, sig, args, attr):
     cell, kind = sig.args[0].resolve(attr)
     bundle, value = args
     if kind not in _SCALARS.values():
-        raise TypeError(f"the array {attr} of a Bundle cannot be replaced, only overwritten")
+        raise TypeError(f"{attr} of a Bundle cannot be replaced, only overwritten")
     word = ir.IntType(64)
     place = builder.gep(builder.bitcast(bundle, word.as_pointer()), [ir.Constant(word, cell)])
     builder.store(value if kind is types.int64 else builder.bitcast(value, word), place)

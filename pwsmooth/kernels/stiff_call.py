@@ -61,9 +61,10 @@ def call_radau(
     poly,
     Z,
     J,
-    out,
+    core,
 ):
-    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J, out."""
+    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J and
+    what the Core says of an attempt."""
     arguments = (
         address,
         t,
@@ -82,7 +83,7 @@ def call_radau(
         poly,
         Z,
         J,
-        out,
+        core,
     )
     return _caller(arguments, types.int64)
 
@@ -106,21 +107,21 @@ def call_event(typingctx, address, i, t, x, p, xnew):
 
 
 @intrinsic
-def call_attempt_unit(typingctx, address, places, t, h, ratio, eta):
-    """attempt_unit(places, t, h, ratio, eta) -> int64: the same for any model."""
-    return _caller((address, places, t, h, ratio, eta), types.int64)
+def call_attempt_unit(typingctx, address, core, t, h, ratio, eta):
+    """attempt_unit(core, t, h, ratio, eta) -> int64: the same for any model."""
+    return _caller((address, core, t, h, ratio, eta), types.int64)
 
 
 @intrinsic
-def call_taylor_unit(typingctx, address, places, task):
-    """taylor_unit(places, task) -> int64: one attempt, or only its reach."""
-    return _caller((address, places, task), types.int64)
+def call_taylor_unit(typingctx, address, core, task):
+    """taylor_unit(core, task) -> int64: one attempt, or only its reach."""
+    return _caller((address, core, task), types.int64)
 
 
 @intrinsic
-def call_events_unit(typingctx, address, places, t, degree, offset):
-    """events_unit(places, t, degree, offset) -> int64: what happened on the step from t."""
-    return _caller((address, places, t, degree, offset), types.int64)
+def call_events_unit(typingctx, address, core, t, degree, offset):
+    """events_unit(core, t, degree, offset) -> int64: what happened on the step from t."""
+    return _caller((address, core, t, degree, offset), types.int64)
 
 
 @intrinsic
