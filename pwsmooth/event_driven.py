@@ -147,7 +147,9 @@ class EventDriven:
         self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
         shapes = {"x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne}
-        self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 6)}, {})
+        self.state = names.State.in_one_block(
+            names.State.planned({k: (v,) for k, v in shapes.items()} | {"last": (m, 6)}, {})
+        )
         self.state.side[:] = 1
         self.blank = self.state.block.copy(), self.state.cells.copy()
         self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
@@ -255,8 +257,7 @@ class EventDriven:
         asked = {"t_eval": np.empty(0), "x_eval": np.empty((0, n)), "mult_eval": np.empty((0, m))}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
         new = names.Record.in_one_block(
-            {},
-            self._shapes(room),
+            names.Record.planned({}, self._shapes(room)),
             memory=lambda size: np.empty(max(size, 1 << 22 if old else 0), np.uint8),
             **{k: getattr(old, k, empty) for k, empty in asked.items()},
         )

@@ -156,8 +156,8 @@ def integrate(
     run = core(
         compiled, 64 + 64 * compiled.n_events, _CHUNK, dense,
         adr=addresses, surface_state=compiled.surface_state, surface_row=compiled.surface_row, p=p,
-        atol=np.full(compiled.n, atol) * (rtol_radau / rtol), t_eval=wanted,
-        x_eval=np.full((len(wanted), compiled.n), np.nan), instant_t=instants[0], instant_event=instants[1],
+        t_eval=wanted, x_eval=np.full((len(wanted), compiled.n), np.nan),
+        instant_t=instants[0], instant_event=instants[1],
         order=order, taylor_order=K, may_taylor=taylor, may_radau=method != "taylor",
         t=t0, t_end=t1, h=first_step or 0.0, rtol=rtol_radau, rtol_taylor=rtol_taylor,
         # A tenth of the span: a seat belt, not what protects the layers.
@@ -165,6 +165,7 @@ def integrate(
         kappa=min(0.03, 10.0 * math.sqrt(rtol_radau)),
         mode=S.TAYLOR if taylor else S.RADAU, first=2, steps_left=0 if spending.late() else spending.left,
     )  # fmt: skip
+    run.atol[:] = np.multiply(atol, rtol_radau / rtol)
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]

@@ -28,11 +28,10 @@ def _memory(size: int) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=64)
-def _shapes(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slots: int, dense: bool):
-    """Of the arrays that begin at zero, and of the outputs."""
+def _plan(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slots: int, dense: bool):
     zero = {
         "kind": (e,), "stops": (e,), "remembers": (e,), "due": (e,), "met": (e,),
-        "x": (n,), "f": (n,), "start": (n,), "poly": (n, 8), "rows": (2, n + q, STRIDE), "power": (n,),
+        "atol": (n,), "x": (n,), "f": (n,), "start": (n,), "poly": (n, 8), "rows": (2, n + q, STRIDE), "power": (n,),
         "surf": (q, n + 3), "J": (n, n), "lu": (slots or n * n + n, 8), "Z": (n, 8), "W": (n, 8), "X": (n, 8),
         "F": (n, 8), "R": (n, 8), "hoisted": (hoisted, 8), "values": (max(q, e), 8), "weight": (n,),
         "newton_weight": (n,), "err": (n,), "scratch": (n + 8,), "scratch2": (n + 8,), "t8": (8,), "mu": (8,),
@@ -44,15 +43,15 @@ def _shapes(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slot
         "length": (capacity,), "event_t": (room,), "event_x": (room, 2, n),
         "coefficients": (capacity if dense else 1, n, 17),
     }  # fmt: skip
-    return zero, output
+    return Core.planned(zero, output)
 
 
 def core(compiled: Any, room: int, capacity: int, dense: bool, **given: Any) -> Core:
     """The Core with room for so many events and points; its arrays, but the `given` ones, live until the thread's next
     run."""
     n, q, e = compiled.n, compiled.n_surfaces, compiled.n_events
-    zero, output = _shapes(n, q, e, capacity, room, compiled.n_hoisted, compiled.n_slots, dense)
+    plan = _plan(n, q, e, capacity, room, compiled.n_hoisted, compiled.n_slots, dense)
     return Core.in_one_block(
-        zero, output, _memory, n=n, q=q, e=e, capacity=capacity, room=room, evals=len(given["t_eval"]),
+        plan, _memory, n=n, q=q, e=e, capacity=capacity, room=room, evals=len(given["t_eval"]),
         instants=len(given["instant_t"]), dense=dense, **given,
     )  # fmt: skip

@@ -64,7 +64,7 @@ class Attempt:
 
     def _report(self, indent: int = 1, **values: str) -> None:
         """Write fields of the Core."""
-        self._add(*(f"core[{Core.first_cell[name]}] = {text}" for name, text in values.items()), indent=indent)
+        self._add(*(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent)
 
     def _sum(self, table, source: str, lanes) -> str:
         """sum_l table[l] * (lane lanes[l] of source), as two sums that do not wait for each other."""

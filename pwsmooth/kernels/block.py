@@ -8,8 +8,9 @@ the Python object keeps the memory alive.
 
 from __future__ import annotations
 
-import functools
+import ctypes
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,19 +23,22 @@ _DTYPES = {
 }
 
 
-def _new(size):
-    return np.empty(size, np.uint8)
-
-
 def rank(code):
     """Of an array; 0 of a number and of a bare pointer, which have no shape in the cells."""
     return int(code[3]) if code.endswith("]") else 0
 
 
+def _address(array):
+    if not array.size:
+        return 0
+    # `array.ctypes.data` takes three times as long, and short runs would notice.
+    return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.flags.writeable else array.ctypes.data
+
+
 class _Number:
     """A scalar field: kernels write it too, so it is read where it stands."""
 
-    def __init__(self, at, code):
+    def __init__(self, name, code, at):
         self.at, self.cells = at, "cells" if code == "int" else "floats"
 
     def __get__(self, bundle, owner=None):
@@ -43,9 +47,50 @@ class _Number:
     def __set__(self, bundle, value):
         getattr(bundle, self.cells)[self.at] = value
 
+    give = __set__
+
     def cell(self, bundle):
         """The field as an array of one element."""
         return getattr(bundle, self.cells)[self.at : self.at + 1]
+
+
+class _Array:
+    """An array, or a bare pointer to one. In a block it is made when Python first looks at it: most are the kernels'
+    alone, and runs are short."""
+
+    def __init__(self, name, code, at):
+        self.name, self.code, self.at, self.dtype = name, code, at, _DTYPES[code[:2]]
+
+    def __get__(self, bundle, owner=None):
+        if bundle is None:
+            return self
+        shape, offset = bundle.places[self.name]
+        array = bundle.__dict__[self.name] = np.ndarray(shape, self.dtype, bundle.block, offset)
+        return array
+
+    def give(self, bundle, value):
+        """An array of its own."""
+        array = bundle.__dict__[self.name] = np.ascontiguousarray(value, self.dtype)
+        self.write(bundle.cells, _address(array), array.shape)
+
+    def write(self, cells, address, shape):
+        """Its address and what the cells keep of its shape."""
+        cells[self.at] = address
+        if self.code.endswith("]"):
+            if len(shape) != rank(self.code):
+                raise TypeError(f"{self.name} has rank {len(shape)}, declared {self.code}.")
+            cells[self.at + 1 : self.at + 1 + len(shape)] = shape
+
+
+class Plan(NamedTuple):
+    """How arrays of a Bundle share a block."""
+
+    places: dict  # shape and offset of each
+    cells: np.ndarray  # with the block at address 0
+    addresses: np.ndarray  # which of the cells are
+    zeros: int  # bytes that are 0 in the beginning
+    size: int  # in bytes
+    others: set  # arrays that are not in the block
 
 
 class Bundle:
@@ -55,61 +100,56 @@ class Bundle:
     """
 
     layout: tuple[tuple[str, str], ...]
-    first_cell: dict[str, int]  # of each field
-    _places: dict[str, tuple] = {}  # in the block: shape, dtype and offset of each array
+    members: dict[str, _Number | _Array]
+    plain: Plan
 
     def __init_subclass__(cls):
-        cls.layout, cls.first_cell, at = tuple(cls.__annotations__.items()), {}, 0
+        cls.layout, cls.members, at = tuple(cls.__annotations__.items()), {}, 0
         for name, code in cls.layout:
-            cls.first_cell[name] = at
-            if code in NUMBERS:
-                setattr(cls, name, _Number(at, code))
+            cls.members[name] = (_Number if code in NUMBERS else _Array)(name, code, at)
+            setattr(cls, name, cls.members[name])
             at += 1 + rank(code)
-        cls._blank = np.zeros(at, np.int64)
-        cls._arrays = {name: code for name, code in cls.layout if code not in NUMBERS}
+        cls.plain = Plan({}, np.zeros(at, np.int64), np.empty(0, np.int64), 0, 0, set())
+        cls.plain = cls.planned({}, {})
 
     def __init__(self, **values):
-        self._write(self._blank.copy(), values)
+        self._begin(self.plain, self.plain.cells.copy(), values)
 
     @classmethod
-    def in_one_block(cls, zero, undefined, memory=_new, **others):
-        """With arrays of these shapes, at 0 or undefined, in one `block` of `memory(bytes)`, and other fields.
+    def planned(cls, zero, undefined):
+        """The Plan for arrays of these shapes, which begin at 0 or undefined."""
+        cells, places, size, zeros = cls.plain.cells.copy(), {}, 0, 0
+        for shapes in (zero, undefined):
+            zeros = size
+            for name, shape in shapes.items():
+                array = cls.members[name]
+                array.write(cells, size, shape)
+                places[name] = shape, size
+                size += -(-math.prod(shape) * array.dtype.itemsize // 8) * 8
+        addresses = np.array([cls.members[name].at for name in places], np.int64)
+        others = {name for name, code in cls.layout if code not in NUMBERS and name not in places}
+        return Plan(places, cells, addresses, zeros, size, others)
 
-        Python's arrays are made when they are first looked at: most are the kernels' alone, and runs are short.
-        """
-        places, cells, addresses, zeros, size = _placed(cls, tuple(zero.items()), tuple(undefined.items()))
+    @classmethod
+    def in_one_block(cls, plan, memory=None, **values):
+        """With the planned arrays in one `block` of `memory(bytes)`, new by default, and other fields."""
         made = cls.__new__(cls)
-        made.block, made._places = memory(size), places
-        made.block[:zeros] = 0
-        cells = cells.copy()
-        cells[addresses] += made.block.ctypes.data
-        made._write(cells, others)
+        block = made.block = memory(plan.size) if memory else np.empty(plan.size, np.uint8)
+        block[: plan.zeros] = 0
+        cells = plan.cells.copy()
+        cells[plan.addresses] += _address(block)
+        made._begin(plan, cells, values)
         return made
 
-    def _write(self, cells, values):
-        self.cells, self.floats, self.address = cells, cells.view(np.float64), cells.ctypes.data
-        absent = self._arrays.keys() - values.keys() - self._places.keys()
-        unknown = values.keys() - self.first_cell.keys()
-        if absent or unknown:
-            raise TypeError(
-                f"{type(self).__name__} needs {sorted(absent)} and does not know {sorted(unknown)}."
-            )
+    def _begin(self, plan, cells, values):
+        self.places, self.cells, self.floats = plan.places, cells, cells.view(np.float64)
+        self.address = _address(cells)
+        members = self.members
+        if not (plan.others <= values.keys() <= members.keys()):
+            wrong = sorted(plan.others - values.keys()), sorted(values.keys() - members.keys())
+            raise TypeError("{} needs {} and has no {}.".format(type(self).__name__, *wrong))
         for name, value in values.items():
-            code = self._arrays.get(name)
-            if code is not None:
-                value = np.ascontiguousarray(value, _DTYPES[code[:2]])
-                if code.endswith("]") and value.ndim != rank(code):
-                    raise TypeError(f"{type(self).__name__}.{name} has rank {value.ndim}, declared {code}.")
-                at = self.first_cell[name]
-                cells[at : at + 1 + rank(code)] = value.ctypes.data, *value.shape[: rank(code)]
-            setattr(self, name, value)
-
-    def __getattr__(self, name):
-        if name not in self._places:
-            raise AttributeError(f"{type(self).__name__} has no field {name}.")
-        shape, dtype, at = self._places[name]
-        array = self.__dict__[name] = np.ndarray(shape, dtype, self.block, at)
-        return array
+            members[name].give(self, value)
 
     def changed(self, **values):
         """Another one with some fields replaced."""
@@ -117,20 +157,4 @@ class Bundle:
 
     def scalar(self, name):
         """A number as an array of one element on its own memory."""
-        return getattr(type(self), name).cell(self)
-
-
-@functools.lru_cache(maxsize=256)
-def _placed(cls, zero, undefined):
-    """Where arrays of these shapes stand in a block, the cells for a block at address 0, which of these are addresses,
-    and the bytes to be zeroed and in all."""
-    places, cells, addresses, size, zeros = {}, cls._blank.copy(), [], 0, 0
-    for shapes in (zero, undefined):
-        zeros = size
-        for name, shape in shapes:
-            dtype, at = _DTYPES[cls._arrays[name][:2]], cls.first_cell[name]
-            places[name] = shape, dtype, size
-            cells[at : at + 1 + rank(cls._arrays[name])] = size, *shape[: rank(cls._arrays[name])]
-            addresses.append(at)
-            size += -(-math.prod(shape) * dtype.itemsize // 8) * 8
-    return places, cells, addresses, zeros, size
+        return self.members[name].cell(self)
