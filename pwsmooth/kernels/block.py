@@ -31,7 +31,7 @@ def rank(code):
 def _address(array):
     if not array.size:
         return 0
-    # `array.ctypes.data` takes three times as long, and short runs would notice.
+    # `array.ctypes.data` takes twice as long, which short runs would notice.
     return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.flags.writeable else array.ctypes.data
 
 
@@ -39,7 +39,7 @@ class _Number:
     """A scalar field: kernels write it too, so it is read where it stands."""
 
     def __init__(self, name, code, at):
-        self.at, self.cells = at, "cells" if code == "int" else "floats"
+        self.code, self.at, self.cells = code, at, "cells" if code == "int" else "floats"
 
     def __get__(self, bundle, owner=None):
         return self if bundle is None else getattr(bundle, self.cells).item(self.at)
@@ -99,17 +99,17 @@ class Bundle:
     Numbers that are not given begin at 0.
     """
 
-    layout: tuple[tuple[str, str], ...]
     members: dict[str, _Number | _Array]
+    blank: np.ndarray  # cells
     plain: Plan
 
     def __init_subclass__(cls):
-        cls.layout, cls.members, at = tuple(cls.__annotations__.items()), {}, 0
-        for name, code in cls.layout:
+        cls.members, at = {}, 0
+        for name, code in cls.__annotations__.items():
             cls.members[name] = (_Number if code in NUMBERS else _Array)(name, code, at)
             setattr(cls, name, cls.members[name])
             at += 1 + rank(code)
-        cls.plain = Plan({}, np.zeros(at, np.int64), np.empty(0, np.int64), 0, 0, set())
+        cls.blank = np.zeros(at, np.int64)
         cls.plain = cls.planned({}, {})
 
     def __init__(self, **values):
@@ -118,7 +118,7 @@ class Bundle:
     @classmethod
     def planned(cls, zero, undefined):
         """The Plan for arrays of these shapes, which begin at 0 or undefined."""
-        cells, places, size, zeros = cls.plain.cells.copy(), {}, 0, 0
+        cells, places, size, zeros = cls.blank.copy(), {}, 0, 0
         for shapes in (zero, undefined):
             zeros = size
             for name, shape in shapes.items():
@@ -127,7 +127,7 @@ class Bundle:
                 places[name] = shape, size
                 size += -(-math.prod(shape) * array.dtype.itemsize // 8) * 8
         addresses = np.array([cls.members[name].at for name in places], np.int64)
-        others = {name for name, code in cls.layout if code not in NUMBERS and name not in places}
+        others = {name for name, member in cls.members.items() if type(member) is _Array and name not in places}
         return Plan(places, cells, addresses, zeros, size, others)
 
     @classmethod
@@ -153,7 +153,7 @@ class Bundle:
 
     def changed(self, **values):
         """Another one with some fields replaced."""
-        return type(self)(**{name: getattr(self, name) for name, _ in type(self).layout} | values)
+        return type(self)(**{name: getattr(self, name) for name in self.members} | values)
 
     def scalar(self, name):
         """A number as an array of one element on its own memory."""

@@ -24,22 +24,18 @@ _ELEMENTS = {"f8": types.float64, "i8": types.int64, "i1": types.int8, "b1": typ
 
 
 class BundleType(types.Type):
-    """numba's type of a Bundle; `fields` are its layout."""
+    """numba's type of a subclass of Bundle."""
 
-    def __init__(self, name, fields):
-        self.fields = fields
+    def __init__(self, struct):
+        self.members = struct.members
         # A short name: it becomes part of every symbol.
-        mark = hashlib.sha256(repr(fields).encode()).hexdigest()[:8]
-        super().__init__(name=f"{name}{mark}")
+        mark = hashlib.sha256(repr(struct.__annotations__).encode()).hexdigest()[:8]
+        super().__init__(name=f"{struct.__name__}{mark}")
 
     def resolve(self, name):
         """(cell of the field, its numba type), or None."""
-        cell = 0
-        for field, code in self.fields:
-            if field == name:
-                return cell, _kind(code)
-            cell += 1 + rank(code)
-        return None
+        member = self.members.get(name)
+        return member and (member.at, _kind(member.code))
 
 
 def _kind(code):
@@ -55,7 +51,7 @@ register_model(BundleType)(models.OpaqueModel)
 @cache
 def bundle_type(struct):
     """The numba type of a subclass of Bundle."""
-    return BundleType(struct.__name__, struct.layout)
+    return BundleType(struct)
 
 
 @infer_getattr
@@ -82,7 +78,7 @@ def _getattr(context, builder, typ, value, attr):
         return builder.bitcast(load(0), ir.DoubleType())
     if isinstance(kind, types.CPointer):
         address = load(0)
-        # It stays what it is during a call, whatever is stored through it.
+        # It stays what it is during a call, whatever is stored through it; else every store would mean to load it anew.
         address.set_metadata("invariant.load", builder.module.add_metadata([]))
         return builder.inttoptr(address, context.get_value_type(kind))
     array = context.make_array(kind)(context, builder)
