@@ -63,29 +63,10 @@ def call_radau(
     J,
     core,
 ):
-    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J and
-    what the Core says of an attempt."""
-    arguments = (
-        address,
-        t,
-        h,
-        ratio,
-        eta,
-        kappa,
-        rtol,
-        again,
-        p,
-        x,
-        f,
-        weight,
-        newton_weight,
-        surf,
-        poly,
-        Z,
-        J,
-        core,
-    )
-    return _caller(arguments, types.int64)
+    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J and what
+    the Core says of an attempt."""
+    arrays = p, x, f, weight, newton_weight, surf, poly, Z, J
+    return _caller((address, t, h, ratio, eta, kappa, rtol, again, *arrays, core), types.int64)
 
 
 @intrinsic

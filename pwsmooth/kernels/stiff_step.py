@@ -42,7 +42,7 @@ def _attempt(s, t, h, ratio, eta):
 
 @fused
 def radau_step(s):
-    """One attempt with step h; whether it was accepted. Then x, f, t and the next H are set."""
+    """One attempt with step h; whether it was accepted. Then x, f, t and the next h are set."""
     stages = 3 + 2 * s.order
     t, h = s.t, s.h
     ratio = h / s.h_old if s.predicted else np.inf
