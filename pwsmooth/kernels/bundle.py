@@ -77,10 +77,7 @@ def _getattr(context, builder, typ, value, attr):
     if kind is types.float64:
         return builder.bitcast(load(0), ir.DoubleType())
     if isinstance(kind, types.CPointer):
-        address = load(0)
-        # It stays what it is during a call, whatever is stored through it; else every store would mean to load it anew.
-        address.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return builder.inttoptr(address, context.get_value_type(kind))
+        return builder.inttoptr(load(0), context.get_value_type(kind))
     array = context.make_array(kind)(context, builder)
     element = context.get_data_type(kind.dtype)
     size = context.get_abi_sizeof(element)
