@@ -168,9 +168,10 @@ def integrate(
     run.atol[:] = np.multiply(atol, rtol_radau / rtol)
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
-    run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
-    run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
-    run.remembers[:] = -1 if remembers is None else remembers
+    if model.events:
+        run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
+        run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
+        run.remembers[:] = -1 if remembers is None else remembers
 
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
