@@ -143,7 +143,7 @@ class DiffusionRun:
             m=m,
             q=q,
             outputs=len(lowered.model.outputs),
-            trajectories=len(given.get("starts", ())),
+            trajectories=len(given.get("snapshots", ())),
             times=0,
             levels=names.DEEPEST + 2,
         )

@@ -5,7 +5,7 @@ Chain: solve -> **this file** -> kernels/trajectory.py, the loop that reads like
 
 from __future__ import annotations
 
-import math
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -111,6 +111,12 @@ def ready(model: Model, options: Options) -> EventDriven:
     return run
 
 
+@functools.lru_cache(maxsize=64)
+def _record_plan(n: int, m: int, order: int, room: int, pieces: int) -> Any:
+    sizes = dict(n=n, m=m, order=order, room=room, pieces=pieces)
+    return names.Record.planned(sizes, undefined=names.Record.members)
+
+
 class EventDriven:
     """A model with options, ready to run: the arrays that the kernel works on.
 
@@ -146,9 +152,7 @@ class EventDriven:
         self.control = names.Control(**self.limits, clock=np.empty(0), clock_event=np.empty(0, np.int64))
         self.t_end, self.bound = self.control.scalar("t_end"), self.control.scalar("max_steps").view(np.int64)
         m, ne = len(model.multipliers), len(model.events)
-        shapes = {"x": len(model.states), "mult": m, "status": m, "deflate": m + ne, "side": ne}
-        self.state = names.State.in_one_block({k: (v,) for k, v in shapes.items()} | {"last": (m, 6)})
-        self.state.block[:] = 0
+        self.state = names.State.in_one_block(names.State.planned(dict(n=len(model.states), m=m, ne=ne)))
         self.state.side[:] = 1
         self.blank = self.state.block.copy(), self.state.cells.copy()
         self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
@@ -237,18 +241,12 @@ class EventDriven:
         spending.spend(state.steps)
         return code, record
 
-    def _shapes(self, room: int) -> dict[str, tuple[int, ...]]:
-        """Shapes of the buffers for `room` points and events."""
-        n, m = self.sizes.n, self.sizes.m
-        dense = room if self.dense else 0
-        return {
-            "t": (room,), "x": (room, n), "mult": (room, m), "event_t": (room,), "event": (room, 4),
-            "ambiguity_t": (room,), "ambiguity": (room, 3), "dense": (dense, n + m + 1, self.order + 1),
-            "dense_s": (dense,), "status": (room, m),
-        }  # fmt: skip
+    def _plan(self, room: int) -> Any:
+        """Of the buffers for `room` points and events."""
+        return _record_plan(self.sizes.n, self.sizes.m, self.order, room, room if self.dense else 0)
 
     def _bytes(self, room: int) -> int:
-        return sum(8 * math.prod(shape) for shape in self._shapes(room).values())
+        return self._plan(room).size
 
     def _record(self, room: int, old: Any = None, state: Any = None) -> Any:
         """Buffers for `room` points and events, with what `old` holds at this state copied over."""
@@ -256,8 +254,8 @@ class EventDriven:
         asked = {"t_eval": np.empty(0), "x_eval": np.empty((0, n)), "mult_eval": np.empty((0, m))}
         # One block for all: from 4 MB on numpy asks for huge pages, and a fresh page costs more than filling it.
         new = names.Record.in_one_block(
-            self._shapes(room),
-            1 << 22 if old else 0,
+            self._plan(room),
+            memory=lambda size: np.empty(max(size, 1 << 22 if old else 0), np.uint8),
             **{k: getattr(old, k, empty) for k, empty in asked.items()},
         )
         if old:

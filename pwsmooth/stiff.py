@@ -152,49 +152,42 @@ def integrate(
         addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
     instants = _instants(model, p, t0, t1, int(min(spending.left, MOST_STEPS)))
     wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
-    given = dict(
+    taylor = has_taylor and method in ("auto", "taylor")
+    run = core(
+        compiled, 64 + 64 * compiled.n_events, _CHUNK, dense,
         adr=addresses, surface_state=compiled.surface_state, surface_row=compiled.surface_row, p=p,
-        atol=np.full(compiled.n, atol) * (rtol_radau / rtol), t_eval=wanted,
-        x_eval=np.full((len(wanted), compiled.n), np.nan), instant_t=instants[0], instant_event=instants[1],
+        t_eval=wanted, x_eval=np.full((len(wanted), compiled.n), np.nan),
+        instant_t=instants[0], instant_event=instants[1],
+        order=order, taylor_order=K, may_taylor=taylor, may_radau=method != "taylor",
+        t=t0, t_end=t1, h=first_step or 0.0, rtol=rtol_radau, rtol_taylor=rtol_taylor,
+        # A tenth of the span: a seat belt, not what protects the layers.
+        h_max=min(max_step, 0.1 * (t1 - t0)), mark=t0, least_advance=_LEAST_ADVANCE * (t1 - t0),
+        kappa=min(0.03, 10.0 * math.sqrt(rtol_radau)),
+        mode=S.TAYLOR if taylor else S.RADAU, first=2, steps_left=0 if spending.late() else spending.left,
     )  # fmt: skip
-    run, places = core(compiled, given, 64 + 64 * compiled.n_events, _CHUNK, dense)
+    run.atol[:] = np.multiply(atol, rtol_radau / rtol)
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
-    run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
-    run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
-    run.remembers[:] = -1 if remembers is None else remembers
+    if model.events:
+        run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
+        run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
+        run.remembers[:] = -1 if remembers is None else remembers
 
-    num, cnt = run.num, run.cnt
-    num[S.T], num[S.T_END] = t0, t1
-    num[S.H] = first_step or 0.0
-    num[S.RTOL], num[S.RTOL_TAYLOR] = rtol_radau, rtol_taylor
-    # A tenth of the span: a seat belt, not what protects the layers.
-    num[S.H_MAX] = min(max_step, 0.1 * (t1 - t0))
-    num[S.MARK], num[S.LEAST_ADVANCE] = t0, _LEAST_ADVANCE * (t1 - t0)
-    num[S.KAPPA] = min(0.03, 10.0 * math.sqrt(rtol_radau))
-    cnt[S.ORDER], cnt[S.K] = order, K
-    cnt[S.MAY_TAYLOR] = has_taylor and method in ("auto", "taylor")
-    cnt[S.MAY_RADAU] = method != "taylor"
-    cnt[S.MODE] = S.TAYLOR if cnt[S.MAY_TAYLOR] else S.RADAU
-    cnt[S.DENSE_WANTED], cnt[S.FIRST], cnt[S.STEPS_LEFT] = dense, 2, 0 if spending.late() else spending.left
-
-    first = places.ctypes.data
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
-        before = float(num[S.T])
-        status = chunk(first, _CHUNK)
-        k = cnt[S.N_POINTS]
-        pieces.append((run.t[:k].copy(), run.states[:k].copy()))
+        before = run.t
+        status = chunk(run, _CHUNK)
+        k = run.points
+        pieces.append((run.times[:k].copy(), run.states[:k].copy()))
         if dense:
-            starts = np.concatenate([[before], run.t[:k]])
+            starts = np.concatenate([[before], run.times[:k]])
             polynomials += [
                 (float(starts[i]), float(run.length[i]), run.coefficients[i, :, : run.degree[i] + 1].copy())
                 for i in range(k)
                 if run.degree[i] >= 0
             ]
         events += [
-            (float(run.event_t[i]), int(run.event_index[i]), *run.event_x[i].copy())
-            for i in range(cnt[S.N_RECORDS])
+            (float(run.event_t[i]), int(run.event_index[i]), *run.event_x[i].copy()) for i in range(run.records)
         ]
         if status != S.FULL:
             break
@@ -206,14 +199,14 @@ def integrate(
             break
     if status == S.TOO_MANY and spending.late():
         status = OUT_OF_TIME
-    spending.spend(int(cnt[S.STEPS] + cnt[S.REJECTIONS]))
+    spending.spend(run.steps + run.rejections)
     counters = {
-        "steps": int(cnt[S.STEPS]),
-        "rejected": int(cnt[S.REJECTIONS]),
-        "f_evals": int(cnt[S.F_EVALS]),
-        "jac": int(cnt[S.JACOBIANS]),
-        "newton": int(cnt[S.NEWTON]),
-        "taylor_steps": int(cnt[S.TAYLOR_STEPS]),
+        "steps": run.steps,
+        "rejected": run.rejections,
+        "f_evals": run.f_evals,
+        "jac": run.jacobians,
+        "newton": run.newton,
+        "taylor_steps": run.taylor_steps,
     }
     times, states = (np.concatenate(part) for part in zip(*pieces, strict=True))
     wanted = (run.t_eval, run.x_eval.T) if t_eval is not None else (None, None)

@@ -1,11 +1,11 @@
 """One attempt at a Radau step, written out for one small model and one order.
 
-    radau(t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, out) -> int
+    radau(t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, core) -> int
 
 The arithmetic of kernels.stiff_radau.attempt (which serves every model) in one piece: predicted stages, Jacobian,
 elimination, Newton iterations, error estimate, gate. Between them nothing goes through memory, and constants are
 immediate: several times less work than loops over n and s. Returns what kernels.stiff_radau.attempt returns, and
-overwrites the same arrays.
+overwrites the same arrays and numbers of the Core.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from pwsmooth.codegen.stiff_linear import (
 from pwsmooth.codegen.stiff_text import Writer
 from pwsmooth.kernels import stiff_tables as T
 from pwsmooth.kernels.stiff_rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON, REACH, THETA
+from pwsmooth.kernels.stiff_state import Core
 
 # Beyond this many states the vectors no longer fit into registers.
 MOST_STATES = 6
 ARGUMENTS = (
     "t: D, h: D, ratio: D, eta: D, kappa: D, rtol: D, again: I, p: P, x: P, f: P, weight: P, nweight: P, "
-    "surf: P, poly: P, Z: P, J: P, out: P"
+    "surf: P, poly: P, Z: P, J: P, core: P"
 )
 
 
@@ -60,6 +61,10 @@ class Attempt:
         """The lines for every state, with @ replaced by its index."""
         for i in range(self.n):
             self._add(*(line.replace("@", str(i)) for line in lines), indent=indent)
+
+    def _report(self, indent: int = 1, **values: str) -> None:
+        """Write fields of the Core."""
+        self._add(*(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent)
 
     def _sum(self, table, source: str, lanes) -> str:
         """sum_l table[l] * (lane lanes[l] of source), as two sums that do not wait for each other."""
@@ -155,7 +160,7 @@ class Attempt:
             indent=2,
         )
         self._add("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
-        self._add("out[0] = iterations", "out[1] = eta", "out[2] = theta", "out[5] = 0.0")
+        self._report(iterations="iterations", eta="eta", theta="theta", again="0.0")
         self._add("if failed == 1:", "    return 1")
 
     def _error(self) -> None:
@@ -174,8 +179,9 @@ class Attempt:
         self._each("g@ = g@ + e@", indent=3)
         self.lines += real_substitution_lines(self.elimination, self.entries, " " * 12)
         self._size(" " * 12)
-        self._add("out[5] = 1.0", indent=3)
-        self._add("out[3] = size", "if not size < 1.0:", "    return 2")
+        self._report(again="1.0", indent=3)
+        self._report(error="size")
+        self._add("if not size < 1.0:", "    return 2")
 
     def _size(self, indent: str) -> None:
         """Largest error in units of its tolerance, rule R1 included; nan if any is."""
@@ -217,7 +223,8 @@ class Attempt:
                 "        gate = part",
             )
         w.prefix = "n"
-        self._add("out[4] = gate", "if gate > 0.0:", "    return 3")
+        self._report(gate="gate")
+        self._add("if gate > 0.0:", "    return 3")
 
     def _acceptance(self) -> None:
         """The end of the step, its polynomial and the slope of that there, which serves as the next f."""

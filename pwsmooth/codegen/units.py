@@ -125,7 +125,8 @@ def trajectory_loop():
 
 @cache
 def stiff_loop():
-    """kernels.stiff_loop.integrate as a Python function of the address of a Core's words and a number of steps, and
-    the addresses of the units that it calls."""
+    """kernels.stiff_loop.integrate as a Python function of a Core and a number of steps, and the addresses of the
+    units that it calls."""
     run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stiff_run"))
-    return run, [unit_address(name) for name in STIFF_UNITS if name != "stiff_run"]
+    others = [unit_address(name) for name in STIFF_UNITS if name != "stiff_run"]
+    return lambda core, steps: run(core.address, steps), others

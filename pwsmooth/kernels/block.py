@@ -2,14 +2,15 @@
 
 Passing some sixty arrays one by one (or in a tuple, which is the same to LLVM) makes every call flatten hundreds of
 words and made the core compile for minutes. A Bundle is a block of 8-byte cells: a number takes one, an array its
-address and shape, a Bundle inside it all of its own. To a kernel `bundle.x` is an ordinary array (bundle.py); the
-Python object keeps the memory alive.
+address and shape, a bare pointer its address, a Bundle inside it all of its own. To a kernel `bundle.x` is an ordinary
+array, or a pointer (bundle.py); the Python object keeps the memory alive.
 """
 
 from __future__ import annotations
 
+import ctypes
 import math
-import struct
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,29 +20,73 @@ _DTYPES = {
     "i1": np.dtype(np.int8),
     "b1": np.dtype(np.bool_),
 }
-_FLOAT, _WORD = struct.Struct("d").pack, struct.Struct("q").unpack
 _LINE = 64  # bytes of a cache line: a vector of eight that begins elsewhere lies across two of them
 
 
-class _Number:
+def _address(array):
+    if not array.size:
+        return 0
+    # `array.ctypes.data` takes twice as long, which short runs would notice.
+    return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.flags.writeable else array.ctypes.data
+
+
+class Number:
     """A scalar field: kernels write it too, so it is read where it stands."""
 
-    def __init__(self, at, code):
-        self.at, self.kind = at, code
+    width = 1  # cells
+
+    def __init__(self, name, code, at):
+        self.code, self.at, self.cells = code, at, "cells" if code == "int" else "floats"
+
+    def __get__(self, bundle, owner=None):
+        return self if bundle is None else getattr(bundle, self.cells).item(self.at)
+
+    def __set__(self, bundle, value):
+        getattr(bundle, self.cells)[self.at] = value
+
+    give = __set__
+
+    def cell(self, bundle):
+        """The field as an array of one element."""
+        return getattr(bundle, self.cells)[self.at : self.at + 1]
+
+
+class Array:
+    """An array, or a bare pointer to one. In a block it is made when Python first looks at it: most are the kernels'
+    alone, and runs are short."""
+
+    def __init__(self, name, code, at):
+        element, _, shape = code.partition("[")
+        self.name, self.at, self.pointer, self.element = name, at, element.endswith("*"), element[:2]
+        self.dtype, self.shape = _DTYPES[self.element], [size.strip() for size in shape[:-1].split(",")]
+        self.rank = len(self.shape)
+        self.width = 1 if self.pointer else 1 + self.rank
 
     def __get__(self, bundle, owner=None):
         if bundle is None:
             return self
-        cell = self.cell(bundle)
-        return int(cell[0]) if self.kind == "int" else float(cell[0])
+        shape, offset = bundle.places[self.name]
+        array = bundle.__dict__[self.name] = np.ndarray(shape, self.dtype, bundle.block, offset)
+        return array
 
-    def __set__(self, bundle, value):
-        self.cell(bundle)[0] = value
+    def give(self, bundle, value):
+        """An array of its own."""
+        array = bundle.__dict__[self.name] = np.ascontiguousarray(value, self.dtype)
+        if array.ndim != self.rank:
+            raise TypeError(f"{self.name} has rank {array.ndim}, declared {self.rank}.")
+        self.write(bundle.cells, _address(array), array.shape)
 
-    def cell(self, bundle):
-        """The field as an array of one element."""
-        part = bundle.cells[self.at : self.at + 1]
-        return part if self.kind == "int" else part.view(np.float64)
+    def write(self, cells, address, shape):
+        """Its address and what the cells keep of its shape."""
+        cells[self.at] = address
+        cells[self.at + 1 : self.at + self.width] = shape[: self.width - 1]
+
+    def extents(self, sizes):
+        """Its shape where the names in its declaration stand for `sizes`; None where one is not among them."""
+        try:
+            return tuple(sum(_product(term, sizes) for term in size.split("+")) for size in self.shape)
+        except KeyError:
+            return None
 
 
 def _product(term, sizes):
@@ -49,94 +94,116 @@ def _product(term, sizes):
     return math.prod(int(f) if f.isdecimal() else sizes[f] for f in map(str.strip, term.split("*")))
 
 
-class Bundle:
-    """Base of the structs in state.py and work.py.
+class Part:
+    """A Bundle inside another one, on the cells of that."""
 
-    An annotation is "int", "float", an array's element and shape such as "f8[m + ne, 3]", whose sizes have names
-    (only their number binds, but for `zeros`), or another Bundle. Numbers that are not given begin at 0.
+    def __init__(self, name, struct, at):
+        self.name, self.struct, self.at, self.width = name, struct, at, len(struct.blank)
+
+    def give(self, bundle, value):
+        place = bundle.cells[self.at : self.at + self.width]
+        place[:] = value.cells
+        value.stand_on(place)
+        bundle.__dict__[self.name] = value
+
+
+class Plan(NamedTuple):
+    """How arrays of a Bundle share a block."""
+
+    places: dict  # shape and offset of each
+    cells: np.ndarray  # with the block at address 0
+    addresses: np.ndarray  # which of the cells are
+    zeros: int  # bytes that are 0 in the beginning
+    size: int  # in bytes
+    others: set  # fields that must be given
+
+
+class Bundle:
+    """Base of the structs in state.py, work.py and their like.
+
+    An annotation is "int", "float", an array's element and shape such as "f8[m + ne, 3]", the same as a bare pointer,
+    "f8*[n, 8]", or another Bundle. Sizes are sums of products of numbers and names; ":" is a size that only an array
+    that is given tells (0 if none is). Numbers that are not given begin at 0.
     """
 
-    layout: tuple  # (name, "int" | "float" | element and rank such as "f8[2]" | Bundle) of every field
-    shapes: dict  # what stands in the brackets, split at the commas
-    size: int  # cells
+    members: dict[str, Number | Array | Part]
+    blank: np.ndarray  # cells
+    plain: Plan
 
     def __init_subclass__(cls):
-        layout, cls.shapes, cls.size = [], {}, 0
+        cls.members, at = {}, 0
         for name, code in cls.__annotations__.items():
-            if isinstance(code, type):
-                width = code.size
-            elif code in ("int", "float"):
-                width = 1
-                setattr(cls, name, _Number(cls.size, code))
-            else:
-                cls.shapes[name] = code[3:-1].split(",")
-                width = 1 + len(cls.shapes[name])
-                code = f"{code[:2]}[{width - 1}]"
-            layout.append((name, code))
-            cls.size += width
-        cls.layout = tuple(layout)
+            kind = Part if isinstance(code, type) else Number if code in ("int", "float") else Array
+            cls.members[name] = kind(name, code, at)
+            setattr(cls, name, cls.members[name])
+            at += cls.members[name].width
+        cls.blank = np.zeros(at, np.int64)
+        cls.plain = cls.planned({})
 
     def __init__(self, **values):
-        cells, parts = [], []
-        for name, code in self.layout:
-            if code == "int":
-                cells.append(values.pop(name, 0))
-            elif code == "float":
-                cells += _WORD(_FLOAT(values.pop(name, 0.0)))
-            elif isinstance(code, type):
-                parts.append((len(cells), values[name]))
-                cells += values[name].cells.tolist()
-                setattr(self, name, values.pop(name))
-            else:
-                value = np.ascontiguousarray(values.pop(name), _DTYPES[code[:2]])
-                if value.ndim != int(code[3]):
-                    raise TypeError(f"{type(self).__name__}.{name} has rank {value.ndim}, declared {code}.")
-                cells += [value.ctypes.data, *value.shape]
-                setattr(self, name, value)
-        if values:
-            raise TypeError(f"{type(self).__name__} has no fields {', '.join(values)}.")
-        self.cells = np.array(cells, np.int64)
-        self.address = self.cells.ctypes.data
-        for at, part in parts:
-            # One memory: what the kernels write is read there.
-            part.cells, part.address = self.cells[at : at + part.size], self.address + 8 * at
+        self._begin(self.plain, self.plain.cells.copy(), values)
+
+    @classmethod
+    def planned(cls, sizes, undefined=()):
+        """The Plan for all arrays whose shapes these sizes tell; they begin at 0, or undefined."""
+        cells, places, size, zeros = cls.blank.copy(), {}, 0, 0
+        arrays = [(name, m) for name, m in cls.members.items() if isinstance(m, Array)]
+        for late in (False, True):
+            zeros = size
+            for name, array in arrays:
+                shape = array.extents(sizes)
+                if shape is not None and late == (name in undefined):
+                    array.write(cells, size, shape)
+                    places[name] = shape, size
+                    size += -(-math.prod(shape) * array.dtype.itemsize // 8) * 8
+        addresses = np.array([cls.members[name].at for name in places], np.int64)
+        others = {name for name, m in cls.members.items() if not isinstance(m, Number) and name not in places}
+        return Plan(places, cells, addresses, zeros, size, others)
+
+    @classmethod
+    def in_one_block(cls, plan, memory=None, **values):
+        """With the planned arrays in one `block` of `memory(bytes)`, new by default, and other fields."""
+        made = cls.__new__(cls)
+        block = made.block = memory(plan.size) if memory else np.empty(plan.size, np.uint8)
+        block[: plan.zeros] = 0
+        cells = plan.cells.copy()
+        cells[plan.addresses] += _address(block)
+        made._begin(plan, cells, values)
+        return made
 
     @classmethod
     def zeros(cls, sizes, **values):
-        """With zeros for every array that is not given, its shape told by the `sizes` that its annotation names.
-
-        They begin on cache lines.
-        """
-        for name, code in cls.layout:
-            if name in values:
+        """With arrays of zeros where none is given, each beginning on a cache line."""
+        for name, member in cls.members.items():
+            if name in values or isinstance(member, Number):
                 continue
-            if isinstance(code, type):
-                values[name] = code.zeros(sizes)
-            elif name in cls.shapes:
-                shape = [sum(_product(term, sizes) for term in s.split("+")) for s in cls.shapes[name]]
-                values[name] = on_cache_lines(np.zeros(shape, _DTYPES[code[:2]]))
+            if isinstance(member, Part):
+                values[name] = member.struct.zeros(sizes)
+            else:
+                values[name] = on_cache_lines(np.zeros(member.extents({":": 0, **sizes}), member.dtype))
         return cls(**values)
 
-    @classmethod
-    def in_one_block(cls, shapes, least=0, **others):
-        """With uninitialised arrays of these shapes in one `block` of at least `least` bytes, and other fields."""
-        codes, places, size = dict(cls.layout), {}, 0
-        for name, shape in shapes.items():
-            dtype = _DTYPES[codes[name][:2]]
-            places[name] = shape, dtype, size
-            size += -(-math.prod(shape) * dtype.itemsize // 8) * 8
-        block = np.empty(max(size, least), np.uint8)
-        made = cls(**{name: np.ndarray(s, d, block, at) for name, (s, d, at) in places.items()}, **others)
-        made.block = block
-        return made
+    def _begin(self, plan, cells, values):
+        self.places = plan.places
+        self.stand_on(cells)
+        members = self.members
+        if not (plan.others <= values.keys() <= members.keys()):
+            wrong = sorted(plan.others - values.keys()), sorted(values.keys() - members.keys())
+            raise TypeError("{} needs {} and has no {}.".format(type(self).__name__, *wrong))
+        for name, value in values.items():
+            members[name].give(self, value)
+
+    def stand_on(self, cells):
+        """Makes these cells, which hold what its own do, its memory: what the kernels write there is read."""
+        self.cells, self.floats, self.address = cells, cells.view(np.float64), _address(cells)
 
     def changed(self, **values):
         """Another one with some fields replaced."""
-        return type(self)(**{name: getattr(self, name) for name, _ in type(self).layout} | values)
+        return type(self)(**{name: getattr(self, name) for name in self.members} | values)
 
     def scalar(self, name):
         """A number as an array of one element on its own memory."""
-        return getattr(type(self), name).cell(self)
+        return self.members[name].cell(self)
 
 
 def on_cache_lines(values):

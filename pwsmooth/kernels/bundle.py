@@ -1,4 +1,4 @@
-"""numba's view of a Bundle (block.py): one pointer, whose numbers are loaded and stored, and its arrays loaded."""
+"""numba's view of a Bundle (block.py): one pointer, whose numbers are loaded and stored, its arrays only loaded."""
 
 from __future__ import annotations
 
@@ -17,31 +17,34 @@ from numba.extending import (
 )
 from numba.np.arrayobj import populate_array
 
+from .block import Number, Part
+
 _SCALARS = {"int": types.int64, "float": types.float64}
 _ELEMENTS = {"f8": types.float64, "i8": types.int64, "i1": types.int8, "b1": types.boolean}
 
 
 class BundleType(types.Type):
-    """numba's type of a Bundle; `fields` holds (name, "int" | "float" | element code + "[rank]" | a BundleType)."""
+    """numba's type of a subclass of Bundle."""
 
-    def __init__(self, name, fields, size):
-        self.fields, self.size = fields, size
+    def __init__(self, struct):
+        self.members = struct.members
         # A short name: it becomes part of every symbol.
-        mark = hashlib.sha256(repr(fields).encode()).hexdigest()[:8]
-        super().__init__(name=f"{name}{mark}")
+        mark = hashlib.sha256(repr(struct.__annotations__).encode()).hexdigest()[:8]
+        super().__init__(name=f"{struct.__name__}{mark}")
 
     def resolve(self, name):
         """(cell of the field, its numba type), or None."""
-        cell = 0
-        for field, code in self.fields:
-            inside = isinstance(code, BundleType)
-            rank = 0 if inside or code in _SCALARS else int(code[3])
-            if field == name:
-                if rank:
-                    return cell, types.Array(_ELEMENTS[code[:2]], rank, "C")
-                return cell, code if inside else _SCALARS[code]
-            cell += code.size if inside else 1 + rank
-        return None
+        member = self.members.get(name)
+        return member and (member.at, _kind(member))
+
+
+def _kind(member):
+    if isinstance(member, Number):
+        return _SCALARS[member.code]
+    if isinstance(member, Part):
+        return bundle_type(member.struct)
+    element = _ELEMENTS[member.element]
+    return types.CPointer(element) if member.pointer else types.Array(element, member.rank, "C")
 
 
 register_model(BundleType)(models.OpaqueModel)
@@ -50,8 +53,7 @@ register_model(BundleType)(models.OpaqueModel)
 @cache
 def bundle_type(struct):
     """The numba type of a subclass of Bundle."""
-    fields = tuple((name, bundle_type(c) if isinstance(c, type) else c) for name, c in struct.layout)
-    return BundleType(struct.__name__, fields, struct.size)
+    return BundleType(struct)
 
 
 @infer_getattr
@@ -78,6 +80,8 @@ def _getattr(context, builder, typ, value, attr):
         return load(0)
     if kind is types.float64:
         return builder.bitcast(load(0), ir.DoubleType())
+    if isinstance(kind, types.CPointer):
+        return builder.inttoptr(load(0), context.get_value_type(kind))
     array = context.make_array(kind)(context, builder)
     element = context.get_data_type(kind.dtype)
     size = context.get_abi_sizeof(element)
@@ -102,7 +106,7 @@ def _setattr(context, builder, sig, args, attr):
     cell, kind = sig.args[0].resolve(attr)
     bundle, value = args
     if kind not in _SCALARS.values():
-        raise TypeError(f"{attr} of a Bundle is no number: it cannot be replaced, only overwritten")
+        raise TypeError(f"{attr} of a Bundle cannot be replaced, only overwritten")
     word = ir.IntType(64)
     place = builder.gep(builder.bitcast(bundle, word.as_pointer()), [ir.Constant(word, cell)])
     builder.store(value if kind is types.int64 else builder.bitcast(value, word), place)

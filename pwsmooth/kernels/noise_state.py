@@ -55,7 +55,7 @@ class Diffused(Bundle):
     f: "f8[n]"
     mult: "f8[m]"
     status: "i8[m]"
-    starts: "f8[trajectories, n + 1]"  # of an ensemble: states and time
+    starts: "f8[:, n + 1]"  # of an ensemble, one or each its own: states and time
     snapshots: "f8[trajectories, times, n]"
     grid: "i8[times]"  # interval at whose start each snapshot is taken
     ends: "f8[trajectories, n + 1]"  # time and state at the end of each

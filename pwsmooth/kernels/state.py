@@ -179,16 +179,16 @@ PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight,
 class Record(Bundle):
     """Buffers of what happened; the caller empties them between calls."""
 
-    t: "f8[cap]"
-    x: "f8[cap, n]"
-    mult: "f8[cap, m]"
-    status: "i1[cap, m]"
-    event_t: "f8[cap]"
-    event: "i8[cap, 4]"  # surface index, kind, from, to
-    ambiguity_t: "f8[cap]"
-    ambiguity: "i8[cap, 3]"  # multiplier, kind, taken
-    dense: "f8[cap or 0, n + m + 1, order + 1]"  # states, multipliers, time, in powers of s
-    dense_s: "f8[cap or 0]"  # length of the step in s
+    t: "f8[room]"
+    x: "f8[room, n]"
+    mult: "f8[room, m]"
+    status: "i1[room, m]"
+    event_t: "f8[room]"
+    event: "i8[room, 4]"  # surface index, kind, from, to
+    ambiguity_t: "f8[room]"
+    ambiguity: "i8[room, 3]"  # multiplier, kind, taken
+    dense: "f8[pieces, n + m + 1, order + 1]"  # states, multipliers, time, in powers of s
+    dense_s: "f8[pieces]"  # length of the step in s
     t_eval: "f8[times]"
     x_eval: "f8[times, n]"
     mult_eval: "f8[times, m]"

@@ -154,9 +154,9 @@ def keep_in_sight(C, rows, flat_rows, h, W):
 def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
     """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.step.power is of s.
 
-    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there, and the last ones
-    of a series in t^4 or t^12 may all vanish: only a look at the end of the step tells. 100: K terms of the tolerance's
-    size in a derivative, and what a stiff field makes of it.
+    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there, and the last
+    ones of a series in t^4 or t^12 may all vanish: only a look at the end of the step tells. 100: K terms of the
+    tolerance's size in a derivative, and what a stiff field makes of it.
     """
     n, m, K, x, mult, power = P.n, P.m, C.order, W.step.x, W.step.mult, W.step.power
     for i in range(n):

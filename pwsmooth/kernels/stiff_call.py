@@ -61,30 +61,12 @@ def call_radau(
     poly,
     Z,
     J,
-    out,
+    core,
 ):
-    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J, out."""
-    arguments = (
-        address,
-        t,
-        h,
-        ratio,
-        eta,
-        kappa,
-        rtol,
-        again,
-        p,
-        x,
-        f,
-        weight,
-        newton_weight,
-        surf,
-        poly,
-        Z,
-        J,
-        out,
-    )
-    return _caller(arguments, types.int64)
+    """radau(t, h, ratio, eta, ...) -> int64: one attempt, see stiff_radau.py; overwrites x, f, poly, Z, J and what
+    the Core says of an attempt."""
+    arrays = p, x, f, weight, newton_weight, surf, poly, Z, J
+    return _caller((address, t, h, ratio, eta, kappa, rtol, again, *arrays, core), types.int64)
 
 
 @intrinsic
@@ -106,21 +88,21 @@ def call_event(typingctx, address, i, t, x, p, xnew):
 
 
 @intrinsic
-def call_attempt_unit(typingctx, address, places, t, h, ratio, eta):
-    """attempt_unit(places, t, h, ratio, eta) -> int64: the same for any model."""
-    return _caller((address, places, t, h, ratio, eta), types.int64)
+def call_attempt_unit(typingctx, address, core, t, h, ratio, eta):
+    """attempt_unit(core, t, h, ratio, eta) -> int64: the same for any model."""
+    return _caller((address, core, t, h, ratio, eta), types.int64)
 
 
 @intrinsic
-def call_taylor_unit(typingctx, address, places, task):
-    """taylor_unit(places, task) -> int64: one attempt, or only its reach."""
-    return _caller((address, places, task), types.int64)
+def call_taylor_unit(typingctx, address, core, task):
+    """taylor_unit(core, task) -> int64: one attempt, or only its reach."""
+    return _caller((address, core, task), types.int64)
 
 
 @intrinsic
-def call_events_unit(typingctx, address, places, t, degree, offset):
-    """events_unit(places, t, degree, offset) -> int64: what happened on the step from t."""
-    return _caller((address, places, t, degree, offset), types.int64)
+def call_events_unit(typingctx, address, core, t, degree, offset):
+    """events_unit(core, t, degree, offset) -> int64: what happened on the step from t."""
+    return _caller((address, core, t, degree, offset), types.int64)
 
 
 @intrinsic

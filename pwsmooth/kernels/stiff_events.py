@@ -17,7 +17,6 @@ from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 from pwsmooth.kernels.lanes import at, fused, load8, splat8, store8
 from pwsmooth.kernels.state import MOST_AT_ONCE
 from pwsmooth.kernels.stiff_call import ACT, WATCH8, call_event, call_lanes
-from pwsmooth.kernels.stiff_core import core
 
 NONE = 2.0  # no zero: beyond the step
 POINTS = np.arange(8) / 7.0
@@ -170,7 +169,7 @@ def _comes_to_zero(s, coefficients, degree, t, h, j, side, a):
     least = 0.0
     for k in range(8):
         least = max(least, abs(s.values[8 * j + k]))
-    least *= DIP * s.num[S.RTOL]
+    least *= DIP * s.rtol
     left, right = a, 1.0
     for _ in range(DEPTH):
         vertex = _near_vertex(s, j, side, left, right)
@@ -264,11 +263,11 @@ def _due(s, t, theta, h, instant):
         s.due[j] = s.met[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
         if s.met[j]:
             s.side[j] = -s.side[j]
-    k = s.cnt[S.N_INSTANT]
+    k = s.ticks
     while instant and k < s.instants and s.instant_t[k] <= t:
         s.due[s.instant_event[k]] = 1
         k += 1
-    s.cnt[S.N_INSTANT] = k
+    s.ticks = k
 
 
 @fused
@@ -304,14 +303,14 @@ def fire(s, t, x):
 
     Overwrites x and the records; returns what happened.
     """
-    n, first = s.n, s.cnt[S.N_RECORDS]
+    n, first = s.n, s.records
     result = S.NOTHING
     _look(s, t, x, x)
     for j in range(s.e):
         # A zero may have been passed in a direction that does not count.
         if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
             s.side[j] = _sign(s.level[j])
-    while s.cnt[S.N_RECORDS] - first < s.e + MOST_AT_ONCE:
+    while s.records - first < s.e + MOST_AT_ONCE:
         for i in range(n):
             s.before[i] = s.after[i] = x[i]
         fired = moved = False
@@ -326,7 +325,7 @@ def fire(s, t, x):
         for i in range(n):
             moved = moved or s.after[i] != x[i]
             x[i] = s.after[i]
-        for record in range(first, s.cnt[S.N_RECORDS]):
+        for record in range(first, s.records):
             for i in range(n):
                 s.event_x[2 * n * record + n + i] = x[i]
         if not (fired and moved):
@@ -334,18 +333,18 @@ def fire(s, t, x):
         if result == S.NOTHING:
             result = S.JUMP
         _carried_through(s, t, x)
-    s.cnt[S.N_RECORDS] = first
+    s.records = first
     return S.NO_END
 
 
 @fused
 def _record(s, t, j):
     """Write the record of event j, which acts on `before`."""
-    record, n = s.cnt[S.N_RECORDS], s.n
+    record, n = s.records, s.n
     s.event_t[record], s.event_index[record] = t, j
     for i in range(n):
         s.event_x[2 * n * record + i] = s.before[i]
-    s.cnt[S.N_RECORDS] = record + 1
+    s.records = record + 1
 
 
 @fused
@@ -359,7 +358,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
             continue
         note_interval(last, when)
         # An event is an advance, however soon it comes: of steps between them there are not too many.
-        s.num[S.MARK], s.cnt[S.SINCE_MARK] = when, 0
+        s.mark, s.since_mark = when, 0
         height = 0.0
         for q in range(8):
             height = max(height, abs(s.values[8 * j + q]))
@@ -370,31 +369,30 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     return False
 
 
-@unit(types.int64, types.CPointer(types.int64), types.float64, types.int64, types.int64)
-def events_unit(places, t, degree, offset):
+@unit(types.int64, S.Core, types.float64, types.int64, types.int64)
+def events_unit(s, t, degree, offset):
     """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
     coefficients.
 
     Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T
     become those just before it and scratch2 the state after.
     """
-    s = core(places)
-    num, cnt, n = s.num, s.cnt, s.n
-    h, theta, coefficients = num[S.TAKEN], 0.0, at(s.coefficients, offset)
-    instant = cnt[S.N_INSTANT] < s.instants and num[S.T] >= s.instant_t[cnt[S.N_INSTANT]]
-    while cnt[S.N_RECORDS] + 2 * s.e + MOST_AT_ONCE < s.room:
+    n = s.n
+    h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
+    instant = s.ticks < s.instants and s.t >= s.instant_t[s.ticks]
+    while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
         theta = next_zero(s, coefficients, degree, t, h, theta)
         if theta == NONE and not instant:
             return S.NOTHING
         theta = min(theta, 1.0)
-        when = t + theta * h if theta < 1.0 else num[S.T]
+        when = t + theta * h if theta < 1.0 else s.t
         for i in range(n):
             s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)
         _due(s, when, theta, h, instant and theta == 1.0)
         instant = instant and theta < 1.0
         result = fire(s, when, s.scratch2)
         if result != S.NOTHING:
-            num[S.T] = when
+            s.t = when
             for i in range(n):
                 s.x[i] = s.err[i]
             return (

@@ -23,7 +23,6 @@ from pwsmooth.kernels.stiff_call import (
     call_point,
     call_taylor_unit,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_core import core
 from pwsmooth.kernels.stiff_events import set_sides, start_sides, value
 from pwsmooth.kernels.stiff_gate import look, set_weights, step_limit
 from pwsmooth.kernels.stiff_radau import step_polynomial
@@ -62,150 +61,146 @@ def spectral_radius(n, J, u, scratch):
 @fused
 def _begin(s):
     """Rates, surfaces and the first step length at a (new) start."""
-    adr, num, cnt = s.adr, s.num, s.cnt
+    adr = s.adr
     if s.q > 0:
-        call_point(adr[SURFACES], num[S.T], s.x, s.p, s.surf)
-    call_point(adr[RATES1], num[S.T], s.x, s.p, s.f)
-    cnt[S.F_EVALS] += 1
-    cnt[S.ROWS_VALID] = cnt[S.PREDICTED] = cnt[S.STIFF_STEPS] = cnt[S.REJECTED] = 0
-    cnt[S.FIRST] = 1
-    num[S.ETA] = 1.0
-    num[S.GROWTH_OLD] = 1.0
-    if num[S.H] <= 0.0:
+        call_point(adr[SURFACES], s.t, s.x, s.p, s.surf)
+    call_point(adr[RATES1], s.t, s.x, s.p, s.f)
+    s.f_evals += 1
+    s.rows_valid = s.predicted = s.stiff_steps = s.rejected = 0
+    s.first = 1
+    s.eta = s.growth_old = 1.0
+    if s.h <= 0.0:
         speed = 0.0
         for i in range(s.n):
-            speed = max(speed, abs(s.f[i]) / (s.atol[i] + num[S.RTOL] * abs(s.x[i])))
-        num[S.H] = min(100.0 / speed if speed > 0.0 else np.inf, 1e-3 * num[S.H_MAX])
-        if cnt[S.MODE] == S.TAYLOR:  # an expansion knows its own length
-            num[S.H] = num[S.H_MAX]
+            speed = max(speed, abs(s.f[i]) / (s.atol[i] + s.rtol * abs(s.x[i])))
+        s.h = min(100.0 / speed if speed > 0.0 else np.inf, 1e-3 * s.h_max)
+        if s.mode == S.TAYLOR:  # an expansion knows its own length
+            s.h = s.h_max
 
 
 @fused
-def _choose_method(s, places):
+def _choose_method(s):
     """After an accepted step: who takes the next one."""
-    num, cnt = s.num, s.cnt
-    if cnt[S.MODE] == S.RADAU:
+    if s.mode == S.RADAU:
         trace = 0.0
         for i in range(s.n):
             trace += s.J[i * s.n + i]
         # |trace| / n is below the spectral radius, and often settles it.
-        if not cnt[S.MAY_TAYLOR] or num[S.H] * abs(trace) > s.n * TO_TAYLOR:
+        if not s.may_taylor or s.h * abs(trace) > s.n * TO_TAYLOR:
             return
-        if cnt[S.WAIT] > 0:
-            cnt[S.WAIT] -= 1
+        if s.wait > 0:
+            s.wait -= 1
             return
-        if num[S.H] * spectral_radius(s.n, s.J, s.power, s.scratch) < TO_TAYLOR:
-            look(s.adr, s.n, s.q, num[S.T], s.x, s.p, s.surface_state, s.surf)
-            set_weights(s.n, s.q, s.x, num[S.RTOL_TAYLOR], s.atol, s.surf, s.weight, s.newton_weight)
-            call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.REACH_ONLY)
-            if BARGAIN * num[S.REACH] > num[S.H]:
-                cnt[S.MODE] = S.TAYLOR
-                cnt[S.STIFF_STEPS] = 0
-                num[S.H] = num[S.H_MAX]
+        if s.h * spectral_radius(s.n, s.J, s.power, s.scratch) < TO_TAYLOR:
+            look(s.adr, s.n, s.q, s.t, s.x, s.p, s.surface_state, s.surf)
+            set_weights(s.n, s.q, s.x, s.rtol_taylor, s.atol, s.surf, s.weight, s.newton_weight)
+            call_taylor_unit(s.adr[TAYLOR_UNIT], s, S.REACH_ONLY)
+            if BARGAIN * s.reach > s.h:
+                s.mode = S.TAYLOR
+                s.stiff_steps = 0
+                s.h = s.h_max
             else:
-                cnt[S.WAIT] = PATIENCE
+                s.wait = PATIENCE
         return
-    if not cnt[S.MAY_RADAU]:
+    if not s.may_radau:
         return
-    call_point(s.adr[JACOBIAN], num[S.T], s.x, s.p, s.J)
-    cnt[S.JACOBIANS] += 1
-    stiff = num[S.TAKEN] * spectral_radius(s.n, s.J, s.power, s.scratch) > TO_RADAU
-    cnt[S.STIFF_STEPS] = cnt[S.STIFF_STEPS] + 1 if stiff else 0
-    if cnt[S.STIFF_STEPS] >= 2:
-        cnt[S.MODE] = S.RADAU
-        cnt[S.PREDICTED] = cnt[S.REJECTED] = 0
-        num[S.H] = num[S.H_OLD] = 4.0 * num[S.TAKEN]
-        num[S.GROWTH_OLD] = 1.0
-        num[S.ETA] = 1.0
+    call_point(s.adr[JACOBIAN], s.t, s.x, s.p, s.J)
+    s.jacobians += 1
+    stiff = s.taken * spectral_radius(s.n, s.J, s.power, s.scratch) > TO_RADAU
+    s.stiff_steps = s.stiff_steps + 1 if stiff else 0
+    if s.stiff_steps >= 2:
+        s.mode = S.RADAU
+        s.predicted = s.rejected = 0
+        s.h = s.h_old = 4.0 * s.taken
+        s.eta = s.growth_old = 1.0
 
 
 @fused
 def _polynomial(s, mode, coefficients):
     """Overwrites coefficients[17 i + k], of theta^k on the step just taken; returns the degree."""
-    n, cnt = s.n, s.cnt
+    n = s.n
     if mode == S.RADAU:
-        return step_polynomial(cnt[S.ORDER], n, s.Z, s.start, coefficients)
-    rows = at(s.rows, (n + s.q) * S.STRIDE * (1 - cnt[S.ROWS_AT]))
+        return step_polynomial(s.order, n, s.Z, s.start, coefficients)
+    rows = at(s.rows, (n + s.q) * S.STRIDE * (1 - s.rows_at))
     for i in range(n):
         power = 1.0
-        for k in range(cnt[S.K] + 1):
+        for k in range(s.taylor_order + 1):
             coefficients[17 * i + k] = rows[i * S.STRIDE + k] * power
-            power *= s.num[S.TAKEN]
-    return cnt[S.K]
+            power *= s.taken
+    return s.taylor_order
 
 
 @fused
 def _write_point(s, length, degree):
-    point = s.cnt[S.N_POINTS]
-    s.t[point], s.length[point], s.degree[point] = s.num[S.T], length, degree
+    point = s.points
+    s.times[point], s.length[point], s.degree[point] = s.t, length, degree
     for i in range(s.n):
         s.states[s.n * point + i] = s.x[i]
-    s.cnt[S.N_POINTS] = point + 1
+    s.points = point + 1
 
 
 @fused
 def _write_eval(s, t, degree, coefficients):
     """States at the wanted times up to T, on the step from t."""
-    k = s.cnt[S.N_EVAL]
-    while k < s.evals and s.t_eval[k] <= s.num[S.T]:
-        theta = (s.t_eval[k] - t) / s.num[S.TAKEN]
+    k = s.samples
+    while k < s.evals and s.t_eval[k] <= s.t:
+        theta = (s.t_eval[k] - t) / s.taken
         for i in range(s.n):
             s.x_eval[s.n * k + i] = value(coefficients, degree, i, theta)
         k += 1
-    s.cnt[S.N_EVAL] = k
+    s.samples = k
 
 
 @fused
 def _next_length(s, t, rest):
-    """num[H] within what the user, the gate and the rest of the way allow."""
-    num = s.num
-    h = min(num[S.H], num[S.H_MAX])
+    """h within what the user, the gate and the rest of the way allow."""
+    h = min(s.h, s.h_max)
     if s.q > 0:
         h = min(h, step_limit(s.n, s.q, s.surf, s.f))
     if h >= 0.99 * rest:
         h = rest
     elif h > 0.6 * rest:  # two equal steps rather than a sliver at the end
         h = 0.5 * rest
-    num[S.H] = h
+    s.h = h
     return h < 1e-290 or (h < 4.0 * np.finfo(np.float64).eps * abs(t) and h < rest)
 
 
 @fused
-def _after_step(s, places, t, mode):
+def _after_step(s, t, mode):
     """Polynomial, events and wanted times of the step just accepted from t; returns the status, FULL to go
     on."""
-    num, cnt, n = s.num, s.cnt, s.n
-    dense = cnt[S.DENSE_WANTED] == 1
-    wanted = cnt[S.N_EVAL] < s.evals and s.t_eval[cnt[S.N_EVAL]] <= num[S.T]
-    offset = 17 * n * cnt[S.N_POINTS] if dense else 0
+    n = s.n
+    dense = s.dense == 1
+    wanted = s.samples < s.evals and s.t_eval[s.samples] <= s.t
+    offset = 17 * n * s.points if dense else 0
     degree, happened = -1, S.NOTHING
     if dense or wanted or s.e > 0:
         degree = _polynomial(s, mode, at(s.coefficients, offset))
         if s.e > 0:
-            happened = call_events_unit(s.adr[EVENTS_UNIT], places, t, degree, offset)
+            happened = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
             if happened == S.NO_END:
                 return S.EVENT_LOOP
         if wanted:
             _write_eval(s, t, degree, at(s.coefficients, offset))
-    length = num[S.TAKEN]
+    length = s.taken
     _write_point(s, length, degree)
     if happened != S.NOTHING:
         for i in range(n):
             s.x[i] = s.scratch2[i]
         if happened == S.LIMIT:
-            num[S.T] = s.event_t[cnt[S.N_RECORDS] - 1]
+            s.t = s.event_t[s.records - 1]
         _write_point(s, 0.0, -1)  # the jump
         if happened == S.STOP:
             return S.TERMINAL
         if happened == S.LIMIT:
             return S.ACCUMULATED
         # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
-        num[S.H] = length if length > 64.0 * np.finfo(np.float64).eps * abs(num[S.T]) else 0.0
+        s.h = length if length > 64.0 * np.finfo(np.float64).eps * abs(s.t) else 0.0
         _begin(s)
-        if set_sides(s, num[S.T], s.x, s.f, length):
+        if set_sides(s, s.t, s.x, s.f, length):
             _begin(s)
     else:
-        _choose_method(s, places)
+        _choose_method(s)
     return S.FULL
 
 
@@ -213,64 +208,61 @@ def _after_step(s, places, t, mode):
 def _stalled(s):
     """Whether the last STALL attempts led nowhere: at the end of existence steps may stay at the size of the tolerance
     for ever, each a little wrong, without any of them being too short."""
-    num, cnt = s.num, s.cnt
-    cnt[S.SINCE_MARK] += 1
-    if cnt[S.SINCE_MARK] < STALL:
+    s.since_mark += 1
+    if s.since_mark < STALL:
         return False
-    stalled = num[S.T] - num[S.MARK] < num[S.LEAST_ADVANCE]
-    cnt[S.SINCE_MARK], num[S.MARK] = 0, num[S.T]
+    stalled = s.t - s.mark < s.least_advance
+    s.since_mark, s.mark = 0, s.t
     return stalled
 
 
-@unit(types.int64, types.CPointer(types.int64), types.int64)
-def integrate(places, steps):
+@unit(types.int64, S.Core, types.int64)
+def integrate(s, steps):
     """Go on until the end, a full buffer, `steps` attempts or a failure; returns the status."""
-    s = core(places)
-    num, cnt = s.num, s.cnt
-    cnt[S.N_POINTS] = cnt[S.N_RECORDS] = 0
-    if cnt[S.FIRST] == 2:
+    s.points = s.records = 0
+    if s.first == 2:
         _begin(s)
         if s.e > 0:
-            start_sides(s, num[S.T], s.x)
-            set_sides(s, num[S.T], s.x, s.f, 1e-3 * num[S.H_MAX])
+            start_sides(s, s.t, s.x)
+            set_sides(s, s.t, s.x, s.f, 1e-3 * s.h_max)
     for _ in range(steps):
-        if num[S.T] >= num[S.T_END]:
+        if s.t >= s.t_end:
             return S.DONE
-        if cnt[S.STEPS_LEFT] <= 0:
+        if s.steps_left <= 0:
             return S.TOO_MANY
-        if cnt[S.N_POINTS] + 2 > s.capacity or cnt[S.N_RECORDS] + 2 * s.e + MOST_AT_ONCE >= s.room:
+        if s.points + 2 > s.capacity or s.records + 2 * s.e + MOST_AT_ONCE >= s.room:
             break
         if _stalled(s):
             return S.UNDERFLOW
-        cnt[S.STEPS_LEFT] -= 1
-        t, mode, stop = num[S.T], cnt[S.MODE], num[S.T_END]
-        if cnt[S.N_INSTANT] < s.instants:
-            stop = min(stop, s.instant_t[cnt[S.N_INSTANT]])
+        s.steps_left -= 1
+        t, mode, stop = s.t, s.mode, s.t_end
+        if s.ticks < s.instants:
+            stop = min(stop, s.instant_t[s.ticks])
         look(s.adr, s.n, s.q, t, s.x, s.p, s.surface_state, s.surf)
         if _next_length(s, t, stop - t):
             return S.UNDERFLOW
         for i in range(s.n):
             s.start[i] = s.x[i]
-        rtol = num[S.RTOL] if mode == S.RADAU else num[S.RTOL_TAYLOR]
+        rtol = s.rtol if mode == S.RADAU else s.rtol_taylor
         set_weights(s.n, s.q, s.x, rtol, s.atol, s.surf, s.weight, s.newton_weight)
         if mode == S.RADAU:
-            accepted = radau_step(s, places)
+            accepted = radau_step(s)
         else:
-            accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], places, S.STEP) == 1
+            accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], s, S.STEP) == 1
         if not accepted:
-            if num[S.TAKEN] != num[S.TAKEN]:
+            if s.taken != s.taken:
                 return S.NOT_FINITE
-            if num[S.TAKEN] == S.TOO_SHORT:
+            if s.taken == S.TOO_SHORT:
                 return S.UNDERFLOW
-            cnt[S.REJECTIONS] += 1
+            s.rejections += 1
             continue
-        if num[S.TAKEN] == stop - t:
-            num[S.T] = stop
+        if s.taken == stop - t:
+            s.t = stop
         for i in range(s.n):
             if not np.isfinite(s.f[i]):
                 return S.NOT_FINITE
-        cnt[S.STEPS] += 1
-        status = _after_step(s, places, t, mode)
+        s.steps += 1
+        status = _after_step(s, t, mode)
         if status != S.FULL:
             return status
     return S.FULL

@@ -45,7 +45,6 @@ from pwsmooth.kernels.stiff_call import (
     call_rates8,
     call_solve,
 )  # fmt: skip
-from pwsmooth.kernels.stiff_core import core
 from pwsmooth.kernels.stiff_gate import error_norm, passed
 from pwsmooth.kernels.stiff_rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON
 from pwsmooth.kernels.stiff_tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
@@ -206,16 +205,15 @@ def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, 
         err[i] = R[8 * i]
 
 
-@unit(types.int64, types.CPointer(types.int64), types.float64, types.float64, types.float64, types.float64)
-def attempt_unit(places, t, h, ratio, eta):
-    """An attempt at the step h from t: ACCEPTED, NOT_CONVERGED, INACCURATE or GATED; overwrites out.
+@unit(types.int64, S.Core, types.float64, types.float64, types.float64, types.float64)
+def attempt_unit(s, t, h, ratio, eta):
+    """An attempt at the step h from t: ACCEPTED, NOT_CONVERGED, INACCURATE or GATED, and its numbers in the Core.
 
     `ratio`: h over the length of the last step, whose polynomial predicts the stages; `eta`: the estimated rest of
     the first increment. When accepted, x, f, poly and Z are those of the step.
     """
-    s = core(places)
-    adr, num, n, x, out = s.adr, s.num, s.n, s.x, s.out
-    m = s.cnt[S.ORDER]
+    adr, n, x = s.adr, s.n, s.x
+    m = s.order
     stages = 3 + 2 * m
     set_stages(adr, m, t, h, s.p, s.t8, s.hoisted)
     predicted = ratio < LONGEST_PREDICTION[m]
@@ -224,24 +222,24 @@ def attempt_unit(places, t, h, ratio, eta):
     factorise(adr, m, n, t, h, s.p, x, s.Z, predicted, s.J, s.mu, s.lu, s.scratch)
     converged, iterations, eta, theta = newton(
         adr, m, n, s.p, x, predicted, s.Z, s.W, s.X, s.F, s.R, s.t8, s.hoisted, s.mu, s.lu, s.newton_weight,
-        num[S.KAPPA], eta,
+        s.kappa, eta,
     )  # fmt: skip
-    out[S.O_ITERATIONS], out[S.O_ETA], out[S.O_THETA], out[S.O_AGAIN] = iterations, eta, theta, 0.0
+    s.iterations, s.eta, s.theta, s.again = iterations, eta, theta, 0.0
     if not converged:
         return S.NOT_CONVERGED
     embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, False)
-    size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
-    if not size < 1.0 and (s.cnt[S.FIRST] == 1 or s.cnt[S.REJECTED] == 1):
+    size = error_norm(n, s.q, s.err, s.weight, s.surf, s.rtol)
+    if not size < 1.0 and (s.first == 1 or s.rejected == 1):
         embedded_error(adr, m, n, t, h, s.p, x, s.f, s.Z, s.lu, s.R, s.err, s.scratch, s.scratch2, True)
-        size = error_norm(n, s.q, s.err, s.weight, s.surf, num[S.RTOL])
-        out[S.O_AGAIN] = 1.0
-    out[S.O_SIZE] = size
+        size = error_norm(n, s.q, s.err, s.weight, s.surf, s.rtol)
+        s.again = 1.0
+    s.error = size
     if not size < 1.0:
         return S.INACCURATE
     for i in range(n):
         store8(s.X, 8 * i, load8(s.Z, 8 * i) + x[i])
-    out[S.O_GATE] = passed(adr, n, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
-    if out[S.O_GATE] > 0.0:
+    s.gate = passed(adr, n, s.q, s.t8, s.X, s.p, s.surface_state, s.surf, s.values, stages)
+    if s.gate > 0.0:
         return S.GATED
     end_polynomial(m, n, s.Z, s.poly)
     for i in range(n):
