@@ -20,6 +20,7 @@ from .work import Work
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
 _STAGES, _DEGREE = 12, 7
+_MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
 _DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
 
 
@@ -240,6 +241,38 @@ def _linear_terms(P, S, W):
         W.step.rows[P.n + P.m + i, 1] = _slope(P, W, i)
 
 
+@kernel
+def _slope_after(P, C, S, W, i, h):
+    """dh_i/dt where a step of size h ends; nan if there is none."""
+    _restore(P, S, W)
+    if not _try_step(P, C, S, W, h) < math.inf:
+        return math.nan
+    call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
+    return _slope(P, W, i)
+
+
+@kernel
+def _end_of_minute_arc(P, C, S, W, i, h):
+    """Where surface i, left at the start of a step of size h, is met again; 0 if not by a minute arc.
+
+    An arc whose height is in the last digits of h_i is a parabola, and its slopes, which no digits cancel from, are
+    opposite at its ends.
+    """
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    first, size = _slope(P, W, i), surface_size(P, S, i, W)
+    if not 0.25 * abs(first) * h < _MINUTE * size:
+        return 0.0
+    for _ in range(4):
+        last = _slope_after(P, C, S, W, i, h)
+        longer = 2.0 * first / (first - last)
+        if not 0.0 < longer < 10.0:
+            return 0.0
+        h *= longer
+        if abs(longer - 1.0) < 1e-9:
+            break
+    return h
+
+
 @unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
 def rk_step(P, C, S, W, h, refine):
     """A step of at most h with its polynomials in W.step.rows, S left at its start; returns its size, nan if it failed.
@@ -288,7 +321,11 @@ def rk_step(P, C, S, W, h, refine):
         _rate(P, S, W, S.t, pair.k, 0)
         _linear_terms(P, S, W)
         return 0.0
-    for _ in range(8):
+    arc = 0.0
+    if S.deflate[refine] != 0 and not (refine < m and S.status[refine] == SOLVED):
+        arc = _end_of_minute_arc(P, C, S, W, refine, h)
+        h = arc if arc > 0.0 else h
+    for _ in range(8 if arc == 0.0 else 0):
         _restore(P, S, W)
         if not _try_step(P, C, S, W, h) < math.inf:
             return math.nan
