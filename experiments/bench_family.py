@@ -33,11 +33,12 @@ from benchtools import provenance, write_json
 from looped_models import MODELS, looped_from, t
 
 from pwsmooth import System, solve
-from pwsmooth.codegen import compile_model, native
+from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.families.fields import LoopedFields
+from pwsmooth.codegen.families.jets import write_looped_jets
 from pwsmooth.codegen.fields import write_fields
-from pwsmooth.codegen.jets import write_jets
-from pwsmooth.codegen.looped_fields import LoopedFields
-from pwsmooth.codegen.looped_jets import write_looped_jets
+from pwsmooth.codegen.machine import native
+from pwsmooth.codegen.taylor.jets import write_jets
 
 NAMES = ("slip_stick", "clipped", "bristles", "friction_chain", "implicit")
 ORDER, SHORT, STEPS = 16, 1e-6, 400

@@ -28,11 +28,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from paper_figures import oscillator as osc
 from pwsmooth import Switch, System, solve
-from pwsmooth.analysis.basins import orbit_diagram
 from pwsmooth.analysis.lyapunov import lyapunov_exponents
 from pwsmooth.analysis.orbits import find_orbit, refine
 from pwsmooth.analysis.sections import Stroboscopic
 from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.sweep.basins import orbit_diagram
 
 SIGMOIDS = ("algebraic", "tanh", "erf")
 MIRROR = {osc.y: -osc.y, osc.v: -osc.v}

@@ -1,11 +1,11 @@
 """What does accuracy cost? Every method on scenes with known answers: error against time and evaluations.
 
-Errors are taken against references from an independent path (pwsmooth/compare/case.py), at three ends of the span, in
-units of the states' sizes; open marks are runs with a wrong itinerary, another sequence of crossings, sticks, slips or
-impacts. Rivals get the same right-hand side compiled, rules at their events that are compiled too, a bound on the step
-that keeps their events from being stepped over, and their best tolerance at every error; compilation is not counted.
-SciPy's and CVODE's callbacks pass through Python, which is most of their time: their evaluations show what is left
-without it. How each method is tuned stands in the data file, beside the versions of the peers; one that is not
+Errors are taken against references from an independent path (compare/work_precision/case.py), at three ends of the
+span, in units of the states' sizes; open marks are runs with a wrong itinerary, another sequence of crossings, sticks,
+slips or impacts. Rivals get the same right-hand side compiled, rules at their events that are compiled too, a bound on
+the step that keeps their events from being stepped over, and their best tolerance at every error; compilation is not
+counted. SciPy's and CVODE's callbacks pass through Python, which is most of their time: their evaluations show what
+is left without it. How each method is tuned stands in the data file, beside the versions of the peers; one that is not
 installed is listed as absent.
 
 The time stepping is linear in the multiplier: on the scene with static friction, whose hidden term is not, it
@@ -28,11 +28,11 @@ import numpy as np
 from studytools import Study, claim, command
 from work_precision_reading import OURS, behind, write_reading
 
-from pwsmooth.compare.cases import CASES
-from pwsmooth.compare.charts import plot_orders, plot_widths, plot_work
-from pwsmooth.compare.measuring import work_precision
-from pwsmooth.compare.methods import METHODS
-from pwsmooth.compare.points import Point, WorkPrecision
+from pwsmooth.compare.work_precision.cases import CASES
+from pwsmooth.compare.work_precision.charts import plot_orders, plot_widths, plot_work
+from pwsmooth.compare.work_precision.measuring import work_precision
+from pwsmooth.compare.work_precision.methods import METHODS
+from pwsmooth.compare.work_precision.points import Point, WorkPrecision
 from pwsmooth.plotting import new_figure
 
 STICKING = ("sticking", "hidden", "relay", "belt", "chain")

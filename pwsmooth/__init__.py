@@ -4,53 +4,91 @@ The public names, loaded on first use: `import pwsmooth` compiles and plots noth
 """
 
 import importlib
+import importlib.util
 import sys
 import types
 
 _HOME = {
     "System": "system",
     "HiddenTerm": "system",
-    "Switch": "primitives",
-    "Event": "primitives",
-    "Memory": "primitives",
-    "Unilateral": "primitives",
-    "Algebraic": "primitives",
-    "Family": "family",
-    "Kicks": "noise",
-    "Diffusion": "diffusion",
-    "ensemble": "noise_ensemble",
+    "Switch": "definition.primitives",
+    "Event": "definition.primitives",
+    "Memory": "definition.primitives",
+    "Unilateral": "definition.primitives",
+    "Algebraic": "definition.primitives",
+    "Family": "definition.family",
+    "Kicks": "noise.kicks",
+    "Diffusion": "noise.diffusion",
+    "ensemble": "sweep.ensemble",
     "solve": "solve",
     "sweep": "sweep",
     "find_orbit": "analysis.orbits",
     "follow": "analysis.continuation",
     "lyapunov_exponents": "analysis.lyapunov",
-    "basins": "analysis.basins",
-    "orbit_diagram": "analysis.basins",
-    "Solution": "solution",
-    "Outcome": "solution",
+    "basins": "sweep.basins",
+    "orbit_diagram": "sweep.basins",
+    "Solution": "results.solution",
+    "Outcome": "results.records",
 }
 
 __all__ = [*_HOME]
 
-
-def __getattr__(name):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
-    return [*globals(), *__all__]
-
-
-class _Package(types.ModuleType):
-    """`pwsmooth.solve` is the function, also after Python has bound the submodule of that name here."""
-
-    def __setattr__(self, name, value):
-        if not (name in _HOME and isinstance(value, types.ModuleType)):
-            super().__setattr__(name, value)
+# Where public modules stood in earlier versions: their names still lead to what they have become.
+_MOVED = {
+    "primitives": "definition.primitives",
+    "family": "definition.family",
+    "sigmoids": "definition.sigmoids",
+    "diffusion": "noise.diffusion",
+    "noise_ensemble": "sweep.ensemble",
+    "records": "results.records",
+    "solution": "results.solution",
+    "analysis.basins": "sweep.basins",
+    **{
+        f"compare.{name}": f"compare.work_precision.{name}"
+        for name in ("case", "cases", "measuring", "methods", "points")
+    },
+}
 
 
-sys.modules[__name__].__class__ = _Package
+class _Moved:
+    """Finder and loader of the modules of _MOVED."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name.removeprefix(f"{__name__}.") in _MOVED:
+            return importlib.util.spec_from_loader(name, self)
+
+    def create_module(self, spec):
+        return None
+
+    def exec_module(self, module):
+        now = _MOVED[module.__name__.removeprefix(f"{__name__}.")]
+        sys.modules[module.__name__] = importlib.import_module(f".{now}", __name__)
+
+
+sys.meta_path.append(_Moved())
+
+
+def on_first_use(package, home):
+    """`__getattr__` and `__dir__` of a package whose names stand in the modules that `home` tells.
+
+    A name stays what `home` says, also after Python has bound a submodule of that name to the package.
+    """
+    module = sys.modules[package]
+
+    class Package(types.ModuleType):
+        def __setattr__(self, name, value):
+            if not (name in home and isinstance(value, types.ModuleType)):
+                super().__setattr__(name, value)
+
+    def get(name):
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(f".{home[name]}", package), name)
+        setattr(module, name, value)
+        return value
+
+    module.__class__ = Package
+    return get, lambda: [*vars(module), *home]
+
+
+__getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -91,7 +91,7 @@ def verify(
 
     The exit code is 1 when a number misses its exact value by more than its tolerance.
     """
-    from pwsmooth.compare import report
+    from pwsmooth.compare.exact import report
 
     with _in_words("verify"):
         held = report.list_problems() if list_only else report.run(names or [])

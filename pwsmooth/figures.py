@@ -294,7 +294,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
 
 def _announce_compilation(console: Any) -> None:
     """Say why the first solved figure takes long, if it will."""
-    from .codegen.cache import kernels
+    from .codegen.machine.cache import kernels
 
     if kernels().empty():
         console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from . import checks
+from .definition import checks
 from .laws import Law
 from .scenes import Table, prescribed_motion
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .solution import Solution
+    from .results.solution import Solution
 
 __all__ = [
     "COLOUR",

@@ -1,6 +1,6 @@
 """solve(): checks at the door and the choice of path.
 
-Event-driven for systems that switch (event_driven.py), the stiff path for smoothed views (smooth_path.py).
+Event-driven for systems that switch (paths/event_driven.py), the stiff path for smoothed views (paths/smoothed.py).
 Chain: System -> Model -> codegen -> kernels -> the two paths -> **solve** -> Solution.
 """
 
@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from . import checks
-from .budget import MOST_STEPS, opened
-from .event_driven import LOOSEST, Options, ready
-from .solution import Solution
+from .definition import checks
+from .paths.budget import MOST_STEPS, opened
+from .paths.event_driven import LOOSEST, Options, ready
+from .results.solution import Solution
 
 
 def solve(
@@ -113,7 +113,7 @@ def solve(
         system = system.with_parameters(parameters)
     kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
-        from .noise import prepared
+        from .noise.kicks import prepared
 
         kicks = prepared(system, noise, method)
         system = kicks.system if kicks else system
@@ -142,14 +142,14 @@ def solve(
             "method='stiff'."
         )
     if stiff:
-        from .stiff_switching import solve_stiff
+        from .paths.stiff_events import solve_stiff
 
         if kicks is not None:
             raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
         return solve_stiff(
             system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, spending
         )
-    from .smooth_path import solve_smoothed
+    from .paths.smoothed import solve_smoothed
 
     solution = solve_smoothed(
         system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, spending,

@@ -24,15 +24,15 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from . import checks, looping
-from .definition import read
-from .describe import html, text
-from .family import spread
-from .lifting import plain
-from .lowering import lower
-from .regularity import Surface
-from .sigmoids import sigmoid as sigmoid_of
-from .views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
+from .definition import checks, looping
+from .definition.describe import html, text
+from .definition.family import spread
+from .definition.lifting import plain
+from .definition.lowering import lower
+from .definition.reading import read
+from .definition.regularity import Surface
+from .definition.sigmoids import sigmoid as sigmoid_of
+from .definition.views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
 
 
 class HiddenTerm(NamedTuple):

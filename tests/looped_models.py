@@ -4,7 +4,8 @@ import contextlib
 
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Switch, System, looping
+from pwsmooth import Algebraic, Event, Family, Switch, System
+from pwsmooth.definition import looping
 
 t, x, v, s = sp.symbols("t x v s", real=True)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pwsmooth import stiff
+from pwsmooth.paths import stiff_steps as stiff
 
 SPAN = 1.5 * 2 * math.pi
 WRONG = 0.05  # a macroscopic difference: another decision between crossing and sticking

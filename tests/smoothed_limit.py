@@ -12,7 +12,8 @@ import numpy as np
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import solve, stiff
+from pwsmooth import solve
+from pwsmooth.paths import stiff_steps as stiff
 
 SIGMOIDS = ("algebraic", "tanh", "erf")
 EPSILONS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)

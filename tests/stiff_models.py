@@ -3,7 +3,7 @@
 import numpy as np
 import sympy as sp
 
-from pwsmooth.model import Model
+from pwsmooth.definition.model import Model
 
 SIGMOIDS = {"algebraic": lambda u: u / sp.sqrt(1 + u**2), "tanh": sp.tanh, "erf": sp.erf}
 PERIOD = 2 * np.pi

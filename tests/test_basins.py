@@ -8,7 +8,7 @@ import sympy as sp
 from friction_oscillator import hidden, z
 
 from pwsmooth import Event, System
-from pwsmooth.analysis.basins import UNSETTLED, basins, orbit_diagram
+from pwsmooth.sweep.basins import UNSETTLED, basins, orbit_diagram
 
 t, x = sp.symbols("t x", real=True)
 c = sp.Symbol("c", real=True)

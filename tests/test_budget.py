@@ -15,15 +15,15 @@ from pwsmooth import (
     Event,
     Outcome,
     System,
-    budget,
     ensemble,
     find_orbit,
     lyapunov_exponents,
     orbit_diagram,
     solve,
     sweep,
-)  # fmt: skip
+)
 from pwsmooth.analysis.sections import Section, Stroboscopic
+from pwsmooth.paths import budget  # fmt: skip
 
 t, x, v, k = sp.symbols("t x v k", real=True)
 PERIOD = 2 * sp.pi
@@ -58,7 +58,7 @@ def test_a_run_out_of_time_says_so_and_keeps_where_it_was(path):
 def test_a_run_that_is_over_in_time_keeps_its_bits(path, monkeypatch):
     """The loop is left and entered again: after every slice of steps as after none."""
     one = PATHS[path](max_steps=3000)
-    monkeypatch.setattr("pwsmooth.event_driven.SLICE", 7)
+    monkeypatch.setattr("pwsmooth.paths.event_driven.SLICE", 7)
     other = PATHS[path](max_steps=3000, max_seconds=1e6)
     assert one.outcome is other.outcome is Outcome.TOO_MANY_STEPS
     assert (

@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from pwsmooth.kernels.block import Bundle
+from pwsmooth.kernels.machine.block import Bundle
 
 Mixed = type("Mixed", (Bundle,), {"__annotations__": {
     "count": "int", "pointer": "f8*[k]", "size": "float", "table": "f8[2, k]", "flag": "b1[:]", "last": "int",
@@ -17,7 +17,7 @@ Outer = type("Outer", (Bundle,), {"__annotations__": {"first": "int", "inner": I
 def test_kernels_read_and_write_numbers_arrays_and_pointers_by_name():
     from numba import types
 
-    from pwsmooth.kernels.compiling import unit
+    from pwsmooth.kernels.machine.compiling import unit
 
     @unit(types.void, Mixed)
     def double(s):
@@ -43,7 +43,7 @@ def test_kernels_read_and_write_numbers_arrays_and_pointers_by_name():
 def test_a_bundle_inside_another_one_stands_on_its_memory():
     from numba import types
 
-    from pwsmooth.kernels.compiling import unit
+    from pwsmooth.kernels.machine.compiling import unit
 
     @unit(types.float64, Inner, types.int64)
     def add(inner, i):

@@ -6,17 +6,16 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
-from pwsmooth.codegen import cache, native
-from pwsmooth.model import Model, Multiplier
+from pwsmooth.codegen.machine import cache, native
+from pwsmooth.definition.model import Model, Multiplier
 
 X = sp.Symbol("x", real=True)
-PACKAGE = Path(cache.__file__).resolve().parent.parent
+PACKAGE = cache.PACKAGE
 
 
 def run(tmp_path, program):
@@ -34,14 +33,14 @@ import json
 import sys
 import sympy as sp
 from pwsmooth import Switch, System, solve
-from pwsmooth.codegen import native, stiff_native, units
+from pwsmooth.codegen.machine import native, units, vectors
 
 built, compiled = [], []
 load = units.load_kernels
 units.load_kernels = lambda name: compiled.append(name) or load(name)
-build, build_stiff = native.build, stiff_native.build
+build, build_stiff = native.build, vectors.build
 native.build = lambda text: built.append(text) or build(text)
-stiff_native.build = lambda text: built.append(text) or build_stiff(text)
+vectors.build = lambda text: built.append(text) or build_stiff(text)
 t, x, y = sp.symbols("t x y", real=True)
 v = Switch("v", y)
 w = Switch("w", x)
@@ -60,13 +59,13 @@ print(json.dumps({
 def test_three_solves_share_one_core_that_is_a_hit_in_a_second_process_and_see_a_changed_kernel(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "pwsmooth", ignore=shutil.ignore_patterns("__pycache__"))
     first = run(tmp_path, SOLVES)
-    assert {"trajectory", "stiff_loop"} <= set(first["core"]) and first["models"] > 0
+    assert {"trajectory", "stiff.loop"} <= set(first["core"]) and first["models"] > 0
     second = run(tmp_path, SOLVES)
     assert second["core"] == [] and second["models"] == 0 and not second["numba"]
     assert second["ends"] == first["ends"] and second["steps"] == first["steps"]
 
     # The step size rule stands in another file than the loop; its size and its time are kept.
-    steps = tmp_path / "pwsmooth" / "kernels" / "steps.py"
+    steps = tmp_path / "pwsmooth" / "kernels" / "step" / "steps.py"
     stamp, text = steps.stat(), steps.read_text()
     assert "return 0.94 * min(" in text
     steps.write_text(text.replace("return 0.94 * min(", "return 0.20 * min("))
@@ -235,8 +234,8 @@ def test_models_have_one_fingerprint_exactly_if_they_are_equal():
 def test_fingerprints_do_not_depend_on_the_process():
     program = (
         "import sympy as sp\n"
-        "from pwsmooth.codegen.cache import fingerprint\n"
-        "from pwsmooth.model import Model\n"
+        "from pwsmooth.codegen.machine.cache import fingerprint\n"
+        "from pwsmooth.definition.model import Model\n"
         "t, x, y = sp.symbols('t x y', real=True);"
         "e = sp.Piecewise((x*y + sp.sin(x), sp.And(x > 0, y > t)), (sp.Max(x, y, t), True));"
         "print(fingerprint(Model(t, (x, y), (), (e, x - y))))"
@@ -253,8 +252,8 @@ BESIDE_NUMBA = """
 import sys
 import numpy as np, sympy as sp
 from pwsmooth import Switch, System, solve
-from pwsmooth.compare.plain import plain
-from pwsmooth.compare.timestepping import stepper
+from pwsmooth.compare.work_precision.plain import plain
+from pwsmooth.compare.work_precision.timestepping import stepper
 
 x, v = sp.symbols("x v", real=True)
 system = System({x: v, v: -x - Switch("lam", v)})

@@ -10,10 +10,10 @@ import pytest
 import sympy as sp
 
 from pwsmooth.codegen import compile_model
-from pwsmooth.codegen.dag import Graph
-from pwsmooth.codegen.scalar import ScalarCode, Writer
-from pwsmooth.codegen.slopes import derivative
-from pwsmooth.model import EventSpec, LayerState, Model, Multiplier, Select
+from pwsmooth.codegen.graph.dag import Graph
+from pwsmooth.codegen.graph.scalar import ScalarCode, Writer
+from pwsmooth.codegen.graph.slopes import derivative
+from pwsmooth.definition.model import EventSpec, LayerState, Model, Multiplier, Select
 
 t, x, y, z, lam, mu = sp.symbols("t x y z lam mu", real=True)
 a, b = sp.symbols("a b", positive=True)

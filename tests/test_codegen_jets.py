@@ -9,8 +9,8 @@ import pytest
 import sympy as sp
 
 from pwsmooth.codegen import compile_model
-from pwsmooth.codegen.jets import write_jets
-from pwsmooth.model import EventSpec, Model, Multiplier, Select
+from pwsmooth.codegen.taylor.jets import write_jets
+from pwsmooth.definition.model import EventSpec, Model, Multiplier, Select
 
 K = 12
 t, x, y, v, w, lam, mu, nu = sp.symbols("t x y v w lam mu nu", real=True)

@@ -14,12 +14,13 @@ import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
-from pwsmooth.codegen import cache, compile_model, native
-from pwsmooth.codegen.jets import SOLVERS
-from pwsmooth.codegen.scalar import HELPERS
-from pwsmooth.codegen.stiff import compile_stiff
-from pwsmooth.compiled import compiled_problem
-from pwsmooth.model import Model
+from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.graph.scalar import HELPERS
+from pwsmooth.codegen.machine import cache, native
+from pwsmooth.codegen.stiff.functions import compile_stiff
+from pwsmooth.codegen.taylor.jets import SOLVERS
+from pwsmooth.definition.model import Model
+from pwsmooth.paths.problem import compiled_problem
 
 
 def both(text, name, *arguments):

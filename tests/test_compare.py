@@ -9,16 +9,16 @@ import pytest
 import sympy as sp
 
 from pwsmooth import System, Unilateral
-from pwsmooth.compare.cases import CASES
-from pwsmooth.compare.charts import best_width, envelope, plot_orders, plot_work
-from pwsmooth.compare.measuring import work_precision
-from pwsmooth.compare.methods import METHODS, Method, Run
-from pwsmooth.compare.own import inside_layers
-from pwsmooth.compare.plain import elimination, plain
-from pwsmooth.compare.points import Point, WorkPrecision
-from pwsmooth.compare.restarting import restarted
-from pwsmooth.compare.rivals import statuses
-from pwsmooth.compare.timestepping import bouncing, stepper
+from pwsmooth.compare.work_precision.cases import CASES
+from pwsmooth.compare.work_precision.charts import best_width, envelope, plot_orders, plot_work
+from pwsmooth.compare.work_precision.measuring import work_precision
+from pwsmooth.compare.work_precision.methods import METHODS, Method, Run
+from pwsmooth.compare.work_precision.own import inside_layers
+from pwsmooth.compare.work_precision.plain import elimination, plain
+from pwsmooth.compare.work_precision.points import Point, WorkPrecision
+from pwsmooth.compare.work_precision.restarting import restarted
+from pwsmooth.compare.work_precision.rivals import statuses
+from pwsmooth.compare.work_precision.timestepping import bouncing, stepper
 from pwsmooth.scenes import Scene
 
 

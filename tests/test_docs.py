@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import pwsmooth
+
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 
@@ -128,3 +130,8 @@ def test_code_in_a_docstring_is_set_as_code(page):
     assert page.shown("`lam_s` and ``x <= 1``") == "`lam_s` and `x <= 1`"
     shown = page.shown("`a | b`")
     assert shown.count("`") == shown.count("\\`")  # would end the cell of a table
+
+
+def test_modules_with_public_names_keep_those_of_earlier_versions():
+    for old, new in pwsmooth._MOVED.items():
+        assert importlib.import_module(f"pwsmooth.{old}") is importlib.import_module(f"pwsmooth.{new}")

@@ -127,4 +127,4 @@ def test_messages_show_anything_in_few_words():
             raise RuntimeError
 
     for value in (10**5000, Mute(), list(range(10**5)), "x" * 10**4, sum(sp.symbols("a:999")), np.zeros(10**4)):
-        assert 0 < len(pwsmooth.checks.shown(value)) <= 210
+        assert 0 < len(pwsmooth.definition.checks.shown(value)) <= 210

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pwsmooth import solve
-from pwsmooth.compare.exact_problems import GRAVITY, TIGHT, ball, v, y
+from pwsmooth.compare.exact.catalogue import GRAVITY, TIGHT, ball, v, y
 
 H0 = 1.0
 

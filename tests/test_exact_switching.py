@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Switch, System, solve
-from pwsmooth.compare.exact_problems import (
+from pwsmooth.compare.exact.catalogue import (
     TIGHT,
     dry_oscillator,
     hidden_pair,

@@ -6,7 +6,8 @@ import re
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral, lowering
+from pwsmooth import Algebraic, Event, Family, Memory, Switch, System, Unilateral
+from pwsmooth.definition import lowering
 
 t, x, v, s = sp.symbols("t x v s", real=True)
 u = sp.Symbol("u", positive=True)

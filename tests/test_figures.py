@@ -165,7 +165,7 @@ def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
 
 
 def test_a_first_run_says_that_it_compiles(only, tmp_path, capsys, monkeypatch):
-    from pwsmooth.codegen import cache
+    from pwsmooth.codegen.machine import cache
 
     only(a_figure())
     monkeypatch.setattr(cache, "roots", lambda: [tmp_path / "compiled"])

@@ -7,9 +7,9 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Memory, Switch
-from pwsmooth.lifting import Lifting
-from pwsmooth.model import Select
-from pwsmooth.pointwise import value
+from pwsmooth.definition.lifting import Lifting
+from pwsmooth.definition.model import Select
+from pwsmooth.definition.pointwise import value
 
 x, y, v, z, d = sp.symbols("x y v z d", real=True)
 STATES = (x, y, v, z, d)

@@ -1,4 +1,4 @@
-"""Jets of linear models as matrix products (codegen/responses.py): the series of the recurrence, for any parameters."""
+"""Jets of linear models as matrix products (responses.py): the series of the recurrence, for any parameters."""
 
 import ctypes
 

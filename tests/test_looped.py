@@ -9,9 +9,9 @@ from looped_models import MODELS, SLIDING, both, looped_from, t
 
 from pwsmooth import Event, Family, System, Unilateral, solve
 from pwsmooth.codegen import compile_model
+from pwsmooth.codegen.families.fields import LoopedFields
+from pwsmooth.codegen.families.jets import write_looped_jets
 from pwsmooth.codegen.layout import Layout
-from pwsmooth.codegen.looped_fields import LoopedFields
-from pwsmooth.codegen.looped_jets import write_looped_jets
 
 EPS = np.finfo(float).eps
 

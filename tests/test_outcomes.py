@@ -267,7 +267,7 @@ def test_rest_under_exactly_the_largest_friction_is_rest(side):
     ids=["event-driven", "smoothed"],
 )
 def test_steps_that_do_not_fit_into_memory_end_the_run(system, end, begin, monkeypatch):
-    from pwsmooth import memory
+    from pwsmooth.paths import memory
 
     monkeypatch.setattr(memory, "_SMALL", 0)
     monkeypatch.setattr(memory, "available", lambda: 4e6)
@@ -282,7 +282,7 @@ def test_steps_that_do_not_fit_into_memory_end_the_run(system, end, begin, monke
 
 
 def test_available_memory_is_what_the_system_says():
-    from pwsmooth import memory
+    from pwsmooth.paths import memory
 
     assert memory.available() > 2**20
     assert memory.fits(1.0) and (memory.available() == math.inf or not memory.fits(1e18))

@@ -7,8 +7,8 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Switch, System
-from pwsmooth.codegen.units import unit_address
-from pwsmooth.compiled import compiled_problem
+from pwsmooth.codegen.machine.units import unit_address
+from pwsmooth.paths.problem import compiled_problem
 
 NO_ROOT = 2.0
 

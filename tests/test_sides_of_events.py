@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Kicks, Switch, System, solve
-from pwsmooth.lambdified import numpy_function
+from pwsmooth.definition.lambdified import numpy_function
 from pwsmooth.laws.friction import Coulomb, StaticKinetic
 from pwsmooth.scenes import friction_oscillator
 

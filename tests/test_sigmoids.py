@@ -4,7 +4,7 @@ import mpmath
 import pytest
 import sympy as sp
 
-from pwsmooth.sigmoids import SIGMOIDS, sigmoid
+from pwsmooth.definition.sigmoids import SIGMOIDS, sigmoid
 
 u, lam = sp.symbols("u lam", real=True)
 

@@ -6,10 +6,10 @@ import pytest
 import sympy as sp
 from test_codegen import evaluate
 
-from pwsmooth.codegen.dag import Graph
-from pwsmooth.codegen.recurrences import CONSTANT, Degrees
-from pwsmooth.codegen.simplify import Simplifier, simplify
-from pwsmooth.model import Model, Multiplier, Select
+from pwsmooth.codegen.graph.dag import Graph
+from pwsmooth.codegen.taylor.recurrences import CONSTANT, Degrees
+from pwsmooth.codegen.taylor.simplify import Simplifier, simplify
+from pwsmooth.definition.model import Model, Multiplier, Select
 
 t, x, y, z, w, a, b = sp.symbols("t x y z w a b", real=True)
 lam = sp.Symbol("lam", real=True)

@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Switch, System, solve
-from pwsmooth.records import Outcome
+from pwsmooth.results.records import Outcome
 
 t, y, v = sp.symbols("t y v", real=True)
 EPS = 1e-3

@@ -8,9 +8,9 @@ import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
-from pwsmooth.model import LayerState, Model, Multiplier, Select
-from pwsmooth.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
-from pwsmooth.solution import Solution
+from pwsmooth.definition.model import LayerState, Model, Multiplier, Select
+from pwsmooth.results.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
+from pwsmooth.results.solution import Solution
 
 t, y, v, lam, rho, drive = sp.symbols("t y v lam rho drive", real=True)
 

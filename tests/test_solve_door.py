@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Memory, Switch, System, solve
-from pwsmooth.event_driven import EventDriven, Options
-from pwsmooth.model import Model
+from pwsmooth.definition.model import Model
+from pwsmooth.paths.event_driven import EventDriven, Options
 
 t, x, v, z = sp.symbols("t x v z", real=True)
 k, beta = sp.symbols("k beta", positive=True)

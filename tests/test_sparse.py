@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pwsmooth.codegen.cache import load_kernels
-from pwsmooth.compiled import _both_ways, _diagonal, _groups
+from pwsmooth.codegen.machine.cache import load_kernels
 from pwsmooth.kernels import state, work
+from pwsmooth.paths.problem import _both_ways, _diagonal, _groups
 
 
 class Numbers:
@@ -36,7 +36,7 @@ def compressed(matrix, pattern):
 @pytest.mark.parametrize("hubs", [0, 1, 3])
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_groups_and_hubs_give_the_solution_of_the_dense_system(size, hubs, neighbours):
-    sparse = load_kernels("sparse")
+    sparse = load_kernels("surface.sparse")
     rng = np.random.default_rng(7)
     for _ in range(20):
         A, pattern = arrow(4, size, hubs, rng, neighbours)
@@ -61,7 +61,7 @@ def test_groups_and_hubs_give_the_solution_of_the_dense_system(size, hubs, neigh
 
 
 def test_an_entry_is_found_by_its_row_and_column():
-    sparse = load_kernels("sparse")
+    sparse = load_kernels("surface.sparse")
     rng = np.random.default_rng(3)
     A, pattern = arrow(3, 2, 1, rng)
     row, col, values = compressed(A, pattern)
@@ -71,7 +71,7 @@ def test_an_entry_is_found_by_its_row_and_column():
 
 
 def test_a_link_goes_through_what_is_solved_and_no_further():
-    sparse = load_kernels("sparse")
+    sparse = load_kernels("surface.sparse")
     rng = np.random.default_rng(4)
     lengths = set()
     for _ in range(50):

@@ -8,19 +8,19 @@ import pytest
 import sympy as sp
 from stiff_models import PERIOD, dense_relaxation, friction, slowed_chain, two_blocks, values
 
-from pwsmooth import stiff
-from pwsmooth.budget import Budget
-from pwsmooth.codegen import stiff as codegen
-from pwsmooth.codegen import units
-from pwsmooth.codegen.cache import load_kernels
-from pwsmooth.model import EventSpec, Model
+from pwsmooth.codegen.machine import units
+from pwsmooth.codegen.machine.cache import load_kernels
+from pwsmooth.codegen.stiff import functions as codegen
+from pwsmooth.definition.model import EventSpec, Model
+from pwsmooth.paths import stiff_steps as stiff
+from pwsmooth.paths.budget import Budget
 
 t, x, y, v, k = sp.symbols("t x y v k", real=True)
 START = (0.5, 0.3, 0.0)
 
 
 def status(name):
-    return getattr(load_kernels("stiff_state"), name)
+    return getattr(load_kernels("stiff.state"), name)
 
 
 def end(model, span, start, p, **options):
@@ -128,7 +128,7 @@ def test_f_is_looked_at_where_the_stages_end(method):
 @pytest.mark.parametrize("sigmoid", ["algebraic", "tanh", "erf"])
 def test_no_sign_change_is_accepted_from_outside_the_layer(sigmoid):
     eps = 1e-5
-    p, gate = values(eps, eps), load_kernels("stiff_gate")
+    p, gate = values(eps, eps), load_kernels("stiff.gate")
     for rtol in (1e-3, 1e-6):
         v_path = stiff.integrate(friction(sigmoid), (0, 4 * PERIOD), START, p, rtol=rtol).x[1]
         before, after = v_path[:-1], v_path[1:]

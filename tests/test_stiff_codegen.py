@@ -9,9 +9,9 @@ import pytest
 import sympy as sp
 from stiff_models import dense_relaxation, friction, slowed_chain, two_blocks, values
 
-from pwsmooth.codegen import stiff as codegen
-from pwsmooth.codegen.cache import load_kernels
-from pwsmooth.model import EventSpec, Model, Select
+from pwsmooth.codegen.machine.cache import load_kernels
+from pwsmooth.codegen.stiff import functions as codegen
+from pwsmooth.definition.model import EventSpec, Model, Select
 
 t, x, y, z, a, b = sp.symbols("t x y z a b", real=True)
 RECURRENCES = [
@@ -41,7 +41,7 @@ def call(compiled, name, *arguments):
 
 
 def test_the_tables_are_those_of_collocation_at_the_radau_nodes():
-    tables = load_kernels("stiff_tables")
+    tables = load_kernels("stiff.tables")
     for m in range(3):
         s = 3 + 2 * m
         q = sp.Symbol("q")
@@ -66,7 +66,7 @@ def test_the_tables_are_those_of_collocation_at_the_radau_nodes():
 
 
 def test_dense_and_predictor_polynomials_pass_through_the_stages():
-    tables = load_kernels("stiff_tables")
+    tables = load_kernels("stiff.tables")
     for m in range(3):
         s = 3 + 2 * m
         c, Z = tables.NODES[m, :s], np.random.default_rng(m).normal(size=s)
@@ -140,7 +140,7 @@ def test_the_elimination_solves_the_real_and_the_complex_systems(model):
         call(compiled, "factor", J, mu, lu)
         call(compiled, "solve", lu, solved)
     else:
-        dense = load_kernels("stiff_dense")
+        dense = load_kernels("stiff.dense")
         pointers = [ctypes.cast(v.ctypes.data, ctypes.POINTER(ctypes.c_double)) for v in (J, mu, lu, solved)]
         dense.dense_factor.ctypes(n, *pointers[:3])
         dense.dense_solve.ctypes(n, *pointers[2:])
@@ -211,7 +211,7 @@ def test_an_event_acts_on_the_values_before_and_only_if_its_condition_holds():
 
 
 def test_a_model_with_multipliers_is_refused_with_their_names():
-    from pwsmooth.model import Multiplier
+    from pwsmooth.definition.model import Multiplier
 
     model = Model(t, (x,), (), (y,), multipliers=(Multiplier(y, "switch", x, x),))
     with pytest.raises(ValueError, match="still has y"):

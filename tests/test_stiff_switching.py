@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Event, Kicks, Memory, Outcome, System, Unilateral, solve, sweep
-from pwsmooth.compare.cases import CASES
+from pwsmooth.compare.work_precision.cases import CASES
 from pwsmooth.laws.friction import GMS, Elastoplastic, ElastoplasticFixed, ModifiedCoulomb
 from pwsmooth.scenes import block_on_belt
 

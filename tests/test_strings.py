@@ -9,24 +9,13 @@ import sympy as sp
 from typer.testing import CliRunner
 
 import pwsmooth
-import pwsmooth.checks
-from pwsmooth import (
-    Algebraic,
-    Diffusion,
-    Event,
-    Family,
-    Kicks,
-    Memory,
-    Switch,
-    System,
-    Unilateral,
-    formula,
-    scenes,
-)
+import pwsmooth.definition.checks
+from pwsmooth import Algebraic, Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, scenes
 from pwsmooth.analysis import sticking
 from pwsmooth.analysis.sections import Section, Stroboscopic
 from pwsmooth.analysis.symmetry import symmetry_matrix
 from pwsmooth.cli import app
+from pwsmooth.definition import formula
 from pwsmooth.laws import Joint
 from pwsmooth.laws.friction import Coulomb, Dahl
 
@@ -192,5 +181,5 @@ def test_formulas_read_what_they_say():
 def test_formulas_refuse_all_else_at_once(text):
     begun = time.process_time()
     with pytest.raises((ValueError, TypeError), match="`period`"):
-        pwsmooth.checks.period(text, {})
+        pwsmooth.definition.checks.period(text, {})
     assert time.process_time() - begun < 1

@@ -25,7 +25,7 @@ import xarray
 from friction_oscillator import coulomb, omega
 
 from pwsmooth import sweep
-from pwsmooth.codegen import cache
+from pwsmooth.codegen.machine import cache
 from pwsmooth.sweep import Amplitude, Function, Measure, read_store
 from pwsmooth.sweep.contract import Variable
 from pwsmooth.sweep.identity import UNKNOWN, digest

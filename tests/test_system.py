@@ -33,8 +33,8 @@ from front_models import (
 )
 
 from pwsmooth import Algebraic, Memory, Switch, System, Unilateral
-from pwsmooth.model import Select
-from pwsmooth.pointwise import draw
+from pwsmooth.definition.model import Select
+from pwsmooth.definition.pointwise import draw
 
 # ---- the lowered model
 

@@ -6,8 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 from pwsmooth import cli
-from pwsmooth.compare import exact, report
-from pwsmooth.compare.exact import Check, ExactProblem
+from pwsmooth.compare import exact
+from pwsmooth.compare.exact import Check, ExactProblem, report
 
 RUNNER = CliRunner()
 

@@ -7,7 +7,7 @@ import sympy as sp
 from front_models import PARAMETERS, RATES, beta, lam, lugre, oscillator, rho, t, v, y, z
 
 from pwsmooth import Event, Switch, System, Unilateral
-from pwsmooth.model import Select
+from pwsmooth.definition.model import Select
 
 
 def test_a_slaved_state_is_no_state_and_its_time_constant_drops_out():

@@ -14,7 +14,12 @@ API = AUTO / "api"
 FRONT = "pwsmooth"  # whose names have a page each
 # Order and headings of the index; modules that fit nowhere come last, under their own heading.
 GROUPS = {
-    "Defining and solving": ("pwsmooth", "pwsmooth.solution", "pwsmooth.records", "pwsmooth.sigmoids"),
+    "Defining and solving": (
+        "pwsmooth",
+        "pwsmooth.results.solution",
+        "pwsmooth.results.records",
+        "pwsmooth.definition.sigmoids",
+    ),
     "Analysis": ("pwsmooth.analysis",),
     "Laws": ("pwsmooth.laws",),
     "Scenes": ("pwsmooth.scenes",),

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..solution import Solution
+from ..definition import checks
+from ..results.solution import Solution
 from .itineraries import same_itinerary
 from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic

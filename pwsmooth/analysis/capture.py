@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from .. import checks
+from ..definition import checks
 
 __all__ = ["capture_threshold", "critical_ratio"]
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..budget import MOST_STEPS, Budget, opened, within
+from ..definition import checks
+from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .. import checks
+from ..definition import checks
 from .orbits import PeriodicOrbit
 from .sections import after_start
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
-from ..model import Model
-from ..regularity import total_derivative
-from ..solution import vectorised
+from ..definition import checks
+from ..definition.model import Model
+from ..definition.regularity import total_derivative
+from ..results.solution import vectorised
 
 __all__ = ["Blocks", "Linearised", "linearise"]
 

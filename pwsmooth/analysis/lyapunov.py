@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..budget import whole
-from ..records import Outcome
-from ..solution import Solution
+from ..definition import checks
+from ..paths.budget import whole
+from ..results.records import Outcome
+from ..results.solution import Solution
 from ..solve import solve
 from .variations import Variations, variations
 

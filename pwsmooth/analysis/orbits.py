@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..budget import whole
-from ..solution import Solution
+from ..definition import checks
+from ..paths.budget import whole
+from ..results.solution import Solution
 from ..solve import solve
 from .sections import Image, Section, Stroboscopic, Word, depends_on_time, why_stopped
 
@@ -454,7 +454,7 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
 
 def onto_section(section: Section, x: np.ndarray) -> np.ndarray:
     """x moved onto the section along its gradient, shape (n,)."""
-    from ..pointwise import value
+    from ..definition.pointwise import value
 
     states = section.system.model.states
     for _ in range(3):

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
-from ..solution import EventRecord, Solution, vectorised
+from ..definition import checks
+from ..results.solution import EventRecord, Solution, vectorised
 from .linearised import Blocks, Linearised
 
 __all__ = ["Saltation", "saltations", "tangent_projector"]

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import checks
-from ..budget import whole
-from ..model import EventSpec, Model
-from ..pointwise import value
-from ..records import Outcome
-from ..solution import Solution
+from ..definition import checks
+from ..definition.model import EventSpec, Model
+from ..definition.pointwise import value
+from ..paths.budget import whole
+from ..results.records import Outcome
+from ..results.solution import Solution
 from ..solve import solve
 from .linearised import linearise
 from .symmetry import symmetry_matrix

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import sympy as sp
 from mpmath.libmp import NoConvergence
 
-from .. import checks
-from ..lambdified import numpy_function
+from ..definition import checks
+from ..definition.lambdified import numpy_function
 from .capture import capture_threshold, critical_ratio
 
 __all__ = [

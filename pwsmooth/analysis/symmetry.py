@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
-from ..pointwise import value
+from ..definition import checks
+from ..definition.pointwise import value
 from .linearised import linearise
 
 __all__ = ["symmetry_matrix"]

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
-from ..smooth_path import StepPolynomials
-from ..solution import Dense, Solution
+from ..definition import checks
+from ..paths.smoothed import StepPolynomials
+from ..results.solution import Dense, Solution
 from .linearised import Linearised, linearise
 from .saltation import Saltation, saltations, tangent_projector
 

@@ -14,8 +14,8 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from ..model import Model
-from . import cache
+from ..definition.model import Model
+from .machine import cache
 
 _compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
 
@@ -59,7 +59,7 @@ class Compiled:
     def _load(self, texts, name: str):
         if name not in texts:
             return None
-        from . import native
+        from .machine import native
 
         code = native.load(texts[name], self._sizes)
         self._modules.append(code)
@@ -78,7 +78,7 @@ class Compiled:
     def _fields(self):
         def build():
             if self._loops:
-                from .looped_fields import LoopedFields
+                from .families.fields import LoopedFields
 
                 return LoopedFields(self.model).write()
             from .fields import write_fields
@@ -91,10 +91,10 @@ class Compiled:
     def _jets(self):
         def build():
             if self._loops:
-                from .looped_jets import write_looped_jets
+                from .families.jets import write_looped_jets
 
                 return write_looped_jets(self.model)
-            from .jets import write_jets
+            from .taylor.jets import write_jets
 
             return write_jets(self.model)
 
@@ -206,7 +206,7 @@ def compile_model(model: Model) -> Compiled:
     Examples
     --------
     >>> import sympy as sp
-    >>> from pwsmooth.model import Model
+    >>> from pwsmooth.definition.model import Model
     >>> t, x = sp.symbols("t x", real=True)
     >>> compile_model(Model(time=t, states=(x,), parameters=(), rhs=(-x,))).n
     1

@@ -17,10 +17,10 @@ import itertools
 
 import sympy as sp
 
-from ..model import Model
-from .dag import Graph
-from .scalar import HELPERS, ScalarCode, Writer, write_update
-from .slopes import derivative
+from ..definition.model import Model
+from .graph.dag import Graph
+from .graph.scalar import HELPERS, ScalarCode, Writer, write_update
+from .graph.slopes import derivative
 
 
 class Source:
@@ -37,7 +37,9 @@ class Source:
         self.functions.append(f"def {name}({typed}){returns and f' -> {returns}'}:\n{body.text()}")
 
     def text(self) -> str:
-        head = '"""Generated from a pwsmooth model in the subset of codegen/native.py; never edited."""\n'
+        head = (
+            '"""Generated from a pwsmooth model in the subset of codegen/machine/native.py; never edited."""\n'
+        )
         helpers = [HELPERS[name].lstrip() for name in sorted(self.helpers)]
         constants = "".join(f"{name} = {value!r}\n" for name, value in self.constants.items())
         return "\n\n".join((head + constants, *helpers, *self.functions))

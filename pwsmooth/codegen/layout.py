@@ -1,7 +1,7 @@
 """Places in the arrays of a model with loops: counts that depend on the numbers of elements, as text and as numbers.
 
 A block of an array is one number, or one for each element of a family: it starts at c + a_0 n_0 + a_1 n_1 + ...
-Chain: template.py -> layout (here) -> looped_fields.py, looped_jets.py; codegen/__init__.py reads the same counts.
+Chain: template.py -> layout (here) -> families/fields.py, families/jets.py; codegen/__init__.py reads the same counts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from ..template import Template
+from ..definition.template import Template
 
 # A row of Taylor coefficients holds at least K + 4 >= 5 numbers.
 SHORTEST_ROW = 5

@@ -1,16 +1,16 @@
 """Comparisons: what is exact (verify), what accuracy costs, where methods break, which model a scene needs."""
 
-import importlib
+from .. import on_first_use
 
 _HOME = {
-    "CASES": "cases",
-    "Case": "case",
-    "case_of": "case",
-    "METHODS": "methods",
-    "Method": "methods",
-    "Point": "points",
-    "WorkPrecision": "points",
-    "work_precision": "measuring",
+    "CASES": "work_precision.cases",
+    "Case": "work_precision.case",
+    "case_of": "work_precision.case",
+    "METHODS": "work_precision.methods",
+    "Method": "work_precision.methods",
+    "Point": "work_precision.points",
+    "WorkPrecision": "work_precision.points",
+    "work_precision": "work_precision.measuring",
     "ladder": "ladders",
     "stability": "hazards",
 }
@@ -19,11 +19,4 @@ __all__ = ["CASES", "METHODS", "Case", "Method", "Point", "WorkPrecision", "case
            "work_precision"]  # fmt: skip
 
 
-def __getattr__(name):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-
-
-def __dir__():
-    return [*globals(), *_HOME]
+__getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -1,6 +1,6 @@
 """What a run begins with: no counts, no flags of a run before it."""
 
-from .compiling import kernel
+from .machine.compiling import kernel
 
 
 @kernel

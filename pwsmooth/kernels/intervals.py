@@ -7,7 +7,7 @@ and the last four ratios of intervals, the newest first.
 
 import math
 
-from .compiling import kernel
+from .machine.compiling import kernel
 
 _LAST_EVENTS = 1e-9  # much closer, a bounce of an event disappears in the roundings of its surface
 _LOST_EVENTS = 1e-3  # and less close not: a surface that is met without a slope hugs zero as well

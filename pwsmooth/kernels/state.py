@@ -1,8 +1,8 @@
 """What the compiled trajectory loop is told and what it carries from call to call: plain numbers, no objects."""
 
-from .block import Bundle
+from .machine.block import Bundle
 
-# Kinds of multiplier (order of pwsmooth.model: a switch's regularity, then the other two kinds).
+# Kinds of multiplier (order of pwsmooth.definition.model: a switch's regularity, then the other two kinds).
 SLIDING, KINK, CROSSING, SECOND_ORDER, CONTACT, ALGEBRAIC = range(6)
 
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its

@@ -9,18 +9,29 @@ import math
 
 from numba import types
 
-from .compiling import inlined_kernel, kernel, unit
-from .contacts import stop_closed
 from .fresh import restart_flags
-from .invariants import CHECK, broken_by
-from .meeting import find_first, first_graze, meet
-from .pointers import at, call_fold, call_rk, call_unit
-from .records import keep_dense, record_grazes, record_point, sample
-from .rhythm import forget_rhythm, note_rhythm
-from .roots import NO_ROOT, first_root
-from .settling import release_held
-from .singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
-from .sliding import follow, mask_solved
+from .instant.contacts import stop_closed
+from .instant.folds import (
+    HOP,
+    HOPPED,
+    LEFT,
+    PASSED,
+    SHARE_TO_A_FOLD,
+    SHORTEST_HOP,
+    flattest,
+    known_zeros,
+    lost_at_a_fold,
+    touch,
+    turns_back,
+    way_of_time,
+    where_attraction_ends,
+)
+from .instant.invariants import CHECK, broken_by
+from .instant.settling import release_held
+from .instant.surface_rates import any_is, keep_sliding
+from .instant.twofolds import two_fold
+from .machine.compiling import inlined_kernel, kernel, unit
+from .machine.pointers import at, call_fold, call_rk, call_unit
 from .state import (
     ALGEBRAIC,
     BROKEN,
@@ -39,33 +50,13 @@ from .state import (
     Record,
     State,
 )
-from .steps import (
-    dot,
-    fits,
-    fold_step_size,
-    keep_in_sight,
-    near_fold,
-    powers,
-    take_jet,
-    taylor_step_size,
-)
-from .surface_rates import any_is, keep_sliding
-from .touching import (
-    HOP,
-    HOPPED,
-    LEFT,
-    PASSED,
-    SHARE_TO_A_FOLD,
-    SHORTEST_HOP,
-    flattest,
-    known_zeros,
-    lost_at_a_fold,
-    touch,
-    turns_back,
-    way_of_time,
-    where_attraction_ends,
-)
-from .twofolds import two_fold
+from .step.meeting import find_first, first_graze, meet
+from .step.recording import keep_dense, record_grazes, record_point, sample
+from .step.rhythm import forget_rhythm, note_rhythm
+from .step.roots import NO_ROOT, first_root
+from .step.singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
+from .step.steps import dot, fits, fold_step_size, keep_in_sight, near_fold, powers, take_jet, taylor_step_size
+from .surface.sliding import follow, mask_solved
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,

@@ -5,7 +5,7 @@ blocks of eight and one more (state.PAD); `contacts`, `hubs`; `rows` of the Tayl
 of coupled multipliers.
 """
 
-from .block import Bundle
+from .machine.block import Bundle
 
 
 class Linear(Bundle):
@@ -84,7 +84,7 @@ class Pair(Bundle):
 
 
 class Arc(Bundle):
-    """Folds of a multiplier, and the step along one: see steps.fold_jet and touching.py."""
+    """Folds of a multiplier, and the step along one: see step/steps.fold_jet and instant/folds.py."""
 
     touched: "int"  # switch whose root comes to a fold that is touched
     hop: "float"  # length of a hop over a fold

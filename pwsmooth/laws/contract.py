@@ -23,9 +23,9 @@ from typing import Any, ClassVar, dataclass_transform
 
 import sympy as sp
 
-from .. import checks
-from ..lambdified import numpy_function
-from ..primitives import Algebraic, Event, Unilateral
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..definition.primitives import Algebraic, Event, Unilateral
 from .documenting import documented
 from .joint import Joint
 

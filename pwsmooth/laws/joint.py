@@ -9,9 +9,9 @@ from typing import Any
 
 import sympy as sp
 
-from .. import checks
-from ..family import Family
-from ..primitives import Memory, Switch
+from ..definition import checks
+from ..definition.family import Family
+from ..definition.primitives import Memory, Switch
 
 __all__ = ["Joint"]
 

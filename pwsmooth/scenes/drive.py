@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
-from ..lambdified import numpy_function
+from ..definition import checks
+from ..definition.lambdified import numpy_function
 from ..laws import Law
 
 #: Time in every scene, s: drives are expressions of it.

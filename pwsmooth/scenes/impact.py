@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
 from ..laws import Law
 from .drive import door, expression, t
 from .scene import Scene, assemble

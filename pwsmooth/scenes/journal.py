@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
+from ..definition.primitives import Event, Memory
 from ..laws import Law, Pieces
-from ..primitives import Event, Memory
 
 __all__ = ["ClearanceJoint", "clearance_joint"]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
 from ..laws import Law
 from .drive import check_continuous, door, expression, t, value
 from .scene import Scene, assemble

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .. import checks
+from ..definition import checks
 from ..laws import Pieces
-from ..solution import Solution
+from ..results.solution import Solution
 from ..solve import solve
 from ..system import System
 from . import drive

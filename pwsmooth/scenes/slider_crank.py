@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
 from ..laws import Law
 from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb

@@ -13,9 +13,9 @@ from typing import Any
 
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
+from ..definition.primitives import Algebraic
 from ..laws import Law
-from ..primitives import Algebraic
 from .drive import door, expression, t
 from .scene import Scene, assemble
 from .table import Table, within

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
+from ..definition.primitives import Event, Memory
 from ..laws import Pieces
-from ..primitives import Event, Memory
 
 __all__ = ["Table", "within"]
 

@@ -158,8 +158,8 @@ def sweep(
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
     """
-    from .. import checks
-    from ..records import Outcome
+    from ..definition import checks
+    from ..results.records import Outcome
     from .dataset import empty_arrays, make_dataset
     from .plan import make_plan
     from .running import chunk_target, cores, run_chunks

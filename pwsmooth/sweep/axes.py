@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks
+from ..definition import checks
 
 POINT = "point"  # the dimension of a list
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..budget import Budget, Stop, within
-from ..records import Outcome
+from ..paths.budget import Budget, Stop, within
+from ..results.records import Outcome
 from .plan import FUNCTION_FAILED, REFUSED, Plan, with_number
 
 

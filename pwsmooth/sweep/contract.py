@@ -1,6 +1,6 @@
 """The contract of measures: what one is asked for, and what it may know of the sweep.
 
-Measures that the compiled ensemble knows (kernels/ensemble.py) are gathered from it; `of` computes the same from a
+Measures that the compiled ensemble knows (kernels/sweeping) are gathered from it; `of` computes the same from a
 Solution, for paths that solve point by point and as an independent check.
 """
 
@@ -11,8 +11,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .. import checks
-from ..solution import Solution, _is_slip_velocity
+from ..definition import checks
+from ..results.solution import Solution, _is_slip_velocity
 
 NOT_RUN = -128  # outcome of a point that has not run
 

@@ -22,8 +22,8 @@ def version_items() -> dict[str, str]:
     """What computes: two sweeps of equal versions on one kind of processor give equal bits."""
     from importlib.metadata import PackageNotFoundError, version
 
-    from ..codegen.cache import sources_key
-    from ..codegen.native import machine_mark
+    from ..codegen.machine.cache import sources_key
+    from ..codegen.machine.native import machine_mark
 
     try:
         package = version("pwsmooth")

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .. import checks
+from ..definition import checks
 from .contract import Measure, real
 
 

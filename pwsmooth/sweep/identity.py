@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..codegen.cache import fingerprint
+from ..codegen.machine.cache import fingerprint
 from ..system import System
 
 UNKNOWN = "holds what cannot be compared"

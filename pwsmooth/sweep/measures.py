@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .. import checks
+from ..definition import checks
 from .contract import Measure, OfQuantities, Variable, real
 from .functions import Function, Lyapunov
 from .of_solution import moments, range_of, segments_in, strobes

@@ -1,4 +1,4 @@
-"""A chunk of orbits through the compiled ensemble (kernels/ensemble.py): arrays in, arrays out.
+"""A chunk of orbits through the compiled ensemble (kernels/sweeping/ensemble.py): arrays in, arrays out.
 
 The ctypes call releases Python's lock, so that threads use all cores.
 """
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..budget import spending
-from ..event_driven import EventDriven, Options
-from ..records import Outcome
+from ..paths.budget import spending
+from ..paths.event_driven import EventDriven, Options
+from ..results.records import Outcome
 from .measures import Itinerary
 from .plan import REFUSED, Plan
 
@@ -25,8 +25,9 @@ _NODES = 12  # of Gauss: exact for a polynomial of degree 23, the steps' own
 
 def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     """The ensemble's arrays after the run, with `ok`, `code_done` and `outcome`, each (N,)."""
-    from ..codegen.units import unit_address
-    from ..kernels import ensemble_state, state
+    from ..codegen.machine.units import unit_address
+    from ..kernels import state
+    from ..kernels.sweeping import state as ensemble_state
 
     options, setting, system = dict(plan.options), plan.setting, plan.system
     model, count = system.model, len(next(iter(columns.values())))

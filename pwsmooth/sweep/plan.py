@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from .. import checks, memory
-from ..diffusion import Diffusion
-from ..event_driven import LOOSEST
-from ..lambdified import numpy_function
-from ..noise import Kicks
-from ..stiff import LOOSEST_RTOL
-from ..stiff_switching import switched_by_events
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..noise.diffusion import Diffusion
+from ..noise.kicks import Kicks
+from ..paths import memory
+from ..paths.event_driven import LOOSEST
+from ..paths.stiff_events import switched_by_events
+from ..paths.stiff_steps import LOOSEST_RTOL
 from .axes import Axes, read_axes
 from .contract import NOT_RUN, Measure, Setting, Variable, Window, alphabet
 from .measures import Function, Period, measure_from_text
@@ -106,7 +107,7 @@ class Plan:
 
     def identity(self, axes: Axes) -> dict[str, str]:
         """What a store must agree with, item by item in words: equal identities give equal bits."""
-        from ..codegen.cache import fingerprint
+        from ..codegen.machine.cache import fingerprint
         from .identity import digest as told
 
         floats = sorted(map(sp.srepr, self.period.atoms(sp.Float))) if self.forced else []
@@ -158,7 +159,7 @@ def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
 
 
 def _flags() -> dict[str, Any]:
-    from ..records import Outcome
+    from ..results.records import Outcome
 
     meanings = {o.value: o.name.lower() for o in Outcome}
     meanings |= {REFUSED: "refused_at_the_door", FUNCTION_FAILED: "function_failed", NOT_RUN: "not_run"}

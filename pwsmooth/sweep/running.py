@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..budget import Stop
+from ..paths.budget import Stop
 from .axes import Axes
 from .chunk import run_chunk
 from .plan import Plan

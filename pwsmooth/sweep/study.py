@@ -42,7 +42,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from .. import checks
+from ..definition import checks
 
 _HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
 
@@ -238,7 +238,7 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     options = {name: getattr(study, name) for name in ("rtol", "atol", "method", "max_steps")}
     arguments |= {name: value for name, value in options.items() if value is not None}
     if study.kicks is not None:
-        from ..noise import Kicks
+        from ..noise.kicks import Kicks
 
         try:
             arguments["noise"] = Kicks(**study.kicks)

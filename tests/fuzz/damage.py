@@ -24,7 +24,7 @@ import numpy as np
 import sympy as sp
 
 from pwsmooth import Switch, System, sweep
-from pwsmooth.codegen import cache
+from pwsmooth.codegen.machine import cache
 from pwsmooth.sweep import read_store
 
 PAGE = 4096

@@ -35,16 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 import public_names
 
 import pwsmooth
-from pwsmooth import (
-    Diffusion,
-    Event,
-    Family,
-    Kicks,
-    Switch,
-    System,
-    scenes,
-    solve,
-)
+from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, scenes, solve
 from pwsmooth.analysis import linearised, sections, sticking
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.sweep import study
@@ -57,7 +48,7 @@ NO_DOORS = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.plotting")
 
 # Made by the package, or bases to derive from: their arguments come from inside, or are any names.
 INSIDE = {
-    "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.records.EventLog",
+    "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
     "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
 

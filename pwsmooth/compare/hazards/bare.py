@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ...solve import solve
-from ..case import Case
-from ..cases import CASES
-from ..plain import plain
+from ..work_precision.case import Case
+from ..work_precision.cases import CASES
+from ..work_precision.plain import plain
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard, decades
 from .unguarded import SCIPY, cvode, scipy_end

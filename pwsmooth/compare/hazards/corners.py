@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...primitives import Switch, Unilateral
+from ...definition.primitives import Switch, Unilateral
 from ...solve import solve
 from ...system import System
-from ..plain import Plain, plain
-from ..restarting import restarted
-from ..timestepping import bouncing, stepper
+from ..work_precision.plain import Plain, plain
+from ..work_precision.restarting import restarted
+from ..work_precision.timestepping import bouncing, stepper
 from .failures import Collapsed, Finding, Stalled, attempt
 from .hazard import Axis, Hazard, decades
 from .unguarded import quiet, scipy_end

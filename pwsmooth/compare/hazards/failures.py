@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ...records import Outcome
+from ...results.records import Outcome
 
 #: Ways a run can end -> their colours, the same in every map.
 KINDS = {

@@ -17,8 +17,8 @@ import numpy as np
 import sympy as sp
 
 from ...analysis.capture import capture_threshold
-from ...noise import Kicks
-from ...primitives import Switch
+from ...definition.primitives import Switch
+from ...noise.kicks import Kicks
 from ...solve import solve
 from ...system import System
 from .failures import Finding, attempt

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...primitives import Switch
+from ...definition.primitives import Switch
 from ...solve import solve
 from ...system import System
 from .failures import Collapsed, Finding, attempt

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...primitives import Switch
+from ...definition.primitives import Switch
 from ...solve import solve
 from ...system import System
-from ..plain import plain
-from ..timestepping import stepper
+from ..work_precision.plain import plain
+from ..work_precision.timestepping import stepper
 from .corners import stopped
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard

@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy as sp
 
-from ...primitives import Switch
+from ...definition.primitives import Switch
 from ...solve import solve
 from ...system import System
 from .failures import Finding, attempt

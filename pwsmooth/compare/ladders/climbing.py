@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ... import checks
+from ...definition import checks
 from ...scenes import Scene
 from ...scenes.scene import ATOL
 from .catalogue import setting_of

@@ -125,7 +125,7 @@ EPS, KAPPA = 1e-3, 2e-4
 
 def hidden_oscillator() -> Setting:
     """The oscillator of the solid-friction paper: rho = 3, beta = 0.1, eps = 0.001, kicks of kappa = 2e-4."""
-    from ...noise import Kicks
+    from ...noise.kicks import Kicks
 
     turn = 2 * math.pi
     law = HiddenStatic()

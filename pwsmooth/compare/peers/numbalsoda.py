@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..automaton import KINDS, automaton
-from ..plain import Plain
+from ..work_precision.automaton import KINDS, automaton
+from ..work_precision.plain import Plain
 
 
 @functools.lru_cache(maxsize=64)

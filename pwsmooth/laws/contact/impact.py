@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 import sympy as sp
 
-from ...primitives import Event
+from ...definition.primitives import Event
 from ..contract import Law, Pieces, law, parameter
 from .eta import ETA, check_c_r, damping_factor
 

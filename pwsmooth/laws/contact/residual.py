@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import sympy as sp
 
-from ...primitives import Event
+from ...definition.primitives import Event
 from ..contract import Law, Pieces, law, parameter
 
 

@@ -18,7 +18,7 @@ from math import exp, gamma, log1p, pi, sqrt
 
 import numpy as np
 
-from ... import checks
+from ...definition import checks
 
 __all__ = ["contact_duration", "exact_eta", "maximal_indentation", "phase_curve", "restitution"]
 

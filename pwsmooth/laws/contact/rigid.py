@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ...primitives import Unilateral
+from ...definition.primitives import Unilateral
 from ..contract import Law, Pieces, law, parameter
 
 

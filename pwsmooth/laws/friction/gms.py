@@ -9,7 +9,7 @@ here a Memory for each element. s is even: the form sgn(v) C (lam_i - F_i/s) nee
 
 import sympy as sp
 
-from ...primitives import Event
+from ...definition.primitives import Event
 from ..contract import Law, Pieces, law, parameter
 from .stribeck import check_stribeck, stribeck
 

@@ -10,7 +10,7 @@ Phi(x) = sum min(kappa_i x, L_i); inner loops close and are forgotten (return-po
 import numpy as np
 import sympy as sp
 
-from ...primitives import Event
+from ...definition.primitives import Event
 from ..contract import Law, Pieces, law, parameter
 from ..inclusions import clip
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ... import checks
+from ...definition import checks
 from ..contract import Law
 from . import stepping
 from .coulomb import Coulomb, StribeckFriction

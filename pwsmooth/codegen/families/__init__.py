@@ -1,0 +1,1 @@
+"""Code for families: loops over their elements."""

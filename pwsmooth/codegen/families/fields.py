@@ -1,0 +1,149 @@
+"""Pointwise functions of a model with loops: the same C functions as fields.py, their length independent of n.
+
+Chain: template.py -> Graph (dag.py) -> sections.py -> text (this file) -> native.py.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from ...definition.model import Model
+from ..fields import Source, surfaces
+from ..graph.dag import Graph
+from ..graph.scalar import Writer, write_update
+from ..graph.slopes import derivative
+from ..layout import Count, Layout, one, starts
+from .sections import ElementCode, Root, Sections
+
+
+def solvable(multiplier) -> bool:
+    """Whether a multiplier is ever solved for: kinks and crossings are not."""
+    return multiplier.kind != "switch" or multiplier.regularity == "sliding"
+
+
+def sizes(body: Writer, count: int) -> None:
+    """Lines that read the numbers of elements."""
+    for f in range(count):
+        body.line(f"m{f} = n{f}")
+
+
+class LoopedFields:
+    """Writes `fields`, `linear` and `act` of one template."""
+
+    def __init__(self, model: Model):
+        self.graph = graph = Graph(model)
+        self.template = graph.template
+        self.model, self.layout = graph.model, Layout(graph.template)
+        self.h = surfaces(graph)
+        self.rates = [graph.expression(e) for e in self.model.rhs]
+        # What is never solved for needs no residual.
+        self.residuals = [
+            graph.expression(m.residual) if solvable(m) else graph.zero for m in self.model.multipliers
+        ]
+
+    def write(self) -> dict[str, str]:
+        sources = {name: Source() for name in ("fields", "linear", "act")}
+        for source in sources.values():
+            source.constants["SIZES"] = len(self.template.periodic)
+        lay = self.layout
+        self._store(sources["fields"], "fields", "t, x, mult, p, dx, h, g", [
+            (array, lay.starts[array][b], families[b], node)
+            for array, families, nodes in (
+                ("dx", lay.states, self.rates), ("h", lay.surfaces, self.h), ("g", lay.multipliers, self.residuals)
+            )
+            for b, node in enumerate(nodes)
+        ])  # fmt: skip
+        self._linear(sources["linear"])
+        self._act(sources["act"])
+        return {name: source.text() for name, source in sources.items()}
+
+    def _body(self):
+        body = Writer()
+        sizes(body, len(self.template.periodic))
+        return body, ElementCode(self.graph, body, self.layout)
+
+    def _store(self, source: Source, name: str, arguments: str, entries) -> None:
+        """A function that fills entries (array, first place, family or None, node, places an element)."""
+        body, code = self._body()
+        roots = []
+        for array, first, family, node, *step in entries:
+            at = first.text()
+            if family is not None:
+                index = f"i{family}" if not step else f"{step[0]} * i{family}"
+                at = index if at == "0" else f"{at} + {index}"
+            roots.append(Root(node, family, lambda a=array, at=at, v=node: [f"{a}[{at}] = {code.name(v)}"]))
+        Sections(code).write(roots)
+        source.helpers |= code.helpers
+        source.function(name, arguments, body)
+
+    # ---- gradients
+
+    def _linear(self, source: Source) -> None:
+        graph, lay = self.graph, self.layout
+        solved = [solvable(m) for m in self.model.multipliers]
+        G = [
+            sorted({i, *(j for j in graph.variables(r, "mult") if solved[j])})
+            for i, r in enumerate(self.residuals)
+        ]
+        dh = [self._moving_states(s) for s in self.h]
+        entries, length = self._rows("G", G, lay.multipliers, "mult", lay.multipliers, self.residuals, Count())
+        more, length = self._rows("dh", dh, lay.surfaces, "x", lay.states, self.h, Count())
+        for b, (first, node) in enumerate(zip(lay.starts["h"], self.h)):
+            more.append(("dh", length + first, lay.surfaces[b], derivative(graph, node, graph.var("t", 0))))
+        self._store(source, "linear", "t, x, mult, p, G, dh", entries + more)
+        source.constants |= {"G_ROWS": tuple(map(tuple, G)), "DH_ROWS": tuple(map(tuple, dh))}
+
+    def _moving_states(self, surface: int) -> list[int]:
+        graph = self.graph
+        blocks = graph.variables(surface, "x")
+        return [i for i in blocks if derivative(graph, surface, graph.var("x", i)) != graph.zero]
+
+    def _rows(self, array, rows, families, kind, columns, nodes, start: Count):
+        """Entries of a sparse matrix by rows, and where they end."""
+        graph, entries = self.graph, []
+        for blocks, family, node in zip(rows, families, nodes, strict=True):
+            place = start
+            for b in blocks:
+                slope = derivative(graph, node, graph.var(kind, b))
+                if family is None:
+                    entries.append((array, place, columns[b], slope))
+                    place += one(columns[b])
+                else:
+                    entries.append((array, place, family, slope, len(blocks)))
+                    place += Count(1)
+            start = place if family is None else start + one(family).times(len(blocks))
+        return entries, start
+
+    # ---- resets
+
+    def _act(self, source: Source) -> None:
+        """Resets of the events by number; an event of elements acts on one of them."""
+        graph, lay = self.graph, self.layout
+        body, _ = self._body()
+        for first, family, event in zip(starts(lay.events), lay.events, self.model.events):
+            at = first.text()
+            body.line(f"if i == {at}:" if family is None else f"if i >= {at} and i < {at} + m{family}:")
+            body.indent = 2
+            code = ElementCode(graph, body, lay)
+            sections = Sections(code)
+            condition = graph.expression(event.when)
+            writes = event.writes(self.model.states)
+            values = [graph.expression(value) for _, value, _ in writes]
+            sections.sums([condition, *values])
+            if family is not None:
+                body.line(f"i{family} = i - ({at})")
+            mark = len(body.lines)
+            code.emit([condition])
+            if event.when != sp.true:
+                body.line(f"if not {code.name(condition)}:")
+                body.line("    return 0")
+            # All new values come from the values before, so none is written until all are known.
+            code.emit(values)
+            for (block, _, adds), node in zip(writes, values, strict=True):
+                body.line(write_update(lay.place("xnew", block, lay.states[block]), code.name(node), adds))
+            body.lines[mark:mark] = ["        " + line for line in sections.indices(body.lines[mark:])]
+            body.line("return 1")
+            body.indent = 1
+            source.helpers |= code.helpers
+        body.line("return 1")
+        source.function("act", "i, t, x, mult, p, xnew", body, returns="I")

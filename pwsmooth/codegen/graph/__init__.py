@@ -1,0 +1,1 @@
+"""Expressions as a graph, and the text of scalar code."""

@@ -1,0 +1,1 @@
+"""Generated code as machine code, and where it is kept."""

@@ -1,0 +1,132 @@
+"""The compiled units of the kernels, without numba once they are compiled.
+
+A unit (kernels/machine) is self-contained: it calls generated functions and other units through addresses only.
+So its object code is kept and linked by llvmlite in later processes, which then import no numba at all (a third of the
+time to the first solution).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+
+import llvmlite.binding as llvm
+
+from .cache import kernels, load_kernels
+from .native import link, machine_mark
+
+# Name in state.Problem -> (kernel module, function).
+UNITS = {
+    "root_unit": ("step.roots", "isolate"),
+    "newton_unit": ("surface.sliding", "newton"),
+    "layer_unit": ("surface.layer", "layer"),
+    "fold_unit": ("step.steps", "fold_jet"),
+    "start_unit": ("instant.starting", "start"),
+    "instant_unit": ("instant.instants", "at_instant"),
+    "rk_unit": ("step.rungekutta", "rk_step"),
+    "approach_unit": ("step.singular", "approach"),
+    "run": ("trajectory", "run"),
+}
+# Units that only some runs need: they are no fields of the Problem.
+MORE_UNITS = {
+    "ensemble": ("sweeping.ensemble", "ensemble"),
+    "kick_act": ("noise.kicks", "kick_act"),
+    "kick_act_smooth": ("noise.kicks", "kick_act_smooth"),
+    "diffuse": ("noise.path", "diffuse"),
+    "diffuse_many": ("noise.many", "diffuse_many"),
+}
+# Those of the smoothed path; all but the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
+STIFF_UNITS = {
+    "attempt_unit": ("stiff.radau", "attempt_unit"),
+    "taylor_unit": ("stiff.step", "taylor_unit"),
+    "events_unit": ("stiff.events", "events_unit"),
+    "dense_factor": ("stiff.dense", "dense_factor"),
+    "dense_solve": ("stiff.dense", "dense_solve"),
+    "stiff_run": ("stiff.loop", "integrate"),
+}
+# What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
+_NEVER_CALLED = (
+    "numba_do_raise",
+    "numba_gil_ensure",
+    "numba_gil_release",
+    "numba_runtime_build_excinfo_struct",
+    "numba_unpickle",
+    "NRT_Free",
+    "NRT_MemInfo_call_dtor",
+)
+_PYTHON = (
+    "PyBytes_FromStringAndSize",
+    "PyErr_Clear",
+    "PyErr_SetNone",
+    "PyErr_SetString",
+    "PyErr_WriteUnraisable",
+    "PyExc_RuntimeError",
+    "PyExc_StopIteration",
+    "PyExc_SystemError",
+    "PyUnicode_FromString",
+    "Py_DecRef",
+)
+_kept: list = []  # engines and numba functions, whose addresses are in use
+
+
+def _own_name(name: str) -> str:
+    """A name of the same length that numba does not use: symbols of llvmlite are those of the whole process."""
+    return "pws" + name[3:]
+
+
+def _detached(image: bytes) -> bytes:
+    """The object file with its references to numba's runtime renamed.
+
+    Under their own names they would be resolved for numba too: a user's `@njit` function in the same process
+    would free its arrays with our dummy.
+    """
+    for name in _NEVER_CALLED:
+        image = image.replace(name.encode() + b"\0", _own_name(name).encode() + b"\0")
+    return image
+
+
+@cache
+def _resolve_symbols() -> None:
+    nothing = ctypes.CFUNCTYPE(ctypes.c_void_p)(lambda: None)
+    _kept.append(nothing)
+    for name in _NEVER_CALLED:
+        llvm.add_symbol(_own_name(name), ctypes.cast(nothing, ctypes.c_void_p).value)
+    for name in _PYTHON:
+        llvm.add_symbol(name, ctypes.addressof(ctypes.c_char.in_dll(ctypes.pythonapi, name)))
+
+
+@cache
+def unit_address(name: str) -> int:
+    """Address of a unit: from its object file, or compiled by numba now."""
+    module, function = (UNITS | MORE_UNITS | STIFF_UNITS)[name]
+    file = f"{module}.{function}.{machine_mark()}.o"
+    content = kernels().read(file)
+    if content is None:
+        compiled = getattr(load_kernels(module), function)
+        _kept.append(compiled)
+        # numba has no public way to an object file; without this one every process would load numba.
+        image = compiled._library._get_compiled_object()
+        kernels().write(file, compiled._wrapper_name.encode() + b"\0" + image)
+        return compiled.address
+    symbol, _, image = content.partition(b"\0")
+    _resolve_symbols()
+    engine = link(_detached(image))
+    _kept.append(engine)
+    return engine.get_function_address(symbol.decode())
+
+
+@cache
+def trajectory_loop():
+    """kernels.trajectory.run as a Python function of five Bundles."""
+    prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
+    run = prototype(unit_address("run"))
+    return lambda P, C, S, R, W: run(P.address, C.address, S.address, R.address, W.address)
+
+
+@cache
+def stiff_loop():
+    """kernels.stiff.loop.integrate as a Python function of a Core and a number of steps, and the addresses of the
+    units that it calls."""
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stiff_run"))
+    others = [unit_address(name) for name in STIFF_UNITS if name != "stiff_run"]
+    return lambda core, steps: run(core.address, steps), others

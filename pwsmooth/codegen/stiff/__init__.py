@@ -1,0 +1,1 @@
+"""Code of the stiff steps: fields, Jacobians, Taylor series, attempts by Radau."""

@@ -1,0 +1,249 @@
+"""Generated functions of a smoothed model, for the stiff path (kernels/stiff_*.py call them by address).
+
+    rates1(t, x, p, f)       the right-hand side at one point
+    hoist(t8, p, c)          everything that depends on time alone, at the 8 stage times
+    rates8(t8, c, x, p, f)   the right-hand side at 8 stages, x[8 i + k]
+    jacobian(t, x, p, J)     the entries of df/dx that are not identically zero
+    factor(J, m, lu), solve(lu, r)    sparse elimination of (mu/h) I - J in four lanes
+    surfaces(t, x, p, s)     of every layer h, dh/dt, eps, then the gradient of h
+    surfaces8(t8, x, p, s)   h at 8 points
+    taylor(t, x, p, K, stride, rows)  Taylor coefficients of the states and of the surfaces that are no states
+    watch8(t8, x, p, e)      surfaces of the events at 8 points
+    act(i, t, x, p, xnew)    event i: 0 if its `when` fails, else writes its updates into xnew
+    radau(...)               a whole attempt at a Radau step of one order, where n is small (attempt.py)
+
+Chain: Model (with `smoothing`, without multipliers) -> text -> machine/vectors.py -> addresses.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy as sp
+
+from pwsmooth.codegen.graph.scalar import write_update
+from pwsmooth.codegen.machine import cache
+from pwsmooth.codegen.stiff.attempt import Attempt, possible
+from pwsmooth.codegen.stiff.graph import Graph, operands
+from pwsmooth.codegen.stiff.linear import Elimination, factor_lines, solve_lines
+from pwsmooth.codegen.stiff.taylor import MOST_PRODUCTS, Series
+from pwsmooth.codegen.stiff.text import Writer
+from pwsmooth.definition.model import Model
+
+NAMES = (
+    "rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor",
+    "watch8", "act", "radau",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CompiledStiff:
+    """Addresses of the generated functions (0 where absent) and the sizes that the kernels need."""
+
+    model: Model
+    address: np.ndarray  # int64, in the order of NAMES; that of `radau` is 0, see `radau`
+    n: int
+    n_surfaces: int
+    n_events: int
+    n_hoisted: int
+    n_slots: int
+    surface_state: np.ndarray  # state index of each surface that is one, else -1
+    surface_row: np.ndarray  # its row in `taylor`
+    written_out: bool  # whether attempts are written out
+    smooth: bool  # whether the right-hand side has no kinks and jumps
+    codes: dict = field(repr=False, default_factory=dict)  # machine code; it must outlive the addresses
+
+    def radau(self, order: int) -> int:
+        """Address of the attempt at a step of order 5, 9 or 13 (`order` 0, 1, 2), compiled when first asked for."""
+        if not self.written_out:
+            return 0
+        if order not in self.codes:
+            key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
+            texts = cache.cached_texts(key, lambda: {"radau": attempt_text(self.model, order)})
+            code = _machine_code(texts["radau"])
+            self.codes[order] = code, code.address("radau")
+        return self.codes[order][1]
+
+
+@functools.lru_cache(maxsize=64)
+def compile_stiff(model: Model) -> CompiledStiff:
+    """Compile the stiff functions of a model without multipliers; the last ones are kept.
+
+    Parameters
+    ----------
+    model : Model
+        The lowered smoothed view.
+
+    Returns
+    -------
+    CompiledStiff
+
+    Raises
+    ------
+    ValueError
+        The model still has multipliers, or an expression has no compiled form.
+    """
+    if model.multipliers:
+        names = ", ".join(str(m.symbol) for m in model.multipliers)
+        raise ValueError(
+            f"The smoothed path integrates models without multipliers; this one still has {names}. "
+            "Contacts and algebraic unknowns run on the event-driven path."
+        )
+    texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
+    return _load(model, _machine_code(texts["stiff"]))
+
+
+def _machine_code(text):
+    from pwsmooth.codegen.machine import vectors as stiff_native
+
+    return stiff_native.load(text)
+
+
+def _load(model: Model, code) -> CompiledStiff:
+    sizes = code.constants
+    return CompiledStiff(
+        model, np.array([code.address(name) for name in NAMES], dtype=np.int64), len(model.states),
+        len(model.smoothing), len(model.events), sizes["N_HOISTED"], sizes["N_SLOTS"],
+        np.array(sizes["SURFACE_STATE"], dtype=np.int64), np.array(sizes["SURFACE_ROW"], dtype=np.int64),
+        bool(sizes["WRITTEN_OUT"]), bool(sizes["SMOOTH"]), {"functions": code},
+    )  # fmt: skip
+
+
+class _Parts:
+    """The graph of a model, and what every text of it begins with."""
+
+    def __init__(self, model: Model):
+        n, states = len(model.states), list(model.states)
+        graph = Graph(model.time, states, model.parameters)
+        self.rates = graph.add_expressions(model.rhs)
+        surfaces = [h for h, _ in model.smoothing]
+        self.surface_state = [states.index(h) if h in states else -1 for h in surfaces]
+        # A gradient is wanted of the tidied expressions: the ones that are evaluated.
+        derivative = [[sp.diff(f, s) for s in states] for f in model.rhs]
+        self.pattern = {(i, j) for i in range(n) for j in range(n) if derivative[i][j] != 0}
+        self.jacobian = graph.add_expressions([derivative[i][j] for i, j in sorted(self.pattern)])
+        self.surfaces = graph.add_expressions(surfaces)
+        self.elimination = Elimination(n, self.pattern)
+        self.graph, self.writer = graph, Writer(graph)
+        self.written_out = possible(self.writer, self.rates, self.surfaces, self.elimination, n)
+
+
+def attempt_text(model: Model, order: int) -> str:
+    """Source text of the attempt at a Radau step."""
+    parts = _Parts(model)
+    Attempt(
+        parts.writer, order, parts.rates, parts.jacobian, parts.pattern, parts.surfaces, parts.surface_state,
+        parts.elimination, len(model.states),
+    ).write()  # fmt: skip
+    return "\n".join(parts.writer.lines) + "\n"
+
+
+def stiff_text(model: Model) -> str:
+    """Source text of every other generated function of the stiff path."""
+    n, parts = len(model.states), _Parts(model)
+    graph, writer, rates, elimination = parts.graph, parts.writer, parts.rates, parts.elimination
+
+    writer.function("rates1", "t: D, x: P, p: P, f: P")
+    writer.point(rates, [f"f[{i}]" for i in range(n)])
+
+    hoisted = _hoist(writer, graph, rates)
+    writer.function("rates8", "t: P, c: P, x: P, p: P, f: P")
+    writer.lanes(rates, range(n), "f", hoisted=hoisted)
+
+    writer.function("jacobian", "t: D, x: P, p: P, J: P")
+    writer.point(parts.jacobian, [f"J[{i * n + j}]" for i, j in sorted(parts.pattern)])
+
+    if elimination.worthwhile:
+        writer.function("factor", "J: P, m: P, lu: P")
+        writer.lines += factor_lines(n, parts.pattern, elimination)
+        writer.function("solve", "lu: P, r: P")
+        writer.lines += solve_lines(n, elimination)
+
+    surface_row = _surfaces(writer, graph, model, parts.surfaces, parts.surface_state)
+    _taylor(writer, graph, rates, parts.surfaces, surface_row, n)
+    _events(writer, graph, model)
+    constants = [
+        f"N_HOISTED = {len(hoisted)}",
+        f"N_SLOTS = {len(elimination.slots) if elimination.worthwhile else 0}",
+        f"SURFACE_STATE = {parts.surface_state!r}",
+        f"SURFACE_ROW = {surface_row!r}",
+        f"WRITTEN_OUT = {int(parts.written_out)}",
+        f"SMOOTH = {int(graph.smooth(rates))}",
+    ]
+    return "\n".join(constants + writer.lines) + "\n"
+
+
+def _hoist(writer: Writer, graph: Graph, rates) -> dict[int, int]:
+    """Write `hoist`; returns the row of every node of time alone that a node of the states uses."""
+    wanted = {a for a in rates if graph.level[a] == 1}
+    for a in graph.reachable(rates):
+        if graph.level[a] == 2:
+            wanted |= {b for b in operands(graph.ops[a]) if graph.level[b] == 1}
+    hoisted = {a: row for row, a in enumerate(sorted(wanted))}
+    if hoisted:
+        writer.function("hoist", "t: P, p: P, c: P")
+        writer.lanes(list(hoisted), hoisted.values(), "c")
+    return hoisted
+
+
+def _surfaces(writer: Writer, graph: Graph, model: Model, h, surface_state) -> list[int]:
+    """Write `surfaces` and `surfaces8`; returns the Taylor row of every surface."""
+    n, width = len(model.states), len(model.states) + 3
+    roots, targets = [], []
+    for j, (expression, eps) in enumerate(model.smoothing):
+        gradient = [sp.diff(expression, s) for s in (model.time, *model.states)]
+        roots += graph.add_expressions([expression, gradient[0], eps, *gradient[1:]])
+        targets += [f"s[{j * width + i}]" for i in range(width)]
+    row, surface_row = n, []
+    for state in surface_state:
+        surface_row.append(state if state >= 0 else row)
+        row += state < 0
+    if roots:
+        writer.function("surfaces", "t: D, x: P, p: P, s: P")
+        writer.point(roots, targets)
+        writer.function("surfaces8", "t: P, x: P, p: P, s: P")
+        writer.lanes(h, range(len(h)), "s")
+    return surface_row
+
+
+def _taylor(writer: Writer, graph: Graph, rates, h, surface_row, n) -> None:
+    """Write `taylor`, where every operation has a recurrence and the text stays short enough."""
+    extra = [a for a, row in zip(h, surface_row, strict=True) if row >= n]
+    series = Series(graph, rates + extra, n)
+    if not series.supported():
+        return
+    places = {"time": "t", "state": "x[%d]", "par": "p[%d]"}
+
+    def constant(a):
+        lines = Writer(graph)
+        lines.assign(a, "    ", places)
+        return lines.lines
+
+    body = series.write(constant)
+    if series.products <= MOST_PRODUCTS:
+        writer.function("taylor", "t: D, x: P, p: P, K: I, stride: I, rows: P")
+        writer.lines += body
+
+
+def _events(writer: Writer, graph: Graph, model: Model) -> None:
+    """Write `watch8` (surfaces of the events; time events have none and stay 1) and `act`."""
+    if not model.events:
+        return
+    watch = graph.add_expressions([1 if e.surface is None else e.surface for e in model.events])
+    writer.function("watch8", "t: P, x: P, p: P, e: P")
+    writer.lanes(watch, range(len(watch)), "e")
+    writer.function("act", "i: I, t: D, x: P, p: P, xnew: P", "I")
+    for i, event in enumerate(model.events):
+        condition = [graph.condition(event.when)]
+        writes = event.writes(model.states)
+        values = graph.add_expressions([e for _, e, _ in writes])
+        body = Writer(graph)
+        body.point(condition + values, ["_when"] + [f"_v{j}" for j, _, _ in writes])
+        writer.lines.append(f"    if i == {i}:")
+        writer.lines += ["    " + line for line in body.lines]
+        writer.lines += ["        if not _when:", "            return 0"]
+        writer.lines += ["        " + write_update(f"xnew[{j}]", f"_v{j}", adds) for j, _, adds in writes]
+        writer.lines.append("        return 1")
+    writer.lines.append("    return 0")

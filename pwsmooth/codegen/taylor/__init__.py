@@ -1,0 +1,1 @@
+"""Taylor programs: recurrences, jets, responses of linear rates."""

@@ -1,0 +1,401 @@
+"""Taylor jets of a model: x(t + s) = sum x_k s^k, orders 0..K in one call, K chosen at run time.
+
+    jet_slip(t, x, mult, p, K, stride, rows, scratch) -> 0           every multiplier constant
+    jet_general(t, x, mult, p, mask, K, stride, rows, scratch) -> 0  masked multipliers solve g = 0 order by order
+
+rows[r*stride + k] holds order k of row r: the states first, in the general program the multipliers next, then
+what products need; `surface_rows` names the rows of the surfaces. From rows[scratch] on stands what the program keeps
+for itself, behind the rows of every program: what reads a row in blocks of eight wants zeros behind its orders.
+
+Sliding: at order k everything is evaluated with lambda_k = 0, then G lambda_k = -g_k is solved (G = dg/dlambda
+at order 0, factorised once) and S lambda_k added to every node, S = d node/d lambda at order 0: exact, because
+lambda_k enters order k of any smooth expression linearly, with the slope at order 0.
+
+Returns 1 where G is singular, 2 (slip) where a selection meets a multiplier that is neither 1 nor -1.
+
+Chain: Graph (dag.py) -> recurrences.py -> text (this file) -> cache.py -> kernels.
+"""
+
+from __future__ import annotations
+
+from ...definition.model import Model
+from ..fields import Source, surfaces
+from ..graph.dag import Graph
+from ..graph.scalar import HELPERS, Writer
+from ..graph.slopes import derivative
+from ..layout import SHORTEST_ROW
+from ..machine.native import LANES
+from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
+from .responses import Responses, find_responses
+from .simplify import simplify
+
+SOLVERS = {
+    "lu_factor": """
+def lu_factor(rows: P, a: I, n: I) -> I:
+    # in place, numbers of the pivot rows after the matrix; 1 where singular
+    scale = 0.0
+    for i in range(n * n):
+        scale = max(scale, abs(rows[a + i]))
+    for c in range(n):
+        best = c
+        for r in range(c + 1, n):
+            if abs(rows[a + r * n + c]) > abs(rows[a + best * n + c]):
+                best = r
+        rows[a + n * n + c] = best
+        for i in range(n):
+            other = rows[a + c * n + i]
+            rows[a + c * n + i] = rows[a + best * n + i]
+            rows[a + best * n + i] = other
+        pivot = rows[a + c * n + c]
+        # Rounding leaves a few eps of the largest entry where the exact pivot is 0.
+        if not abs(pivot) > 2e-15 * scale:
+            return 1
+        for r in range(c + 1, n):
+            f = rows[a + r * n + c] / pivot
+            rows[a + r * n + c] = f
+            for i in range(c + 1, n):
+                rows[a + r * n + i] -= f * rows[a + c * n + i]
+    return 0
+""",
+    "lu_solve": """
+def lu_solve(rows: P, a: I, n: I):
+    # right-hand side and solution stand after the pivot numbers
+    b = a + n * n + n
+    for c in range(n):
+        best = b + int(rows[a + n * n + c])
+        other = rows[b + c]
+        rows[b + c] = rows[best]
+        rows[best] = other
+    for r in range(n):
+        for i in range(r):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+    for r in range(n - 1, -1, -1):
+        for i in range(r + 1, n):
+            rows[b + r] -= rows[a + r * n + i] * rows[b + i]
+        rows[b + r] /= rows[a + r * n + r]
+""",
+}
+HELPERS |= SOLVERS
+
+FLAGS = ("contract", "nsz")
+
+
+class JetProgram:
+    """Writes one program; its text ends with the layout, NROWS and SURFACE_ROWS (-1 where there is none)."""
+
+    def __init__(self, model: Model, general: bool):
+        self.model, self.general = model, general
+        self.graph = graph = Graph(model)
+        n, m = len(model.states), len(model.multipliers)
+        self.states = [graph.var("x", i) for i in range(n)]
+        self.unknowns = [graph.var("mult", j) for j in range(m)] if general else []
+        rates = [graph.expression(e) for e in model.rhs]
+        residuals = [graph.expression(mult.condition) for mult in model.multipliers] if general else []
+        h = surfaces(graph)
+        nodes = rewrite(graph, rates + h + residuals)
+        nodes = simplify(graph, nodes, Degrees(graph, nodes[:n], general))
+        self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) :]
+        holders = (*model.multipliers, *model.events)
+        self.has_surface = [s.surface is not None for s in holders]
+        self.degrees = Degrees(graph, self.rates, general)
+        self.source = Source()
+        self.responses: Responses | None = None
+        # While switch j slides on a state, that state's rate is 0 exactly, not to rounding; so is that of its speed
+        # where it slides to second order, and of the speed of a closed contact's gap.
+        self.frozen: dict[int, list[int]] = {}
+        if general:
+            for j, mult in enumerate(model.multipliers):
+                if mult.kind != "algebraic" and self.h[j] in self.states:
+                    i = self.states.index(self.h[j])
+                    if mult.kind == "switch" and mult.second is None:
+                        self.frozen.setdefault(i, []).append(j)
+                    elif self.rates[i] in self.states:
+                        self.frozen.setdefault(self.states.index(self.rates[i]), []).append(j)
+
+    def solved(self, j: int) -> str:
+        return f"on{j}"
+
+    def write(self) -> str:
+        graph, degrees = self.graph, self.degrees
+        roots = [
+            *self.rates,
+            *(h for h, has in zip(self.h, self.has_surface, strict=True) if has),
+            *self.residuals,
+        ]
+        loop = Writer(2)
+        order_k = OrderK(graph, loop, degrees, self.solved)
+        for node in (*self.states, *self.unknowns):
+            order_k.row(node)
+        surface_rows = []
+        for node, has in zip(self.h, self.has_surface, strict=True):
+            if has:
+                order_k.row(node)
+            surface_rows.append(order_k.rows[node] if has else -1)
+        corrections = self._order(order_k, loop, roots)
+        unrolled = bool(order_k.products)
+        if unrolled:
+            for _ in range(LANES - 1):
+                loop.line("if k == K:")
+                loop.line("    return 0")
+                loop.line("k += 1")
+                loop.line("inv = 1.0 / k")
+                order_k.next_place()
+                self._order(order_k, loop, roots)
+
+        start = Writer(1)
+        order_0 = OrderZero(graph, start, degrees, self.solved, order_k.reciprocals)
+        # States first: their rows are needed even where only a branch that is not taken reads them.
+        everywhere = [*self.states, *self.unknowns, *roots]
+        self._open(start, order_0, everywhere)
+        # Before them the constant rates, which are the slopes of affine states.
+        order_0.emit([r for x, r in zip(self.states, self.rates, strict=True) if degrees.of(x) == AFFINE])
+        order_0.emit(everywhere)
+        # Rows and carried values that no root needs at order 0 (slopes of affine states).
+        order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])
+        scratch = 4 * len(order_k.products)
+        if self.general:
+            scratch = self._factor(order_0, start, corrections, scratch)
+        self._open_rows(order_k, start)
+
+        body = Writer(1)
+        body.lines = self._declarations(start, loop) + start.lines
+        self.responses = find_responses(self, order_k, loop.lines, roots)
+        own = -(-scratch // SHORTEST_ROW)
+        if self.responses:
+            body.lines += self.responses.body(own, loop.lines)
+            own += self.responses.size
+        else:
+            # Without products all orders are alike; with products they come in unrolled blocks of four.
+            body.line(
+                f"for q in range((K + {LANES - 1}) // {LANES}):" if unrolled else "for k in range(1, K + 1):"
+            )
+            body.indent = 2
+            if unrolled:
+                body.line(f"k = {LANES} * q + 1")
+                for line in order_k.block_sums():
+                    body.line(line)
+            body.line("inv = 1.0 / k")
+            body.indent = 1
+            body.lines += loop.lines
+            body.line("return 0")
+        self.source.helpers |= order_0.helpers | order_k.helpers
+        name = "jet_general" if self.general else "jet_slip"
+        mask = "mask, " if self.general else ""
+        self.source.function(name, f"t, x, mult, p, {mask}K, stride, rows, scratch", body, returns="I")
+        rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
+        self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FLAGS": FLAGS}
+        self.source.constants["BY_RESPONSES"] = bool(self.responses)
+        return self.source.text()
+
+    # ---- before the loop ----
+
+    def _open(self, start: Writer, order_0: OrderZero, roots) -> None:
+        reached = order_0.needed(roots)
+        everything = set(self.graph.reach(roots))
+        self.inside = everything - reached  # nodes that only a branch needs
+        if self.general:
+            for j in range(len(self.unknowns)):
+                start.line(f"on{j} = mask[{j}] != 0")
+            return
+        for j in sorted({self.graph.nodes[a].data for a in everything if self.graph.nodes[a].op == "sel"}):
+            start.line(f"if mult[{j}] != 1.0 and mult[{j}] != -1.0:")
+            start.line("    return 2")
+
+    def _declarations(self, start: Writer, loop: Writer) -> list[str]:
+        """First values of the locals that only a branch sets: some are stored or corrected outside it."""
+        names = {}
+        for line in (*start.lines, *loop.lines):
+            text = line.strip()
+            name = text.split(" = ")[0]
+            deep = len(line) - len(text) > (4 if line in start.lines else 8)
+            if deep and " = " in text and name.isalnum() and name[0] in "vsrkS":
+                number = name[1:]
+                node = self.graph.nodes[int(number)].op if name[0] == "v" and number.isdigit() else ""
+                names[name] = "False" if node in ("rel", "and", "or", "not") else "0.0"
+        return [f"    {name} = {first}" for name, first in sorted(names.items())]
+
+    def _open_rows(self, order_k: OrderK, start: Writer) -> None:
+        for node, row in order_k.rows.items():
+            start.line(f"o{row} = {row} * stride")
+            start.line(f"rows[o{row}] = {'0.0' if node < 0 else order_k.value(node)}")
+            if self.degrees.of(plain(node)) == CONSTANT:
+                start.line("for k in range(1, K + 1):")
+                start.line(f"    rows[o{row} + k] = 0.0")
+        for node in sorted(order_k.transient):
+            start.line(f"z{node} = s{node}")
+        for node in sorted(order_k.carried):
+            start.line(f"l{node} = {order_k.value(node)}")
+        for i, rate in enumerate(self.rates):
+            if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
+                start.line(f"d{i} = {self._frozen(i, order_k.value(rate))}")
+
+    def _factor(self, order_0: OrderZero, start: Writer, corrections, offset: int) -> int:
+        """Slopes S of the nodes to correct and the factorised G; returns the end of the scratch numbers."""
+        graph = self.graph
+        single = {c[0] for c in self.components() if len(c) == 1}
+        for j, unknown in enumerate(self.unknowns):
+            slopes = {
+                node: derivative(graph, node, unknown)
+                for node, moving in corrections.items()
+                if moving >> j & 1
+            }
+            slopes = {node: d for node, d in slopes.items() if graph.value(d) != 0.0}
+            pivot = derivative(graph, self.residuals[j], unknown)
+            for node in slopes:
+                start.line(f"S{node}x{j} = 0.0")
+            if j in single:
+                start.line(f"G{j} = 0.0")
+            start.line(f"if on{j}:")
+            start.indent += 1
+            order_0.scopes.append(set())
+            order_0.emit([*slopes.values(), pivot])
+            for node, d in slopes.items():
+                start.line(f"S{node}x{j} = {order_0.name(d)}")
+            if j in single:
+                start.line(f"if not abs({order_0.name(pivot)}) > 0.0:")
+                start.line("    return 1")
+                start.line(f"G{j} = -1.0 / {order_0.name(pivot)}")
+            order_0.scopes.pop()
+            start.indent -= 1
+        for component in self.components():
+            size = len(component)
+            if size == 1:
+                continue
+            start.line(" or ".join(f"on{j}" for j in component).join(("if ", ":")))
+            start.indent += 1
+            order_0.scopes.append(set())
+            for r, i in enumerate(component):
+                for c, j in enumerate(component):
+                    at = f"rows[scratch + {offset + r * size + c}]"
+                    node = derivative(graph, self.residuals[i], self.unknowns[j])
+                    start.line(f"{at} = {'1.0' if i == j else '0.0'}")
+                    if node == graph.zero and i != j:
+                        continue
+                    start.line(f"if on{i} and on{j}:" if i != j else f"if on{i}:")
+                    start.indent += 1
+                    order_0.scopes.append(set())
+                    order_0.emit([node])
+                    start.line(f"{at} = {order_0.name(node)}")
+                    order_0.scopes.pop()
+                    start.indent -= 1
+            start.line(f"if lu_factor(rows, scratch + {offset}, {size}) != 0:")
+            start.line("    return 1")
+            order_0.scopes.pop()
+            start.indent -= 1
+            offset += size * size + 2 * size
+        return offset
+
+    def components(self) -> list[list[int]]:
+        """Multipliers in groups that solve together: connected blocks of the pattern of G."""
+        m = len(self.unknowns)
+        label = list(range(m))
+        for i in range(m):
+            moving = self.degrees.pair(self.residuals[i])[1]
+            for j in bits(moving):
+                low, high = sorted((label[i], label[j]))
+                label = [low if c == high else c for c in label]
+        return [[j for j in range(m) if label[j] == c] for c in sorted(set(label))]
+
+    # ---- inside the loop ----
+
+    def _order(self, order_k: OrderK, loop: Writer, roots) -> dict[int, int]:
+        """Write one order; returns the nodes that solved multipliers correct."""
+        self._state_coefficients(order_k, loop)
+        order_k.emit(roots)
+        corrections = self._correct(order_k, loop) if self.general else {}
+        self._close_order(order_k, loop)
+        return corrections
+
+    def _state_coefficients(self, order_k: OrderK, loop: Writer) -> None:
+        for i, node in enumerate(self.states):
+            if self.degrees.of(node) in (CONSTANT, AFFINE):
+                order_k.coefficient(node)
+            else:
+                loop.line(f"k{node} = d{i} * inv")
+                order_k.scopes[0].add(node)
+
+    def _correct(self, order_k: OrderK, loop: Writer) -> dict[int, int]:
+        """Solve for lambda_k, add S lambda_k; returns the corrected nodes and what they move with."""
+        offset = 4 * len(order_k.products)
+        for node in self.unknowns:
+            loop.line(f"k{node} = 0.0")
+        # A branch, not a selection: with nothing to solve the chain from order to order does not wait for it.
+        loop.line(f"if {' or '.join(f'on{j}' for j in range(len(self.unknowns)))}:")
+        loop.indent += 1
+        for component in self.components():
+            size = len(component)
+            if size == 1:
+                j = component[0]
+                g = order_k.coefficient(self.residuals[j]) or "0.0"
+                loop.line(f"q{j} = choose(on{j}, G{j} * {g}, 0.0)")
+                continue
+            right = offset + size * size + size
+            for j in component:
+                loop.line(f"q{j} = 0.0")
+            loop.line(" or ".join(f"on{j}" for j in component).join(("if ", ":")))
+            loop.indent += 1
+            for r, j in enumerate(component):
+                g = order_k.coefficient(self.residuals[j]) or "0.0"
+                loop.line(f"rows[scratch + {right + r}] = choose(on{j}, -({g}), 0.0)")
+            loop.line(f"lu_solve(rows, scratch + {offset}, {size})")
+            for r, j in enumerate(component):
+                loop.line(f"q{j} = rows[scratch + {right + r}]")
+            loop.indent -= 1
+            self.source.helpers |= {"lu_factor", "lu_solve"}
+            offset += size * size + 2 * size
+        stored = {*map(plain, order_k.rows), *order_k.carried, *self.rates}
+        corrections = {}
+        for node in sorted(stored):
+            moving = self.degrees.pair(node)[1]
+            if not moving or self.graph.nodes[node].op == "num":
+                continue
+            if node in self.states:
+                continue  # order k of a state comes from order k-1 of its rate
+            corrections[node] = moving
+            terms = [
+                f"S{node}x{j} * q{j}"
+                for j in bits(moving)
+                if self.graph.value(derivative(self.graph, node, self.unknowns[j])) != 0.0
+            ]
+            if node in self.unknowns:
+                loop.line(f"k{node} = q{self.unknowns.index(node)}")
+            elif terms:
+                loop.line(f"k{node} += {' + '.join(terms)}")
+        loop.indent -= 1
+        return corrections
+
+    def _close_order(self, order_k: OrderK, loop: Writer) -> None:
+        """Store the rows and carry what the next order needs."""
+        for node, row in order_k.rows.items():
+            if self.degrees.of(plain(node)) != CONSTANT:
+                loop.line(f"rows[o{row} + k] = {order_k.last_value(node)}")
+        for node in sorted(order_k.carried):
+            loop.line(f"l{node} = {order_k.coefficient(node) or '0.0'}")
+        for i, rate in enumerate(self.rates):
+            if self.degrees.of(self.states[i]) not in (CONSTANT, AFFINE):
+                loop.line(f"d{i} = {self._frozen(i, order_k.coefficient(rate) or '0.0')}")
+        if order_k.order < LANES - 1:
+            for operand in sorted({u for pair in order_k.products for u in pair}):
+                loop.line(f"c{order_k.order + 1}{label(operand)} = {order_k.last_value(operand)}")
+        if order_k.order == 0:
+            for node in sorted(order_k.transient):
+                loop.line(f"z{node} = 0.0")  # an affine node has no order above 1
+
+    def _frozen(self, i: int, rate: str) -> str:
+        for j in self.frozen.get(i, []):
+            rate = f"choose(on{j}, 0.0, {rate})"
+        return rate
+
+
+def write_jets(model: Model) -> dict[str, str]:
+    """Sources {"slip": text, "general": text}, the second only with multipliers.
+
+    Without recurrences there is one text without a program, so that the text cache remembers it.
+    """
+    try:
+        return {
+            name: JetProgram(model, general=name == "general").write()
+            for name in (("slip", "general") if model.multipliers else ("slip",))
+        }
+    except NoRecurrence as reason:
+        return {"none": f"# no jets: {reason}\n"}

@@ -1,0 +1,1 @@
+"""Work against precision: cases, methods, measurements, charts."""

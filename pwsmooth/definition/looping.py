@@ -1,0 +1,322 @@
+"""Reading a system for one element of each family: the looped form, whose symbolic work does not grow with n.
+
+Symbols of elements become plain symbols with "[]" in their name and sums become symbols of their own, so that lifting
+and lowering see an ordinary system of one element. What has no looped form raises `NotLooped`, and the System writes
+the copies out: contacts of elements, surfaces between neighbours, time events of elements, elements that act on each
+other's multipliers, hidden terms on a surface that slides, fewer than `LOOPED_FROM` elements (straight code is
+faster there).
+Chain: family.py -> looping (here), reading.py, lowering.py -> template.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import sympy as sp
+
+from . import checks, lifting, lowering
+from . import reading as definition
+from .family import Expansion, Family, MemberMemory, MemberSum, involved, spread
+from .model import Model, Multiplier
+from .primitives import Memory
+from .reading import Definition
+from .regularity import second_derivative, total_derivative
+from .singular import watched
+from .template import MARK, Loops, Place, Template, named, with_loops
+
+LOOPED_FROM = 8
+
+
+class NotLooped(ValueError):
+    """This system has no looped form; its copies are written out."""
+
+
+class OneElement(Expansion):
+    """Writes one element out, for all.
+
+    Attributes
+    ----------
+    families : list of Family
+    places : dict
+        Plain symbol of the elements -> `Place`.
+    """
+
+    def __init__(self):
+        super().__init__()
+        self.families: list[Family] = []
+        self.places: dict[sp.Symbol, Place] = {}
+
+    def number(self, family):
+        if family not in self.families:
+            self.families.append(family)
+        return self.families.index(family)
+
+    # ---- what Expansion does n times
+
+    def elements(self, family):
+        self.number(family)
+        return [0]
+
+    def label(self, name, k, space="_"):
+        return f"{name}{'' if space == '_' else space}{MARK}"
+
+    def total(self, e, family):
+        inner = self.element(e, 0)
+        known = {pair: s for s, pair in self.sums.items()}
+        if (family, inner) not in known:
+            self.number(family)
+            self.sums[sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)] = (
+                family,
+                inner,
+            )
+        return {pair: s for s, pair in self.sums.items()}[family, inner]
+
+    def _member(self, m, k):
+        if k is None:
+            return super()._member(m, k)
+        if isinstance(m, MemberMemory):
+            self._group(m.name, m.family.n)
+            symbol = Memory(f"{m.name}{MARK}", m.initial)
+            self._place(symbol, m.family, sp.Symbol(symbol.name, **symbol._assumptions_orig))
+            return symbol
+        base = sp.Symbol(f"{m.name}{MARK}", **m._assumptions_orig)
+        if m.name == "i" and m.is_integer:
+            self.places.setdefault(base, Place(self.number(m.family), None))
+            return base
+        self._place(base, m.family, base)
+        self._group(m.name, m.family.n)
+        if not m.offset:
+            return base
+        outside = None if m.family.periodic else self.element(m.outside, k)
+        mark = "" if outside in (None, base) else f"|{outside}"
+        symbol = sp.Symbol(f"{m.name}[{m.offset:+d}{mark}]", **m._assumptions_orig)
+        self.places[symbol] = Place(self.number(m.family), base, m.offset, outside)
+        return symbol
+
+    def _place(self, symbol, family, base):
+        place = self.places.setdefault(symbol, Place(self.number(family), base))
+        if place.family != self.number(family):
+            raise NotLooped(f"two families have members named {symbol}")
+
+    # ---- what `definition.read` asks for
+
+    def parameters(self, given):
+        """One value of every block: what elements have in common is decided beside these."""
+        result = {}
+        for key, value in given.items():
+            name = key if isinstance(key, str) else getattr(key, "name", None)
+            if name in self.groups:
+                single = isinstance(value, str) or not hasattr(value, "__len__")
+                result[f"{name}{MARK}"] = value if single else value[0]
+            else:
+                result[key] = value
+        return result
+
+    def further(self):
+        neighbours = {s for s, place in self.places.items() if place.base != s}
+        meanings = {s: "a symbol of the elements" for s in (*neighbours, *self.sums)}
+        behind = [e for _, e in self.sums.values()]
+        behind += [p.outside for p in self.places.values() if p.outside is not None]
+        return meanings, {*neighbours, *self.sums}, behind
+
+
+@dataclass(frozen=True)
+class Element:
+    """What a System with families knows without writing their copies out."""
+
+    definition: Definition  # of one element
+    model: Model
+    parameters: dict[sp.Symbol, float]
+    memories: tuple[Memory, ...]
+    groups: dict[str, tuple[str, ...]]
+
+    def check_values(self, parameters):
+        """`checks.values_fit` for the first element, and for every one that has a parameter 0."""
+        loops = self.model.loops
+        field = self.definition.field
+        families = loops.template.families("parameters")
+        blocks = list(zip(loops.template.model.parameters, families, strict=True))
+        odd = {0}
+        for s, family in blocks:
+            if family is not None:
+                odd |= {k for k in range(loops.sizes[family]) if parameters[loops.symbol(s, k)] == 0}
+        for k in sorted(odd):
+            at = {
+                s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]
+            }  # fmt: skip
+            try:
+                checks.values_fit(field, at)
+            except ValueError as error:
+                raise ValueError(named(str(error), k)) from None
+
+
+def read(rates, time, parameters, outputs, events, contacts, algebraic):
+    """The `Element` of a system with families, or None where their copies have to be written out."""
+    whole = [*rates, *outputs.items()]
+    pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
+    if not any(isinstance(e, MemberSum) or involved(e) for e in pieces):
+        return None
+    one = OneElement()
+    try:
+        plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, one)
+        template = _template(plain, one)
+        loops = Loops(template, tuple(f.n for f in one.families))
+        far = [abs(p.offset) >= loops.sizes[p.family] for p in one.places.values()]
+        if min(loops.sizes) < LOOPED_FROM or any(far):
+            return None
+        model = with_loops(loops)
+        memories = [
+            Memory(named(m.name, k), m.initial)
+            for m in plain.memories
+            for k in (range(loops.sizes[one.places[m].family]) if m in one.places else [None])
+        ]
+        return Element(plain, model, _values(loops, one, parameters or {}), tuple(memories), one.groups)
+    except (ValueError, TypeError):
+        # Also what is wrong with the system itself: said better with the copies written out.
+        return None
+
+
+def _values(loops, one, given):
+    """Parameter -> value of the model with loops, in the order given."""
+    values = {}
+    blocks = {}
+    for s in loops.template.model.parameters:
+        place = loops.template.place.get(s)
+        n = 1 if place is None else loops.sizes[place.family]
+        blocks[s.name.removesuffix(MARK)] = [loops.symbol(s, k if place else None) for k in range(n)]
+    for key, value in spread(given, one.groups, "`parameters`").items():
+        values[key if isinstance(key, str) else key.name] = value
+    return {s: checks.parameter_value(s, values[s.name]) for block in blocks.values() for s in block}
+
+
+def _template(plain, one):
+    field = plain.field
+    places = dict(one.places)
+    for s in list(places):
+        if isinstance(s, Memory):
+            places[lifting.plain(s)] = places.pop(s)
+    if field.contacts:
+        raise NotLooped("contacts")
+    neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
+
+    def family(*expressions):
+        found = {places[s].family for e in expressions for s in e.free_symbols if s in places}
+        if len(found) > 1:
+            raise NotLooped("members of several families in one equation")
+        return found.pop() if found else None
+
+    renamed = {}
+    for lam, h in field.switches:
+        if (number := family(h)) is not None:
+            # Switches found in ordinary notation are named after their surface or their number.
+            renamed[lam] = lam if MARK in lam.name else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
+            places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
+        if h.free_symbols & neighbours:
+            raise NotLooped("a surface between neighbours")
+    field = field.map(lambda e: e.xreplace(renamed))
+    field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
+    watch = watched(field, neighbours)
+    event_families = []
+    for event in (*field.events, *watch):
+        parts = [e for e in (event.surface, event.when, *(e for _, e in event.update)) if e is not None]
+        targets = [(*field.states, *field.memories)[i] for i, _ in event.update]
+        event_families.append(family(*parts, *targets))
+        timed = [e for e in (event.every, *event.at) if e is not None]
+        if family(*timed) is not None or (
+            event.surface is not None and event.surface.free_symbols & neighbours
+        ):
+            raise NotLooped("an event of elements at given times, or between neighbours")
+    sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
+    for a, _ in field.algebraic:
+        if a in one.places:
+            places[a] = one.places[a]
+    for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
+        if family(rate) not in (None, family(x)):
+            raise NotLooped("members outside of their rates")
+    multipliers, more = _multipliers(field, sums, places)
+    model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
+    used = set().union(*(e.free_symbols for e in field.expressions()))
+    model = replace(
+        model,
+        multipliers=multipliers,
+        parameters=tuple(p for p in field.parameters if p in used),
+        outputs=tuple((name, e) for name, e in field.outputs),
+    )
+    return Template(
+        model,
+        tuple(f.periodic for f in one.families),
+        tuple(places.items()),
+        (*sums, *more),
+        tuple(event_families),
+        tuple(family(e) for _, e in field.outputs),
+    )
+
+
+def _check_couplings(multipliers, sums, places):
+    """The residual of an element must not depend on the multipliers of others: they would all couple."""
+    solved = {m.symbol for m in multipliers if m.kind == "algebraic" or m.regularity == "sliding"}
+    own = solved & places.keys()
+    for m in multipliers:
+        if m.symbol not in own:
+            continue
+        free = m.residual.free_symbols
+        if any(places[s].base in solved and places[s].base != s for s in free & places.keys()):
+            raise NotLooped("elements that act on their neighbours' multipliers")
+        waiting, inside = list(free & sums.keys()), set()
+        while waiting:
+            symbols = sums[waiting.pop()].free_symbols
+            inside |= symbols
+            waiting += symbols & sums.keys()
+        if inside & own:
+            raise NotLooped("elements that act on each other's multipliers")
+
+
+def _multipliers(field, sums, places):
+    """Switches and algebraic unknowns of the template, and the sums' derivatives that their residuals need."""
+    inner = {s: e for s, _, e in sums}
+    family = {s: f for s, f, _ in sums}
+    more: dict[sp.Symbol, tuple[int, sp.Expr]] = {}
+    unknowns = {a for a, _ in field.algebraic}
+
+    def along(e):
+        """de/dt along the field; the derivative of a sum is a sum."""
+        result = total_derivative(e, field.time, field.states, field.rates)
+        for s in sorted(e.free_symbols & inner.keys(), key=str):
+            d = along(inner[s])
+            if d != 0:
+                ds = sp.Symbol(f"d{s.name}", real=True)
+                more[ds] = family[s], d
+                result += e.diff(s) * ds
+        return result
+
+    def sampled(e):
+        """A sum as that of one element and of others, of which nothing is known."""
+        while found := e.free_symbols & (inner.keys() | more.keys()):
+            e = e.xreplace({
+                s: (inner[s] if s in inner else more[s][1]) + sp.Symbol(f"rest of {s.name}", real=True) for s in found
+            })  # fmt: skip
+        return e
+
+    residuals = []
+    for _, h in field.switches:
+        if unknowns & sampled(h).free_symbols:
+            residuals.append(h)
+        else:
+            residuals.append(along(h))
+    lone = replace(
+        field,
+        rates=tuple(map(sampled, field.rates)),
+        switches=tuple((lam, sampled(h)) for lam, h in field.switches),
+        algebraic=tuple((a, sampled(r)) for a, r in field.algebraic),
+    )
+    result = []
+    for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
+        regularity, hidden = lowering.classify(lone, index, sampled(residual))
+        if hidden and regularity == "sliding":
+            raise NotLooped("a hidden term on a surface that slides")
+        if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
+            raise NotLooped("a switch that can slide to second order")
+        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
+    result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
+    _check_couplings(result, {s: e for s, e in inner.items()} | {s: e for s, (_, e) in more.items()}, places)
+    return tuple(result), tuple((s, f, e) for s, (f, e) in more.items())

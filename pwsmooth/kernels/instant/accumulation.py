@@ -1,0 +1,169 @@
+"""Accumulation points: impacts or switchings whose intervals shrink geometrically (chattering, Zeno).
+
+When the limit t + d q/(1 - q) has come within rounding of the present instant it is passed: contacts become closed,
+switches of relative degree 2 slide to second order, others of higher degree are held at lambda = 0, those of the
+first settled by their layer.
+"""
+
+import math
+
+from ..intervals import forget_intervals, note_interval, time_left, time_to_last_event
+from ..machine.compiling import kernel
+from ..machine.pointers import call_act, call_fields
+from ..state import (
+    ALGEBRAIC,
+    AMB_ACCUMULATION,
+    CONTACT,
+    CROSSING,
+    DONE,
+    EV_ACCUMULATION,
+    EV_CLOSED,
+    EV_OPENING,
+    HELD,
+    KINK,
+    SECOND_ORDER,
+    SOLVED,
+)
+from ..step.recording import record_ambiguity, record_event
+from ..surface.sliding import keep_on_surface, surface_rounding
+from .settling import close_contact, settle_at_rest
+from .surface_rates import approach_speed, stop_normal_speed
+
+AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one instant
+WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
+_SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
+_CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
+_AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
+
+
+@kernel
+def is_passed(S, j):
+    """Whether the accumulation point of surface j is as near as its intervals let it come."""
+    span, left = 1.0 + abs(S.t), time_left(S.last[j])
+    return left <= WITHIN_ROUNDING * span or (left <= _SLOW * span and S.last[j, 1] <= 10.0 * AT_ONCE * span)
+
+
+@kernel
+def _is_lost(P, S, W, i, interval):
+    """Whether surface i, which is met now, has hardly been left since it was `interval` ago.
+
+    Far from the origin a motion about it is lost in its roundings long before its instants are.
+    """
+    height = 0.25 * abs(approach_speed(P, S, i, W)) * interval  # of an arc
+    return height <= 0.1 * surface_rounding(P, S, i, W)
+
+
+@kernel
+def _comes_to(last, limit):
+    """Whether the intervals of a surface come to the same limit, by their own estimate."""
+    left = time_left(last)
+    return abs(last[0] + left - limit) <= 0.5 * left < math.inf
+
+
+@kernel
+def _was_lost(P, S, W, i):
+    """Whether the surface of event i, which x met at W.firing.arrived, had been lost since it fired."""
+    for k in range(P.n):
+        W.firing.after[k] = S.x[k]
+        S.x[k] = W.firing.arrived[k]
+    lost = _is_lost(P, S, W, P.m + i, W.firing.last[i, 1])
+    for k in range(P.n):
+        S.x[k] = W.firing.after[k]
+    return lost
+
+
+@kernel
+def _comes_to_rest(P, S, W, i):
+    """Whether the update of event i changes less and less: at the limit it changes nothing."""
+    for k in range(P.n):
+        W.firing.after[k] = S.x[k]
+    call_act(P.act, i, S.t, S.x, S.mult, P.p, W.firing.after)
+    rest = 0.0
+    for k in range(P.n):
+        rest = max(rest, abs(W.firing.after[k] - S.x[k]) / (1.0 + abs(S.x[k])))
+    return rest <= _AT_REST
+
+
+@kernel
+def events_accumulate(P, S, R, W):
+    """Whether the events that fired at this instant (W.firing.pending = 2) come in intervals that shrink to nothing.
+
+    What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
+    switch or a contact that accumulates with them is passed, and they with it.
+    """
+    t = S.t
+    for i in range(P.ne):
+        if W.firing.pending[i] != 2 or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
+            continue
+        note_interval(W.firing.last[i], t)
+        if time_to_last_event(W.firing.last[i], True) == math.inf:
+            continue
+        left = time_to_last_event(W.firing.last[i], _was_lost(P, S, W, i))
+        if left == math.inf:
+            continue
+        for j in range(P.m):
+            if _comes_to(S.last[j], t + left) and left > 0.1 * WITHIN_ROUNDING * (1.0 + abs(t)):
+                return False
+        S.t = t + left
+        record_event(S, R, P.m + i, EV_ACCUMULATION, S.side[i], 0)
+        return True
+    return False
+
+
+@kernel
+def pass_accumulation(P, C, S, R, W):
+    """Passes an accumulation point that has come within rounding; -1 if there is none, else a code."""
+    t = S.t
+    leader, left = -1, math.inf
+    for j in range(P.m):
+        if W.instant.hit[j] and S.status[j] != SOLVED and W.instant.came[j] != SOLVED:
+            estimate = time_left(S.last[j])
+            if estimate < left:
+                leader, left = j, estimate
+    if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
+        return -1
+    lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
+    if not lost and not is_passed(S, leader):
+        return -1
+    S.t = t + left
+    interval = S.last[leader, 1]
+    size = 0
+    for j in range(P.m):
+        free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
+        recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * interval
+        if j != leader and not (free and recent):
+            continue
+        record_event(S, R, j, EV_ACCUMULATION, S.status[j], 0)
+        forget_intervals(S.last[j], S.t)
+        keep_on_surface(P, S, j, W)
+        if P.kind[j] == CONTACT:
+            stop_normal_speed(P, S, j, W, True)
+            closed = close_contact(P, S, j, W)
+            record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
+        elif P.kind[j] == CROSSING or P.kind[j] == KINK:
+            stop_normal_speed(P, S, j, W, False)
+            S.status[j] = HELD
+            S.mult[j] = 0.0
+        else:
+            if P.kind[j] == SECOND_ORDER:
+                stop_normal_speed(P, S, j, W, False)
+            W.instant.active[size] = j
+            size += 1
+    for i in range(P.ne):
+        # Its surface may accumulate with these; what it does may have no limit.
+        if (
+            W.firing.last[i, 1] > 0.0
+            and t - W.firing.last[i, 0] <= 10.0 * interval
+            and not _comes_to_rest(P, S, W, i)
+        ):
+            record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    if code == DONE:
+        # What is left of the way, with the field that the switchings come to on average.
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for i in range(P.n):
+            S.x[i] += left * W.dx[i]
+        for j in range(P.m):
+            if S.status[j] == HELD or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC):
+                keep_on_surface(P, S, j, W)
+    return code

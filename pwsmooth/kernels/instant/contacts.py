@@ -1,0 +1,390 @@
+"""Contacts at one instant: the impacts of all that touch, then which of them stay closed.
+
+Velocities first. With u the rates of the gaps and D_ij the change of u_i by a unit of impulse at contact j,
+
+    u+ = u + D p,    0 <= p  complementary to  u+ + e u >= 0        (Newton's restitution; Moreau 1988)
+
+over all that touch and act on each other; one alone rebounds with -e u. Then, among those that neither approach nor
+part, forces:  0 <= R  complementary to  d2h/dt2 >= 0. D is the matrix dg/dR of the residuals g = d2h/dt2.
+Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
+"""
+
+from ..intervals import forget_intervals, note_interval
+from ..machine.compiling import kernel
+from ..machine.pointers import call_act, call_fields, call_newton
+from ..state import AMB_IMPACTS, EV_CLOSED, EV_IMPACT, EV_OPENING, SLIDING, SOLVED
+from ..step.recording import record_ambiguity, record_event
+from ..surface.sliding import keep_on_surface, mask_solved, surface_rounding
+from ..surface.sparse import entry, solve_dense
+from .surface_rates import approach_speed, evaluate_surfaces
+
+UNSOLVABLE, UNCHANGED, CHANGED = -1, 0, 1
+PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
+_HEAVY = float(2**30)  # a reaction beside which all other forces are small
+_EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
+_SINGULAR = 1e10  # an impulse or force so many times the others comes of a singular matrix
+
+
+@kernel
+def _open(S, R, j, order):
+    """Opens contact j, whose gap has `order` known zeros: h, then dh/dt, then d2h/dt2."""
+    S.status[j] = 1
+    S.mult[j] = 0.0
+    S.deflate[j] = order
+    forget_intervals(S.last[j], S.t)  # impacts that ended in its closing come to no other limit
+    record_event(S, R, j, EV_OPENING, 0, 1)
+
+
+@kernel
+def _find_touching(P, S, R, W):
+    """Overwrites `touching`, the contacts whose gap is 0, their `speed` and `at_rest`; returns how many.
+
+    W.firing.level holds the gaps before the updates of this instant.
+    """
+    contacts = W.contacts
+    size = 0
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        rounding = surface_rounding(P, S, j, W)
+        if S.status[j] == SOLVED and W.instant.jumped and W.h[j] > rounding and W.h[j] != W.firing.level[j]:
+            _open(S, R, j, 0)  # an update has lifted the body off
+        elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
+            contacts.touching[size] = j
+            size += 1
+    for a in range(size):
+        contacts.speed[a] = approach_speed(P, S, contacts.touching[a], W)
+        contacts.at_rest[a] = W.instant.rest_speed
+    return size
+
+
+@kernel
+def _find_couplings(P, S, W, size):
+    """Overwrites W.contacts.delassus, the matrix D of the touching contacts."""
+    contacts = W.contacts
+    evaluate_surfaces(P, S, W)
+    for a in range(size):
+        for b in range(size):
+            contacts.delassus[a, b] = entry(P.g_row, P.g_col, W.G, contacts.touching[a], contacts.touching[b])
+
+
+@kernel
+def _coupled(contacts, a, size):
+    """Whether an impulse at touching contact a moves another one that touches, or is moved by it."""
+    for b in range(size):
+        if b != a and (contacts.delassus[a, b] != 0.0 or contacts.delassus[b, a] != 0.0):
+            return True
+    return False
+
+
+@kernel
+def _rebound(P, S, W, j):
+    """Overwrites W.contacts.after by the state after a rebound of contact j alone; returns its speed there."""
+    contacts = W.contacts
+    for i in range(P.n):
+        contacts.before[i] = contacts.after[i] = S.x[i]
+    call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, contacts.after)
+    for i in range(P.n):
+        S.x[i] = contacts.after[i]
+    speed = approach_speed(P, S, j, W)
+    for i in range(P.n):
+        S.x[i] = contacts.before[i]
+    return speed
+
+
+@kernel
+def _kick(P, S, W, j, impulse):
+    """Gives the state an impulse at contact j: the rates are linear in R_j, whose factor is the direction."""
+    mult = S.mult[j]
+    S.mult[j] = -_HEAVY
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.contacts.after, W.h, W.g)
+    S.mult[j] = _HEAVY
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.mult[j] = mult
+    for i in range(P.n):
+        S.x[i] += impulse * ((W.dx[i] - W.contacts.after[i]) / (2.0 * _HEAVY))
+
+
+@kernel
+def _solve_chosen(contacts, size):
+    """Overwrites contacts.impulse: q + D p = 0 for the chosen contacts, p = 0 for the others; False if singular."""
+    p, q, D, A = contacts.impulse, contacts.load, contacts.delassus, contacts.pivots
+    rows, scale = 0, 0.0
+    for a in range(size):
+        scale = max(scale, abs(q[a]))
+        if contacts.chosen[a]:
+            columns = 0
+            for b in range(size):
+                if contacts.chosen[b]:
+                    A[rows, columns] = D[a, b]
+                    columns += 1
+            A[rows, columns] = -q[a]
+            rows += 1
+    if not solve_dense(A, rows, 1):
+        return False
+    row = 0
+    for a in range(size):
+        p[a] = 0.0
+        if contacts.chosen[a]:
+            p[a] = A[row, rows]
+            row += 1
+            if not abs(p[a] * D[a, a]) <= _SINGULAR * scale:
+                return False
+    return True
+
+
+@kernel
+def _complementarity(contacts, size):
+    """Solves 0 <= p, q + D p >= 0, one of them 0, for the impulse p, q in contacts.load: Murty's least-index pivoting.
+
+    False where D is no P-matrix, as where two walls close on a body.
+    """
+    p, q, D = contacts.impulse, contacts.load, contacts.delassus
+    scale = 0.0
+    for a in range(size):
+        contacts.chosen[a] = 0
+        p[a] = 0.0
+        scale = max(scale, abs(q[a]))
+    for _ in range(64 + 16 * size):
+        largest, wrong = 0.0, -1
+        for a in range(size):
+            largest = max(largest, abs(p[a]))
+        for a in range(size):
+            rate = q[a]
+            for b in range(size):
+                rate += D[a, b] * p[b]
+            if p[a] < -_EQUAL * largest if contacts.chosen[a] else rate < -_EQUAL * scale:
+                wrong = a
+                break
+        if wrong < 0:
+            return True
+        contacts.chosen[wrong] = 1 - contacts.chosen[wrong]
+        if not _solve_chosen(contacts, size):
+            return False
+    return False
+
+
+@kernel
+def _apart_from_single_impacts(contacts, size):
+    """Largest difference between the speeds after the impulses and after rebounds one by one, from either end.
+
+    Relative to the largest speed of approach.
+    """
+    scale, apart = 0.0, 0.0
+    for a in range(size):
+        scale = max(scale, abs(contacts.speed[a]))
+    for turn in range(2):
+        for a in range(size):
+            contacts.sequel[a] = contacts.speed[a]
+        for _ in range(200 * size):
+            found = -1
+            for k in range(size):
+                a = k if turn == 0 else size - 1 - k
+                if found < 0 and contacts.sequel[a] < -_EQUAL * scale:
+                    found = a
+            if found < 0:
+                break
+            impulse = (
+                -(1.0 + contacts.restitution[found]) * contacts.sequel[found] / contacts.delassus[found, found]
+            )
+            for a in range(size):
+                contacts.sequel[a] += contacts.delassus[a, found] * impulse
+        for a in range(size):
+            speed = contacts.speed[a] - contacts.sequel[a]
+            for b in range(size):
+                speed += contacts.delassus[a, b] * contacts.impulse[b]
+            apart = max(apart, abs(speed))
+    return apart / scale
+
+
+@kernel
+def _collide(P, S, R, W, size):
+    """Impacts of the touching contacts, those that act on each other together; False where they have no solution."""
+    contacts = W.contacts
+    approaching, together = False, False
+    for a in range(size):
+        approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
+    if not approaching:
+        return True
+    if size > 1:
+        _find_couplings(P, S, W, size)
+    for a in range(size if size > 1 else 0):
+        contacts.load[a] = contacts.speed[a]
+        contacts.restitution[a] = 0.0
+        if contacts.speed[a] < -contacts.at_rest[a]:
+            after = _rebound(P, S, W, contacts.touching[a])
+            contacts.restitution[a] = -after / contacts.speed[a]
+            contacts.load[a] -= after
+            together = together or _coupled(W.contacts, a, size)
+    if together:
+        if not _complementarity(W.contacts, size):
+            return False
+        if _apart_from_single_impacts(W.contacts, size) > 1e-9:
+            record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
+    for a in range(size):
+        j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
+        if together and _coupled(W.contacts, a, size):
+            if contacts.impulse[a] > 0.0:
+                _kick(P, S, W, j, contacts.impulse[a])
+        elif meets:
+            _rebound(P, S, W, j)
+            for i in range(P.n):
+                S.x[i] = contacts.after[i]
+        if meets:
+            keep_on_surface(P, S, j, W)
+            S.deflate[j] = 1
+            W.instant.hit[j] = True
+            note_interval(S.last[j], S.t)
+            record_event(S, R, j, EV_IMPACT, 1, 1)
+    W.instant.jumped = 1
+    return True
+
+
+@kernel
+def friction_on(P, W, j):
+    """The most that switches that can stick change the acceleration of gap j, or of multiplier j's surface."""
+    total = 0.0
+    for k in range(P.m):
+        if P.kind[k] == SLIDING:
+            total += abs(entry(P.g_row, P.g_col, W.G, j, k))
+    return total
+
+
+@kernel
+def part_or_press(P, S, W, j):
+    """Of contacts that rested because switch j stuck, and that have felt nothing: on which side it leaves them.
+
+    It slips now with an acceleration that begins at 0, and so does the gap.
+    """
+    evaluate_surfaces(P, S, W)
+    for c in range(len(P.contact)):
+        k = P.contact[c]
+        held = entry(P.g_row, P.g_col, W.G, k, j)
+        if S.status[k] != SOLVED and S.deflate[k] == 2 and abs(W.g[k]) < 1e-9 * abs(held):
+            parts = S.status[j] * held * W.G[P.g_diagonal[j]] > 0.0
+            S.deflate[k] = 3 if parts else PRESSING
+            W.instant.look_again = 1
+
+
+@kernel
+def _settle_forces(P, S, R, W, size):
+    """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
+    contacts = W.contacts
+    largest, resting, was_closed = 0.0, contacts.chosen, contacts.load
+    some = False
+    W.instant.look_again = int(size > 1)
+    for a in range(size):
+        j = contacts.touching[a]
+        was_closed[a] = 1.0 if S.status[j] == SOLVED else 0.0
+        # Of one that has just been left smoothly the acceleration is 0, and rounding says nothing of its sign.
+        smooth = S.status[j] != SOLVED and S.deflate[j] == 3
+        resting[a] = 1 if abs(contacts.speed[a]) <= contacts.at_rest[a] and not smooth else 0
+        if resting[a] and S.deflate[j] == PRESSING:
+            S.status[j] = SOLVED
+        if resting[a]:
+            some = True
+            W.instant.look_again = 1
+        largest = max(largest, S.mult[j])
+    added = -1
+    for _ in range(64 + 16 * size if some else 0):
+        mask_solved(P, S, W)
+        solved = call_newton(P.newton_unit, P, S, W) != 0
+        now = 0.0
+        for a in range(size):
+            now = max(now, abs(S.mult[contacts.touching[a]]))
+        if added >= 0 and (not solved or (largest > 0.0 and now > _SINGULAR * largest)):
+            S.status[contacts.touching[added]] = 1
+            S.mult[contacts.touching[added]] = 0.0
+            resting[added] = 0
+            added = -1
+            continue
+        if not solved:
+            return False
+        largest = max(largest, now)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        wrong = -1
+        for a in range(size):
+            j = contacts.touching[a]
+            if wrong < 0 and resting[a]:
+                own = abs(entry(P.g_row, P.g_col, W.G, j, j))
+                rounding = _EQUAL * (own * largest + friction_on(P, W, j))
+                if S.status[j] == SOLVED:
+                    fails = S.mult[j] < 0.0 and not abs(S.mult[j]) * own < rounding
+                else:
+                    # What is held already stays open: by another contact, as a second wall at the same place, or by
+                    # friction.
+                    fails = W.g[j] <= 0.0 and not abs(W.g[j]) < rounding
+                if fails:
+                    wrong = a
+        if wrong < 0:
+            break
+        j = contacts.touching[wrong]
+        added = wrong if S.status[j] != SOLVED else -1
+        S.status[j] = SOLVED if added >= 0 else 1
+        S.mult[j] = 0.0
+    for a in range(size):
+        j = contacts.touching[a]
+        if S.status[j] == SOLVED and was_closed[a] == 0.0:
+            record_event(S, R, j, EV_CLOSED, 1, 0)
+        elif S.status[j] != SOLVED and was_closed[a] != 0.0:
+            _open(S, R, j, 2)
+        elif S.status[j] != SOLVED and resting[a]:
+            S.deflate[j] = 2
+    return True
+
+
+@kernel
+def settle_contacts(P, S, R, W):
+    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with `jumped` set where velocities jump."""
+    contacts = W.contacts
+    before = S.events
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if W.instant.hit[j] and S.status[j] == SOLVED and W.instant.jumped == 0:
+            _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
+            W.instant.hit[j] = False
+    size = _find_touching(P, S, R, W)
+    if not _collide(P, S, R, W, size):
+        return UNSOLVABLE
+    for a in range(size):
+        j = contacts.touching[a]
+        contacts.speed[a] = approach_speed(P, S, j, W)
+        if contacts.speed[a] > contacts.at_rest[a]:
+            if S.status[j] == SOLVED:
+                _open(S, R, j, 1)
+            S.deflate[j] = 1
+    if not _settle_forces(P, S, R, W, size):
+        return UNSOLVABLE
+    return CHANGED if S.events > before else UNCHANGED
+
+
+@kernel
+def close_at_start(P, S, R, W):
+    """Closes the contacts that touch at rest at the start of a run; False where their forces have no solution."""
+    before = S.events
+    solved = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
+    S.events = before  # what holds from the start is no event
+    return solved
+
+
+@kernel
+def stop_closed(P, S, W):
+    """Puts every closed contact exactly on its gap's zero, and takes from the state what is left of the gaps' rates."""
+    contacts = W.contacts
+    size = 0
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if S.status[j] == SOLVED:
+            keep_on_surface(P, S, j, W)
+            contacts.touching[size] = j
+            size += 1
+    if size == 0:
+        return
+    for a in range(size):
+        contacts.chosen[a] = 1
+        contacts.load[a] = approach_speed(P, S, contacts.touching[a], W)
+    _find_couplings(P, S, W, size)
+    if _solve_chosen(W.contacts, size):
+        for a in range(size):
+            if contacts.impulse[a] != 0.0:
+                _kick(P, S, W, contacts.touching[a], contacts.impulse[a])

@@ -1,0 +1,279 @@
+"""Sliding branches that a step leaves behind: a fold touched from the attracting side.
+
+Near a fold  g(t, lambda) = e(t) - b (lambda - lambda_f)^2, e > 0. Where e only just stays positive, e = d + a
+s^2/2, the attracting root has its branch points at s = +-i sqrt(2 d/a), and from a distance its series is that
+of d = 0: a straight line through lambda_f, onto the repelling root. A step that ends there is made again, up to
+shortly before the point where dg/dlambda = 0: nearer by, its series tells d. What is left at the distance of a
+hop is below rounding: then the attracting root beyond is looked for, and the fold recorded as touched.
+"""
+
+import math
+
+from ..machine.compiling import kernel
+from ..machine.pointers import at, call_fields, call_fold, call_layer_unit, call_linear
+from ..state import AMB_FOLD, DONE, NEWTON_FAILED, SLIDING, SOLVED, STRICT
+from ..step.recording import record_ambiguity
+from ..step.roots import NO_ROOT
+from ..step.steps import dot, powers
+from ..surface.layer import FIRST_ZERO
+from ..surface.sliding import follow, mask_solved
+from ..surface.sparse import solve_masked
+
+HOPPED, PASSED, LEFT = range(1, 4)
+SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
+SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
+# Of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root.
+HOP = 3e-7
+_TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less than it is known to
+_BEND = 1e-4  # step of lambda for d2g/dlambda2
+_NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
+
+
+@kernel
+def _slope(P, S, W, t, x, mult, j):
+    """dg_j/dlambda_j, the other solved multipliers solved along: negative on an attracting root, 0 at a fold."""
+    call_linear(P.linear, t, x, mult, P.p, W.G, W.dh)
+    if P.g_row[j + 1] - P.g_row[j] == 1:
+        return W.G[P.g_diagonal[j]]
+    mask_solved(P, S, W)
+    for i in range(P.m):
+        W.linear.rhs[i] = 0.0
+    W.linear.rhs[j] = 1.0
+    return 1.0 / W.linear.rhs[j] if solve_masked(P, W) and W.linear.rhs[j] != 0.0 else 0.0
+
+
+@kernel
+def _slope_at(P, C, S, rows, mult_row, t, s, j, W):
+    """The same where the step's polynomials stand at s; overwrites W.arc.there and W.arc.mult_there with them."""
+    arc = W.arc
+    powers(W.step.end_power, s)
+    for i in range(P.n):
+        arc.there[i] = dot(rows[i], W.step.end_power, C.order + 1)
+    for i in range(P.m):
+        arc.mult_there[i] = (
+            dot(rows[mult_row + i], W.step.end_power, C.order + 1) if S.status[i] == SOLVED else S.mult[i]
+        )
+    return _slope(P, S, W, t + s, arc.there, arc.mult_there, j)
+
+
+@kernel
+def _bend(P, S, W, t, x, mult, j, slope, way):
+    """d2g_j/dlambda_j^2 from the side `way`."""
+    keep = mult[j]
+    mult[j] = keep + way * _BEND
+    bend = (_slope(P, S, W, t, x, mult, j) - slope) / (way * _BEND)
+    mult[j] = keep
+    return bend
+
+
+@kernel
+def _way(lam):
+    """The direction in which there is room for a difference."""
+    return 1.0 if lam < 0.0 else -1.0
+
+
+@kernel
+def _is_near(P, S, W, t, x, mult, j, slope):
+    """Whether lambda_j stands within rounding of its fold."""
+    return abs(slope) <= _NEAR * abs(_bend(P, S, W, t, x, mult, j, slope, _way(mult[j])))
+
+
+@kernel
+def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
+    """Where within the step a root ceases to attract that began as attracting; inf if none does.
+
+    Leaves that switch in W.arc.touched and the length of a hop over the point in W.arc.hop; -1 where a root comes to
+    stand within rounding of its fold.
+    """
+    arc = W.arc
+    found = math.inf
+    for j in range(P.m):
+        if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
+            continue
+        last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
+        speed = abs(at(rows[mult_row + j], 1))
+        # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
+        arc.hop = HOP / (speed + 1e-300)
+        if not last >= 0.0:
+            call_fields(P.fields, t + s_end, arc.there, arc.mult_there, P.p, W.dx, W.h, W.g)
+            if abs(W.g[j]) > 1e-11 * abs(last):
+                # Off its root, which is not far from the fold: what is small among all lambda is not small there.
+                bend = _bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j]))
+                rounding = _NEAR * _NEAR * abs(bend)
+                if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
+                    arc.hop = min(arc.hop, 0.1 * s_end)
+                    return 0.5 / SHARE_TO_A_FOLD * s_end
+            # The steps by a fold are short: lambda hardly moves.
+            if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, arc.there, arc.mult_there, j, last):
+                first = _slope(P, S, W, t, S.x, S.mult, j)
+                if not _is_near(P, S, W, t, S.x, S.mult, j, first):
+                    arc.touched = j
+                    found = -1.0
+            continue
+        bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j])))
+        first = _slope_at(P, C, S, rows, mult_row, t, 0.0, j, W)
+        alone = P.g_row[j + 1] - P.g_row[j] == 1
+        if first >= 0.0 and not alone:
+            continue  # among several switches a joint root attracts with slopes of either sign
+        lo, hi, middle = 0.0, s_end if first < 0.0 else 0.0, first
+        for _ in range(60):
+            s = 0.5 * (lo + hi)
+            if s == lo or s == hi:
+                break
+            middle = _slope_at(P, C, S, rows, mult_row, t, s, j, W)
+            if middle < 0.0:
+                lo = s
+            else:
+                hi = s
+        if abs(middle) > abs(first) > 0.0:
+            continue  # a pole: the others have their fold there
+        # Where two branches cross, and neither turns back, they part at another rate.
+        arc.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
+        arc.touched = j
+        return hi
+    return found
+
+
+@kernel
+def _past_the_touch(P, S, W, j, toward):
+    """Puts switch j, repelling behind a touched fold, on the attracting root beside it; False if there is none."""
+    beyond = S.mult[j]
+    slope = _slope(P, S, W, S.t, S.x, S.mult, j)
+    bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, -toward)
+    top = beyond - slope / bend if bend != 0.0 else math.inf
+    if not 0.0 < toward * (beyond - top) < 0.1:
+        top = beyond - toward * _BEND  # no simple fold
+    if call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, -toward, top) != 0:
+        mask_solved(P, S, W)
+        if follow(P, S, W) and toward * (top - S.mult[j]) > 0.0:
+            if _slope(P, S, W, S.t, S.x, S.mult, j) < 0.0:
+                return True
+    S.mult[j] = top
+    return False
+
+
+@kernel
+def _root_is_back(P, S, W, j, toward):
+    """Whether the root of switch j, which stands at its fold, exists again a hop (W.arc.hop) later."""
+    arc = W.arc
+    t, hop = S.t, arc.hop
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        arc.there[i] = S.x[i]
+        S.x[i] += hop * W.dx[i]
+    for i in range(P.m):
+        arc.mult_there[i] = S.mult[i]
+    S.t = t + hop
+    mask_solved(P, S, W)
+    W.mask[j] = 0
+    back = follow(P, S, W)
+    call_fields(P.fields, t + hop, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    back = back and toward * W.g[j] <= 0.0
+    S.t = t
+    for i in range(P.n):
+        S.x[i] = arc.there[i]
+    for i in range(P.m):
+        S.mult[i] = arc.mult_there[i]
+    return back
+
+
+@kernel
+def touch(P, C, S, R, how, t_touch, toward, W):
+    """What becomes of switch arc.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
+
+    Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
+    """
+    j, now = W.arc.touched, S.t
+    stays = how == PASSED or (how == HOPPED and _past_the_touch(P, S, W, j, toward))
+    if how == LEFT and not _root_is_back(P, S, W, j, toward):
+        return DONE
+    S.t = t_touch
+    record_ambiguity(S, R, j, AMB_FOLD, 0 if stays else 1)
+    S.t = now
+    if C.strict:
+        return STRICT
+    if how != HOPPED or stays:
+        return DONE
+    _leave(W, toward)
+    return -1
+
+
+@kernel
+def _leave(W, toward):
+    """Makes the present instant one at which switch W.arc.touched stands at its fold, and nothing else happens."""
+    W.meeting.tau[:] = NO_ROOT
+    W.instant.met, W.step.length, W.instant.elapsed = NO_ROOT, 0.0, 0.0
+    W.instant.fold, W.instant.way, W.instant.at_clock = W.arc.touched, toward, 0
+
+
+@kernel
+def lost_at_a_fold(P, C, S, R, W):
+    """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
+
+    Returns a code; -1 where S stands at the fold's lambda.
+    """
+    for i in range(P.m):
+        S.mult[i] = W.arc.mult_before[i]
+    for j in range(P.m):
+        if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
+            continue
+        slope = _slope(P, S, W, S.t, S.x, S.mult, j)
+        bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _way(S.mult[j]))
+        if abs(slope) <= _NEAR * abs(bend):
+            W.arc.touched = j
+            S.mult[j] -= slope / bend
+            record_ambiguity(S, R, j, AMB_FOLD, 1)
+            _leave(W, 1 if slope * bend < 0.0 else -1)
+            return STRICT if C.strict else -1
+    return NEWTON_FAILED
+
+
+# ---- inflections: lambda^3 = t has no Taylor series at 0, but t(lambda) has
+
+
+@kernel
+def flattest(P, S, W):
+    """The hidden switch whose residual depends least on its own multiplier, or -1."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    best, least = -1, math.inf
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.hidden[j] and P.kind[j] == SLIDING and abs(W.G[P.g_diagonal[j]]) < least:
+            best, least = j, abs(W.G[P.g_diagonal[j]])
+    return best
+
+
+@kernel
+def known_zeros(row):
+    """How many of the first terms of a series are nothing but rounding."""
+    for k in range(4):
+        if abs(row[k]) > 1e-12:
+            return k
+    return 0
+
+
+@kernel
+def way_of_time(P, C, S, W, j):
+    """The direction of lambda_j in which time goes on from a point where dt/dlambda_j = 0; 0 where none does."""
+    for toward in range(1, -2, -2):
+        if call_fold(P.fold_unit, P, C, S, W, j, toward):
+            row = W.step.rows[P.n]
+            for k in range(1, 5):
+                if abs(row[k]) > 1e-12:
+                    if row[k] > 0.0:
+                        return toward
+                    break
+    return 0
+
+
+@kernel
+def turns_back(slope, s, h, count):
+    """Whether dt/ds, zero at s on an arc of length h, becomes negative there by more than rounding: a fold."""
+    first, second, size, s_k, h_k = 0.0, 0.0, abs(slope[0]), 1.0, h
+    for k in range(1, count):
+        first += k * slope[k] * s_k
+        size += abs(slope[k]) * h_k
+        if k + 1 < count:
+            second += (k + 1.0) * k * slope[k + 1] * s_k
+        s_k *= s
+        h_k *= h
+    return not (second > 0.0 and 0.5 * first * first < _TURN * second * size)

@@ -1,0 +1,386 @@
+"""What happens at one instant: events, impacts, then the switches with the field after.
+
+Order (the contract of Event): all events whose `when` holds fire from the values before, repeated until none newly
+fires; then impacts; then every switch that is on its surface is settled by its layer, and every sliding switch whose
+field has jumped is settled again.
+"""
+
+import math
+
+from numba import types
+
+from ..intervals import forget_intervals, note_interval
+from ..machine.compiling import kernel, unit
+from ..machine.pointers import call_layer_unit
+from ..state import (
+    ACCUMULATED,
+    AMB_CHATTERING,
+    AMB_CORNER,
+    CHATTERING,
+    CONTACT,
+    DONE,
+    EV_ACCUMULATION,
+    EV_CROSSING,
+    EV_FOLD,
+    EV_FOLD_TO_SLIDING,
+    EV_RESET,
+    EV_STICK,
+    EV_TANGENCY,
+    HELD,
+    MOST_AT_ONCE,
+    NEWTON_FAILED,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+    STRICT,
+    TERMINAL,
+    Control,
+    Problem,
+    Record,
+    State,
+)
+from ..step.recording import record_ambiguity, record_event, record_point
+from ..surface.layer import LEAVE_FOLD, SETTLED
+from ..surface.sliding import keep_on_surface, surface_rounding
+from ..surface.sparse import link
+from ..work import Work
+from .accumulation import AT_ONCE, is_passed, pass_accumulation
+from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
+from .firing import events, sides_after_crossing, sides_after_jump, step_inside
+from .holding import (
+    AT_BOUND,
+    hold_beside,
+    hold_instead,
+    hold_second_order,
+    hold_supported,
+    hold_what_rests,
+    rest_with_friction,
+    some_second_order,
+)
+from .plain import cross_stick_or_leave, only_one
+from .settling import layer_code, resettle, settle_arrivals, settle_at_rest
+from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
+
+# A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
+# tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
+# with fewer.
+_MOST_MINUTE = 10_000
+
+
+@kernel
+def _arrivals(P, C, S, R, W, size, jumped):
+    """Settles the switches active[:size] that met their surfaces: one by one where uncoupled, else in one layer."""
+    instant = W.instant
+    if len(P.contact) > 0:
+        size = hold_supported(P, S, W, size)
+        for j in range(P.m):
+            if S.status[j] == HELD and instant.came[j] != HELD and instant.hit[j]:
+                record_event(S, R, j, EV_STICK, instant.came[j], 0)
+                keep_on_surface(P, S, j, W)
+                forget_intervals(S.last[j], S.t)
+        if size == 0:
+            return DONE
+    joint = size
+    for a in range(size):
+        link(P, S, W, instant.active[a])
+        for b in range(P.m):
+            if W.linear.linked[b] == 0 or P.kind[b] != SLIDING or b == instant.active[a]:
+                continue
+            known = -1
+            for c in range(joint):
+                if instant.active[c] == b:
+                    known = c
+            if 0 <= known < size:
+                instant.together = 1
+            elif known < 0 and S.status[b] == SOLVED:
+                instant.active[joint] = b
+                joint += 1
+    code = DONE
+    if joint > size or instant.together:
+        for a in range(joint):
+            j = instant.active[a]
+            instant.group[a] = j
+            instant.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
+            if jumped and S.status[j] != SOLVED:
+                S.mult[j] = 0.0
+        code = settle_arrivals(P, S, R, W, joint)
+        if code == DONE and size > 1 and not jumped:
+            _try_other_ratio(P, S, R, W, size)
+    elif jumped:
+        code = settle_at_rest(P, C, S, R, W, size)
+    else:
+        for a in range(size):
+            instant.group[0] = instant.active[a]
+            instant.arrival[0] = S.status[instant.active[a]]
+            code = max(code, settle_arrivals(P, S, R, W, 1))
+    if code != DONE:
+        return code
+    for a in range(joint):
+        j = instant.active[a]
+        came = instant.came[j]
+        S.deflate[j] = 1
+        if (S.status[j] == SOLVED or S.status[j] == HELD) and came != SOLVED:
+            record_event(S, R, j, EV_STICK, came, 0)
+            keep_on_surface(P, S, j, W)
+            rest_with_friction(P, S)
+            if some_second_order(P):
+                hold_beside(P, S, W)
+        elif S.status[j] != came:
+            record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
+        if came != SOLVED:
+            note_interval(S.last[j], S.t)
+        if S.status[j] != SOLVED and P.rk_unit != 0:
+            step_inside(P, S, j, W)
+    return DONE
+
+
+@kernel
+def _try_other_ratio(P, S, R, W, size):
+    """Runs the corner's layer again with eps_1/eps_2 changed by 10 and 1/10; another outcome is an ambiguity."""
+    instant = W.instant
+    m, first = P.m, instant.active[0]
+    for j in range(m):
+        instant.status[j] = S.status[j]
+        instant.mult[j] = S.mult[j]
+    weight = P.weight[first]
+    same = True
+    for factor in (10.0, 0.1):
+        for j in range(m):
+            S.status[j] = instant.came[j]
+            S.mult[j] = instant.mult[j] if instant.came[j] == SOLVED else float(instant.came[j])
+        for a in range(size):
+            instant.group[a] = instant.active[a]
+            instant.arrival[a] = instant.came[instant.active[a]]
+        P.weight[first] = weight * factor
+        same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
+        for j in range(m):
+            same = same and S.status[j] == instant.status[j]
+    P.weight[first] = weight
+    for j in range(m):
+        S.status[j] = instant.status[j]
+        S.mult[j] = instant.mult[j]
+    if not same:
+        record_ambiguity(S, R, first, AMB_CORNER, 0)
+
+
+@kernel
+def _is_minute(P, C, S, W, j):
+    """Whether surface j has stayed within the states' absolute tolerances of 0 since it was last met."""
+    speed = approach_speed(P, S, j, W)
+    tolerance = 0.0
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return 0.25 * abs(speed) * S.last[j, 1] < tolerance  # the height of an arc
+
+
+@kernel
+def _settle_switches(P, C, S, R, W, fold, fold_way):
+    """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
+    instant = W.instant
+    m, mult, status = P.m, S.mult, S.status
+    jumped = instant.jumped != 0
+    if jumped:
+        sides_after_jump(P, S, R, W)
+        hold_what_rests(P, S, R, W)
+    switched = jumped
+    size = 0
+    for j in range(m):
+        if not instant.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
+            continue
+        if status[j] == SOLVED:
+            if not jumped:
+                # d2h/dt2 of a second-order slide is 0 there, unless a force has jumped.
+                smooth = P.kind[j] == SECOND_ORDER and abs(mult[j]) <= 1.0 + AT_BOUND
+                if P.kind[j] == SLIDING and some_second_order(P) and hold_instead(P, S, R, W, j):
+                    continue
+                status[j] = W.meeting.exit_side[j]
+                mult[j] = float(status[j])
+                S.deflate[j] = 3 if smooth else 2
+                if P.kind[j] == SECOND_ORDER:
+                    hold_beside(P, S, W)  # by friction that may take over, which has been held so far
+                if status[j] != HELD:
+                    record_event(S, R, j, EV_TANGENCY, 0, status[j])
+                    part_or_press(P, S, W, j)
+        elif P.kind[j] == SLIDING:
+            instant.active[size] = j
+            size += 1
+        else:
+            went = -status[j]
+            if jumped:
+                if P.rk_unit != 0:
+                    step_inside(P, S, j, W)
+                went = 1 if leading_order(P, C, S, W, j) > 0 else -1
+            if went != status[j]:
+                record_event(S, R, j, EV_CROSSING, status[j], went)
+            status[j] = went
+            mult[j] = float(went)
+            S.deflate[j] = 1
+            switched = True
+            note_interval(S.last[j], S.t)
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
+            if S.minute > _MOST_MINUTE:
+                if P.kind[j] != SECOND_ORDER:
+                    return CHATTERING, True
+                record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
+                forget_intervals(S.last[j], S.t)
+                stop_normal_speed(P, S, j, W, False)
+                instant.active[0] = j
+                hold_second_order(P, S, R, W, 1)
+                record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
+                S.minute = 0
+            if P.rk_unit != 0:
+                step_inside(P, S, j, W)
+    if fold >= 0:
+        S.layers += 1
+        at_fold = mult[fold]
+        outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
+        code = layer_code(P, S, R, fold, outcome)
+        if code != DONE:
+            return code, True
+        # A fold at the bound is left as a tangency is: the field does not jump.
+        S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
+        record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
+        switched = True
+    if size > 0:
+        code = _arrivals(P, C, S, R, W, size, jumped)
+        if code != DONE:
+            return code, True
+        switched = True
+    return DONE, switched
+
+
+@kernel
+def _left_behind(P, S, W, i):
+    """Whether surface i, met at the last instant, has since changed by more than rounding."""
+    evaluate_surfaces(P, S, W)
+    return abs(W.h[i]) > surface_rounding(P, S, i, W)
+
+
+@kernel
+def _forget_what_was_met(P, S, W):
+    """Before another look at the contacts of an instant: nothing is met but by what they do now."""
+    instant = W.instant
+    instant.jumped = 0
+    for j in range(P.m):
+        instant.hit[j] = False
+        instant.came[j] = S.status[j]
+        W.firing.level[j] = math.nan
+
+
+@kernel
+def _follow_up(P, S, R, W):
+    """Switches inside surfaces that have jumped, and sliding ones whose residual has; returns a code."""
+    sides_after_crossing(P, S, R, W)
+    for j in range(P.m):
+        W.instant.status[j] = S.status[j]
+    code = resettle(P, S, R, W)
+    for j in range(P.m):
+        if S.status[j] != W.instant.status[j]:
+            record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
+    return code
+
+
+@kernel
+def _sides_of_events(P, S, W):
+    """After x has jumped: an event surface on which it still stands is left to where the motion goes on."""
+    for i in range(P.ne):
+        if W.instant.hit[P.m + i] and S.deflate[P.m + i] != 0:
+            speed = approach_speed(P, S, P.m + i, W)
+            if abs(speed) > W.instant.rest_speed:
+                S.side[i] = 1 if speed > 0.0 else -1
+
+
+@unit(types.int64, Problem, Control, State, Record, Work)
+def at_instant(P, C, S, R, W):
+    """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
+
+    Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
+    """
+    instant = W.instant
+    m, ne, t, status = P.m, P.ne, S.t, S.status
+    best, h, elapsed = instant.met, W.step.length, instant.elapsed
+    fold, fold_way = instant.fold, instant.way
+    instant.jumped = 0
+    instant.together = 0
+    for i in range(m + ne):
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
+            abs(t), elapsed
+        )
+        # Not of events: a latch at its own threshold is left and met again within rounding.
+        if (
+            not instant.hit[i]
+            and S.deflate[i] != 0
+            and (elapsed > 1e-12 * (1.0 + abs(t)) or (i < m and _left_behind(P, S, W, i)))
+        ):
+            S.deflate[i] = 0
+    for i in range(ne):
+        # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
+        j = abs(P.twin[i]) - 1
+        if j >= 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+            instant.hit[m + i] = instant.hit[j] = True
+    if fold >= 0:
+        instant.hit[fold] = False
+    for j in range(m):
+        instant.came[j] = status[j]
+        W.firing.level[j] = math.nan
+        if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
+            S.x[P.surface_state[j]] = 0.0
+        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+            step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
+    record_point(P, S, R)
+    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
+    if S.stalled > MOST_AT_ONCE:
+        return CHATTERING
+    events_before = S.events
+    only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
+    if only >= 0:
+        code = cross_stick_or_leave(P, S, R, W, only)
+        if code != -1 and (code != DONE or not is_passed(S, only)):
+            record_point(P, S, R)
+            return code
+        only = code
+        instant.solved_there = 0
+    stop, jumped = DONE, False
+    if only < 0 and ne > 0:
+        stop = events(P, C, S, R, W)
+        jumped = instant.jumped != 0
+        if stop == ACCUMULATED:
+            record_point(P, S, R)
+        if stop != DONE and stop != TERMINAL:
+            return stop
+    for turn in range(MOST_AT_ONCE + 1):
+        if turn == MOST_AT_ONCE:
+            return CHATTERING
+        contacts = UNCHANGED
+        if len(P.contact) > 0:
+            if turn > 0:
+                # What the contacts do has its own consequences: look again, at nothing but these.
+                _forget_what_was_met(P, S, W)
+            contacts = settle_contacts(P, S, R, W)
+            if contacts == UNSOLVABLE:
+                return NEWTON_FAILED
+            if turn > 0 and contacts == UNCHANGED:
+                break
+        code, switched = -1, True
+        if only < 0 or turn > 0:
+            code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, fold_way)
+            if code != DONE:
+                return code
+        code = pass_accumulation(P, C, S, R, W) if turn == 0 else -1
+        if code > DONE:
+            return code
+        if switched or code == DONE or contacts != UNCHANGED:
+            code = _follow_up(P, S, R, W)
+            if code != DONE:
+                return code
+        if len(P.contact) == 0 or instant.look_again == 0:
+            break
+    if len(P.contact) > 0:
+        stop_closed(P, S, W)
+    if jumped:
+        _sides_of_events(P, S, W)
+    if S.events > events_before:
+        record_point(P, S, R)
+    if C.strict and S.ambiguities > 0:
+        return STRICT
+    return stop

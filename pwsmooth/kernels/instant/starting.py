@@ -1,0 +1,91 @@
+"""Classification of every surface at the initial state: a start on a surface is classified, not found."""
+
+import math
+
+from numba import types
+
+from ..intervals import forget_intervals
+from ..machine.compiling import unit
+from ..machine.pointers import call_fields
+from ..state import (
+    ALGEBRAIC,
+    CONTACT,
+    DONE,
+    NEWTON_FAILED,
+    NO_ROOT_FOUND,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+    Control,
+    Problem,
+    Record,
+    State,
+)
+from ..step.recording import record_point
+from ..surface.sliding import mask_instant, surface_rounding
+from ..surface.unknowns import solve_unknowns
+from ..work import Work
+from .contacts import close_at_start
+from .settling import settle_at_rest
+from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
+
+
+@unit(types.int64, Problem, Control, State, Record, Work)
+def start(P, C, S, R, W):
+    """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
+    instant = W.instant
+    m, status, mult = P.m, S.status, S.mult
+    W.pair.longest = math.inf
+    for i in range(P.ne):
+        forget_intervals(W.firing.last[i], S.t)
+    for j in range(m):
+        status[j] = SOLVED if P.kind[j] == ALGEBRAIC else 1
+        mult[j] = 0.0 if P.kind[j] >= CONTACT else 1.0
+    # Twice: a surface may depend on an inner switch that is known only after the first look.
+    for _ in range(2):
+        call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
+        for j in range(m):
+            if P.kind[j] < CONTACT:
+                status[j] = 1 if W.h[j] >= 0.0 else -1
+                mult[j] = float(status[j])
+    if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
+        return NO_ROOT_FOUND
+    evaluate_surfaces(P, S, W)
+    for i in range(m + P.ne):
+        instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
+    for i in range(P.ne):
+        S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
+    if len(P.contact) > 0 and not close_at_start(P, S, R, W):
+        return NEWTON_FAILED
+    size = 0
+    for j in range(m):
+        if not instant.hit[j]:
+            continue
+        if P.kind[j] == CONTACT:
+            if status[j] != SOLVED and approach_speed(P, S, j, W) > instant.rest_speed:
+                S.deflate[j] = 1
+        elif P.kind[j] == SLIDING or (
+            P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) <= instant.rest_speed
+        ):
+            instant.active[size] = j
+            size += 1
+        elif not any_is(P, S, SOLVED):
+            order = leading_order(P, C, S, W, j)
+            status[j] = 1 if order > 0 else -1
+            mult[j] = float(status[j])
+            S.deflate[j] = abs(order) - 1
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    # What the switches have become acts on the contacts that were looked at before them.
+    instant.look_again = int(size > 0 and len(P.contact) > 0)
+    slipping = not any_is(P, S, SOLVED)
+    for i in range(m + P.ne):
+        if not instant.hit[i] or (i < m and (P.kind[i] != SLIDING or status[i] == SOLVED)):
+            continue
+        S.deflate[i] = 1
+        if slipping:
+            order = leading_order(P, C, S, W, i)
+            S.deflate[i] = abs(order) - 1
+            if i >= m:
+                S.side[i - m] = 1 if order > 0 else -1
+    record_point(P, S, R)
+    return code

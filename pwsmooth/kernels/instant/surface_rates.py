@@ -1,0 +1,117 @@
+"""Surfaces at a state: their values, their rates, the first of their derivatives that is not 0.
+
+Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts at an instant.
+"""
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_act, call_fields, call_linear
+from ..state import SECOND_ORDER
+from ..step.steps import take_slip_jet
+from ..surface.sliding import follow, keep_on_surface, mask_instant, surface_rounding
+
+
+@kernel
+def evaluate_surfaces(P, S, W):
+    """Overwrites W.dx, W.h, W.g, W.G, W.dh at the present state."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+
+
+@kernel
+def any_is(P, S, status):
+    """Whether some multiplier has this status."""
+    for j in range(P.m):
+        if S.status[j] == status:
+            return True
+    return False
+
+
+@kernel
+def residual(P, S, W, j, lam):
+    """g_j at lambda_j = lam with the multipliers of every instant solved along; S.mult[j] is left as it was."""
+    keep = S.mult[j]
+    S.mult[j] = lam
+    if mask_instant(P, S, W):
+        follow(P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.mult[j] = keep
+    return W.g[j]
+
+
+@kernel
+def approach_speed(P, S, j, W):
+    """dh_j/dt with the present field; leaves in W.instant.rest_speed the size at which it is rounding."""
+    evaluate_surfaces(P, S, W)
+    speed = W.dh[P.dh_row[P.m + P.ne] + j]
+    size = abs(speed)
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        part = W.dh[e] * W.dx[P.dh_col[e]]
+        speed += part
+        size += abs(part)
+    W.instant.rest_speed = 1e-14 * size + 1e-13
+    return speed
+
+
+@kernel
+def leading_order(P, C, S, W, i):
+    """Number of leading zero orders of surface i on the slip trajectory from here, negative if it goes negative.
+
+    Counted from 1: +1 means a nonzero value, +2 a nonzero first derivative, ..., +5 zero as far as it looks (without
+    jets: the first derivative).
+    """
+    if P.jet_slip == 0:
+        speed = approach_speed(P, S, i, W)
+        if abs(W.h[i]) > surface_rounding(P, S, i, W):
+            return 1 if W.h[i] > 0.0 else -1
+        return 5 if abs(speed) <= W.instant.rest_speed else (2 if speed > 0.0 else -2)
+    take_slip_jet(P, C, S, W)
+    row = W.step.rows[P.rows_slip[i]]
+    size = 1e-3
+    for k in range(P.n):
+        size += abs(S.x[k]) + abs(W.step.rows[k, 1])
+    for k in range(4):
+        if abs(row[k]) > 1e-12 * size:
+            return k + 1 if row[k] > 0.0 else -(k + 1)
+    return 5
+
+
+@kernel
+def stop_normal_speed(P, S, j, W, contact):
+    """Removes what is left of dh_j/dt: through the impact map for a contact, along its own gradient for a switch."""
+    if contact:
+        speed = approach_speed(P, S, j, W)
+        for i in range(P.n):
+            W.contacts.before[i] = S.x[i]
+            W.contacts.after[i] = S.x[i]
+        call_act(P.act, P.ne + j, S.t, S.x, S.mult, P.p, W.contacts.after)
+        for i in range(P.n):
+            S.x[i] = W.contacts.after[i]
+        rebound = approach_speed(P, S, j, W)
+        # The impact map is affine in its impulse: the share of it that leaves dh/dt = 0.
+        share = speed / (speed - rebound) if speed != rebound else 0.0
+        for i in range(P.n):
+            S.x[i] = W.contacts.before[i] + share * (W.contacts.after[i] - W.contacts.before[i])
+        return
+    # dh/dt = dh . f(x): its gradient by differences, minimum-norm Newton, twice.
+    for _ in range(2):
+        speed = approach_speed(P, S, j, W)
+        square = 0.0
+        for i in range(P.n):
+            keep = S.x[i]
+            step = 1e-6 * (1.0 + abs(keep))
+            S.x[i] = keep + step
+            W.instant.gradient[i] = (approach_speed(P, S, j, W) - speed) / step
+            S.x[i] = keep
+            square += W.instant.gradient[i] ** 2
+        if square == 0.0:
+            return
+        for i in range(P.n):
+            S.x[i] -= W.instant.gradient[i] * speed / square
+
+
+@kernel
+def keep_sliding(P, S, j, W):
+    """Puts S.x exactly on h_j = 0, of a second-order slide on dh_j/dt = 0 too."""
+    keep_on_surface(P, S, j, W)
+    if P.kind[j] == SECOND_ORDER and abs(approach_speed(P, S, j, W)) > W.instant.rest_speed:
+        stop_normal_speed(P, S, j, W, False)

@@ -1,0 +1,1 @@
+"""Structs, compilation, vectors and calls through addresses."""

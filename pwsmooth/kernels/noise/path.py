@@ -1,0 +1,321 @@
+"""Trajectories of a diffusion: dx = f(t, x, lambda) dt + G(t, x, lambda) dW (Ito), piecewise smooth.
+
+While no status changes, one step of Roessler's SRA1 (SIAM J. Numer. Anal. 48, 2010, strong order 1.5 for G of time
+alone) with Milstein's terms where G depends on the state (strong order 1):
+
+    X2 = X + 3/4 h f(X) + 3/2 G (H + W/2),      f2 = f(t + 3/4 h, X2)
+    X' = X + h (f(X) + 2 f2)/3 + G W + 1/2 sum_jk (L_j g_k)(W_j W_k - delta_jk h) + (dG/dt) (h W/2 - h H)
+
+A step that changes the status of a surface on which no noise acts is refused and its part of the Brownian path
+halved, until the change is located; then the layer decides as on the event-driven path (instants.py). A surface on
+which the noise acts is never slid on: there lambda = sign h, with finer steps beside it.
+"""
+
+import math
+
+from numba import types
+from numba.extending import intrinsic
+
+from ..instant.surface_rates import any_is
+from ..machine.compiling import kernel, unit
+from ..machine.pointers import _caller, call_fields, call_linear, call_unit
+from ..state import (
+    CONTACT,
+    DONE,
+    FULL,
+    HELD,
+    MAX_STEPS,
+    NOT_FINITE,
+    SLIDING,
+    SOLVED,
+    UNDERFLOW,
+    Control,
+    Problem,
+    Record,
+    State,
+)
+from ..step.recording import record_point
+from ..step.roots import NO_ROOT
+from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
+from ..work import Work
+from .state import DEEPEST, LOCATED, Diffused
+from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
+
+_SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
+_LEAP = 0.25  # of a multiplier within one step: a root farther away is another branch
+
+
+@intrinsic
+def call_outputs(typingctx, address, t, x, mult, p, out):
+    """outputs(t, x, mult, p, out): overwrites out."""
+    return _caller((address, t, x, mult, p, out), types.void)
+
+
+@kernel
+def _evaluate(P, S, W, N):
+    """Overwrites W.dx, W.h, W.g and N.out at the present state, multipliers first; False if one is lost."""
+    found = True
+    if any_is(P, S, SOLVED):
+        mask_solved(P, S, W)
+        found = follow(P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    turned = False
+    for j in range(P.m):
+        if N.noisy[j] and W.h[j] * S.status[j] < 0.0:
+            S.status[j] = -S.status[j]
+            S.mult[j] = float(S.status[j])
+            turned = True
+    if turned:
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_outputs(N.outputs, S.t, S.x, S.mult, P.p, N.out)
+    return found
+
+
+@kernel
+def _longest(P, S, W, N):
+    """The longest step from here: a function of the present state alone, as a path that is not known ahead asks."""
+    n, m, ne, out = P.n, P.m, P.ne, N.out
+    at = n * N.q + n * N.pairs
+    h = halved(N.step, N.level)
+    floor = halved(h, N.finest)
+    if not out[at] < math.inf:
+        return math.nan
+    if out[at] > 0.0:
+        h = min(h, N.resolution / out[at])
+    at += 1
+    for i in range(m + ne):
+        if N.noisy[i]:
+            h = min(h, max(floor, W.h[i] * W.h[i] / (_SURE * out[at + i] + 1e-300)))
+    at += m + ne
+    for j in range(m):
+        if S.status[j] == SOLVED and P.kind[j] == SLIDING and out[at + 3 * j] > 0.0:
+            slope, bend = abs(out[at + 3 * j + 1]), abs(out[at + 3 * j + 2])
+            room = (1.0 - abs(S.mult[j])) * slope
+            if bend > 0.0:
+                room = min(room, 0.5 * slope * slope / bend)
+            h = min(h, max(floor, room * room / (_SURE * out[at + 3 * j])))
+    at += 3 * m
+    part = 2.5 * N.resolution  # of a layer that a step may cross
+    for _ in range(N.gates):
+        surface, speed, spread, width = out[at], abs(out[at + 1]), out[at + 2], out[at + 3]
+        square = width * width + surface * surface
+        if speed > 0.0:
+            h = min(h, part * math.sqrt(square) / speed)
+        if spread > 0.0:
+            h = min(h, part * part * square / spread)
+        at += 4
+    return h
+
+
+@kernel
+def _step(P, S, W, N):
+    """One step over the present part of the path from N.x, N.f, N.out_start: overwrites S.x, S.t, S.mult.
+
+    False if a sliding multiplier was lost at the stage.
+    """
+    n, q, x, G = P.n, N.q, S.x, N.out_start
+    level = N.depth
+    dw, area = N.increment[level], N.area[level]
+    h, t = length_here(N), S.t
+    for i in range(n):
+        total = 0.75 * h * N.f[i]
+        for s in range(q):
+            total += 1.5 * G[i * q + s] * (area[s] + 0.5 * dw[s])
+        x[i] = N.x[i] + total
+    S.t = t + 0.75 * h
+    found = True
+    if any_is(P, S, SOLVED):
+        mask_solved(P, S, W)
+        found = follow(P, S, W)
+    call_fields(P.fields, S.t, x, S.mult, P.p, W.dx, W.h, W.g)
+    if N.moving:
+        call_outputs(N.outputs, t + h, x, S.mult, P.p, N.out_ahead)
+    for i in range(n):
+        total = h * (N.f[i] + 2.0 * W.dx[i]) / 3.0
+        for s in range(q):
+            total += G[i * q + s] * dw[s]
+            if N.moving:
+                total += (N.out_ahead[i * q + s] - G[i * q + s]) * (0.5 * dw[s] - area[s])
+        if N.pairs > 0:
+            k = n * q + i * N.pairs
+            for a in range(q):
+                for b in range(a, q):
+                    total += G[k] * (dw[a] * dw[b] - (h if a == b else 0.0))
+                    k += 1
+        x[i] = N.x[i] + total
+    S.t = end_time(N)
+    for j in range(P.m):
+        if S.status[j] == SOLVED and P.kind[j] == SLIDING:
+            keep_on_surface(P, S, j, W)
+    return found
+
+
+@kernel
+def _changes(P, S, W, N, found):
+    """Marks in tau and instant.fold what has changed its status over the step just made; True if anything has."""
+    m, some = P.m, False
+    W.instant.fold = -1
+    linear = False
+    at = P.n * N.q + P.n * N.pairs + 1 + m + P.ne
+    for i in range(m + P.ne):
+        W.meeting.tau[i] = NO_ROOT
+        if i < m:
+            if N.noisy[i] or S.status[i] == HELD or P.kind[i] >= CONTACT:
+                continue
+            if S.status[i] == SOLVED:
+                lam = S.mult[i]
+                if not found or not abs(lam - N.mult[i]) <= _LEAP or N.out[at + 3 * i + 1] >= 0.0:
+                    W.instant.fold = i
+                    some = True
+                elif abs(lam) > 1.0:
+                    W.meeting.tau[i] = 0.5
+                    W.meeting.exit_side[i] = 1 if lam > 0.0 else -1
+                    some = True
+                continue
+            side = S.status[i]
+        else:
+            side = S.side[i - m]
+        if P.rows_slip[i] < 0 or not W.h[i] * side < 0.0:
+            continue
+        if not linear:
+            call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+            linear = True
+        if -W.h[i] * side > surface_rounding(P, S, i, W):
+            W.meeting.tau[i] = 0.5
+            some = True
+    return some
+
+
+@kernel
+def _deep_enough(P, W, N):
+    """Whether what has changed is located: to the finest level where noise acts on the surface, else to rounding."""
+    level = N.depth
+    if W.instant.fold >= 0:
+        return level >= LOCATED
+    for i in range(P.m + P.ne):
+        if W.meeting.tau[i] < NO_ROOT and not N.noisy[i]:
+            return level >= LOCATED
+    return level >= N.level + N.finest
+
+
+@kernel
+def _act(P, C, S, R, W, N, t_before):
+    """Acts on the changes at the present instant; returns a code."""
+    instant = W.instant
+    t = S.t
+    fold = instant.fold
+    if fold >= 0:
+        # Past the fold the layer flow has one direction: that of g at the root that was.
+        S.mult[fold] = N.mult[fold]
+        call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        instant.way = 1 if W.g[fold] > 0.0 else -1
+    instant.at_clock = 0
+    for j in range(P.m):
+        S.last[j, 1] = 0.0  # intervals of a random path are no sequence that converges
+    instant.met, W.step.length, instant.elapsed = 0.5, t - t_before, t - t_before
+    code = call_unit(P.instant_unit, P, C, S, R, W)
+    S.t = t
+    return code
+
+
+@kernel
+def _restore(P, S, N, t):
+    S.t = t
+    for i in range(P.n):
+        S.x[i] = N.x[i]
+    for j in range(P.m):
+        S.mult[j] = N.mult[j]
+        S.status[j] = N.status[j]
+
+
+@kernel
+def _sample(S, R, P):
+    """The asked-for instants up to now, which is the end of an interval."""
+    slack = 1e-9 * (1.0 + abs(S.t))
+    while S.samples < len(R.t_eval) and R.t_eval[S.samples] <= S.t + slack:
+        k = S.samples
+        for i in range(P.n):
+            R.x_eval[k, i] = S.x[i]
+        for j in range(P.m):
+            R.mult_eval[k, j] = S.mult[j]
+        S.samples = k + 1
+
+
+@kernel
+def _room(S, R):
+    return (
+        S.points + 8 < R.t.shape[0]
+        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.ambiguities + 8 < R.ambiguity_t.shape[0]
+    )
+
+
+@kernel
+def _begin(P, C, S, R, W, N):
+    """Classifies the start; returns a code."""
+    S.started = 1
+    begin_interval(N)
+    code = call_unit(P.start_unit, P, C, S, R, W)
+    if code == DONE:
+        _sample(S, R, P)
+        _evaluate(P, S, W, N)
+    return code
+
+
+@unit(types.int64, Problem, Control, State, Record, Work, Diffused)
+def diffuse(P, C, S, R, W, N):
+    """Advances S to the start of interval N.last, or to the first reason to return; see state.py."""
+    if S.started == 0:
+        code = _begin(P, C, S, R, W, N)
+        if code != DONE:
+            return code
+    while N.interval < N.last:
+        if not _room(S, R):
+            return FULL
+        if S.steps >= C.max_steps:
+            return MAX_STEPS
+        longest = _longest(P, S, W, N)
+        if not longest > 0.0:
+            return NOT_FINITE
+        while length_here(N) > longest:
+            if N.depth >= DEEPEST:
+                return UNDERFLOW
+            halve(N)
+        t = S.t
+        for i in range(P.n):
+            N.x[i] = S.x[i]
+            N.f[i] = W.dx[i]
+        for j in range(P.m):
+            N.mult[j] = S.mult[j]
+            N.status[j] = S.status[j]
+        for i in range(len(N.out)):
+            N.out_start[i] = N.out[i]
+        while True:
+            S.steps += 1
+            found = _step(P, S, W, N)
+            found = _evaluate(P, S, W, N) and found
+            changed = _changes(P, S, W, N, found)
+            if not changed or _deep_enough(P, W, N):
+                break
+            _restore(P, S, N, t)
+            halve(N)
+            N.rejected += 1
+        total = 0.0
+        for i in range(P.n):
+            total += abs(S.x[i])
+        if not total < math.inf:
+            _restore(P, S, N, t)
+            return NOT_FINITE
+        pass_on(N)
+        if changed:
+            code = _act(P, C, S, R, W, N, t)
+            _evaluate(P, S, W, N)
+            if code != DONE:
+                return code
+        else:
+            S.stalled = 0
+        if N.depth == 0 and N.position == 0:
+            _sample(S, R, P)
+            if N.recording and not changed:
+                record_point(P, S, R)
+    return DONE

@@ -1,0 +1,62 @@
+"""What the noise kernels are told: plain numbers, no objects."""
+
+from ..machine.block import Bundle
+
+KICKS = 0x6B69636B  # word of the counter that belongs to kicks alone
+
+
+class Kick(Bundle):
+    """One sequence of kicks."""
+
+    act: "int"  # address of the model's own function
+    index: "int"  # number of the event that kicks
+    every: "float"
+    normal: "int"  # 1: standard normal, 0: uniform
+    seed: "int"
+    trajectory: "int"
+    where: "i8[:]"  # states that are kicked
+    size: "f8[:]"
+
+
+ROOT, SPLIT = 0x726F6F74, 0x73706C69  # of the Brownian path: whole intervals, and their halves
+DEEPEST = 40  # halvings of an interval
+LOCATED = 34  # halvings after which an event counts as located: 6e-11 of an interval
+
+
+class Diffused(Bundle):
+    """One diffusion: dx = f dt + G dW with q sources, on a Brownian path made of intervals of length `step`."""
+
+    outputs: "int"  # address of the generated function that fills `out`, see codes below
+    q: "int"
+    pairs: "int"  # number of Milstein terms a state: q (q + 1)/2, or 0 where G depends on time alone
+    moving: "int"  # 1: G depends on time
+    gates: "int"  # number of smoothed surfaces
+    step: "float"
+    resolution: "float"
+    level: "int"  # halvings of every interval
+    finest: "int"  # further ones beside a surface that the noise acts on
+    seed: "int"
+    noisy: "i8[m + ne]"  # the noise acts on this surface
+    trajectory: "int"
+    interval: "int"  # where on the Brownian path the run stands
+    depth: "int"  # halvings of that interval
+    position: "int"  # part of it
+    last: "int"  # interval at whose start the run ends
+    recording: "int"  # whether the points are kept
+    rejected: "int"  # steps
+    out: "f8[outputs]"  # G (n, q); Milstein (n, pairs); rate; (m + ne) |dh.G|^2; m x (|dg.G|^2, dg/dl, d2g/dl2); gates
+    out_start: "f8[outputs]"  # the same at the start of the step
+    out_ahead: "f8[outputs]"
+    increment: "f8[levels, q]"  # of every level: increment of W over the present part of the interval
+    area: "f8[levels, q]"  # ... and its space-time area H = int W ds / h - W/2
+    right_increment: "f8[levels, q]"  # the same of the other half
+    right_area: "f8[levels, q]"
+    x: "f8[n]"  # start of the step
+    f: "f8[n]"
+    mult: "f8[m]"
+    status: "i8[m]"
+    starts: "f8[:, n + 1]"  # of an ensemble, one or each its own: states and time
+    snapshots: "f8[trajectories, times, n]"
+    grid: "i8[times]"  # interval at whose start each snapshot is taken
+    ends: "f8[trajectories, n + 1]"  # time and state at the end of each
+    codes: "i8[trajectories, 2]"  # why it ended, steps

@@ -1,0 +1,1 @@
+"""Steps between instants: series, the pair, roots, what is met."""

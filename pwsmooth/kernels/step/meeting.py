@@ -1,0 +1,167 @@
+"""Where a step first meets a surface, or a solved multiplier its bound, on the step's polynomials.
+
+Chain: steps.py (the polynomials) -> **this file** (roots.py finds the zeros) -> trajectory.py, which acts on the first.
+"""
+
+from ..machine.compiling import inlined_kernel, kernel
+from ..machine.lanes import load8, store8
+from ..machine.pointers import at, call_linear
+from ..state import ALGEBRAIC, CONTACT, HELD, KINK, SOLVED
+from ..surface.sliding import surface_size
+from .rhythm import expected
+from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
+from .steps import SURFACE_ROUNDING, powers, scaled
+
+_SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
+
+
+@inlined_kernel
+def meet(P, row, power, degree, drop, sign, W):
+    """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
+    if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
+        # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
+        drop = 1
+    poly = W.roots.poly
+    scaled(row, power, poly, degree, drop, sign)
+    if poly[0] <= SURFACE_ROUNDING:
+        size = 0.0
+        for k in range(degree - drop + 1):
+            size += abs(poly[k])
+        if size <= (SURFACE_ROUNDING if drop < 3 else 0.0):
+            return NO_ROOT  # it rests where it is
+        if drop < 3 and poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
+            drop += 1
+            scaled(row, power, poly, degree, drop, sign)
+    return first_root(P, W.roots, degree - drop)
+
+
+@inlined_kernel
+def _meet_bounds(P, C, S, row, power, degree, j, W):
+    """First zero of 1 - lambda or 1 + lambda on the step: the tangency exit; its side in W.meeting.exit_side."""
+    roots = W.roots
+    poly = roots.poly
+    scaled(row, power, poly, degree, 0, 1.0)
+    lo, hi = low_bounds(poly)
+    rest = remainder(poly, degree)
+    best = NO_ROOT
+    if lo - rest > -1.0 and hi + rest < 1.0:
+        return best
+    heading = 1 if at(poly, 1) > 0.0 else -1
+    for turn in range(2):
+        side = heading if turn == 0 else -heading
+        drop = 1 if 1.0 - side * S.mult[j] <= 1e-15 else 0
+        scaled(row, power, poly, degree, drop, -1.0 * side)
+        if drop == 0:
+            poly[0] += 1.0
+        else:
+            # At its bound and staying there, as at rest under exactly the largest friction: no exit. What moves it
+            # by less than the tolerance may be the rounding of its series, which the step lets grow to rtol/100.
+            size = 0.0
+            for k in range(degree):
+                size += abs(poly[k])
+            if size <= C.rtol:
+                continue
+        if best > 1.0:
+            best = first_root(P, W.roots, degree - drop)
+            if best <= 1.0:
+                W.meeting.exit_side[j] = side
+            continue
+        # The other bound matters up to there only, and is hardly ever near.
+        powers(W.step.end_power, best)
+        for k in range(0, degree - drop + 1, 8):
+            store8(poly, k, load8(poly, k) * load8(W.step.end_power, k))
+        roots.guess = 0.0
+        s = first_root(P, W.roots, degree - drop)
+        if roots.dips == 1:
+            roots.dip_at *= best
+        if s < 1.0 and best > 0.0:
+            best *= s
+            W.meeting.exit_side[j] = side
+    return best
+
+
+@inlined_kernel
+def _note_size(P, C, W, i, row, drop):
+    """Leaves in roots.shallow the size of surface i so far, which a dip is measured by, if the pair makes the steps.
+
+    A jet's step goes from afar to a tangency; the pair's last ones begin close to it, and are as good as its tolerance.
+    """
+    meeting = W.meeting
+    if P.pair:
+        meeting.widest[i] = max(meeting.widest[i], abs(at(row, 0)))
+        W.roots.shallow = meeting.widest[i] * max(1.0, _SHALLOW * C.rtol / GRAZING) if drop == 0 else 0.0
+
+
+@kernel
+def _kink_met(P, C, S, row, power, j, met, W):
+    """Where in the step kink j is met, if a series says at `met`.
+
+    The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
+    where both sides lead back, what they say is rounding. A kink that stays well within the tolerance of 0 is no event.
+    """
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)
+    if abs(row[0]) > tolerance:
+        return met
+    poly = W.roots.poly
+    scaled(row, power, poly, C.order, 0, float(S.status[j]))
+    size = 0.0
+    for k in range(1, C.order + 1):
+        size += abs(poly[k])
+    if size <= tolerance:
+        return NO_ROOT
+    # It leaves with the second derivative, and the first one is rounding: a dip of no depth.
+    if met <= 0.0 and poly[2] > 0.0 and poly[1] * poly[1] <= 4.0 * tolerance * poly[2]:
+        scaled(row, power, poly, C.order, 2, float(S.status[j]))
+        return first_root(P, W.roots, C.order - 2)
+    return met
+
+
+@inlined_kernel
+def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
+    """Overwrites tau and grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
+    meeting = W.meeting
+    roots = W.roots
+    m, K, tau, status, kind, deflate = P.m, C.order, meeting.tau, S.status, P.kind, S.deflate
+    best = NO_ROOT
+    for j in range(m):
+        met = NO_ROOT
+        roots.dips = 0
+        roots.guess = expected(W, j, status[j], S.t, h)
+        if status[j] == SOLVED:
+            if kind[j] == CONTACT:
+                met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W)
+                meeting.exit_side[j] = 1
+            elif kind[j] != ALGEBRAIC:
+                met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
+        elif surface_rows[j] >= 0 and status[j] != HELD:
+            _note_size(P, C, W, j, rows[surface_rows[j]], deflate[j])
+            met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W)
+            if kind[j] == KINK and met <= 1.0:
+                away = abs(at(rows[surface_rows[j]], 0))
+                meeting.widest[j] = max(meeting.widest[j], away)
+                if away <= 1e-6 * meeting.widest[j]:
+                    met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W)
+        roots.shallow = 0.0
+        tau[j] = met
+        best = min(best, met)
+        meeting.grazed[j] = roots.dip_at if roots.dips != 0 else NO_ROOT
+        meeting.graze_crosses[j] = roots.dip_crosses
+    for i in range(m, m + P.ne):
+        tau[i] = NO_ROOT
+        if surface_rows[i] >= 0 and P.watch[i - m] == 0:
+            roots.guess = expected(W, i, S.side[i - m], S.t, h)
+            _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
+            tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
+            best = min(best, tau[i])
+        roots.shallow = 0.0
+    return best
+
+
+@inlined_kernel
+def first_graze(P, W):
+    """Where in the step the first surface is grazed."""
+    first = NO_ROOT
+    for j in range(P.m):
+        first = min(first, W.meeting.grazed[j])
+    return first

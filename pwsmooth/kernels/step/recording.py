@@ -1,0 +1,112 @@
+"""Writing what happened into the Record buffers."""
+
+from ..machine.compiling import inlined_kernel, kernel
+from ..state import AMB_GRAZING, HELD, SOLVED
+from .steps import dot, powers
+
+
+@inlined_kernel
+def record_point(P, S, R):
+    i = S.points
+    R.t[i] = S.t
+    for k in range(P.n):
+        R.x[i, k] = S.x[k]
+    for j in range(P.m):
+        R.mult[i, j] = S.mult[j]
+        R.status[i, j] = S.status[j] if S.status[j] != HELD else SOLVED  # at 0 both
+    S.points += 1
+
+
+@kernel
+def record_event(S, R, index, kind, came, went):
+    i = S.events
+    R.event_t[i] = S.t
+    R.event[i, 0] = index
+    R.event[i, 1] = kind
+    R.event[i, 2] = came
+    R.event[i, 3] = went
+    S.events += 1
+
+
+@kernel
+def record_ambiguity(S, R, index, kind, taken):
+    i = S.ambiguities
+    R.ambiguity_t[i] = S.t
+    R.ambiguity[i, 0] = index
+    R.ambiguity[i, 1] = kind
+    R.ambiguity[i, 2] = taken
+    S.ambiguities += 1
+
+
+@kernel
+def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
+    """Fills the asked-for instants inside the step just made."""
+    m, K = P.m, C.order
+    while S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
+        i = S.samples
+        s = R.t_eval[i] - S.t
+        if time_row >= 0:
+            # Along a multiplier's arc: invert t(s), monotone, by Newton inside [0, h].
+            want = R.t_eval[i]
+            lo, hi = 0.0, h
+            s = 0.5 * h
+            for _ in range(100):
+                powers(work.step.end_power, s)
+                value = dot(rows[time_row], work.step.end_power, K + 1) - want
+                if value > 0.0:
+                    hi = s
+                else:
+                    lo = s
+                slope = 0.0
+                for k in range(K, 0, -1):
+                    slope = slope * s + k * rows[time_row, k]
+                new = s - value / slope if slope > 0.0 else 0.5 * (lo + hi)
+                if not lo <= new <= hi:
+                    new = 0.5 * (lo + hi)
+                if abs(new - s) <= 1e-16:
+                    break
+                s = new
+        powers(work.step.end_power, s)
+        for k in range(P.n):
+            R.x_eval[i, k] = dot(rows[k], work.step.end_power, K + 1)
+        for j in range(m):
+            solved = S.status[j] == SOLVED
+            R.mult_eval[i, j] = dot(rows[mult_row + j], work.step.end_power, K + 1) if solved else S.mult[j]
+        S.samples += 1
+
+
+@kernel
+def keep_dense(P, C, S, R, rows, mult_row, time_row, h):
+    """Stores the step's polynomials: states, multipliers, time."""
+    i = S.pieces
+    K = C.order
+    block = R.dense[i]
+    for k in range(P.n):
+        for r in range(K + 1):
+            block[k, r] = rows[k, r]
+    for j in range(P.m):
+        for r in range(K + 1):
+            block[P.n + j, r] = rows[mult_row + j, r] if S.status[j] == SOLVED else 0.0
+        if S.status[j] != SOLVED:
+            block[P.n + j, 0] = S.mult[j]
+    for r in range(K + 1):
+        block[P.n + P.m, r] = rows[time_row, r] if time_row >= 0 else 0.0
+    if time_row < 0:
+        block[P.n + P.m, 0] = S.t
+        block[P.n + P.m, 1] = 1.0
+    R.dense_s[i] = h
+    S.pieces += 1
+
+
+@kernel
+def record_grazes(P, C, S, R, rows, time_row, h, last, W):
+    """Records every surface grazed in the step up to `last`; leaves S.t at one of them."""
+    t0 = S.t
+    for j in range(P.m):
+        if W.meeting.grazed[j] <= last:
+            s = W.meeting.grazed[j] * h
+            S.t = t0 + s
+            if time_row >= 0:
+                powers(W.step.end_power, s)
+                S.t = dot(rows[time_row], W.step.end_power, C.order + 1)
+            record_ambiguity(S, R, j, AMB_GRAZING, W.meeting.graze_crosses[j])

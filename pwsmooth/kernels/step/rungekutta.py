@@ -1,0 +1,354 @@
+"""Dormand-Prince 8(5,3) as the plain alternative to jets: for functions without a recurrence, and as a second opinion.
+
+A step gives the same thing as a jet: polynomials of the states (the method's own interpolant of order 7) and, fitted
+at Chebyshev points of it, of the solved multipliers and of every surface. An event found on them is refined by steps
+that end there, so that the state at the event has the order of the step, not of the interpolant.
+"""
+
+import math
+
+import numpy as np
+from numba import types
+from scipy.integrate._ivp import dop853_coefficients as dop
+
+from ..machine.compiling import inlined_kernel, kernel, unit
+from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import CONTACT, SOLVED, Control, Problem, State
+from ..surface.sliding import mask_solved, surface_size
+from ..work import Work
+
+_A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
+_E3, _E5 = dop.E3.copy(), dop.E5.copy()
+_STAGES, _DEGREE = 12, 7
+_MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
+_DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
+
+
+def _basis():
+    """Coefficients in theta of the interpolant's seven products theta^a (1 - theta)^b."""
+    rows = np.zeros((7, _DEGREE + 1))
+    for i in range(7):
+        product = np.polynomial.Polynomial([0, 1]) ** (i // 2 + 1) * np.polynomial.Polynomial([1, -1]) ** (
+            (i + 1) // 2
+        )
+        rows[i, : len(product.coef)] = product.coef
+    return rows
+
+
+_BASIS = _basis()
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_BETWEEN = 0.5 - 0.5 * math.cos(
+    math.pi * (_DEGREE - 0.5) / _DEGREE
+)  # between the last two: the fit is worst there
+_FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
+# The same with the slope at the start in place of the value at the first node: where a surface has just been left it is
+# small beside the step, and the next root is as good as its slope.
+_POWERS = np.vander(_NODES, increasing=True)
+_POWERS[1] = np.eye(_DEGREE + 1)[1]
+_FIT_WITH_SLOPE = np.linalg.inv(_POWERS)
+
+
+@kernel
+def _rate(P, S, W, t, out, stage):
+    """Overwrites out[stage] with f at S.x, the solved multipliers solved there; False when they have no solution."""
+    keep = S.t
+    S.t = t
+    found = True
+    if W.pair.solves:
+        mask_solved(P, S, W)
+        found = call_newton(P.newton_unit, P, S, W) != 0
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.t = keep
+    for i in range(P.n):
+        out[stage, i] = W.dx[i]
+    return found
+
+
+@kernel
+def _try_step(P, C, S, W, h):
+    """One step of size h from (pair.x, pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
+    n, k, x0, t = P.n, W.pair.k, W.pair.x, S.t
+    for s in range(_STAGES + 1):
+        for i in range(n):
+            total = 0.0
+            if s < _STAGES:
+                for r in range(s):
+                    total += _A[s, r] * k[r, i]
+            else:
+                for r in range(_STAGES):
+                    total += _B[r] * k[r, i]
+            S.x[i] = x0[i] + h * total
+        if not _rate(P, S, W, t + (_C[s] * h if s < _STAGES else h), k, s):
+            return math.nan
+    e5, e3 = 0.0, 0.0
+    for i in range(n):
+        scale = C.atol[i] + C.rtol * max(abs(x0[i]), abs(S.x[i]))
+        a, b = 0.0, 0.0
+        for r in range(_STAGES + 1):
+            a += _E5[r] * k[r, i]
+            b += _E3[r] * k[r, i]
+        e5 += (a / scale) ** 2
+        e3 += (b / scale) ** 2
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return abs(h) * e5 / math.sqrt((e5 + 0.01 * e3) * max(n, 1))
+
+
+@kernel
+def _restore(P, S, W):
+    for i in range(P.n):
+        S.x[i] = W.pair.x[i]
+    for j in range(P.m):
+        S.mult[j] = W.pair.mult[j]
+
+
+@inlined_kernel
+def _slope(P, W, i):
+    """dh_i/dt from the gradients in W.dh and the rates in W.dx; its change with the multipliers is not in it."""
+    slope = W.dh[P.dh_row[P.m + P.ne] + i]
+    for e in range(P.dh_row[i], P.dh_row[i + 1]):
+        slope += W.dh[e] * W.dx[P.dh_col[e]]
+    return slope
+
+
+@kernel
+def _polynomials(P, S, W, h):
+    """Overwrites step.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
+    pair = W.pair
+    n, m, k, rows, t = P.n, P.m, pair.k, W.step.rows, S.t
+    surfaces = m + P.ne
+    for i in range(n):
+        pair.end[i] = S.x[i]
+    found = True
+    for s in range(3):
+        stage = _STAGES + 1 + s
+        for i in range(n):
+            total = 0.0
+            for r in range(stage):
+                total += _A[stage, r] * k[r, i]
+            S.x[i] = pair.x[i] + h * total
+        found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
+    for i in range(n):
+        step = pair.end[i] - pair.x[i]
+        for c in range(rows.shape[1]):
+            rows[i, c] = 0.0
+        for part in range(7):
+            if part == 0:
+                value = step
+            elif part == 1:
+                value = h * k[0, i] - step
+            elif part == 2:
+                value = 2.0 * step - h * (k[_STAGES, i] + k[0, i])
+            else:
+                value = 0.0
+                for r in range(16):
+                    value += _D[part - 3, r] * k[r, i]
+                value *= h
+            for c in range(_DEGREE + 1):
+                rows[i, c] += value * _BASIS[part, c]
+        rows[i, 0] += pair.x[i]
+    for r in range(m + surfaces):
+        for c in range(rows.shape[1]):
+            rows[n + r, c] = 0.0
+    _restore(P, S, W)
+    for i in range(n):
+        W.dx[i] = k[0, i]
+    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+    # While multipliers are solved for, surfaces in which they stand change with them.
+    with_slope = pair.solves == 0
+    for j in range(surfaces):
+        with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
+    fit = _FIT_WITH_SLOPE if with_slope else _FIT
+    for j in range(surfaces if with_slope else 0):
+        for c in range(_DEGREE + 1):
+            rows[n + m + j, c] = fit[c, 1] * h * _slope(P, W, j)
+    for q in range(_DEGREE + 1):
+        theta = _NODES[q]
+        for i in range(n):
+            value = rows[i, _DEGREE]
+            for c in range(_DEGREE - 1, -1, -1):
+                value = value * theta + rows[i, c]
+            S.x[i] = value
+        found = found and _rate(P, S, W, t + theta * h, k, 0) if pair.solves else found
+        if not pair.solves:
+            call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for c in range(_DEGREE + 1):
+            for j in range(m):
+                rows[n + j, c] += _FIT[c, q] * S.mult[j]
+            for j in range(0 if with_slope and q == 1 else surfaces):
+                rows[n + m + j, c] += fit[c, q] * W.h[j]
+    _restore(P, S, W)
+    scale = 1.0
+    for c in range(1, _DEGREE + 1):
+        scale /= h
+        for r in range(n + m + surfaces):
+            rows[r, c] *= scale
+    return found
+
+
+@kernel
+def _misfit(P, C, S, W, h):
+    """How far rates, multipliers and surfaces are from their polynomials between two nodes, in units of the tolerance.
+
+    The error estimate of a step passes through 0 now and then, where its defect does not. In a stick the states may be
+    constant, and their error says nothing of how fast lambda goes to its bound.
+    """
+    n, m, rows, s = P.n, P.m, W.step.rows, _BETWEEN * h
+    for i in range(n):
+        S.x[i] = _value(rows[i], s)
+    worst = 0.0 if _rate(P, S, W, S.t + s, W.pair.k, 0) else math.inf
+    for i in range(n):
+        slope = 0.0
+        for c in range(_DEGREE, 0, -1):
+            slope = slope * s + c * rows[i, c]
+        scale = C.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
+        worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
+    call_linear(P.linear, S.t + s, S.x, S.mult, P.p, W.G, W.dh)
+    for r in range(n, n + m + m + P.ne):
+        i = r - n if r < n + m else r - n - m
+        # A multiplier counts while it is solved for, a surface while it is not kept at 0.
+        if i < m and (S.status[i] == SOLVED) != (r < n + m):
+            continue
+        now = S.mult[i] if r < n + m else W.h[i]
+        size = 1.0 if r < n + m else max(abs(rows[r, 0]), abs(h * rows[r, 1]))
+        rounding = 1e-14 if r < n + m else max(1e-14, 1e-15 * surface_size(P, S, i, W))
+        worst = max(worst, abs(now - _value(rows[r], s)) / (10.0 * C.rtol * (size + abs(now)) + rounding))
+    _restore(P, S, W)
+    return worst
+
+
+@kernel
+def _value(row, s):
+    """A polynomial of the step at s."""
+    value = row[_DEGREE]
+    for c in range(_DEGREE - 1, -1, -1):
+        value = value * s + row[c]
+    return value
+
+
+@kernel
+def _linear_terms(P, S, W):
+    """Overwrites rows with value and slope only, where no step can be made: a surface may be met within rounding."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    W.step.rows[:, :] = 0.0
+    for i in range(P.n):
+        W.step.rows[i, 0] = S.x[i]
+        W.step.rows[i, 1] = W.dx[i]
+    for j in range(P.m):
+        W.step.rows[P.n + j, 0] = S.mult[j]
+    for i in range(P.m + P.ne):
+        W.step.rows[P.n + P.m + i, 0] = W.h[i]
+        W.step.rows[P.n + P.m + i, 1] = _slope(P, W, i)
+
+
+@kernel
+def _slope_after(P, C, S, W, i, h):
+    """dh_i/dt where a step of size h ends; nan if there is none."""
+    _restore(P, S, W)
+    if not _try_step(P, C, S, W, h) < math.inf:
+        return math.nan
+    call_linear(P.linear, S.t + h, S.x, S.mult, P.p, W.G, W.dh)
+    return _slope(P, W, i)
+
+
+@kernel
+def _end_of_minute_arc(P, C, S, W, i, h):
+    """Where surface i, left at the start of a step of size h, is met again; 0 if not by a minute arc.
+
+    An arc whose height is in the last digits of h_i is a parabola, and its slopes, which no digits cancel from, are
+    opposite at its ends.
+    """
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    first, size = _slope(P, W, i), surface_size(P, S, i, W)
+    if not 0.25 * abs(first) * h < _MINUTE * size:
+        return 0.0
+    for _ in range(4):
+        last = _slope_after(P, C, S, W, i, h)
+        longer = 2.0 * first / (first - last)
+        if not 0.0 < longer < 10.0:
+            return 0.0
+        h *= longer
+        if abs(longer - 1.0) < 1e-9:
+            break
+    return h
+
+
+@unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
+def rk_step(P, C, S, W, h, refine):
+    """A step of at most h with its polynomials in W.step.rows, S left at its start; returns its size, nan if it failed.
+
+    `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
+    """
+    pair = W.pair
+    n, m = P.n, P.m
+    pair.solves = 0
+    for i in range(n):
+        pair.x[i] = S.x[i]
+    for j in range(m):
+        pair.mult[j] = S.mult[j]
+        if S.status[j] == SOLVED:
+            pair.solves = 1
+    _rate(P, S, W, S.t, pair.k, 0)
+    if refine < 0:
+        # At a power that vanishes, t^2.5 say, the error falls like a small power of h, from far above the tolerance.
+        power, least = (-0.125, 0.2) if P.pair else (-1.0 / 3.0, 0.01)
+        if not P.pair:
+            h = min(h, pair.longest)
+        for _ in range(60):
+            _restore(P, S, W)
+            error = _try_step(P, C, S, W, h)
+            if not error < math.inf:
+                h *= 0.25
+            elif error <= 1.0:
+                # The next step's size, kept in S by the caller.
+                pair.next_step = h * min(10.0, 0.9 * max(error, 1e-12) ** power)
+                pair.longest = pair.next_step
+                misfit = math.inf
+                if _polynomials(P, S, W, h):
+                    misfit = _misfit(P, C, S, W, h) if P.pair else 0.0
+                if misfit <= 1.0:
+                    if P.pair:
+                        pair.next_step = min(pair.next_step, h * 0.9 * max(misfit, 1e-12) ** -0.125)
+                    return h
+                _restore(P, S, W)
+                _rate(P, S, W, S.t, pair.k, 0)
+                h *= max(0.25, 0.9 * misfit**-0.125)
+            else:
+                h *= max(least, 0.9 * error**power)
+            if h <= 1e-15 * abs(S.t) + 1e-300:
+                break
+        _restore(P, S, W)
+        _rate(P, S, W, S.t, pair.k, 0)
+        _linear_terms(P, S, W)
+        return 0.0
+    arc = 0.0
+    if S.deflate[refine] != 0 and not (refine < m and S.status[refine] == SOLVED):
+        arc = _end_of_minute_arc(P, C, S, W, refine, h)
+        h = arc if arc > 0.0 else h
+    for _ in range(8 if arc == 0.0 else 0):
+        _restore(P, S, W)
+        if not _try_step(P, C, S, W, h) < math.inf:
+            return math.nan
+        if refine < m and S.status[refine] == SOLVED:
+            row = W.step.rows[n + refine]
+            value = S.mult[refine] - (float(W.meeting.exit_side[refine]) if P.kind[refine] < CONTACT else 0.0)
+        else:
+            row = W.step.rows[n + m + refine]
+            value = W.h[refine]
+        slope = 0.0
+        for c in range(_DEGREE, 0, -1):
+            slope = slope * h + c * row[c]
+        change = value / slope if slope != 0.0 else 0.0
+        if not abs(change) < 0.1 * h:
+            break
+        h -= change
+        if abs(change) <= 1e-15 * (abs(S.t) + h):
+            break
+    _restore(P, S, W)
+    _rate(P, S, W, S.t, pair.k, 0)
+    if not h > 1e-15 * abs(S.t):
+        _linear_terms(P, S, W)  # the surface is met where the step begins: its twin was a rounding earlier
+        return 0.0
+    _try_step(P, C, S, W, h)
+    _polynomials(P, S, W, h)
+    return h

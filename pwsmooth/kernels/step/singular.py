@@ -1,0 +1,176 @@
+"""How near a step comes to a singular argument (definition/singular.py), so that none is continued through unseen.
+
+Near its zero an argument goes like a ~ C (T - t)^(1/(1 - p)) with
+
+    p = a a''/a'^2,   T - t = a/((1 - p) |a'|)
+
+p = 0 where it passes 0 with a speed, 1/2 where the root of a square does, that of the law where a' ~ -a^p comes to
+rest; with p = 1, exponential decay, it never arrives. A step ends before a zero or a dip of its polynomial that is
+not told from one, until the point is as near as the absolute tolerance tells; the last step goes to T.
+"""
+
+import math
+
+from numba import types
+
+from ..machine.compiling import kernel, unit
+from ..machine.pointers import call_act, call_fields, call_linear
+from ..state import DONE, EV_REST, EV_SINGULAR, SINGULAR_POINT, Control, Problem, Record, State
+from ..work import Work
+from .recording import record_event, record_point
+from .roots import GRAZING, NO_ROOT, first_root
+from .steps import scaled, variation
+
+# What there is at the zero of an argument (pwsmooth.definition.singular.KINDS).
+POLE, END, CONE, BRANCH = range(1, 5)
+ROWS_SLIP, ROWS_GENERAL, ROWS_PAIR, ROWS_ARC = range(4)
+_DIP = 1e3  # of the tolerance: a dip that deep, relative to the start of the step, is not told from a zero
+_SAME = 0.01  # relative distance at which two instants may be one: zeros of order three are told to 1e-5
+_SHARE = 0.9  # of the way to what may be a zero
+_IN_SIGHT = 4.0  # steps
+_DECAY = 0.95  # of p: nearer to 1 it may be an exponential
+_STEEPEST = (
+    -9.0
+)  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
+_STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
+
+
+@kernel
+def _speed_at(P, S, W, i, share):
+    """|da/dt| with the argument of event i put to this share of itself, nan where that is not defined.
+
+    Leaves S.x there, and what the argument is there in W.h.
+    """
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    row, last = P.m + i, P.m + P.ne
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    square = 0.0
+    for e in range(P.dh_row[row], P.dh_row[row + 1]):
+        square += W.dh[e] ** 2
+    value = W.h[row]
+    for e in range(P.dh_row[row], P.dh_row[row + 1]):
+        S.x[P.dh_col[e]] -= (1.0 - share) * W.dh[e] * value / square
+    if P.watch_state[i] >= 0 and share == 0.0:
+        S.x[P.watch_state[i]] = 0.0
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    speed = W.dh[P.dh_row[last] + row]
+    for e in range(P.dh_row[row], P.dh_row[row + 1]):
+        speed += W.dh[e] * W.dx[P.dh_col[e]]
+    return abs(speed)
+
+
+@kernel
+def _stands(P, S, W, i, speed):
+    """Whether the argument of event i, now of that speed, stands still once it is 0."""
+    for k in range(P.n):
+        W.step.x[k] = S.x[k]
+    there = _speed_at(P, S, W, i, 0.0)
+    for k in range(P.n):
+        S.x[k] = W.step.x[k]
+    return there <= _STANDS * speed
+
+
+@kernel
+def _power(P, S, W, i, a, speed):
+    """p of da/dt ~ a^p by the fields here and half-way to 0: a step of the pair over the point has no good a''."""
+    for k in range(P.n):
+        W.step.x[k] = S.x[k]
+    there = _speed_at(P, S, W, i, 0.5)
+    for k in range(P.n):
+        S.x[k] = W.step.x[k]
+    return math.log(there / speed) / math.log(abs(W.h[P.m + i]) / a)
+
+
+@kernel
+def _tolerance(P, C, S, W, i):
+    """By how much the absolute tolerance lets the argument of event i vary."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    total = 0.0
+    for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
+        total += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return 2.0 * total
+
+
+@kernel
+def _row(P, kind, i):
+    """Where surface i stands among the polynomials of this kind of step."""
+    if kind == ROWS_GENERAL:
+        return P.rows_general[i]
+    if kind == ROWS_PAIR:
+        return P.rows_pair[i]
+    return P.rows_fold[i] if kind == ROWS_ARC else P.rows_slip[i]
+
+
+@kernel
+def _is_active(P, S, W, i):
+    """Whether the branch in which argument i stands is evaluated."""
+    return call_act(P.act, i, S.t, S.x, S.mult, P.p, W.firing.trial) != 0
+
+
+@kernel
+def _arrived(P, S, R, W, i):
+    """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
+    row = W.step.rows[_row(P, W.step.kind, P.m + i)]
+    stands = 0
+    if P.watch[i] != POLE and P.watch[i] != CONE and _speed_at(P, S, W, i, 0.0) <= _STANDS * abs(row[1]):
+        stands = 1
+    S.deflate[:] = 0
+    S.stalled = 0
+    passes = P.watch[i] == CONE or (stands == 1 and P.watch_state[i] >= 0)
+    if P.watch[i] != CONE:
+        record_event(S, R, P.m + i, EV_REST if passes else EV_SINGULAR, P.watch[i], stands)
+    record_point(P, S, R)
+    return DONE if passes else SINGULAR_POINT
+
+
+@unit(types.int64, Problem, Control, State, Record, Work)
+def approach(P, C, S, R, W):
+    """Overwrites step.length with the longest step before a singular point, or to the one that step.arrives then names.
+
+    Called with W.step.arrives set where that step ends: acts on it and returns a code.
+    """
+    roots = W.roots
+    m, K, kind, h = P.m, C.order, W.step.kind, W.step.length
+    if W.step.arrives >= 0:
+        return _arrived(P, S, R, W, W.step.arrives)
+    # An event of the user's at the same place says what happens there; a switch does not.
+    first = NO_ROOT
+    for j in range(m + P.ne):
+        first = min(first, W.meeting.tau[j] * (1.0 + _SAME if j < m else 1.0 - _SAME))
+    for i in range(P.ne):
+        r = _row(P, kind, m + i)
+        if P.watch[i] == 0 or r < 0:
+            continue
+        row = W.step.rows[r]
+        side = 1.0 if row[0] > 0.0 else -1.0
+        a, speed, bend = side * row[0], -side * row[1], 2.0 * side * row[2]
+        if not a > 0.0 or (side < 0.0 and P.watch[i] != POLE and P.watch[i] != BRANCH):
+            continue
+        left = math.inf
+        if kind == ROWS_PAIR and a <= _IN_SIGHT * speed * h and not a * bend < _DECAY * speed * speed:
+            bend = _power(P, S, W, i, a, speed) * speed * speed / a
+        if speed > 0.0 and a * bend < _DECAY * speed * speed:
+            left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
+        in_sight = left <= _IN_SIGHT * h and left <= first * h
+        if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
+            continue
+        roots.guess = 0.0
+        roots.shallow = _DIP * C.rtol / GRAZING
+        roots.dips = 0
+        scaled(row, W.step.power, roots.poly, K, 0, side / a)
+        s = first_root(P, W.roots, K)
+        if s > 1.0 and roots.dips != 0:
+            s = roots.dip_at
+        roots.shallow = 0.0
+        if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
+            continue
+        if in_sight:
+            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
+            if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
+                if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
+                    W.step.arrives = i
+                    W.step.length = 2.0 * left if P.watch[i] == CONE else left
+                    return DONE
+        if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
+            W.step.length = min(W.step.length, _SHARE * s * h)
+    return DONE

@@ -1,0 +1,1 @@
+"""Stiff steps: Radau, Taylor, the gate, events."""

@@ -1,0 +1,405 @@
+"""Events on the polynomial of a stiff step: zeros of surfaces, and what fires at one instant.
+
+A surface is looked at in 8 points of the step and, where a parabola through three of them comes near zero, in
+8 more around its vertex, closer and closer until it turns out to stay away or to pass; a change of sign is then
+narrowed sevenfold a round, on the surface itself and not on a fit.
+
+`side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
+no zero. What fires at one instant, and what a jump carries through zero, follows the rule of firing.py.
+"""
+
+import numpy as np
+from numba import types
+
+from pwsmooth.kernels.intervals import note_interval, time_to_last_event
+from pwsmooth.kernels.machine.compiling import unit
+from pwsmooth.kernels.machine.lanes import at, fused, load8, splat8, store8
+from pwsmooth.kernels.state import MOST_AT_ONCE
+from pwsmooth.kernels.stiff import state as S
+from pwsmooth.kernels.stiff.call import ACT, WATCH8, call_event, call_lanes
+
+NONE = 2.0  # no zero: beyond the step
+POINTS = np.arange(8) / 7.0
+NEAR = 0.2  # of its bend over a sample: a parabola whose vertex lies higher does not come near zero
+DEPTH = 12  # looks around a vertex, each four times as close
+SMALLEST = 5e-324
+NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
+SINGULAR = 2  # in `stops`: a singular argument (pwsmooth/definition/singular.py)
+DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the step, is not told from a zero
+DIGITS = 1e-13  # of the states: what they cannot say
+
+
+@fused
+def sample(s, coefficients, degree, t, h, a, b):
+    """Overwrites values[8 j + k] with surface j at the points a + (b - a) k/7 of the step."""
+    theta = load8(POINTS, 0) * (b - a) + a
+    store8(s.t8, 0, theta * h + t)
+    for i in range(s.n):
+        row = 17 * i
+        v = splat8(coefficients[row + degree])
+        for k in range(degree - 1, -1, -1):
+            v = v * theta + coefficients[row + k]
+        store8(s.X, 8 * i, v)
+    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+
+
+@fused
+def _sign(v):
+    return 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+
+
+@fused
+def _look(s, t, x, before):
+    """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
+    them."""
+    n = s.n
+    for first in range(0, n, 8):
+        for q in range(8):
+            s.t8[q] = t
+        for i in range(n):
+            for q in range(8):
+                s.X[8 * i + q] = x[i]
+        if first == 0:
+            call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+            for j in range(s.e):
+                s.level[j], s.rounding[j] = s.values[8 * j], 0.0
+        for i in range(first, min(first + 8, n)):
+            s.X[8 * i + i - first] += DIGITS * (abs(x[i]) + abs(before[i]))
+        call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+        for j in range(s.e):
+            for q in range(min(8, n - first)):
+                s.rounding[j] += abs(s.values[8 * j + q] - s.level[j])
+
+
+@fused
+def start_sides(s, t, x):
+    """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
+    _look(s, t, x, x)
+    for j in range(s.e):
+        k = s.remembers[j]
+        s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
+        s.met[j] = 1 if k < 0 and s.kind[j] != S.TIMED and abs(s.level[j]) <= s.rounding[j] else 0
+        s.fired[4 * j] = t
+
+
+@fused
+def set_sides(s, t, x, f, h):
+    """Overwrites side[j] with the sign that each surface on which x stands (`met`) is about to have when the motion
+    goes on from (t, x), and the states in x that remember one; returns whether that changed any."""
+    # As little ahead as shows: behind rounding, before anything can happen.
+    for q in range(8):
+        d = 0.0 if q == 0 else 10.0 ** (q - 7) * h
+        s.t8[q] = t + d
+        for i in range(s.n):
+            s.X[8 * i + q] = x[i] + d * f[i]
+    call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
+    changed = False
+    for j in range(s.e):
+        if s.met[j] == 0:
+            continue
+        s.side[j] = 0.0
+        for q in range(7, 0, -1):
+            rise = s.values[8 * j + q] - s.values[8 * j]
+            if abs(rise) > 0.01 * s.rounding[j]:
+                s.side[j] = _sign(rise)
+        k = s.remembers[j]
+        # A surface that hugs zero within rounding would leave a memory that was only ever turned round on either side.
+        if k >= 0 and s.side[j] != 0.0 and x[k] != s.side[j]:
+            x[k] = s.side[j]
+            changed = True
+    return changed
+
+
+@fused
+def _bracket(s, j, side, a, b, deep):
+    """First interval of the sampled ones where surface j leaves `side` by more than `deep`: (lo, hi), or NONE twice."""
+    for k in range(1, 8):
+        if s.values[8 * j + k] * side <= -deep:
+            return a + (b - a) * (k - 1) / 7.0, a + (b - a) * k / 7.0
+    return NONE, NONE
+
+
+@fused
+def _near_vertex(s, j, side, a, b):
+    """Where the first parabola through three samples that comes to (almost) zero does so; NONE if none does."""
+    for k in range(1, 7):
+        left, mid, right = (
+            side * s.values[8 * j + k - 1],
+            side * s.values[8 * j + k],
+            side * s.values[8 * j + k + 1],
+        )
+        bend = left - 2.0 * mid + right
+        if bend > 0.0 and abs(left - right) <= 2.0 * bend:
+            if mid - (right - left) ** 2 / (8.0 * bend) < NEAR * bend:
+                return a + (b - a) * (k + 0.5 * (left - right) / bend) / 7.0
+    return NONE
+
+
+@fused
+def _dips(s, coefficients, degree, t, h, j, side, a):
+    """Interval of the part [a, 1] just sampled where surface j passes zero and soon comes back; NONE twice if it does
+    not."""
+    size = 0.0
+    for k in range(8):
+        size = max(size, abs(s.values[8 * j + k]))
+    left, right, lo, hi = a, 1.0, NONE, NONE
+    for _ in range(DEPTH):
+        vertex = _near_vertex(s, j, side, left, right)
+        if vertex == NONE:
+            break
+        width = 0.125 * (right - left)
+        left, right = max(left, vertex - width), min(right, vertex + width)
+        sample(s, coefficients, degree, t, h, left, right)
+        lo, hi = _bracket(s, j, side, left, right, NOISE * size)
+        if lo != NONE:
+            break
+    return lo, hi
+
+
+@fused
+def _comes_to_zero(s, coefficients, degree, t, h, j, side, a):
+    """Where on the part [a, 1] a singular argument comes to 0, to within the tolerance; NONE if it does not.
+
+    Beyond a pole or a branch point the step's polynomial goes on as if there were none: a dip counts as well.
+    """
+    sample(s, coefficients, degree, t, h, a, 1.0)
+    lo, hi = _bracket(s, j, side, a, 1.0, 0.0)
+    if lo != NONE:
+        return _narrow(s, coefficients, degree, t, h, j, side, lo, hi)
+    least = 0.0
+    for k in range(8):
+        least = max(least, abs(s.values[8 * j + k]))
+    least *= DIP * s.rtol
+    left, right = a, 1.0
+    for _ in range(DEPTH):
+        vertex = _near_vertex(s, j, side, left, right)
+        if vertex == NONE:
+            break
+        width = 0.125 * (right - left)
+        left, right = max(left, vertex - width), min(right, vertex + width)
+        sample(s, coefficients, degree, t, h, left, right)
+        for k in range(8):
+            if side * s.values[8 * j + k] <= least:
+                return left + (right - left) * k / 7.0
+    return NONE
+
+
+@fused
+def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
+    """End of the interval, as short as rounding allows, over which surface j leaves `side`."""
+    for _ in range(20):
+        if hi - lo < 4e-16:
+            break
+        sample(s, coefficients, degree, t, h, lo, hi)
+        a, b = _bracket(s, j, side, lo, hi, 0.0)
+        if a == NONE:
+            break
+        lo, hi = a, b
+    return hi
+
+
+@fused
+def next_zero(s, coefficients, degree, t, h, begin):
+    """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
+
+    Overwrites `found` with the theta of every surface (NONE without a zero) and, when nothing is found, `side`.
+    """
+    first = NONE
+    sample(s, coefficients, degree, t, h, begin, 1.0)
+    for j in range(s.e):
+        s.found[j], remembers = NONE, s.remembers[j]
+        if remembers >= 0 and s.side[j] == 0.0:
+            s.side[j] = s.x[remembers]
+        # Nothing happens to a switch whose surface rests at zero.
+        least = SMALLEST if remembers >= 0 else 0.0
+        if s.kind[j] == S.TIMED or s.side[j] == 0.0:
+            if s.kind[j] != S.TIMED:
+                s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
+            continue
+        side, a, here = s.side[j], begin, False
+        if s.stops[j] == SINGULAR:
+            s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
+            first = min(first, s.found[j])
+            continue
+        for _ in range(8):
+            sample(s, coefficients, degree, t, h, a, 1.0)
+            lo, hi = _bracket(s, j, side, a, 1.0, least)
+            if lo == NONE:
+                lo, hi = _dips(s, coefficients, degree, t, h, j, side, a)
+                if lo == NONE:
+                    break
+            zero = _narrow(s, coefficients, degree, t, h, j, side, lo, hi)
+            if s.kind[j] == S.BOTH or s.kind[j] == -side:
+                s.found[j], here = zero, True
+                break
+            side, a = -side, zero
+            if a >= 1.0:
+                break
+        if here:
+            first = min(first, s.found[j])
+        elif first == NONE:
+            s.passed_side[j] = side
+    if first == NONE:
+        for j in range(s.e):
+            if s.kind[j] != S.TIMED and s.side[j] != 0.0:
+                s.side[j] = s.passed_side[j]
+    return first
+
+
+@fused
+def value(coefficients, degree, i, theta):
+    """State i on the step, at theta."""
+    v = coefficients[17 * i + degree]
+    for k in range(degree - 1, -1, -1):
+        v = v * theta + coefficients[17 * i + k]
+    return v
+
+
+@fused
+def _due(s, t, theta, h, instant):
+    """Mark as due and met the surfaces found at theta, and as due the events of time at an `instant`."""
+    close = theta + 1e-13 * max(abs(t), h) / h
+    for j in range(s.e):
+        s.due[j] = s.met[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
+        if s.met[j]:
+            s.side[j] = -s.side[j]
+    k = s.ticks
+    while instant and k < s.instants and s.instant_t[k] <= t:
+        s.due[s.instant_event[k]] = 1
+        k += 1
+    s.ticks = k
+
+
+@fused
+def _carried_through(s, t, x):
+    """Mark as due what an update carried through zero, from `before` with the surfaces at `level` to (t, x).
+
+    Not events that act with it (due = 2), nor what is put back from the surface that the motion has just come to: it
+    will be met again from there, only what remembers a side follows. Where an update puts the state on a surface, the
+    motion meets it when it goes on to the other side.
+    """
+    for j in range(s.e):
+        s.was[j] = s.level[j]
+    _look(s, t, x, s.before)
+    for j in range(s.e):
+        was, now, acted = s.was[j], s.level[j], s.due[j] == 2
+        if acted:
+            s.due[j] = 3
+        if s.kind[j] == S.TIMED or now == was or abs(now) <= s.rounding[j]:
+            continue
+        stood = s.met[j] == 1 and abs(was) <= s.rounding[j]
+        s.met[j] = 0
+        if now * s.side[j] < 0.0:
+            s.side[j] = -s.side[j]
+            acts = s.remembers[j] >= 0 or not (stood or acted or s.stops[j] == SINGULAR)
+            if acts and (s.kind[j] == S.BOTH or s.kind[j] == s.side[j]):
+                s.due[j] = 1
+
+
+@fused
+def fire(s, t, x):
+    """Fire at time t everything that is due, from the values before, and then what the updates carry through
+    zero, until nothing newly fires.
+
+    Overwrites x and the records; returns what happened.
+    """
+    n, first = s.n, s.records
+    result = S.NOTHING
+    _look(s, t, x, x)
+    for j in range(s.e):
+        # A zero may have been passed in a direction that does not count.
+        if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
+            s.side[j] = _sign(s.level[j])
+    while s.records - first < s.e + MOST_AT_ONCE:
+        for i in range(n):
+            s.before[i] = s.after[i] = x[i]
+        fired = moved = False
+        for j in range(s.e):
+            if s.due[j] != 1 or call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
+                continue
+            s.due[j] = 2
+            fired = True
+            if s.stops[j] != 0:
+                result = S.STOP
+            _record(s, t, j)
+        for i in range(n):
+            moved = moved or s.after[i] != x[i]
+            x[i] = s.after[i]
+        for record in range(first, s.records):
+            for i in range(n):
+                s.event_x[2 * n * record + n + i] = x[i]
+        if not (fired and moved):
+            return result
+        if result == S.NOTHING:
+            result = S.JUMP
+        _carried_through(s, t, x)
+    s.records = first
+    return S.NO_END
+
+
+@fused
+def _record(s, t, j):
+    """Write the record of event j, which acts on `before`."""
+    record, n = s.records, s.n
+    s.event_t[record], s.event_index[record] = t, j
+    for i in range(n):
+        s.event_x[2 * n * record + i] = s.before[i]
+    s.records = record + 1
+
+
+@fused
+def _accumulate(s, coefficients, degree, t, h, theta, when):
+    """Whether the events that fired at t + theta h, which is `when`, come in intervals that shrink to nothing
+    (accumulation.py): the last record is then of their limit."""
+    sample(s, coefficients, degree, t, h, 0.0, theta)
+    for j in range(s.e):
+        last = at(s.fired, 4 * j)
+        if s.due[j] < 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
+            continue
+        note_interval(last, when)
+        # An event is an advance, however soon it comes: of steps between them there are not too many.
+        s.mark, s.since_mark = when, 0
+        height = 0.0
+        for q in range(8):
+            height = max(height, abs(s.values[8 * j + q]))
+        left = time_to_last_event(last, height <= s.rounding[j])
+        if left < np.inf:
+            _record(s, when + left, j)
+            return True
+    return False
+
+
+@unit(types.int64, S.Core, types.float64, types.int64, types.int64)
+def events_unit(s, t, degree, offset):
+    """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
+    coefficients.
+
+    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T
+    become those just before it and scratch2 the state after.
+    """
+    n = s.n
+    h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
+    instant = s.ticks < s.instants and s.t >= s.instant_t[s.ticks]
+    while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
+        theta = next_zero(s, coefficients, degree, t, h, theta)
+        if theta == NONE and not instant:
+            return S.NOTHING
+        theta = min(theta, 1.0)
+        when = t + theta * h if theta < 1.0 else s.t
+        for i in range(n):
+            s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)
+        _due(s, when, theta, h, instant and theta == 1.0)
+        instant = instant and theta < 1.0
+        result = fire(s, when, s.scratch2)
+        if result != S.NOTHING:
+            s.t = when
+            for i in range(n):
+                s.x[i] = s.err[i]
+            return (
+                S.LIMIT
+                if result == S.JUMP and _accumulate(s, coefficients, degree, t, h, theta, when)
+                else result
+            )
+        if theta >= 1.0:
+            break
+    return S.NOTHING

@@ -1,0 +1,1 @@
+"""Motion on surfaces: solved multipliers and the layer."""

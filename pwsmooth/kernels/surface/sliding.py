@@ -1,0 +1,122 @@
+"""Solved multipliers: the sliding condition grad h . f + dh/dt = 0, and the surface kept exactly.
+
+Newton's method on the residuals g of the masked multipliers; the projection x - dh'(dh dh')^-1 h for surfaces that
+are no coordinate (a coordinate is set to exactly 0).
+"""
+
+import math
+
+from numba import types
+
+from ..machine.compiling import inlined_kernel, kernel, unit
+from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import ALGEBRAIC, CONTACT, SECOND_ORDER, SOLVED, Problem, State
+from ..work import Work
+from .sparse import solve_masked
+
+# At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
+# it, sqrt(|h|) of a rounding say.
+_INSIDE = 1.0 - 2.0**-53
+
+
+@unit(types.int64, Problem, State, Work)
+def newton(P, S, W):
+    """Solves g = 0 for the multipliers of W.mask, overwriting S.mult; 0 when it does not converge."""
+    m, t = P.m, S.t
+    x, mult, g, mask, b = S.x, S.mult, W.g, W.mask, W.linear.rhs
+    previous = math.inf
+    change = 0.0
+    for sweep in range(25):
+        call_fields(P.fields, t, x, mult, P.p, W.dx, W.h, g)
+        call_linear(P.linear, t, x, mult, P.p, W.G, W.dh)
+        rest = 0.0
+        for j in range(m):
+            b[j] = -g[j]
+            if mask[j]:
+                rest = max(rest, abs(g[j]))
+        if not solve_masked(P, W):
+            return 1 if rest == 0.0 else 0
+        change = 0.0
+        for j in range(m):
+            if mask[j]:
+                mult[j] += b[j]
+                if abs(mult[j]) == 1.0 and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
+                    mult[j] *= _INSIDE
+                change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
+        if not change < math.inf or (change == 0.0 and rest > 1e-14):
+            return 0  # the second where a slope is infinite, as that of a root at 0
+        # One step more than it takes to see convergence: the residual then sits at rounding.
+        if change <= 1e-15 or (sweep > 0 and change < 1e-9 and change >= 0.25 * previous):
+            return 1
+        previous = change
+    return 1 if change < 1e-10 else 0
+
+
+@inlined_kernel
+def follow(P, S, W):
+    """Newton only where a masked residual is above rounding: the usual case costs one evaluation."""
+    some = False
+    for j in range(P.m):
+        some = some or W.mask[j] != 0
+    if not some:
+        return True
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    clean = True
+    for j in range(P.m):
+        # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
+        if W.mask[j] and not abs(W.g[j]) <= 1e-14:
+            clean = False
+    return clean or call_newton(P.newton_unit, P, S, W) != 0
+
+
+@inlined_kernel
+def mask_solved(P, S, W):
+    """Overwrites W.mask: the multipliers that are solved now."""
+    for j in range(P.m):
+        W.mask[j] = 1 if S.status[j] == SOLVED else 0
+
+
+@kernel
+def mask_instant(P, S, W):
+    """Overwrites W.mask: those that are solved at every instant, whatever a switch does; True if there are any."""
+    some = False
+    for j in range(P.m):
+        closed = S.status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
+        W.mask[j] = 1 if P.kind[j] == ALGEBRAIC or closed else 0
+        some = some or W.mask[j] != 0
+    return some
+
+
+@kernel
+def keep_on_surface(P, S, j, W):
+    """Puts S.x exactly on h_j = 0."""
+    if P.surface_state[j] >= 0:
+        S.x[P.surface_state[j]] = 0.0
+        return
+    for _ in range(3):
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        if W.h[j] == 0.0:
+            return
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        square = 0.0
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            square += W.dh[e] ** 2
+        if not square > 0.0:
+            return
+        for e in range(P.dh_row[j], P.dh_row[j + 1]):
+            S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+
+
+@kernel
+def surface_size(P, S, j, W):
+    """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
+    total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t)
+    for e in range(P.dh_row[j], P.dh_row[j + 1]):
+        total += abs(W.dh[e] * S.x[P.dh_col[e]])
+    return total
+
+
+@kernel
+def surface_rounding(P, S, j, W):
+    """The size at which h_j is indistinguishable from 0, from W.dh."""
+    return 1e-13 * surface_size(P, S, j, W)

@@ -1,0 +1,164 @@
+"""Sparse rows of dg/dmult and of the surfaces' gradients, and the linear system of the solved multipliers.
+
+    G u = b,   G = [[A_1, ..., C_1], [..., A_q, C_q], [B_1 ... B_q, D]]
+
+Rows are compressed (row[i] .. row[i + 1] are the entries of row i, col their columns, ascending). The multipliers fall
+into groups that do not couple: the blocks of a spring-block chain, the elements of a multistate law. What couples many
+of them, a multiplier of the whole system, is a hub and is eliminated last (Schur complement), so that n elements cost
+O(n), not O(n^3).
+"""
+
+from ..machine.compiling import kernel
+from ..state import CROSSING, KINK, SOLVED
+
+
+@kernel
+def entry(row, col, values, i, j):
+    """Entry (i, j) of a sparse matrix."""
+    lo, hi = row[i], row[i + 1]
+    while lo < hi:
+        mid = (lo + hi) // 2
+        if col[mid] < j:
+            lo = mid + 1
+        else:
+            hi = mid
+    return values[lo] if lo < row[i + 1] and col[lo] == j else 0.0
+
+
+@kernel
+def link(P, S, W, j):
+    """Overwrites W.linear.linked: 1 for the multipliers that act on multiplier j, or it on them, at this instant.
+
+    Directly, or through what is solved at this instant as well: unknowns, closed contacts, sliding switches.
+    """
+    for i in range(P.m):
+        W.linear.linked[i] = 0
+    W.linear.linked[j] = 1
+    W.linear.stack[0] = j
+    size = 1
+    while size > 0:
+        size -= 1
+        i = W.linear.stack[size]
+        for e in range(P.link_row[i], P.link_row[i + 1]):
+            k = P.link_col[e]
+            if W.linear.linked[k] == 0:
+                W.linear.linked[k] = 1
+                if S.status[k] == SOLVED and P.kind[k] != KINK and P.kind[k] != CROSSING:
+                    W.linear.stack[size] = k
+                    size += 1
+
+
+@kernel
+def solve_dense(A, size, count):
+    """Gaussian elimination with partial pivoting of A[:size, :size + count]; overwrites the right-hand sides that
+    stand in the last columns with the solutions; False if singular."""
+    width = size + count
+    for i in range(size):
+        best = i
+        for r in range(i + 1, size):
+            if abs(A[r, i]) > abs(A[best, i]):
+                best = r
+        if not abs(A[best, i]) > 0.0:
+            return False
+        if best != i:
+            for c in range(i, width):
+                A[i, c], A[best, c] = A[best, c], A[i, c]
+        for r in range(i + 1, size):
+            factor = A[r, i] / A[i, i]
+            for c in range(i, width):
+                A[r, c] -= factor * A[i, c]
+    for k in range(size, width):
+        for i in range(size - 1, -1, -1):
+            total = A[i, k]
+            for c in range(i + 1, size):
+                total -= A[i, c] * A[c, k]
+            A[i, k] = total / A[i, i]
+    return True
+
+
+@kernel
+def solve_masked(P, W):
+    """Solves G u = b for the multipliers of W.mask, b and then u in W.linear.rhs; False if singular."""
+    row, col, G, mask, b, place = P.g_row, P.g_col, W.G, W.mask, W.linear.rhs, W.linear.place
+    A, Y, D, index = W.linear.matrix, W.linear.border, W.linear.schur, W.linear.index
+    hubs = 0
+    for j in range(P.m):
+        place[j] = -1
+    for k in range(len(P.hub)):
+        if mask[P.hub[k]]:
+            place[P.hub[k]] = hubs
+            hubs += 1
+    for k in range(len(P.hub)):
+        i = P.hub[k]
+        if mask[i]:
+            for c in range(hubs):
+                D[place[i], c] = 0.0
+            D[place[i], hubs] = b[i]
+            for e in range(row[i], row[i + 1]):
+                if place[col[e]] >= 0:
+                    D[place[i], place[col[e]]] = G[e]
+    # The groups, each with the columns of the hubs as further right-hand sides.
+    for q in range(len(P.block_row) - 1):
+        size = 0
+        for k in range(P.block_row[q], P.block_row[q + 1]):
+            j = P.block_member[k]
+            if mask[j]:
+                index[size] = j
+                size += 1
+        if size == 0:
+            continue
+        if size == 1 and hubs == 0:
+            j = index[0]
+            if not abs(G[P.g_diagonal[j]]) > 0.0:
+                return False
+            b[j] = b[j] / G[P.g_diagonal[j]]
+            continue
+        for r in range(size):
+            place[index[r]] = r
+        for r in range(size):
+            for c in range(size + 1 + hubs):
+                A[r, c] = 0.0
+            A[r, size] = b[index[r]]
+            for e in range(row[index[r]], row[index[r] + 1]):
+                j = col[e]
+                if mask[j]:
+                    # Hubs have their own count of places; no member of another group stands here.
+                    A[r, place[j] + (size + 1 if hubs and _is_hub(P, j) else 0)] = G[e]
+        for r in range(size):
+            place[index[r]] = -1
+        if not solve_dense(A, size, 1 + hubs):
+            return False
+        for r in range(size):
+            b[index[r]] = A[r, size]
+            for c in range(hubs):
+                Y[index[r], c] = A[r, size + 1 + c]
+    if hubs == 0:
+        return True
+    for k in range(len(P.hub)):
+        i = P.hub[k]
+        if not mask[i]:
+            continue
+        for e in range(row[i], row[i + 1]):
+            j = col[e]
+            if mask[j] and place[j] < 0:
+                D[place[i], hubs] -= G[e] * b[j]
+                for c in range(hubs):
+                    D[place[i], c] -= G[e] * Y[j, c]
+    if not solve_dense(D, hubs, 1):
+        return False
+    for j in range(P.m):
+        if mask[j] and place[j] < 0:
+            for c in range(hubs):
+                b[j] -= Y[j, c] * D[c, hubs]
+    for k in range(len(P.hub)):
+        if mask[P.hub[k]]:
+            b[P.hub[k]] = D[place[P.hub[k]], hubs]
+    return True
+
+
+@kernel
+def _is_hub(P, j):
+    for k in range(len(P.hub)):
+        if P.hub[k] == j:
+            return True
+    return False

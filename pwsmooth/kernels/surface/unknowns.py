@@ -1,0 +1,82 @@
+"""Unknowns of every instant together with the sides of the switches whose surfaces they stand in.
+
+    g(a, lambda) = 0,   lambda_j = sign h_j(a)
+
+Newton's method on a function that bends (Qi & Sun 1993, semismooth): each step takes the branches in force where it
+stands, and is halved where the residual grows. A switch that is turned to and fro jumps there: its surface is the root.
+"""
+
+import math
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import CONTACT, HELD, SLIDING, SOLVED
+from .sparse import solve_masked
+
+_SWEEPS, _HALVINGS = 60, 30
+_TURNS = 4  # of a switch to and fro, before its surface is taken for the root
+_OFF = 1e-3  # from where a slope is infinite
+
+
+@kernel
+def _defect(P, S, W, turned):
+    """Largest masked residual with the sides in force at S.mult; counts in instant.came the switches that `turned`."""
+    for _ in range(P.m):
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        changed = False
+        for j in range(P.m):
+            if P.nested[j] == 0 or P.kind[j] >= CONTACT or S.status[j] == SOLVED or S.status[j] == HELD:
+                continue
+            side = 1 if W.h[j] >= 0.0 else -1
+            if side != S.status[j]:
+                W.instant.came[j] += turned
+                S.status[j], S.mult[j], changed = side, float(side), True
+        if not changed:
+            break
+    worst = 0.0
+    for j in range(P.m):
+        if W.mask[j]:
+            worst = max(worst, abs(W.g[j])) if W.g[j] == W.g[j] else math.inf
+    return worst
+
+
+@kernel
+def solve_unknowns(P, S, W):
+    """Overwrites S.mult where W.mask is set, and the sides of the switches on these; False if there is no solution."""
+    bends = False
+    for j in range(P.m):
+        W.instant.came[j] = 0
+        bends = bends or (P.nested[j] != 0 and P.kind[j] < CONTACT)
+    if not bends:
+        return call_newton(P.newton_unit, P, S, W) != 0
+    defect = _defect(P, S, W, 0)
+    for _ in range(_SWEEPS):
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        total = 0.0
+        for j in range(P.m):
+            W.linear.rhs[j] = -W.g[j]
+        solvable = solve_masked(P, W)
+        for j in range(P.m):
+            # Also where the slope is infinite, as that of a root at 0.
+            if not (solvable and abs(W.linear.rhs[j]) < math.inf and (W.linear.rhs[j] != 0.0 or W.g[j] == 0.0)):
+                W.linear.rhs[j] = -math.copysign(_OFF, W.g[j])
+            W.linear.start[j] = S.mult[j]
+            if W.mask[j]:
+                total = max(total, abs(W.linear.rhs[j]) / (1.0 + abs(S.mult[j])))
+        if defect == 0.0 or (solvable and total <= 1e-13):
+            break
+        share = 1.0
+        for halving in range(_HALVINGS):
+            for j in range(P.m):
+                if W.mask[j]:
+                    S.mult[j] = W.linear.start[j] + share * W.linear.rhs[j]
+            new = _defect(P, S, W, 1 if halving == 0 else 0)
+            if new < defect or not solvable:
+                break
+            share *= 0.5
+        defect = new
+        for j in range(P.m):
+            if W.instant.came[j] >= _TURNS and P.kind[j] == SLIDING:
+                S.status[j], W.mask[j] = SOLVED, 1
+                defect = math.inf
+    return call_newton(P.newton_unit, P, S, W) != 0

@@ -1,0 +1,1 @@
+"""Many orbits in one call."""

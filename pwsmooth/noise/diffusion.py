@@ -1,0 +1,369 @@
+"""Diffusions: dx = f(t, x, lambda) dt + G(t, x, lambda) dW, in Ito's sense, and their ensembles.
+
+What the amplitudes mean for a system is decided here, in symbols: the matrix G of a view, Milstein's terms
+L_j g_k = sum_i G_ij dG_k/dx_i (which need commuting columns), on which surfaces the noise acts, and how fast the
+drift varies. The generated functions go to kernels/noise/path.py, which takes the steps.
+
+Chain: solve, ensemble -> diffusion_run.py -> **this file** (symbols) -> kernels/noise/path.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import sympy as sp
+
+from ..definition import checks
+from ..definition.model import Model
+from .kicks import whole
+
+_BENT = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
+
+
+@dataclass(frozen=True)
+class Diffusion:
+    """White noise that drives some states, with constant or state-dependent amplitude.
+
+    Parameters
+    ----------
+    amplitude : mapping or Matrix
+        State -> expression: each such state has a source of its own. State -> {source name: expression}: sources
+        may be shared. A Matrix has one row a state, one column a source. Expressions in states, time, parameters
+        and, of a smoothed view, switches; unit: that of the state over the root of time.
+    step : float, in units of time
+        The interval of time, > 0, on whose multiples the path is given, and the longest step: short against the times
+        over which the drift varies. Steps are halves, quarters, ... of it where the drift is faster, and beside
+        surfaces. The start, the end and `t_eval` are multiples of it.
+    seed, trajectory : int
+        The Brownian path is a function of (seed, trajectory, step), whatever steps are taken along it.
+    parameters : mapping of Symbol to float, optional
+        Values of symbols that stand in the amplitude alone, in the units of the model.
+    convention : {"ito", "stratonovich"}
+        How the amplitude is meant.
+    resolution : float, dimensionless
+        Steps keep to `resolution` over the rate of the drift, and cross at most 2.5 `resolution` of a layer.
+    level : int
+        Every interval is halved at least so often: the same path, finer steps.
+    finest : int
+        Further halvings beside a surface on which the noise acts (a switch, an event).
+
+    Raises
+    ------
+    ValueError, TypeError
+        Here: sizes and integers out of range. In solve(): states or symbols that do not exist, an amplitude that
+        cannot be differentiated by the states, columns that do not commute.
+
+    Notes
+    -----
+    Between switches: strong order 1.5 and weak order 2 in the step where the amplitude is constant (Roessler's
+    SRA1), strong and weak order 1 where it depends on the state (Milstein). Across a switch on whose surface the
+    noise acts, the drift is discontinuous and the order falls: about 3/4 strong with equal steps; with one level
+    of `finest` more for each level, so that the steps beside the surface shrink as the square, about 1 in the mean
+    number of steps.
+
+    Noise that acts on a switch's surface leaves no sticking at eps = 0: the path meets the surface in a set of
+    times of measure zero, and terms hidden on it never act (a warning says so). Noise on other states leaves
+    sticking as it is, and makes its end a first passage of the multiplier; how many of the short slips that follow
+    such an end are seen depends on `step` and `finest`.
+
+    Source: Roessler, SIAM J. Numer. Anal. 48 (2010) 922-952 for SRA1; Milstein, Theory Probab. Appl. 19 (1974) 557-562;
+    the orders across a switch were measured here.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Diffusion, System, solve
+    >>> x = sp.Symbol("x")
+    >>> path = solve(System({x: -x}), (0, 1), {x: 0}, noise=Diffusion({x: 0.3}, step=1 / 64, seed=5))
+    >>> len(path.t)
+    65
+    """
+
+    amplitude: Any
+    step: float
+    seed: int = 0
+    trajectory: int = 0
+    parameters: Mapping[Any, float] = field(default_factory=dict)
+    convention: str = "ito"
+    resolution: float = 0.1
+    level: int = 0
+    finest: int = 6
+
+    def __post_init__(self) -> None:
+        set_to = functools.partial(object.__setattr__, self)
+        set_to("step", checks.positive(self.step, "`step` of the diffusion"))
+        set_to("resolution", checks.positive(self.resolution, "`resolution`"))
+        if self.resolution > 0.5:
+            raise ValueError(f"`resolution` is {self.resolution:g}; give a number up to 0.5, such as 0.1.")
+        checks.fields(self, convention=checks.one_of("ito", "stratonovich"))
+        for name in ("seed", "trajectory"):
+            set_to(name, whole(getattr(self, name), f"`{name}`"))
+        for name in ("level", "finest"):
+            set_to(name, checks.whole(getattr(self, name), f"`{name}`", 0, 20))
+        if not isinstance(self.amplitude, (Mapping, sp.MatrixBase)):
+            raise TypeError(
+                f"`amplitude` is {checks.shown(self.amplitude)}; give state -> expression, such as {{v: 0.1}}, or a "
+                "sympy Matrix."
+            )
+        if isinstance(self.amplitude, Mapping):
+            set_to("amplitude", {str(key): _entry(key, value) for key, value in self.amplitude.items()})
+            if not self.amplitude:
+                raise ValueError(
+                    "`amplitude` is empty; name the states that the noise drives, such as {v: 0.1}."
+                )
+        set_to("parameters", checks.values(self.parameters, "`parameters` of the diffusion"))
+        inside = {s.name for e in self._expressions() for s in e.free_symbols}
+        if unknown := [name for name in self.parameters if name not in inside]:
+            raise ValueError(
+                f"`parameters` of the diffusion names {checks.listing(unknown)}, which is not in the amplitude; leave "
+                "it out."
+            )
+
+    def _expressions(self) -> list[sp.Expr]:
+        if isinstance(self.amplitude, sp.MatrixBase):
+            return [checks.expression(e, "`amplitude`, an entry") for e in self.amplitude]
+        return [e for row in self.amplitude.values() for e in row.values()]
+
+    def entries(self, states: list[sp.Symbol]) -> list[tuple[int, str, sp.Expr]]:
+        """The entries of the amplitude that are not 0.
+
+        Parameters
+        ----------
+        states : list of Symbol
+            States of the view, in order.
+
+        Returns
+        -------
+        list of (int, str, Expr)
+            Index of the state, name of the source, expression in the unit of the state over the root of time.
+
+        Raises
+        ------
+        ValueError
+            A state that the view does not have; a Matrix with another number of rows.
+        """
+        if isinstance(self.amplitude, sp.MatrixBase):
+            if self.amplitude.rows != len(states):
+                raise ValueError(
+                    f"`amplitude` has {self.amplitude.rows} rows; this view has {len(states)} states "
+                    f"({checks.listing(states)})."
+                )
+            rows, columns = self.amplitude.shape
+            found = [(i, f"source {k + 1}", self.amplitude[i, k]) for i in range(rows) for k in range(columns)]
+        else:
+            found = []
+            for name, sources in self.amplitude.items():
+                state = checks.lookup(name, states, "`amplitude`", "state")
+                found += [(states.index(state), source, e) for source, e in sources.items()]
+        return [entry for entry in found if not entry[2].is_zero]
+
+    def __str__(self) -> str:
+        if isinstance(self.amplitude, sp.MatrixBase):
+            shown = str(self.amplitude.tolist())
+        else:
+            shown = ", ".join(
+                f"{sp.sstr(e, full_prec=False)} dW[{source}] on {state}"
+                for state, row in self.amplitude.items()
+                for source, e in row.items()
+            )
+        values = "".join(f", {name} = {value:g}" for name, value in self.parameters.items())
+        return (
+            f"{self.convention} diffusion {shown}{values}, step {self.step:g}, seed {self.seed}, "
+            f"trajectory {self.trajectory}"
+        )
+
+
+def _entry(state: Any, value: Any) -> dict[str, sp.Expr]:
+    sources = value if isinstance(value, Mapping) else {str(state): value}
+    return {
+        str(source): checks.expression(e, f"`amplitude` of {state}, source {source}")
+        for source, e in sources.items()
+    }
+
+
+# ---- a diffusion on a view, in symbols
+
+
+@dataclass(frozen=True)
+class Lowered:
+    """A model with what its noise needs: its `outputs` are what kernels/noise_state.Diffused.out holds."""
+
+    model: Model
+    q: int
+    pairs: int
+    moving: bool
+    spreads: tuple[sp.Expr, ...]  # of every surface: |dh . G|^2
+
+    @property
+    def noisy(self) -> tuple[bool, ...]:
+        """Whether the noise acts on each surface."""
+        return tuple(s != 0 for s in self.spreads)
+
+    def holds(self, values: Mapping[sp.Symbol, float]) -> bool:
+        """Whether no surface that seems noisy in symbols is quiet with these numbers."""
+        return all(s == 0 or sp.simplify(s.subs(values)) != 0 for s in self.spreads)
+
+
+def meaning(system: Any, own: Mapping[str, sp.Symbol]) -> dict[str, sp.Expr]:
+    """Name -> expression in the symbols of the view's model."""
+    model = system.model
+    named: dict[str, sp.Expr] = {str(s): s for s in (model.time, *model.states, *model.parameters)}
+    named |= {str(m.symbol): m.symbol for m in model.multipliers}
+    named |= {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
+    widths = dict(model.smoothing)
+    if widths:
+        from ..definition.sigmoids import sigmoid
+
+        for switch in system.switches:
+            if switch.surface in widths:
+                named[str(switch)] = sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])
+    return named | {name: symbol for name, symbol in own.items() if name not in named}
+
+
+def split(entries, named, values, lift):
+    """(entries in the model's symbols, values of the symbols that stand for their numbers if `lift`)."""
+    numbers: dict[float, sp.Symbol] = {}
+    found = []
+    for i, source, e in entries:
+        unknown = sorted({s.name for s in e.free_symbols} - set(named))
+        if unknown:
+            raise ValueError(
+                f"`amplitude` contains {checks.listing(unknown)}, which is nothing of this view; it has "
+                f"{checks.listing(named)}. Values of further symbols go into `parameters` of the diffusion."
+            )
+        e = e.xreplace({s: named[s.name] for s in e.free_symbols})
+        if e.has(sp.I, sp.nan, sp.zoo, sp.oo):
+            raise ValueError(f"`amplitude` contains {e}; give real, finite expressions.")
+        if e.subs(values).is_zero:
+            continue
+        factor, rest = e.as_coeff_Mul()
+        size = abs(float(factor))
+        if lift and size != 1:
+            # Numbers become parameters, so that another one compiles nothing; equal ones stay equal.
+            symbol = numbers.setdefault(size, sp.Symbol(f"amplitude_{len(numbers)}", real=True))
+            e = (symbol if factor > 0 else -symbol) * rest
+        found.append((i, source, e))
+    return tuple(found), {symbol: size for size, symbol in numbers.items()}
+
+
+@functools.lru_cache(maxsize=64)
+def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowered:
+    """The model with the quantities of its noise as outputs.
+
+    Raises
+    ------
+    ValueError
+        Amplitudes that cannot be differentiated, columns that do not commute, a curved surface along which the
+        noise acts.
+    """
+    states, n = list(model.states), len(model.states)
+    sources = list(dict.fromkeys(source for _, source, _ in entries))
+    q = len(sources)
+    G = sp.zeros(n, q)
+    for i, source, e in entries:
+        G[i, sources.index(source)] += e
+    unknowns = {m.symbol for m in model.multipliers}
+    bound = sorted(s.name for s in G.free_symbols & unknowns)
+    if bound:
+        raise ValueError(
+            f"`amplitude` contains {checks.listing(bound)}, which the system solves for while it sticks; give an "
+            "amplitude in states, time and parameters, or take the smoothed view."
+        )
+    additive = not G.free_symbols & set(states)
+    columns = [G[:, k] for k in range(q)]
+    terms: list[sp.Expr] = []
+    if not additive:
+        bent = [e for e in G if any(a.free_symbols & set(states) for a in e.atoms(*_BENT))]
+        if bent:
+            raise ValueError(
+                f"`amplitude` contains {bent[0]}, which has no derivative by the states everywhere: Ito's and "
+                "Milstein's terms need one. Take the smoothed view and write it with its switch."
+            )
+        slopes = [column.jacobian(states) for column in columns]
+        along = {(j, k): slopes[k] * columns[j] for j in range(q) for k in range(q)}
+        for j in range(q):
+            for k in range(j):
+                if any(sp.simplify(e) != 0 for e in along[j, k] - along[k, j]):
+                    raise ValueError(
+                        f"the noise does not commute: sources {sources[k]!r} and {sources[j]!r} act on each other's "
+                        "amplitudes, and Milstein's scheme would need their Levy area. Give sources whose amplitudes "
+                        "depend only on states that they drive alone, or one source."
+                    )
+        for i in range(n):
+            terms += [along[j, k][i] / (2 if j == k else 1) for j in range(q) for k in range(j, q)]
+    rhs = model.rhs
+    if convention == "stratonovich" and not additive:
+        drift = sum((along[k, k] for k in range(q)), sp.zeros(n, 1)) / 2
+        rhs = tuple(f + c for f, c in zip(rhs, drift))
+    model = replace(model, events=tuple(e for e in model.events if not e.singular))
+    surfaces = [m.surface for m in model.multipliers] + [e.surface for e in model.events]
+    spreads = [_spread(h, states, columns) for h in surfaces]
+    _flat(model, states, columns, spreads)
+    outputs = [*G, *terms, _rate(rhs, states, columns, bool(model.smoothing)), *spreads]
+    for m in model.multipliers:
+        slope = m.residual.diff(m.symbol)
+        outputs += [_spread(m.residual, states, columns), slope, slope.diff(m.symbol)]
+    for h, width in model.smoothing:
+        speed = h.diff(model.time) + sum(h.diff(x) * f for x, f in zip(states, rhs))
+        outputs += [h, speed, _spread(h, states, columns), width]
+    coefficients = sorted(
+        {s for e in outputs for s in e.free_symbols if s.name.startswith("amplitude_")}, key=str
+    )
+    lowered = replace(
+        model,
+        rhs=rhs,
+        parameters=(*model.parameters, *extra, *coefficients),
+        outputs=tuple((f"q{i}", e) for i, e in enumerate(outputs)),
+    )
+    pairs = 0 if additive else q * (q + 1) // 2
+    return Lowered(lowered, q, pairs, model.time in G.free_symbols, tuple(spreads))
+
+
+def _spread(h, states, columns):
+    """Variance of h a unit of time: sum_k (dh . g_k)^2; 0 for no surface."""
+    if h is None:
+        return sp.S.Zero
+    gradient = [h.diff(x) for x in states]
+    parts = [sum((a * b for a, b in zip(gradient, g)), sp.S.Zero) for g in columns]
+    total = sum((sp.expand(e) ** 2 for e in parts), sp.S.Zero)
+    return total if total == 0 or sp.simplify(total) != 0 else sp.S.Zero
+
+
+def _flat(model, states, columns, spreads) -> None:
+    """Refuses noise along a curved surface: Ito's term would push off it, and the sliding condition lacks it."""
+    for m, spread in zip(model.multipliers, spreads):
+        if m.kind != "switch" or m.regularity != "sliding" or spread != 0:
+            continue
+        bend = sp.hessian(m.surface, states)
+        if any(sp.simplify((g.T * bend * g)[0]) != 0 for g in columns):
+            raise ValueError(
+                f"the noise acts along the curved surface {m.surface} = 0 of {m.symbol}: sliding on it is not "
+                "provided for a diffusion. Take coordinates in which the surface is flat, or the smoothed view."
+            )
+
+
+def _rate(rhs, states, columns, layers):
+    """How fast the drift varies, free of the states' units: the largest |J_ii| plus the largest sqrt|J_ij J_ji|.
+
+    A derivative that vanishes at a point would allow any step there: so the growth of these along the drift and the
+    noise counts too, as the rates at which it reaches them. Within `layers` the kernel's gates see to that.
+    """
+    own, pairs = [], []
+    slopes = {(i, j): rhs[i].diff(states[j]) for i in range(len(states)) for j in range(len(states))}
+    for (i, j), e in slopes.items():
+        if i == j and e != 0:
+            own.append(e)
+        elif i < j and e != 0 and slopes[j, i] != 0:
+            pairs.append(e * slopes[j, i])
+    parts = [[sp.Abs(e) for e in own], [sp.sqrt(sp.Abs(e)) for e in pairs]]
+    if not layers:
+        for entries, power in ((own, 1), (pairs, 2)):
+            # |e| h^power grows by |e'.f| h^(1 + power) and |e'.g| h^(1/2 + power).
+            along = [sum(e.diff(x) * f for x, f in zip(states, rhs)) for e in entries]
+            parts.append([sp.Abs(e) ** sp.Rational(1, 1 + power) for e in along if e != 0])
+            spread = [_spread(e, states, columns) for e in entries]
+            parts.append([e ** sp.Rational(1, 1 + 2 * power) for e in spread if e != 0])
+    return sum((sp.Max(*part) for part in parts if part), sp.S.Zero)

@@ -1,0 +1,215 @@
+"""Running a diffusion: what is checked at the door, and one trajectory as a Solution.
+
+Chain: solve, ensemble -> **this file** -> diffusion.py (symbols), kernels/noise/path.py (steps), on the Brownian
+path of kernels/noise/tree.py.
+"""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..paths.event_driven import EventDriven, Options
+from .diffusion import Diffusion, lower, meaning, split
+
+_LONGEST_GRID = 2**31  # intervals
+
+
+class DiffusionRun:
+    """A diffusion on one view, checked and compiled: what solve() and ensemble() run.
+
+    Raises
+    ------
+    ValueError
+        What `Diffusion` says about solve().
+    """
+
+    def __init__(self, system: Any, noise: Diffusion) -> None:
+        self.system, self.noise = system, noise
+        model = system.model
+        contacts = [str(m.symbol) for m in model.multipliers if m.kind == "contact"]
+        if contacts:
+            raise ValueError(
+                f"the system has the contact {checks.listing(contacts)}; a diffusion with contacts is not provided. "
+                "Use Kicks, or a contact law with a finite stiffness."
+            )
+        timed = [e.name for e in model.events if e.surface is None]
+        if timed:
+            raise ValueError(
+                f"the event {checks.listing(timed)} happens at given times, which a diffusion's steps do not meet; "
+                "solve from one instant to the next, or use Kicks."
+            )
+        own = {name: sp.Symbol(name, real=True) for name in noise.parameters}
+        named = meaning(system, own)
+        for name in own:
+            if named[name] is not own[name]:
+                raise ValueError(f"`parameters` of the diffusion names {name!r}, which the system has already.")
+        extra = {own[name]: value for name, value in noise.parameters.items()}
+        values = {**system.parameters, **extra}
+        states = list(model.states)
+        entries, numbers = split(noise.entries(states), named, values, lift=True)
+        for i, _, _ in entries:
+            if i >= len(states) - model.n_memory:
+                raise ValueError(
+                    f"`amplitude` drives {states[i].name!r}, which is a memory: it changes in events only."
+                )
+        self.acts = bool(entries)
+        if not self.acts:
+            return
+        used = tuple(s for s in extra if any(s in e.free_symbols for _, _, e in entries))
+        try:
+            lowered = lower(model, entries, used, noise.convention)
+            fits = lowered.holds({**values, **numbers})
+        except ValueError:
+            fits = False
+        if not fits:
+            # What cancels between its numbers cancels only with the numbers in place.
+            entries, numbers = split(noise.entries(states), named, values, lift=False)
+            lowered = lower(model, entries, used, noise.convention)
+        self.lowered = lowered
+        self.values = {**values, **numbers}
+        self._view = copy.copy(system)
+        self._view.model, self._view.parameters = lowered.model, self.values
+        self._warn()
+
+    def _warn(self) -> None:
+        slides = [
+            m for m, noisy in zip(self.system.model.multipliers, self.lowered.noisy)
+            if noisy and m.kind == "switch" and m.regularity == "sliding"
+        ]  # fmt: skip
+        if slides:
+            m = slides[0]
+            hidden = " and its hidden terms never act" if m.hidden else ""
+            warnings.warn(
+                f"the diffusion acts on the surface {m.surface} = 0 of {m.symbol}: at eps = 0 such a path does not "
+                f"stick{hidden}. For sticking under noise take the smoothed view, or Kicks.",
+                stacklevel=5,
+            )
+
+    def interval(self, t: float, what: str) -> int:
+        """Number of the interval that begins at t.
+
+        Raises
+        ------
+        ValueError
+            t is no multiple of the step.
+        """
+        t, step = float(t), self.noise.step
+        number = round(t / step)
+        if abs(t / step - number) > 1e-6 or abs(number) > _LONGEST_GRID:
+            raise ValueError(
+                f"{what} is {t!r}, which is no multiple of the diffusion's `step` {step!r}; the nearest one is "
+                f"{number * step!r}. Choose a step that divides it, such as {abs(t) / max(1, abs(number))!r}."
+            )
+        return number
+
+    def solve(self, t_span, start, times, strict, spending, max_step, dense_output, order):
+        """The Solution of one trajectory."""
+        if dense_output:
+            raise ValueError(
+                "`dense_output` is True, but a diffusion has no polynomials; ask for times by `t_eval`."
+            )
+        if order is not None or max_step < math.inf:
+            raise ValueError(
+                "`order` and `max_step` do not act on a diffusion; set `step`, `level` and `resolution` of it."
+            )
+        first, last = (self.interval(t, "`t_span`") for t in t_span)
+        if first == last:
+            raise ValueError(f"`t_span` is shorter than one `step` {self.noise.step:g} of the diffusion.")
+        for t in () if times is None else times:
+            self.interval(t, "an entry of `t_eval`")
+        return Path(self, int(spending.left), strict).diffuse(first, last, start, times, spending)
+
+    def bundle(self, problem, starts=None, snapshots=None, grid=None):
+        """The kernel's Diffused; without an ensemble its arrays are empty."""
+        from ..kernels.noise import state as names
+
+        lowered, noise = self.lowered, self.noise
+        n, m = len(lowered.model.states), len(lowered.model.multipliers)
+        q = lowered.q
+        from ..codegen import compile_model
+
+        self._code = compile_model(lowered.model)  # its addresses live as long as it
+        given = {} if starts is None else dict(starts=starts, snapshots=snapshots, grid=grid)
+        sizes = dict(
+            n=n,
+            m=m,
+            q=q,
+            outputs=len(lowered.model.outputs),
+            trajectories=len(given.get("snapshots", ())),
+            times=0,
+            levels=names.DEEPEST + 2,
+        )
+        return names.Diffused.zeros(
+            sizes,
+            outputs=self._code.outputs,
+            q=q,
+            pairs=lowered.pairs,
+            moving=int(lowered.moving),
+            gates=len(lowered.model.smoothing),
+            step=noise.step,
+            resolution=noise.resolution,
+            level=noise.level,
+            finest=noise.finest,
+            seed=noise.seed,
+            noisy=np.array(lowered.noisy, np.int64),
+            **given,
+        )
+
+
+def _free(problem, lowered):
+    """The Problem in which switches that the noise acts on do not slide, and none to second order."""
+    from ..kernels import state
+
+    kind = problem.kind.copy()
+    kind[kind == state.SECOND_ORDER] = state.CROSSING
+    for j, noisy in enumerate(lowered.noisy[: len(kind)]):
+        if noisy and kind[j] in (state.SLIDING, state.CROSSING):
+            kind[j] = state.KINK
+    return problem.changed(kind=kind)
+
+
+class Path(EventDriven):
+    """One trajectory: the event-driven run with the stochastic loop in the place of its own."""
+
+    def __init__(self, run: DiffusionRun, max_steps, strict):
+        view, noise = run._view, run.noise
+        n = len(view.model.states)
+        super().__init__(
+            view.model, Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
+        )
+        self.owner = run
+        self.problem = _free(self.parts.problem(np.array(view.parameter_values, float)), run.lowered)
+        self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
+                           "finest": noise.finest}  # fmt: skip
+
+    def diffuse(self, first, last, start, times, spending):
+        """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
+        from ..codegen.machine.units import unit_address
+
+        owner = self.owner
+        step = owner.noise.step
+        control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
+        noise = owner.bundle(self.problem)
+        noise.interval, noise.last, noise.trajectory, noise.recording = first, last, owner.noise.trajectory, 1
+        diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
+
+        def advance(record):
+            return diffuse(*(b.address for b in (self.problem, control, state, record, self.work, noise)))
+
+        def more(record):
+            return self._record(max(4 * len(record.t), 65536), record, state)
+
+        code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
+        solution = self.finish(owner.system, code, self.problem, state, record, times)
+        solution.noise = owner.noise
+        solution.cost = {"steps": state.steps,
+                         "refused": noise.rejected, "events": len(solution.events)}  # fmt: skip
+        return solution

@@ -1,0 +1,263 @@
+"""Noise on any system: random kicks at regular times, and diffusions.
+
+    Kicks        x_i(t+) = x_i(t-) + kappa_i xi   at t = T, 2T, ...;  xi uniform on [-1, 1] or standard normal
+    Diffusion    dx = f(t, x, lambda) dt + G(t, x, lambda) dW         (Ito)
+
+They are two scalings and not two sizes of one noise. Kicks come at slow intervals: a layer of width eps relaxes
+between them and forgets them one by one, so that leaving a layer is an event of a single kick and a function of
+kappa/eps. A diffusion acts all the time: in the layer's own variables u = h/eps, tau = t/eps it has the intensity
+D**2/eps, and the layer is left by accumulation (Kramers).
+
+Chain: solve -> **this file** -> kernels/noise_*.py. The random numbers are addressed, not drawn in sequence
+(kernels/noise/random.py): a kick is a function of (seed, trajectory, its number), whatever the span, the chunks or
+the workers.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.model import EventSpec, Model
+
+LAWS = ("uniform", "normal")
+
+
+@dataclass(frozen=True)
+class Kicks:
+    """Random displacements of states at the times `every`, 2 `every`, ...
+
+    Between two kicks the motion is the deterministic one; after each, switches are classified anew: a sticking
+    state kicked off its surface slips, a kick across a surface is a crossing.
+
+    Parameters
+    ----------
+    size : float or mapping of state to float
+        kappa, in the unit of each state, >= 0: half width of the uniform law, standard deviation of the normal one.
+    every : float, in units of time
+        Time between two kicks, > 0; they fall on its multiples.
+    on : state or sequence of states, optional
+        Which states are kicked, independently of each other; not needed where `size` is a mapping.
+    law : {"uniform", "normal"}
+        Uniform on [-kappa, kappa] (standard deviation kappa/sqrt(3)) or normal with standard deviation kappa.
+    seed : int
+        0 <= seed < 2**63.
+    trajectory : int
+        Number of the trajectory within an ensemble of one seed.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A negative or infinite size, `every` not positive, no states, an unknown law, a seed that is no integer.
+
+    Notes
+    -----
+    Kick number k is a function of (seed, trajectory, k) alone (Philox4x64-10): a run over (0, 10) continued over
+    (10, 20) meets the same kicks as one over (0, 20). A size of 0 leaves the deterministic run as it is, to the bit.
+
+    Source: Jeffrey, On the mathematical basis of solid friction, figures 11 to 13, whose distribution is not printed;
+    Philox of Salmon et al. 2011.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Kicks, System, solve
+    >>> x = sp.Symbol("x")
+    >>> walk = solve(System({x: 0 * x}), (0, 10), {x: 0}, noise=Kicks(0.1, every=1, on=x, seed=7))
+    >>> len(walk.event_times("reset"))
+    10
+    """
+
+    size: Any
+    every: float
+    on: Any = None
+    law: str = "uniform"
+    seed: int = 0
+    trajectory: int = 0
+
+    def __post_init__(self) -> None:
+        every = checks.positive(self.every, "`every` of the kicks")
+        checks.fields(self, law=checks.one_of(*LAWS))
+        for name in ("seed", "trajectory"):
+            object.__setattr__(self, name, whole(getattr(self, name), f"`{name}`"))
+        object.__setattr__(self, "every", every)
+        if isinstance(self.size, Mapping):
+            names = _names(self.on) if self.on is not None else tuple(str(key) for key in self.size)
+            given = {str(key): value for key, value in self.size.items()}
+            if set(given) != set(names):
+                raise ValueError(
+                    f"`size` has values for {checks.listing(given)}, `on` names {checks.listing(names)}; leave `on` "
+                    "out, or name the same states."
+                )
+        elif self.on is None:
+            raise ValueError("`on` is not given; name the states that are kicked, such as on=('y', 'v').")
+        else:
+            names = _names(self.on)
+            given = dict.fromkeys(names, self.size)
+        if not names:
+            raise ValueError("`on` is empty; name the states that are kicked, such as on=('y', 'v').")
+        if len(set(names)) < len(names):
+            raise ValueError(f"`on` names a state twice: {checks.listing(names)}.")
+        sizes = tuple(_size(given[name], name) for name in names)
+        object.__setattr__(self, "on", names)
+        object.__setattr__(self, "size", sizes[0] if len(set(sizes)) == 1 else dict(zip(names, sizes)))
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Size of every kicked state, in the order of `on`."""
+        if isinstance(self.size, Mapping):
+            return tuple(self.size[name] for name in self.on)
+        return (self.size,) * len(self.on)
+
+    def __str__(self) -> str:
+        sizes = ", ".join(f"{name} by {size:g}" for name, size in zip(self.on, self.sizes))
+        return (
+            f"{self.law} kicks of {sizes}, every {self.every:g}, seed {self.seed}, trajectory {self.trajectory}"
+        )
+
+
+def _names(on: Any) -> tuple[str, ...]:
+    if isinstance(on, (str, sp.Symbol)):
+        return (str(on),)
+    if not isinstance(on, Sequence) or not all(isinstance(s, (str, sp.Symbol)) for s in on):
+        raise TypeError(f"`on` is {checks.shown(on)}; give states by name or Symbol, such as on=('y', 'v').")
+    return tuple(str(s) for s in on)
+
+
+def _size(value: Any, name: str) -> float:
+    size = checks.number(value, f"`size` of {name!r}")
+    if not 0 <= size < math.inf:
+        raise ValueError(f"`size` of {name!r} is {size:g}; give a finite number >= 0.")
+    return size
+
+
+def whole(value: Any, what: str) -> int:
+    """An exact integer: a float seed would make runs differ that look the same."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        result = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{what} is {checks.shown(value)}; give an integer >= 0.") from None
+    if not 0 <= result < 2**63:
+        raise ValueError(f"{what} is {checks.shown(value)}; give an integer from 0 to 2**63 - 1.")
+    return result
+
+
+@functools.lru_cache(maxsize=64)
+def _with_kicks(model: Model) -> tuple[Model, sp.Symbol]:
+    """The model with one more time event, without an update of its own, and the symbol of its period."""
+    taken = {s.name for s in (model.time, *model.states, *model.parameters)}
+    taken |= {m.symbol.name for m in model.multipliers} | {e.name for e in model.events}
+    name = "kicks"
+    while name in taken or f"every_{name}" in taken:
+        name += "_"
+    every = sp.Symbol(f"every_{name}", positive=True)
+    event = EventSpec(name, every=every)
+    return replace(model, events=(*model.events, event), parameters=(*model.parameters, every)), every
+
+
+class KickedRun:
+    """A system with kicks, ready to run: its model, and the compiled functions that kick in place of its own.
+
+    Raises
+    ------
+    ValueError
+        `on` names no state of this view, or a memory.
+    """
+
+    def __init__(self, system: Any, kicks: Kicks) -> None:
+        self.kicks = kicks
+        states, memories = list(system.states), system.states[len(system.states) - system.model.n_memory :]
+        found = [checks.lookup(name, states, "`on` of the kicks", "state") for name in kicks.on]
+        for symbol in found:
+            if symbol in memories:
+                raise ValueError(
+                    f"`on` of the kicks names {symbol.name!r}, which is a memory: it changes in events only. Kick a "
+                    "state, or write an Event."
+                )
+        model, every = _with_kicks(system.model)
+        self.system = copy.copy(system)
+        self.system.model = model
+        self.system.parameters = {**system.parameters, every: kicks.every}
+        pairs = [(states.index(s), size) for s, size in zip(found, kicks.sizes) if size > 0]
+        self.where = np.array([i for i, _ in pairs], np.int64)
+        self.size = np.array([size for _, size in pairs], float)
+        self.index = len(model.events) - 1
+        self._kept: list[Any] = []  # what the kernels reach by address
+
+    def _headed(self, act: int, p: np.ndarray, trajectory: int | None = None) -> np.ndarray:
+        """Parameters with the address of a Kick in the word before them."""
+        from ..kernels.noise.state import Kick
+
+        kicks = self.kicks
+        kick = Kick(
+            act=act,
+            index=self.index,
+            every=kicks.every,
+            normal=int(kicks.law == "normal"),
+            seed=kicks.seed,
+            trajectory=kicks.trajectory if trajectory is None else trajectory,
+            where=self.where,
+            size=self.size,
+        )
+        words = np.concatenate([[np.int64(kick.address).view(float)], p])
+        self._kept += [kick, words]
+        return words[1:]
+
+    def problem(self, problem: Any) -> Any:
+        """The event-driven path's Problem with kicks in it."""
+        from ..codegen.machine.units import unit_address
+
+        return problem.changed(p=self._headed(problem.act, problem.p), act=unit_address("kick_act"))
+
+    def smooth(self, addresses: np.ndarray, act: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(addresses, parameters) of the smoothed path with kicks in them; `act` is the place of its `act`."""
+        from ..codegen.machine.units import unit_address
+
+        p = self._headed(int(addresses[act]), p)
+        addresses = addresses.copy()
+        addresses[act] = unit_address("kick_act_smooth")
+        return addresses, p
+
+
+def prepared(system: Any, noise: Any, method: str) -> Any:
+    """The run of a system with noise: a KickedRun or DiffusionRun; None where the noise changes nothing.
+
+    Raises
+    ------
+    ValueError, TypeError
+        `noise` is none, it names what does not exist, or the method cannot run with it.
+    """
+    from ..paths.stiff_steps import SCIPY_METHODS
+    from .diffusion import Diffusion
+    from .diffusion_run import DiffusionRun
+
+    if isinstance(noise, Diffusion):
+        if method != "auto":
+            raise ValueError(
+                f"`method` is {method!r}, but a diffusion has its own; leave `method` out, and set `step` and "
+                "`resolution` of the Diffusion."
+            )
+        diffusion = DiffusionRun(system, noise)
+        return diffusion if diffusion.acts else None
+    if not isinstance(noise, Kicks):
+        raise TypeError(
+            f"`noise` is {checks.shown(noise)}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v')), or "
+            "Diffusion(...), such as Diffusion({v: 0.1}, step=0.01)."
+        )
+    if method in SCIPY_METHODS:
+        raise ValueError(
+            f"`method` is {method!r}, which runs without events and so without kicks; use 'auto' with `noise`."
+        )
+    run = KickedRun(system, noise)
+    return run if len(run.where) else None

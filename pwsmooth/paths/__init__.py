@@ -1,0 +1,1 @@
+"""How a Model is run: event-driven, smoothed, by stiff steps; what a call may spend."""

@@ -1,0 +1,209 @@
+"""The smoothed path of solve(): the stiff integrator's result as a Solution.
+
+Chain: solve -> **this file** -> stiff.py (the product's own methods, which never step over a layer) or SciPy's.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..definition.pointwise import value
+from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
+from ..results.solution import Solution
+from .budget import Budget
+from .words import OUT_OF_TIME, OUTCOMES, singular_cause, singular_record
+
+
+@dataclass(frozen=True)
+class StepPolynomials:
+    """Dense output, one piece a step: `coefficients` (ns, n, K+1) in powers of (t - t0)/length."""
+
+    t0: np.ndarray
+    length: np.ndarray
+    coefficients: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and no multipliers (0, nt); at an event the side after it."""
+        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
+        # In units of the step: powers of the step itself underflow inside a layer.
+        s = (t - self.t0[piece]) / self.length[piece]
+        x = np.zeros((len(t), self.coefficients.shape[1]))
+        for k in range(self.coefficients.shape[2] - 1, -1, -1):
+            x = x * s[:, None] + self.coefficients[piece, :, k]
+        return x.T, np.zeros((0, len(t)))
+
+
+@dataclass(frozen=True)
+class SciPyDense:
+    """SciPy's own dense output in the form of ours."""
+
+    interpolant: Any
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and no multipliers (0, nt)."""
+        return self.interpolant(t), np.zeros((0, len(t)))
+
+
+def solve_smoothed(
+    system: Any,
+    t_span: tuple[float, float],
+    start: np.ndarray,
+    p: np.ndarray,
+    values: Mapping[Any, float],
+    method: str,
+    rtol: float,
+    atol: np.ndarray,
+    times: np.ndarray | None,
+    dense_output: bool,
+    max_step: float,
+    spending: Budget,
+    kicks: Any = None,
+) -> Solution:
+    """Solve a smoothed view with checked arguments; `atol` (n,), `times` the wanted ones or None.
+
+    Raises
+    ------
+    ValueError
+        Unknown method, or one that the model does not allow.
+    """
+    from . import stiff_steps as stiff
+
+    known = (*stiff.METHODS, *stiff.SCIPY_METHODS)
+    if method not in known:
+        raise ValueError(
+            f"`method` is {method!r}, which no smoothed view has; choose one of {', '.join(known)}."
+        )
+    rtol = min(rtol, stiff.LOOSEST_RTOL)
+    tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": method}
+    common = dict(rtol=rtol, atol=atol, max_step=max_step, t_eval=times)
+    if method in stiff.SCIPY_METHODS:
+        options = dict(common, method=method, dense=dense_output, spending=spending)
+        pieces = _scipy(system.model, t_span, start, p, options)
+    else:
+        options = dict(common, method=method, dense=dense_output, kicks=kicks)
+        *pieces, _ = own(system.model, t_span, start, p, options, spending)
+    t, x, events, dense, outcome, cost, ambiguities = pieces
+    none = np.zeros((0, len(t)))
+    return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
+
+
+def of_event(model, i):
+    """Name, kind and note of the model's event i."""
+    event = model.events[i]
+    if event.singular:
+        record = singular_record(model, event, 0.0)
+        return record.switch, record.kind, record.note
+    return event.name, "terminal" if event.terminal else "reset", ""
+
+
+def own(model, t_span, start, p, options, spending, words=None):
+    """Times, states, events, dense output, outcome, cost and all columns of a run of the package's own integrator.
+
+    `words` gives name, kind and note of an event by its index and the state before it.
+    """
+    from ..kernels.stiff import state as S
+    from . import stiff_steps as stiff
+
+    run = stiff.integrate(model, t_span, start, p, spending=spending, **options)
+    outcome = {
+        S.DONE: Outcome.FINISHED,
+        S.TERMINAL: Outcome.TERMINATED,
+        S.NOT_FINITE: Outcome.NOT_FINITE,
+        S.UNDERFLOW: Outcome.STEP_UNDERFLOW,
+        S.TOO_MANY: Outcome.TOO_MANY_STEPS,
+        S.EVENT_LOOP: Outcome.EVENT_LOOP,
+        S.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+        S.FULL: Outcome.OUT_OF_MEMORY,
+        OUT_OF_TIME: Outcome.TIME_LIMIT,
+    }[run.status]
+    events = [
+        EventRecord(when, *(words(i, before) if words else of_event(model, i)))
+        for when, i, before, _ in run.events
+    ]
+    if outcome is Outcome.EVENTS_ACCUMULATE:
+        events[-1] = EventRecord(events[-1].time, events[-1].switch, "accumulation")
+    if outcome is Outcome.TERMINATED and model.events[run.events[-1][1]].singular:
+        outcome = Outcome.SINGULAR_POINT
+    elif outcome in (Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW):
+        cause = singular_cause(model, run.t[-1:], run.x[:, -1:], np.zeros((0, 1)), p, options["atol"])
+        if cause is not None:
+            outcome = Outcome.SINGULAR_POINT
+            events.append(singular_record(model, model.events[cause], float(run.t[-1])))
+    cost = {**run.counters, "events": len(events)}
+    t, x = run.t, run.x
+    if run.t_eval is not None and run.x_eval is not None:
+        # Wanted times beyond the end of a run that stopped early were never reached.
+        reached = ~np.isnan(run.x_eval).any(axis=0)
+        t, x = run.t_eval[reached], run.x_eval[:, reached]
+        # At an event the side after it, as the dense output has it.
+        column = np.clip(np.searchsorted(run.t, t, side="right") - 1, 0, None)
+        met = run.t[column] == t
+        x[:, met] = run.x[:, column[met]]
+        if outcome is not Outcome.FINISHED and (t.size == 0 or t[-1] < run.t[-1]):
+            # Where and in which state it stopped, as the event-driven path gives it.
+            t, x = np.append(t, run.t[-1]), np.column_stack([x, run.x[:, -1]])
+    dense = _polynomials(run.dense, len(model.states)) if options["dense"] else None
+    return t, x, events, dense, outcome, cost, _conflicts(model, run.events, p), (run.t, run.x)
+
+
+def _conflicts(model, fired, p) -> list[Ambiguity]:
+    """Where of events that acted on the same values one set a state that another set or added to otherwise.
+
+    What kernels/instant/firing.py records on the event-driven path.
+    """
+    found = []
+    for (when, before), group in itertools.groupby(fired, key=lambda event: (event[0], event[2].tobytes())):
+        indices = [event[1] for event in group]
+        values = dict(zip(model.states, np.frombuffer(before)))
+        point = {model.time: when} | dict(zip(model.parameters, p)) | values
+        writes: dict[int, set] = {}
+        for i in indices if len(indices) > 1 else ():
+            for k, e, adds in model.events[i].writes(model.states):
+                if not (adds and value(e, point) == 0):
+                    writes.setdefault(k, set()).add(None if adds else value(e, point))
+        if any(len(kinds) > 1 for kinds in writes.values()):
+            name, continuations = CONFLICTING_UPDATES
+            found.append(Ambiguity(when, model.events[indices[-1]].name, name, continuations[0], continuations))
+    return found
+
+
+def _polynomials(dense, n) -> StepPolynomials | None:
+    if not dense:
+        return None
+    width = max(c.shape[1] for _, _, c in dense)
+    coefficients = np.zeros((len(dense), n, width))
+    for row, (_, _, c) in zip(coefficients, dense):
+        row[:, : c.shape[1]] = c
+    return StepPolynomials(np.array([d[0] for d in dense]), np.array([d[1] for d in dense]), coefficients)
+
+
+def _scipy(model, t_span, start, p, options):
+    from . import stiff_steps as stiff
+
+    run = stiff.integrate_scipy(model, t_span, start, p, **options)
+    # Where no wanted time was reached SciPy gives empty lists.
+    run.t, run.y = np.asarray(run.t, float), np.asarray(run.y, float).reshape(len(start), -1)
+    finite = bool(np.isfinite(run.y).all())
+    if not finite:
+        outcome = Outcome.NOT_FINITE
+    elif run.ended:
+        outcome = OUTCOMES[run.ended]
+    else:
+        # SciPy tells one more failure apart from success: its step became too small.
+        outcome = Outcome.FINISHED if run.success else Outcome.STEP_UNDERFLOW
+    kept = np.isfinite(run.y).all(axis=0)
+    if options["t_eval"] is None:
+        kept[0] = True  # the start was checked
+    t, y = run.t[kept], run.y[:, kept]
+    when, where = run.last
+    if outcome is not Outcome.FINISHED and np.isfinite(where).all() and (t.size == 0 or t[-1] < when):
+        # Where and in which state it stopped, as the event-driven path gives it.
+        t, y = np.append(t, when), np.column_stack([y, where])
+    cost = {"steps": run.steps, "f_evals": int(run.nfev), "jac": int(run.njev), "lu": int(run.nlu)}
+    dense = SciPyDense(run.sol) if options["dense"] else None
+    return t, y, [], dense, outcome, cost, []

@@ -1,0 +1,156 @@
+"""Stiff steps for a system that switches and never slides: method="stiff" of solve().
+
+A bristle law (LuGre, elastoplastic) or a contact with strong damping is stiff, and its switches are kinks: the field
+bends at them, no layer forms. Each multiplier then is a memory, +1 or -1, that an event at its surface writes, and the
+integrator of the smoothed path (stiff.py) makes implicit steps between these events: nothing is smoothed.
+Chain: solve -> **this file** -> stiff_steps.py; the first side of every switch comes from event_driven.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..codegen.graph.dag import UNARY
+from ..codegen.taylor.recurrences import FLAT
+from ..definition.model import EventSpec, Model, Select
+from ..results.records import course
+from ..results.solution import Solution
+from .budget import Budget
+from .event_driven import Options, ready
+
+_FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
+WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
+
+
+def strip(mu: Any, model: Model) -> sp.Expr | None:
+    """Width around a switch's surface in which functions like exp(-(h/w)^2) change; None without such functions.
+
+    They are flat elsewhere: a step that ends beyond the strip sees nothing of it, so none may pass over it unseen
+    (kernels/stiff/gate.py, which protects the layers of smoothed views in the same way).
+    """
+    h, found = sp.Dummy("h", positive=True), set()
+    atoms = set().union(*(e.atoms(*_FLAT) for e in model.rhs))
+    for atom in atoms:
+        argument = atom.args[0].xreplace({mu.symbol: sp.Integer(1)}).subs(mu.surface, h)
+        factor, power = argument.as_independent(h, as_Add=False)
+        base, exponent = power.as_base_exp()
+        if base == h:
+            found.add(sp.Abs(factor) ** (-1 / exponent))
+    # In the parameters alone, or it is no width.
+    found = {w for w in found if w.free_symbols <= set(model.parameters)}
+    return (sp.Min(*found) if found else WIDTH) if atoms else None
+
+
+@functools.lru_cache(maxsize=64)
+def switched_by_events(model: Model) -> Model:
+    """The model with its switches as memories, behind the others, and an event for each behind its own.
+
+    Raises
+    ------
+    ValueError
+        A switch that can slide, a contact or an algebraic unknown: these need a multiplier that is solved for.
+    """
+    # Changed, so that the copies of families are written out. Implicit steps rest on a branch point by themselves.
+    model = replace(model, outputs=(), events=tuple(e for e in model.events if e.singular != "branch"))
+    for mu in model.multipliers:
+        if mu.kind != "switch" or mu.regularity == "sliding":
+            what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(
+                mu.kind, "is an algebraic unknown"
+            )
+            raise ValueError(
+                f"`method` is 'stiff', but {mu.symbol} {what}; stiff steps know switches that the motion only passes. "
+                "Use 'auto', or the smoothed view."
+            )
+    first = len(model.states)
+    events = tuple(
+        EventSpec(str(mu.symbol), mu.surface, update=((first + j, -mu.symbol),))
+        for j, mu in enumerate(model.multipliers)
+    )
+    widths = [strip(mu, model) for mu in model.multipliers]
+
+    def selecting(e: Any) -> Any:
+        return e.replace(Select, lambda lam, a, b: sp.Piecewise((a, lam > 0), (b, True), evaluate=False))
+
+    def selected(event: EventSpec) -> EventSpec:
+        return replace(
+            event,
+            surface=None if event.surface is None else selecting(event.surface),
+            when=selecting(event.when),
+            update=tuple((i, selecting(value)) for i, value in event.update),
+        )
+
+    return replace(
+        model,
+        states=(*model.states, *(mu.symbol for mu in model.multipliers)),
+        rhs=(*map(selecting, model.rhs), *(sp.Integer(0) for _ in events)),
+        multipliers=(),
+        events=tuple(map(selected, (*model.events, *events))),
+        smoothing=tuple(
+            (mu.surface, width) for mu, width in zip(model.multipliers, widths) if width is not None
+        ),
+        n_memory=model.n_memory + len(events),
+        eps_ratio=(),
+        layer_states=(),
+        layer_residuals=(),
+    )
+
+
+@dataclass(frozen=True)
+class Divided:
+    """Dense output of states and sides together, as states and multipliers."""
+
+    whole: Any
+    n: int
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and multipliers (m, nt)."""
+        x, _ = self.whole(t)
+        return x[: self.n], x[self.n :]
+
+
+def solve_stiff(
+    system: Any, t_span: tuple[float, float], start: np.ndarray, p: np.ndarray, rtol: float, atol: np.ndarray,
+    times: np.ndarray | None, dense: bool, max_step: float, spending: Budget,
+) -> Solution:  # fmt: skip
+    """The Solution of a system whose switches never slide, with checked arguments.
+
+    Raises
+    ------
+    ValueError
+        As of `switched_by_events`.
+    """
+    from .smoothed import of_event, own
+
+    model = system.model
+    n, m = len(model.states), len(model.multipliers)
+    view = switched_by_events(model)
+    # On which side a start on a surface goes on is for the kernels to say, which know all its derivatives.
+    first_step = Options("auto", rtol, tuple(atol.tolist()), False, max_step, 1, None, False)
+    begun = ready(model, first_step).solve(system, p, *t_span, start, None, Budget())
+    moved = np.flatnonzero(begun.t > t_span[0])
+    if not moved.size:
+        return begun  # it stopped where it began, and says why
+
+    def words(i: int, before: np.ndarray) -> tuple[str, str, str]:
+        if i < len(view.events) - m:
+            return of_event(view, i)
+        came = int(before[n + i - len(view.events) + m])
+        return view.events[i].name, "crossing", f"{came:+d} to {-came:+d}"
+
+    remembers = [*(-1 for _ in view.events[m:]), *range(n, n + m)]
+    options = dict(rtol=rtol, atol=np.append(atol, np.ones(m)), max_step=max_step, t_eval=times, method="auto",
+                   dense=dense, kicks=None, remembers=remembers)  # fmt: skip
+    both = np.append(start, begun.mult[:, moved[0]])
+    *pieces, ambiguities, columns = own(view, t_span, both, p, options, spending, words)
+    t, x, events, polynomials, outcome, cost = pieces
+    side = x[n:]
+    return Solution(
+        system, t, x[:n], side, side.astype(np.int8), events, Divided(polynomials, n) if dense else None, outcome, cost,
+        {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, ambiguities, system.parameters,
+        None if times is None else course(columns[0], columns[1][n:]),
+    )  # fmt: skip

@@ -1,0 +1,138 @@
+"""The event-driven kernels' integers in words: outcomes, events, ambiguities.
+
+Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition.model import EventSpec, Model
+from ..definition.singular import remedy
+from ..kernels import state as names
+from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
+from ..results.solution import vectorised
+
+_STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
+
+OUT_OF_TIME = -1  # no code of the kernels, which know no clock
+OUTCOMES = {
+    OUT_OF_TIME: Outcome.TIME_LIMIT,
+    names.DONE: Outcome.FINISHED,
+    names.TERMINAL: Outcome.TERMINATED,
+    names.NOT_FINITE: Outcome.NOT_FINITE,
+    names.UNDERFLOW: Outcome.STEP_UNDERFLOW,
+    names.CHATTERING: Outcome.CHATTERING,
+    names.NO_ROOT_FOUND: Outcome.NO_ROOT,
+    names.HIDDEN_OSCILLATION: Outcome.LAYER_UNSETTLED,
+    names.MAX_STEPS: Outcome.TOO_MANY_STEPS,
+    names.STRICT: Outcome.AMBIGUITY,
+    names.NEWTON_FAILED: Outcome.SINGULAR,
+    names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
+    names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
+    names.SINGULAR_POINT: Outcome.SINGULAR_POINT,
+    names.FULL: Outcome.OUT_OF_MEMORY,
+}
+
+
+def event_words(model: Model) -> Any:
+    """(time, an event's record) -> EventRecord."""
+    kinds = {
+        names.EV_CROSSING: "crossing",
+        names.EV_STICK: "stick",
+        names.EV_TANGENCY: "slip by tangency",
+        names.EV_FOLD: "slip by fold",
+        names.EV_FOLD_TO_SLIDING: "sliding to sliding",
+        names.EV_EVENT: "reset",
+        names.EV_IMPACT: "impact",
+        names.EV_CLOSED: "closed contact",
+        names.EV_OPENING: "opening",
+        names.EV_ACCUMULATION: "accumulation",
+        names.EV_RESET: "slip by reset",
+    }
+    multipliers = model.multipliers
+
+    def words(t: float, index: int, kind: int, came: int, went: int) -> EventRecord:
+        if index >= len(multipliers):
+            event = model.events[index - len(multipliers)]
+            if event.singular:
+                return singular_record(model, event, t, kind == names.EV_REST, bool(went))
+            if kind == names.EV_ACCUMULATION:
+                return EventRecord(t, event.name, kinds[kind])
+            return EventRecord(t, event.name, "terminal" if event.terminal else "reset")
+        contact = multipliers[index].kind == "contact"
+        note = "" if contact else f"{came:+d} to {went:+d}".replace("+0", "0")
+        return EventRecord(t, multipliers[index].symbol.name, kinds[kind], note)
+
+    return words
+
+
+def singular_record(
+    model: Model, event: EventSpec, t: float, rests: bool = False, stands: bool = False
+) -> EventRecord:
+    """A singular argument that has come to 0: the motion rests there, or the run ends there."""
+    if rests:
+        return EventRecord(t, event.name, "rest", f"{event.surface} = 0")
+    zero = f"{event.surface} {'<=' if event.singular == 'end' and not stands else '='} 0"
+    return EventRecord(t, event.name, "singular point", f"{zero}: {remedy(model, event, stands)}")
+
+
+def singular_cause(model: Model, t: Any, x: Any, mult: Any, p: Any, atol: Any) -> int | None:
+    """The event of a singular argument because of which a run stopped at this one instant, or None.
+
+    One that has left its domain, or that a change of the states by their last digits brings to 0.
+    """
+    for i, event in enumerate(model.events):
+        if event.singular in ("pole", "end") and event.surface is not None:
+            slopes = sp.Tuple(event.surface, *(event.surface.diff(s) for s in model.states))
+            with np.errstate(all="ignore"):
+                value, *gradient = (
+                    float(np.ravel(part)[0]) for part in vectorised(model, slopes)(t, *x, *mult, *p)
+                )
+            reach = sum(abs(g) * (_STOPPED * abs(float(s[0])) + 1e3 * e) for g, s, e in zip(gradient, x, atol))
+            if not abs(value) > reach or (event.singular == "end" and value < 0):
+                return i
+    return None
+
+
+def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -> list[Ambiguity]:
+    words = {
+        names.AMB_REPELLING: ("repelling sliding", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_SEVERAL_ROOTS: (
+            "several attracting states of the layer",
+            ("from lam = 0", "from -1", "from +1"),
+        ),
+        names.AMB_TWO_FOLD: ("two-fold", ("leave to +1", "leave to -1", "stay on the surface")),
+        names.AMB_CORNER: ("corner", ("the outcome changes with eps_ratio",)),
+        names.AMB_GRAZING: ("grazing", ("touch and stay on this side", "cross")),
+        names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
+        names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
+        names.AMB_IMPACTS: ("simultaneous impacts", ("together", "one after the other")),
+        names.AMB_UPDATES: CONFLICTING_UPDATES,
+        names.AMB_ACCUMULATION: (
+            "events that accumulate",
+            ("as after the last that is resolved", "as after another"),
+        ),
+        names.AMB_CHATTERING: (
+            "chattering within atol",
+            ("on the surface, as on average", "to and fro, ever more often"),
+        ),
+    }
+    found = []
+    for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
+        name, continuations = words[kind]
+        if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
+            choice = "stopped"
+        elif kind in (names.AMB_GRAZING, names.AMB_FOLD):
+            choice = continuations[taken]
+        elif kind == names.AMB_REPELLING:
+            choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
+        else:
+            choice = continuations[0]
+        m = len(model.multipliers)
+        what = str(model.multipliers[index].symbol) if index < m else model.events[index - m].name
+        found.append(Ambiguity(t, what, name, choice, continuations))
+    return found

@@ -1,0 +1,1 @@
+"""What a run gives: the Solution, its records and outputs."""

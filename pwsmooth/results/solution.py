@@ -1,0 +1,468 @@
+"""What a solve returns: states, multipliers and outputs by name, segments, events, itinerary, cost, outcome.
+
+Place in the chain: solve() -> Solution -> plotting, analysis, sweeps. Columns of `t`, `x`, `mult` and `status`
+belong together; an event contributes two columns of equal time, the state before it and the state after.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..definition.model import Model, Select
+from . import outputs as looped_outputs
+from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
+
+if TYPE_CHECKING:
+    import xarray
+
+MANY = 64  # multipliers, whose itinerary nobody reads
+
+__all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"]
+
+
+def vectorised(model: Model, expression: sp.Basic) -> Any:
+    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
+    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
+    return _function(arguments, expression, tuple((m.symbol, m.surface) for m in model.multipliers))
+
+
+@functools.lru_cache(maxsize=256)
+def _function(
+    arguments: tuple[sp.Symbol, ...], expression: sp.Basic, surfaces: tuple[tuple[sp.Symbol, Any], ...] = ()
+) -> Any:
+    """A numpy function of the symbols; a Select picks its branch where its multiplier is exactly +-1."""
+    surface = dict(surfaces)
+
+    def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
+        return sp.Piecewise(
+            (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
+        )
+
+    while expression.has(Select):
+        # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
+        expression = expression.replace(
+            lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
+            lambda e: piecewise(*e.args),
+        )
+    return numpy_function(arguments, expression, cse=True)
+
+
+def _rows(values: Any, dtype: Any, nt: int) -> np.ndarray:
+    values = np.asarray(values, dtype)
+    return values if values.ndim == 2 else values.reshape(-1, nt)
+
+
+class Solution:
+    """A solved trajectory.
+
+    Indexing gives a state, multiplier or output by name at the solution's times, `solution["v"]`; calling it
+    evaluates
+    the dense output, `solution(t, "v")`.
+
+    Parameters
+    ----------
+    system : System
+        The view that was solved; `system.model` gives the names and the outputs.
+    t : ndarray, shape (nt,)
+        Times in the unit of the model's, not decreasing; an event has two columns, before and after.
+    x, mult : ndarray, shapes (n, nt) and (m, nt)
+        States (memories last) and multipliers, in the units of the model.
+    status : ndarray of int8, shape (m, nt)
+        +1 or -1 on a side of a switch's surface (+1 for an open contact), 0 while the multiplier is solved;
+        dimensionless.
+    events : sequence of EventRecord
+        What happened, in order.
+    dense : Dense or None
+        The steps' polynomials, where they were kept.
+    outcome : Outcome
+        How the run ended.
+    cost, tolerances : dict
+        Counts (steps, evaluations, events, ...), and the tolerances that actually ran.
+    ambiguities : sequence of Ambiguity
+        Where the solution is not unique, and what was taken.
+    parameters : mapping of (Symbol or str) to float
+        Values of this run, in the units of the model.
+    course : (ndarray, shape (k,), and ndarray, shape (m, k)), optional
+        Times and statuses of the run from its start to its end, both sides of every event, where the columns are
+        others (`t_eval`).
+
+    Attributes
+    ----------
+    noise : Kicks, Diffusion or None
+        What `solve` was given.
+
+    Notes
+    -----
+    Source: defined here; `t`, `y`, `success` and `message` are SciPy's names.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> block = System({x: v, v: -x - sp.sign(v)}, outputs={"energy": (x**2 + v**2) / 2})
+    >>> solution = solve(block, (0, 10), {x: 3.5, v: 0}, dense_output=True)
+    >>> solution.itinerary
+    ('slip left (sgn(v)=-1)', 'slip right (sgn(v)=+1)', 'stick (sgn(v) sliding)')
+    >>> [f"{time:.6f}" for time in solution.event_times("crossing")], f"{solution['x'][-1]:.6f}"
+    (['3.141593'], '-0.500000')
+    >>> print(f"{solution(1.0, 'energy'):.6f}")
+    4.975756
+    """
+
+    def __init__(
+        self,
+        system: Any,
+        t: np.ndarray,
+        x: np.ndarray,
+        mult: np.ndarray,
+        status: np.ndarray,
+        events: Sequence[EventRecord],
+        dense: Any,
+        outcome: Outcome,
+        cost: Mapping[str, Any],
+        tolerances: Mapping[str, Any],
+        ambiguities: Sequence[Ambiguity],
+        parameters: Mapping[Any, float],
+        course: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        self.system = system
+        self.t = np.asarray(t, dtype=float)
+        nt = len(self.t)
+        self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
+        self.status = _rows(status, np.int8, nt)
+        self._course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
+        self.events = events
+        self.dense = dense
+        self.outcome = outcome
+        self.cost = dict(cost)
+        self.tolerances = dict(tolerances)
+        self.ambiguities = list(ambiguities)
+        # A Symbol's name is what str() gives, a hundred times sooner.
+        self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
+        self.noise: Any = None  # what solve(noise=...) was given
+
+    # ---- scipy's names -----------------------------------------------------------------------------
+
+    @property
+    def y(self) -> np.ndarray:
+        """States, shape (n, nt), in the units of the model."""
+        return self.x
+
+    @property
+    def success(self) -> bool:
+        """Whether the run did what was asked."""
+        return self.outcome.success
+
+    @property
+    def message(self) -> str:
+        """The outcome in words, with what to try next."""
+        where = f" Here: {self.events[-1]}." if self.outcome is Outcome.SINGULAR_POINT and self.events else ""
+        return str(self.outcome) + where
+
+    # ---- names -------------------------------------------------------------------------------------
+
+    @property
+    def model(self) -> Model:
+        """The lowered model of the view that was solved."""
+        return self.system.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, memories last."""
+        return tuple(str(s) for s in self.model.states)
+
+    @property
+    def multipliers(self) -> tuple[str, ...]:
+        """Names of the multipliers: switches, contact forces, algebraic unknowns."""
+        return tuple(str(m.symbol) for m in self.model.multipliers)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names computed from states and multipliers: the outputs, slaved states, smoothed switches."""
+        return tuple(self._expressions)
+
+    @functools.cached_property
+    def _expressions(self) -> Mapping[str, Any]:
+        """Name -> expression; with families that are looped over, its place among the template's."""
+        if self.model.loops is not None:
+            return looped_outputs.names(self.model.loops)
+        named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
+        if self.model.smoothing:
+            # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
+            from ..definition.sigmoids import sigmoid
+
+            widths = dict(self.model.smoothing)
+            for switch in self.system.switches:
+                if switch.surface in widths:
+                    smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
+                    named[str(switch)] = sp.sympify(smooth, strict=True)
+        named.update(
+            {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        )
+        return named
+
+    def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
+        name = str(name)
+        if name in self.states:
+            return x[self.states.index(name)]
+        if name in self._expressions:
+            values = [self.parameters[str(p)] for p in self.model.parameters]
+            if self.model.loops is not None:
+                with np.errstate(all="ignore"):
+                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
+            function = vectorised(self.model, self._expressions[name])
+            with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
+                result = function(t, *x, *mult, *values)
+            return np.array(np.broadcast_to(result, t.shape), dtype=float)
+        if name in self.multipliers:
+            return mult[self.multipliers.index(name)]
+        raise KeyError(
+            f"{name!r} is no state, multiplier or output of this solution; "
+            f"they are {', '.join((*self.states, *self.multipliers, *self.outputs))}."
+        )
+
+    def __getitem__(self, name: Any) -> np.ndarray:
+        """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
+        if str(name) == "t" or str(name) == str(self.model.time):
+            return self.t
+        return self._lookup(name, self.t, self.x, self.mult)
+
+    def __call__(self, t: Any, name: Any = None) -> np.ndarray:
+        """Dense evaluation.
+
+        Parameters
+        ----------
+        t : float or array_like
+            Times inside the solved span; at an event the side after it.
+        name : str or Symbol, optional
+            One state, multiplier or output; all states without.
+
+        Returns
+        -------
+        ndarray
+            Shape (n,) or (n, nt) without `name`, () or (nt,) with it.
+
+        Raises
+        ------
+        ValueError
+            No dense output was kept, or a time lies outside the solved span.
+        """
+        if self.dense is None:
+            raise ValueError(
+                "No dense output was kept; solve with `dense_output=True` for values between steps."
+            )
+        if isinstance(t, str):
+            raise TypeError(f"`t` is {t!r}; give times, and the name behind them: solution(t, {t!r}).")
+        at = checks.array(t, "`t`")
+        if name is not None and str(checks.key(name, "`name`")) not in (
+            *self.states,
+            *self.multipliers,
+            *self.outputs,
+        ):
+            raise ValueError(
+                f"`name` is {str(name)!r}, which is no state, multiplier or output of this solution; they are "
+                f"{', '.join((*self.states, *self.multipliers, *self.outputs))}."
+            )
+        flat = at.ravel()
+        slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
+        if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
+            raise ValueError(
+                f"`t` reaches from {flat.min():.9g} to {flat.max():.9g}: it leaves the solved span [{self.t[0]:.9g}, "
+                f"{self.t[-1]:.9g}]. Ask within it, or solve further."
+            )
+        x, mult = self.dense(flat)
+        last = flat == self.t[-1]
+        # No step begins there, but an event may have acted.
+        x[:, last], mult[:, last] = self.x[:, -1:], self.mult[:, -1:]
+        if name is None:
+            return x[:, 0] if at.ndim == 0 else x.reshape(len(x), *at.shape)
+        return self._lookup(name, flat, x, mult).reshape(at.shape)
+
+    # ---- segments and events -----------------------------------------------------------------------
+
+    @functools.cached_property
+    def segments(self) -> list[Segment]:
+        """Maximal intervals of constant status of the whole run; instants are dropped unless nothing else is there."""
+        t, status = self._course or (self.t, self.status)
+        changes = np.flatnonzero(np.any(np.diff(status, axis=1) != 0, axis=0)) + 1
+        firsts = [0, *changes.tolist()]
+        lasts = [*(changes - 1).tolist(), len(t) - 1]
+        pieces = [(i, j) for i, j in zip(firsts, lasts) if t[j] > t[i]] or [(0, len(t) - 1)]
+        merged = [pieces[0]]
+        for i, j in pieces[1:]:
+            # An instant between two pieces of one status (a direct re-capture) does not split them.
+            if np.array_equal(status[:, i], status[:, merged[-1][0]]):
+                merged[-1] = (merged[-1][0], j)
+            else:
+                merged.append((i, j))
+        starts, ends = (t[list(columns)].tolist() for columns in zip(*merged))
+        statuses = [tuple(status[:, i].tolist()) for i, _ in merged]
+        if self._course:
+            # At an event an asked-for column is that of the side after it.
+            firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
+            merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
+        return [self._segment(*piece) for piece in zip(starts, ends, statuses, merged)]
+
+    def _segment(self, start: float, end: float, status: tuple[int, ...], columns: tuple[int, int]) -> Segment:
+        names = [
+            _status_name(self.model, j, s)
+            for j, s in enumerate(status)
+            if self.model.multipliers[j].kind != "algebraic"
+        ]
+        return Segment(start, end, ", ".join(names) or "smooth", status, *columns)
+
+    @property
+    def itinerary(self) -> tuple[str, ...]:
+        """Names of the segments in order."""
+        return tuple(segment.name for segment in self.segments)
+
+    @checks.door(kind=checks.optional(checks.name), switch=checks.optional(checks.key))
+    def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
+        """Times of the events of one kind or switch, both, or all.
+
+        Parameters
+        ----------
+        kind : str, optional
+            As of `EventRecord`; "slip" matches every "slip by ...".
+        switch : Switch, Symbol or str, optional
+            Switch, contact or event, by its name.
+
+        Returns
+        -------
+        ndarray, shape (ne,)
+            In the unit of the model's time.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Bad input, with the argument, its value and the remedy.
+        """
+
+        def wanted(e: EventRecord) -> bool:
+            right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
+            return right_kind and (switch is None or e.switch == str(switch))
+
+        if isinstance(self.events, EventLog):
+            return self.events.times_of(wanted)
+        return np.array([e.time for e in self.events if wanted(e)])
+
+    # ---- other forms -------------------------------------------------------------------------------
+
+    def to_dataset(self) -> xarray.Dataset:
+        """The solution as a labelled data set.
+
+        Returns
+        -------
+        xarray.Dataset
+            Every state, multiplier, status and output over time, the events, and provenance as attributes.
+        """
+        import xarray
+
+        data: dict[str, Any] = {name: ("time", row) for name, row in zip(self.states, self.x)}
+        data.update({name: ("time", row) for name, row in zip(self.multipliers, self.mult)})
+        data.update({f"status_{name}": ("time", row) for name, row in zip(self.multipliers, self.status)})
+        data.update({name: ("time", self[name]) for name in self.outputs})
+        data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
+        data["event_switch"] = ("event", np.array([e.switch for e in self.events], dtype=str))
+        attributes: dict[str, Any] = {f"parameter {k}": v for k, v in self.parameters.items()}
+        attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
+        attributes.update({f"cost {k}": v for k, v in self.cost.items()})
+        attributes["outcome"] = self.message
+        if self.noise is not None:
+            attributes["noise"] = str(self.noise)
+        times = ("event", np.array([e.time for e in self.events], dtype=float))
+        return xarray.Dataset(data, coords={"time": self.t, "event_time": times}, attrs=attributes)
+
+    def plot(self, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
+        """States (or `names`) against time, one Axes each, with the stuck or sliding segments shaded.
+
+        Parameters
+        ----------
+        names : sequence of str or Symbol, optional
+            States, multipliers or outputs.
+        axes : sequence of Axes, optional
+            Where to draw, one for each name; a new figure by default.
+
+        Returns
+        -------
+        ndarray of Axes
+            One for each name.
+        """
+        from .. import plotting
+
+        return plotting.plot_solution(self, names, axes)
+
+    # ---- repr --------------------------------------------------------------------------------------
+
+    def _summary(self) -> list[tuple[str, str]]:
+        kinds: dict[str, int] = {}
+        for event in self.events:
+            kinds[event.kind] = kinds.get(event.kind, 0) + 1
+        if len(self.mult) <= MANY:
+            steps = self.itinerary
+            shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
+        else:
+            shown = f"of {len(self.mult)} multipliers; see `segments` and `events`"
+        rows = [
+            ("time", f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"),
+            ("end", ", ".join(f"{n} = {v:.9g}" for n, v in zip(self.states, self.x[:, -1]))),
+            ("events", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
+            ("itinerary", shown),
+            ("cost", ", ".join(f"{k} {v}" for k, v in self.cost.items())),
+            ("tolerances", ", ".join(f"{k} {v}" for k, v in self.tolerances.items())),
+        ]
+        if self.noise is not None:
+            rows.append(("noise", str(self.noise)))
+        if self.ambiguities:
+            rows.append(("ambiguities", "; ".join(str(a) for a in self.ambiguities[:3])))
+        return rows
+
+    def __repr__(self) -> str:
+        rows = self._summary()
+        return "\n".join([f"Solution: {self.message}", *(f"  {key:<11} {value}" for key, value in rows)])
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        body = "".join(
+            f"<tr><th style='text-align:left'>{key}</th><td style='text-align:left'>{escape(value)}</td></tr>"
+            for key, value in self._summary()
+        )
+        return f"<table><caption><b>Solution</b> {escape(self.message)}</caption>{body}</table>"
+
+
+@functools.lru_cache(maxsize=256)
+def _is_slip_velocity(model: Model, j: int) -> bool:
+    """Whether the surface of multiplier j is a state's rate, up to a function of time: then one slips on it."""
+    loops = model.loops
+    if loops is not None:
+        model, j = loops.template.model, loops.locate("multipliers", j)[0]
+    h = model.multipliers[j].surface
+    if h is None:
+        return False
+    unknowns = {*model.states, *(m.symbol for m in model.multipliers)}
+    moving = h.as_independent(*unknowns, as_Add=True)[1]
+    # By form, not by algebra: the rates of a mechanism take minutes to expand.
+    return moving != 0 and any(
+        rate.as_independent(*unknowns, as_Add=True)[1] in (moving, -moving) for rate in model.rhs
+    )
+
+
+def _status_name(model: Model, j: int, status: int) -> str:
+    multiplier = model.multipliers[j]
+    name = str(multiplier.symbol)
+    if multiplier.kind == "contact":
+        return f"contact ({name}) " + ("open" if status else "closed")
+    words = ("slip right", "slip left", "stick") if _is_slip_velocity(model, j) else ("", "", "")
+    if status == 0:
+        return f"{words[2]} ({name} sliding)".strip() if words[2] else f"{name} sliding"
+    side = f"{name}={status:+d}"
+    return f"{words[0 if status > 0 else 1]} ({side})" if words[0] else side
