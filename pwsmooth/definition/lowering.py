@@ -118,8 +118,9 @@ def multipliers(field):
         pattern = patterns[lam] = _pattern(h, field.copies, patterns)
         if pattern not in classes:
             classes[pattern] = classify(field, index, residual)
-        second = second_derivative(field, index, residual) if classes[pattern][0] == "crossing" else None
-        result.append(Multiplier(lam, "switch", residual, h, *classes[pattern], second=second))
+        regularity, hidden = classes[pattern]
+        second = second_derivative(field, index, residual) if regularity == "crossing" else None
+        result.append(Multiplier(lam, "switch", residual, h, regularity, hidden, second=second))
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
