@@ -113,7 +113,7 @@ def solve(
         system = system.with_parameters(parameters)
     kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
-        from .noise.kicks import prepared
+        from .noise.prepared import prepared
 
         kicks = prepared(system, noise, method)
         system = kicks.system if kicks else system

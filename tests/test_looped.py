@@ -10,7 +10,7 @@ from looped_models import MODELS, SLIDING, both, looped_from, t
 from pwsmooth import Event, Family, System, Unilateral, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.families.fields import LoopedFields
-from pwsmooth.codegen.families.jets import write_looped_jets
+from pwsmooth.codegen.families.writing import write_looped_jets
 from pwsmooth.codegen.layout import Layout
 
 EPS = np.finfo(float).eps

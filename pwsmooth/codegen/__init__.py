@@ -91,7 +91,7 @@ class Compiled:
     def _jets(self):
         def build():
             if self._loops:
-                from .families.jets import write_looped_jets
+                from .families.writing import write_looped_jets
 
                 return write_looped_jets(self.model)
             from .taylor.jets import write_jets

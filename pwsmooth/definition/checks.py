@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import inspect
 import math
+import operator
 import os
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
@@ -556,6 +557,19 @@ def whole(value, what, low, high=2**62):
     if not (low <= result <= high and result == math.floor(result)):
         raise ValueError(f"{what} is {shown(value)}; {wanted}.")
     return int(value)
+
+
+def exact_integer(value, what):
+    """`value`, an int from 0 on and no float: seeds that look the same are."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        result = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{what} is {shown(value)}; give an integer >= 0.") from None
+    if not 0 <= result < 2**63:
+        raise ValueError(f"{what} is {shown(value)}; give an integer from 0 to 2**63 - 1.")
+    return result
 
 
 def flag(value, what):

@@ -18,7 +18,6 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.model import Model
-from .kicks import whole
 
 _BENT = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 
@@ -100,7 +99,7 @@ class Diffusion:
             raise ValueError(f"`resolution` is {self.resolution:g}; give a number up to 0.5, such as 0.1.")
         checks.fields(self, convention=checks.one_of("ito", "stratonovich"))
         for name in ("seed", "trajectory"):
-            set_to(name, whole(getattr(self, name), f"`{name}`"))
+            set_to(name, checks.exact_integer(getattr(self, name), f"`{name}`"))
         for name in ("level", "finest"):
             set_to(name, checks.whole(getattr(self, name), f"`{name}`", 0, 20))
         if not isinstance(self.amplitude, (Mapping, sp.MatrixBase)):

@@ -18,7 +18,6 @@ from __future__ import annotations
 import copy
 import functools
 import math
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -88,7 +87,7 @@ class Kicks:
         every = checks.positive(self.every, "`every` of the kicks")
         checks.fields(self, law=checks.one_of(*LAWS))
         for name in ("seed", "trajectory"):
-            object.__setattr__(self, name, whole(getattr(self, name), f"`{name}`"))
+            object.__setattr__(self, name, checks.exact_integer(getattr(self, name), f"`{name}`"))
         object.__setattr__(self, "every", every)
         if isinstance(self.size, Mapping):
             names = _names(self.on) if self.on is not None else tuple(str(key) for key in self.size)
@@ -138,19 +137,6 @@ def _size(value: Any, name: str) -> float:
     if not 0 <= size < math.inf:
         raise ValueError(f"`size` of {name!r} is {size:g}; give a finite number >= 0.")
     return size
-
-
-def whole(value: Any, what: str) -> int:
-    """An exact integer: a float seed would make runs differ that look the same."""
-    try:
-        if isinstance(value, (bool, np.bool_)):
-            raise TypeError
-        result = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{what} is {checks.shown(value)}; give an integer >= 0.") from None
-    if not 0 <= result < 2**63:
-        raise ValueError(f"{what} is {checks.shown(value)}; give an integer from 0 to 2**63 - 1.")
-    return result
 
 
 @functools.lru_cache(maxsize=64)
@@ -228,36 +214,3 @@ class KickedRun:
         addresses = addresses.copy()
         addresses[act] = unit_address("kick_act_smooth")
         return addresses, p
-
-
-def prepared(system: Any, noise: Any, method: str) -> Any:
-    """The run of a system with noise: a KickedRun or DiffusionRun; None where the noise changes nothing.
-
-    Raises
-    ------
-    ValueError, TypeError
-        `noise` is none, it names what does not exist, or the method cannot run with it.
-    """
-    from ..paths.stiff_steps import SCIPY_METHODS
-    from .diffusion import Diffusion
-    from .diffusion_run import DiffusionRun
-
-    if isinstance(noise, Diffusion):
-        if method != "auto":
-            raise ValueError(
-                f"`method` is {method!r}, but a diffusion has its own; leave `method` out, and set `step` and "
-                "`resolution` of the Diffusion."
-            )
-        diffusion = DiffusionRun(system, noise)
-        return diffusion if diffusion.acts else None
-    if not isinstance(noise, Kicks):
-        raise TypeError(
-            f"`noise` is {checks.shown(noise)}; give Kicks(...), such as Kicks(1e-4, every=0.01, on=('y', 'v')), or "
-            "Diffusion(...), such as Diffusion({v: 0.1}, step=0.01)."
-        )
-    if method in SCIPY_METHODS:
-        raise ValueError(
-            f"`method` is {method!r}, which runs without events and so without kicks; use 'auto' with `noise`."
-        )
-    run = KickedRun(system, noise)
-    return run if len(run.where) else None

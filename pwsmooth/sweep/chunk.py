@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from ..paths.budget import Budget, Stop, within
 from ..results.records import Outcome
-from .plan import FUNCTION_FAILED, REFUSED, Plan, with_number
+from .plan import FUNCTION_FAILED, REFUSED, Plan
+from .point import solve_point
 
 
 def run_chunk(
@@ -55,35 +55,6 @@ def goes_as_ensemble(plan: Plan) -> bool:
     model = plan.system.model
     smoothed = model.smoothing and not model.multipliers
     return not (plan.noise or smoothed or dict(plan.options)["method"] == "stiff")
-
-
-def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool) -> tuple[Any, Any]:
-    """Solution and window of point i of a chunk.
-
-    Raises
-    ------
-    ValueError, TypeError
-        What solve() refuses: a combination of values that no single axis shows.
-    """
-    from ..solve import solve
-
-    t0, begin, end, period = (a[i] for a in plan.windows(columns, len(next(iter(columns.values())))))
-    values, start, noise = {}, list(plan.start), plan.noise
-    for name, kind in plan.kinds:
-        if kind == "parameter":
-            values[name] = float(columns[name][i])
-        elif kind == "state":
-            start[plan.setting.states.index(name)] = float(columns[name][i])
-        elif kind == "noise":
-            noise = with_number(noise, name, columns[name][i])
-    options = {k: v for k, v in plan.options if v is not None}
-    if noise is not None:
-        options["noise"] = noise
-    window = plan.window(begin, end, period)
-    solution = solve(
-        plan.system, (float(t0), float(end)), start, parameters=values, dense_output=dense, **options
-    )
-    return solution, window
 
 
 def _one_by_one(plan, columns, result, measures, outcome_known, spending):

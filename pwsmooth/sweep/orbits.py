@@ -18,6 +18,7 @@ from ..paths.event_driven import EventDriven, Options
 from ..results.records import Outcome
 from .measures import Itinerary
 from .plan import REFUSED, Plan
+from .point import solve_point
 
 _RING = 256  # segments remembered, of which the last periods' are read
 _NODES = 12  # of Gauss: exact for a polynomial of degree 23, the steps' own
@@ -145,8 +146,6 @@ def _quantities(plan, n, m):
 
 def _outcome(plan, columns, i):
     """Why an orbit failed, in solve()'s words: some of the kernel's codes have causes that are told apart there."""
-    from .chunk import solve_point
-
     try:
         return int(solve_point(plan, columns, i, dense=False)[0].outcome)
     except (ValueError, TypeError):

@@ -21,7 +21,7 @@ from ..graph.scalar import Writer
 from ..layout import Count, Layout, one, starts
 from ..machine.native import LANES
 from ..taylor.jets import FLAGS
-from ..taylor.recurrences import AFFINE, CONSTANT, NoRecurrence, label, plain, rewrite
+from ..taylor.recurrences import AFFINE, CONSTANT, label, plain, rewrite
 from .memory import CONDITIONS, ElementMemory
 from .orders import LoopedDegrees, LoopedOrderK, LoopedOrderZero
 from .sections import Root, Sections
@@ -369,15 +369,3 @@ class LoopedJet(ElementMemory):
                 indent = "    "
             start.line(f"{indent}if {mult} != 1.0 and {mult} != -1.0:")
             start.line(f"{indent}    return 2")
-
-
-def write_looped_jets(model: Model) -> dict[str, str]:
-    """Sources as of jets.write_jets."""
-    from .sliding import LoopedGeneral
-
-    try:
-        sources = {"slip": LoopedJet(model).write()}
-        general = LoopedGeneral(model)
-        return sources | ({"general": general.write()} if general.residuals else {})
-    except NoRecurrence as reason:
-        return {"none": f"# no jets: {reason}\n"}

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...plotting import new_figure
 from .failures import HARMLESS, KINDS
-from .stability_map import StabilityMap
+
+if TYPE_CHECKING:
+    from .stability_map import StabilityMap
 
 GAP = 0.18  # between two bands, in bands
 

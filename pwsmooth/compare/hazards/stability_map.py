@@ -13,6 +13,7 @@ import numpy as np
 
 from .failures import HARMLESS, KINDS
 from .hazard import GROUPS, Axis
+from .words import what_happens
 
 if TYPE_CHECKING:
     import xarray
@@ -198,8 +199,6 @@ class StabilityMap:
         dict of str to str
             Method -> its verdict.
         """
-        from .tables import what_happens
-
         return {method: what_happens(self, method) for method in self.methods}
 
     def record(self) -> dict[str, Any]:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from .failures import HARMLESS
 from .hazard import GROUPS
 from .stability_map import StabilityMap
+from .words import what_happens
 
 # Groups of methods in the order of the columns, with their headings.
 COLUMNS = {
@@ -19,23 +17,6 @@ COLUMNS = {
     "no events": "unguarded adaptive",
     "fixed step": "fixed step",
 }
-
-
-def what_happens(found: StabilityMap, method: str) -> str:
-    """ "right", "right or recorded", or the ways of failing with their shares of all runs."""
-    tally, total = found.tally(method), int(found.total(method).sum())
-    failures = [(kind, n) for kind, n in tally.items() if kind not in HARMLESS]
-    if not failures:
-        return "right or recorded" if tally.get("recorded") else "right"
-    words = [f"{kind} {_share(n, total)}" for kind, n in failures[:3]]
-    agreement = found.agreement(method)
-    beyond = "" if not np.isfinite(agreement) or agreement < 0.95 else ", at theory's border"
-    return ", ".join(words) + beyond
-
-
-def _share(n: int, total: int) -> str:
-    percent = 100 * n / total
-    return f"{percent:.0f} %" if percent >= 1 else f"{n} of {total}"
 
 
 def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:

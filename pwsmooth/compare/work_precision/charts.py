@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...plotting import COLOUR
 from .cases import CASES
-from .points import Point
+
+if TYPE_CHECKING:
+    from .points import Point
 
 __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
 

@@ -1,0 +1,21 @@
+"""The jets of a model with families: the slip program, and the general one where something is solved for.
+
+Chain: jets.py, sliding.py -> writing (here) -> codegen.compile_model.
+"""
+
+from __future__ import annotations
+
+from ...definition.model import Model
+from ..taylor.recurrences import NoRecurrence
+from .jets import LoopedJet
+from .sliding import LoopedGeneral
+
+
+def write_looped_jets(model: Model) -> dict[str, str]:
+    """Sources as of jets.write_jets."""
+    try:
+        sources = {"slip": LoopedJet(model).write()}
+        general = LoopedGeneral(model)
+        return sources | ({"general": general.write()} if general.residuals else {})
+    except NoRecurrence as reason:
+        return {"none": f"# no jets: {reason}\n"}
