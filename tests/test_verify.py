@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from pwsmooth import cli
 from pwsmooth.compare import exact
-from pwsmooth.compare.exact import Check, ExactProblem, report
+from pwsmooth.compare.exact import Check, ExactProblem, catalogue, report
 
 RUNNER = CliRunner()
 
@@ -41,7 +41,7 @@ def test_an_unknown_problem_is_refused_with_those_that_there_are():
 @pytest.mark.parametrize("computed", [1.0 + 2e-9, math.nan])
 def test_a_miss_fails_the_command(monkeypatch, computed):
     wrong = ExactProblem("wrong", "1 = 1", "arithmetic", lambda: [Check("one", computed, 1.0, 1e-9)])
-    monkeypatch.setattr(exact, "problems", lambda: {"wrong": wrong})
+    monkeypatch.setattr(catalogue, "PROBLEMS", [wrong])
     result = RUNNER.invoke(cli.app, ["verify"])
     assert result.exit_code == 1
     assert "MISS" in result.output and "1 of 1 problems missed: wrong" in result.output

@@ -23,7 +23,7 @@ from ..surface.sliding import surface_rounding
 from .accumulation import events_accumulate
 from .surface_rates import evaluate_surfaces
 
-_MOST_INSIDE = 1e-12  # of a state: what it may be moved by
+_MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 
 
 @kernel
@@ -222,10 +222,11 @@ def step_inside(P, S, j, W):
     if P.surface_state[j] >= 0:
         return
     evaluate_surfaces(P, S, W)
-    best, most, total = -1, 0.0, 0.0
+    best, most, total, way = -1, 0.0, 0.0, 0.0
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         part = abs(W.dh[e] * S.x[P.dh_col[e]])
         total += part
+        way += abs(S.x[P.dh_col[e]]) + (abs(S.t) + S.step) * abs(W.dx[P.dh_col[e]])
         if part > most:
             best, most = e, part
     side = float(S.status[j])
@@ -233,5 +234,5 @@ def step_inside(P, S, j, W):
         k = P.dh_col[best]
         move = (side * 8e-16 * total - W.h[j]) / W.dh[best]
         # Where time alone carries the surface, as x sin t at t = pi, no state is moved for it.
-        if abs(move) <= _MOST_INSIDE * abs(S.x[k]):
+        if abs(move) <= _MOST_INSIDE * way:
             S.x[k] += move

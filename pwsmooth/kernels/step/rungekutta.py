@@ -322,7 +322,7 @@ def rk_step(P, C, S, W, h, refine):
         _linear_terms(P, S, W)
         return 0.0
     arc = 0.0
-    if S.deflate[refine] != 0 and not (refine < m and S.status[refine] == SOLVED):
+    if refine < m and P.kind[refine] == CONTACT and S.status[refine] != SOLVED and S.deflate[refine] != 0:
         arc = _end_of_minute_arc(P, C, S, W, refine, h)
         h = arc if arc > 0.0 else h
     for _ in range(8 if arc == 0.0 else 0):
