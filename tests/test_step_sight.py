@@ -62,6 +62,8 @@ GAPS = {
     "atan(t**3)": (sp.atan(t**3), 1.0),
     "x**4": (1 / (1 + x**4), 0.0),
     "cos(t**4)": (sp.cos(t**4) / 2, 0.0),
+    "root": (sp.sqrt(x) / (1 + t**4), 0.3),
+    "power": (sp.Pow(1 + x, sp.Rational(3, 2)) / (8 + t**12), 0.3),
     "product": (t**3 * sp.cos(x) ** 2, 0.0),
 }
 

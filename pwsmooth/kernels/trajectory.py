@@ -55,14 +55,16 @@ from .step.recording import keep_dense, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT, first_root
 from .step.singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
-from .step.steps import dot, fits, fold_step_size, keep_in_sight, near_fold, powers, take_jet, taylor_step_size
+from .step.steps import dot, fold_step_size, keep_in_sight, misfit, near_fold, powers, take_jet, taylor_step_size
 from .surface.sliding import follow, mask_solved
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
 # if it is at least this share of what the series allow.
 SHORTEST_AGAIN = 0.6
-_MOST_HALVINGS = 12  # of a step whose end is not what its series says; beyond that it is rounding
+# Of a step whose end is not what its series says. What is off by rounding falls with the step, what a series does not
+# tell far faster.
+_MOST_HALVINGS, _MOST_IN_VAIN, _AS_FAST = 200, 6, 0.3
 
 
 @kernel
@@ -179,16 +181,25 @@ def _end_of_arc(P, C, time, power, h, stop, singular, best, W):
 @inlined_kernel
 def _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W):
     """Halves a step until its end is what its series says; returns it, and where something is met first in it."""
-    powers(power, min(best, 1.0) * h)
+    longest, last, in_vain = h, math.inf, 0
     for _ in range(_MOST_HALVINGS):
-        if fits(P, C, S, rows, surface_rows, mult_row, t0, min(best, 1.0) * h, W):
+        end = min(best, 1.0) * h
+        powers(power, end)
+        off = misfit(P, C, S, rows, surface_rows, mult_row, t0, end, W)
+        if off <= _AS_FAST * last:
+            longest, in_vain = h, 0
+        else:
+            in_vain += 1
+        if off <= 1.0 or in_vain == _MOST_IN_VAIN:
             break
-        h *= 0.5 * min(best, 1.0)
+        last, h = off, 0.5 * end
         powers(power, h)
         best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
-        powers(power, min(best, 1.0) * h)
-    powers(power, h)
-    return h, best
+    if longest != h:
+        powers(power, longest)
+        best = find_first(P, C, S, rows, power, surface_rows, mult_row, longest, W)
+    powers(power, longest)
+    return longest, best
 
 
 @inlined_kernel
@@ -272,8 +283,11 @@ def run(P, C, S, R, W):
             if not by_arc:
                 return NOT_FINITE
             h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
+        look = 0 if by_pair else P.look_general if sliding else P.look_slip
         if h < 1e-12 * (1.0 + abs(S.t)):
-            h = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
+            to_surface = _reach_singular_surface(P, S, rows, surface_rows, mult_row, h)
+            if to_surface != h:
+                h, look = to_surface, 0  # of rounding size, and linear
         fold, toward, time_row = -1, 0, -1
         if by_arc:
             within = h if h > 0.0 else 1e-12 * (1.0 + abs(S.t))
@@ -288,8 +302,7 @@ def run(P, C, S, R, W):
             return NEWTON_FAILED
         if math.isnan(h):
             return NOT_FINITE
-        look = P.look_general if sliding else P.look_slip
-        if look and not by_pair:
+        if look:
             flat_rows = P.flat_slip
             if time_row >= 0:
                 flat_rows = P.flat_fold
@@ -320,7 +333,7 @@ def run(P, C, S, R, W):
         if at(power, 1) != h:
             powers(power, h)
         best = find_first(P, C, S, rows, power, surface_rows, mult_row, h, W)
-        if look and time_row < 0 and not by_pair:
+        if look and time_row < 0:
             asked = h
             h, best = _shorten_to_fit(P, C, S, rows, power, surface_rows, mult_row, t0, h, best, W)
             capped = capped and h == asked

@@ -72,11 +72,8 @@ class CompiledProblem:
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         surfaces = [part.surface for _, parts in holders for part in parts if part.surface is not None]
 
-        # Near a singular argument the roundings of the rates would tell against every step.
-        regular = not self.singular and not any(e.singular for e in text.events)
-
         def looks(moving, flat):
-            gaps = regular and any(may_skip_orders(e, text.time, moving) for e in (*expressions, *surfaces))
+            gaps = any(may_skip_orders(e, text.time, moving) for e in (*expressions, *surfaces))
             return int(gaps or len(flat) > 0)
 
         finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]

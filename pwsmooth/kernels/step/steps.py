@@ -151,12 +151,12 @@ def keep_in_sight(C, rows, flat_rows, h, W):
 
 
 @kernel
-def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
-    """Whether the step's polynomials have the rates and surfaces at s that the fields give there; W.step.power is of s.
+def misfit(P, C, S, rows, surface_rows, mult_row, t, s, W):
+    """How far rates and surfaces at s are from the step's polynomials there, in units of what is allowed.
 
     exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there, and the last
     ones of a series in t^4 or t^12 may all vanish: only a look at the end of the step tells. 100: K terms of the
-    tolerance's size in a derivative, and what a stiff field makes of it.
+    tolerance's size in a derivative, and what a stiff field makes of it. W.step.power is of s.
     """
     n, m, K, x, mult, power = P.n, P.m, C.order, W.step.x, W.step.mult, W.step.power
     for i in range(n):
@@ -167,21 +167,20 @@ def fits(P, C, S, rows, surface_rows, mult_row, t, s, W):
     for j in range(m):
         if S.status[j] == SOLVED and P.surface_state[j] >= 0:
             W.dx[P.surface_state[j]] = 0.0  # exactly, by construction
+    worst = 0.0
     for i in range(n):
         rise = load8(rows[i], 0) * load8(power, 0) * load8(W.roots.counting, 0)
         for k in range(8, K + 1, 8):
             rise = rise + load8(rows[i], k) * load8(power, k) * load8(W.roots.counting, k)
         size = max(max(abs(at(rows[i], 0)), abs(x[i])), s * abs(at(rows[i], 1)))
-        if abs(s * W.dx[i] - sum8(rise)) > 100.0 * (C.atol[i] + C.rtol * size):
-            return False
+        worst = max(worst, abs(s * W.dx[i] - sum8(rise)) / (C.atol[i] + C.rtol * size))
     for i in range(m + P.ne):
         if surface_rows[i] >= n and (i >= m or abs(S.status[i]) == 1):
             row = rows[surface_rows[i]]
             size = max(abs(at(row, 0)), max(s * abs(at(row, 1)), s * s * abs(at(row, 2))))
             tolerance = C.rtol * (size + 1e-3 * W.meeting.widest[i]) + SURFACE_ROUNDING
-            if abs(W.h[i] - dot(row, power, K + 1)) > 100.0 * tolerance:
-                return False
-    return True
+            worst = max(worst, abs(W.h[i] - dot(row, power, K + 1)) / tolerance)
+    return 0.01 * worst
 
 
 @inlined_kernel
