@@ -55,7 +55,16 @@ from .step.recording import keep_dense, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT, first_root
 from .step.singular import ROWS_ARC, ROWS_GENERAL, ROWS_PAIR, ROWS_SLIP
-from .step.steps import dot, fold_step_size, keep_in_sight, misfit, near_fold, powers, take_jet, taylor_step_size
+from .step.steps import (
+    dot,
+    fold_step_size,
+    keep_in_sight,
+    misfit,
+    near_fold,
+    powers,
+    take_jet,
+    taylor_step_size,
+)
 from .surface.sliding import follow, mask_solved
 from .work import Work
 
