@@ -77,14 +77,25 @@ def test_at_gives_its_instants_once_each_in_any_order():
     assert solution.event_times().tolist() == [1.0, 3.0]
 
 
-def test_clocks_that_agree_up_to_rounding_strike_together():
+@PATHS
+def test_clocks_that_agree_up_to_rounding_strike_together(method):
     # 3*0.1 is one rounding above 0.3; both read the values before
     a, b = Memory("a", 0), Memory("b", -1)
     events = [Event(every=0.1, update={a: a + 1}, name="a"), Event(every=0.3, update={b: a + 0}, name="b")]
-    solution = solve(System({x: 1}, events=events), (0, 1), {x: 0})
+    solution = solve(System({x: 1}, events=events), (0, 1), {x: 0}, method=method)
     assert solution.success
     assert names(solution) == ["a", "a", "a", "b", "a", "a", "a", "b", "a", "a", "a", "b", "a"]
     assert solution["b"][-1] == 8
+
+
+@PATHS
+def test_an_instant_of_its_own_may_be_one_of_a_period(method):
+    a, b = Memory("a", 0), Memory("b", 0)
+    events = [Event(every=0.1, update={a: a + 1}, name="a"), Event(at=0.3, update={b: a + 0}, name="b")]
+    solution = solve(System({x: 1}, events=events), (0, 0.45), {x: 0}, method=method)
+    assert names(solution) == ["a", "a", "a", "b", "a"]
+    assert solution.event_times(switch="a")[2] == solution.event_times(switch="b")[0]
+    assert solution["b"][-1] == 2
 
 
 def test_a_parameter_may_set_the_clock():
@@ -313,6 +324,27 @@ def test_an_event_that_a_kick_carries_the_state_through_fires_once(kick, reset, 
     assert solution["n"][-1] == 1
     rest = (0.95 + kick) * (0 if reset == 0 else -0.9) + 0.55
     assert solution["x"][-1] == pytest.approx(rest, abs=1e-9)
+
+
+def bouncing_at_its_switch(x, v, w):
+    surface = sp.sin(x) - sp.Rational(1, 3)
+    bounce = Event(sp.expand(7 * w * surface), update={v: -9 * v / 10}, name="bounce")
+    return System({x: v, v: -w * x - sp.sign(surface) / 3}, events=[bounce], parameters={w: 1})
+
+
+def test_an_event_on_a_switchs_own_surface_keeps_the_motion_on_its_side_in_a_family_too():
+    family, count = Family(60), 60
+    (w_,), (x_, v_) = family.symbols("w", positive=True), family.symbols("x v")
+    w, random = sp.Symbol("w", positive=True), np.random.default_rng(1)
+    values = random.uniform(0.5, 2, count), random.uniform(-1, 1, count), random.uniform(-2, 2, count)
+    together = solve(
+        bouncing_at_its_switch(x_, v_, w_), (0, 7), {x_: values[1], v_: values[2]}, parameters={w_: values[0]}
+    )
+    for k, (w_k, x_k, v_k) in enumerate(zip(*values)):
+        alone = solve(bouncing_at_its_switch(x, v, w), (0, 7), {x: x_k, v: v_k}, parameters={w: w_k})
+        mine = [e for e in together.events if e.switch in (f"bounce {k + 1}", f"sgn(sin(x_{k + 1}) - 1/3)")]
+        assert [e.kind for e in mine] == [e.kind for e in alone.events]
+        assert {e.kind for e in mine} == {"reset"}
 
 
 @METHODS

@@ -18,7 +18,8 @@ from ..kernels import state as names
 from ..results.records import Dense, EventLog, Outcome, course
 from ..results.solution import Solution
 from . import memory
-from .budget import MOST_STEPS, SLICE, Budget
+from .budget import SLICE, Budget
+from .clock import instants_of_time
 from .problem import compiled_problem
 from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words, singular_cause
 
@@ -174,7 +175,7 @@ class EventDriven:
     def timed(self, t0: float, t1: float, values: Mapping[sp.Symbol, float]) -> Any:
         """The kernel's Control for a span."""
         if self.clocked:
-            clock, which = _clock(self.model, values, t0, t1, self.max_steps)
+            clock, which = instants_of_time(self.model, values, t0, t1, self.max_steps)
             return names.Control(**self.limits | {"t_end": t1}, clock=clock, clock_event=which)
         self.t_end[0] = t1
         return self.control
@@ -418,35 +419,3 @@ def _order_for(rtol: float, by_responses: bool) -> int:
     if by_responses and rtol >= 1e-10:
         return 31
     return 16 if rtol > 1e-8 else 22 if rtol >= 1e-10 else 20
-
-
-def _clock(
-    model: Model, values: Mapping[sp.Symbol, float], t0: float, t1: float, most: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Sorted instants of the time events in (t0, t1], and the event of each; of each event the first `most`."""
-    instants, owners = [np.empty(0)], [np.empty(0, np.int64)]
-    if all(event.every is None and not event.at for event in model.events):
-        return instants[0], owners[0]
-    for i, event in enumerate(model.events):
-        when = np.array([float(at.subs(values)) for at in event.at])
-        if event.every is not None:
-            every = float(event.every.subs(values))
-            if not every > 0:
-                raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")
-            # Every instant costs a step: beyond the bound on steps none is reached.
-            first = np.floor(t0 / every)
-            when = every * np.arange(
-                first, min(np.floor(t1 / every) + 1, first + min(most, MOST_STEPS) + 2) + 1
-            )
-        when = np.unique(when[(when > t0) & (when <= t1)])
-        instants.append(when)
-        owners.append(np.full(len(when), i))
-    when, which = np.concatenate(instants), np.concatenate(owners)
-    order = np.argsort(when, kind="stable")
-    when, which = when[order], which[order]
-    if when.size:
-        # 3*0.1 and 0.3 are one instant; several roundings apart they are two.
-        near = np.diff(when) <= 4 * np.spacing(np.abs(when[1:]))
-        merged = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
-        when = when[merged]
-    return when, which

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import threading
+from collections.abc import Set
 
 import numpy as np
 import sympy as sp
@@ -63,6 +64,11 @@ class CompiledProblem:
         if loops:
             watch_state = loops.numbered("events", "states", watch_state)
             surface_state = loops.numbered("multipliers", "states", surface_state)
+        twins = [_twin(text, e, fixed) for e in text.events]
+        twin = numbers("events", [j for j, _ in twins])
+        twin_sign = numbers("events", [sign for _, sign in twins])
+        if loops:
+            twin = loops.numbered("events", "multipliers", twin)
         holders = (("multipliers", text.multipliers), ("events", text.events))
         has_surface = [numbers(kind, [part.surface is not None for part in parts]) for kind, parts in holders]
         has_surface = np.concatenate(has_surface) != 0
@@ -124,9 +130,7 @@ class CompiledProblem:
             watches=int(any(e.singular for e in text.events)),
             watch=numbers("events", [KINDS.index(e.singular) for e in text.events]),
             watch_state=watch_state,
-            twin=numbers(
-                "events", [_twin(text, e) for e in text.events] if not loops else [0] * len(text.events)
-            ),
+            twin=twin_sign * (twin + 1),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
             flat_slip=flat_rows[0],
@@ -269,19 +273,18 @@ def _kind(mu: Multiplier) -> int:
     return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
 
 
-def _twin(model: Model, event: EventSpec) -> int:
-    """j + 1 with the factor's sign where the event's surface is that of switch j up to a factor; else 0."""
+def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, int]:
+    """The switch whose surface, up to a factor, is that of the event, and the factor's sign; -1 and 0 without one."""
     if event.surface is None or event.singular:
-        return 0
-    fixed = frozenset(model.parameters)
-    key, _ = fingerprint(event.surface, fixed)
+        return -1, 0
+    key, _ = fingerprint(event.surface, frozenset(fixed))
     for j, mu in enumerate(model.multipliers):
-        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, fixed)[0] == key:
+        if key is not None and mu.kind == "switch" and fingerprint(mu.surface, frozenset(fixed))[0] == key:
             factor = sp.cancel(event.surface / mu.surface)
             # One whose sign depends on the parameters' values tells no side.
             if factor.free_symbols <= fixed and (factor.is_positive or factor.is_negative):
-                return j + 1 if factor.is_positive else -j - 1
-    return 0
+                return j, 1 if factor.is_positive else -1
+    return -1, 0
 
 
 def _nested(mu: Multiplier, lams: set[sp.Symbol]) -> int:

@@ -18,6 +18,7 @@ from pwsmooth.kernels.state import MAX_STEPS
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.paths import memory
 from pwsmooth.paths.budget import MOST_STEPS, opened
+from pwsmooth.paths.clock import instants_of_time
 from pwsmooth.paths.stiff_arrays import core
 from pwsmooth.paths.words import OUT_OF_TIME
 
@@ -151,7 +152,8 @@ def integrate(
     addresses = np.array([*address, *units], dtype=np.int64)
     if method != "taylor":
         addresses[codegen.NAMES.index("radau")] = compiled.radau(order)
-    instants = _instants(model, p, t0, t1, int(min(spending.left, MOST_STEPS)))
+    values = dict(zip(model.parameters, p.tolist())) if model.events else {}
+    instants = instants_of_time(model, values, t0, t1, int(min(spending.left, MOST_STEPS)))
     wanted = np.zeros(0) if t_eval is None else np.array(t_eval, float)
     taylor = has_taylor and method in ("auto", "taylor")
     run = core(
@@ -212,20 +214,6 @@ def integrate(
     times, states = (np.concatenate(part) for part in zip(*pieces, strict=True))
     wanted = (run.t_eval, run.x_eval.T) if t_eval is not None else (None, None)
     return StiffResult(times, states.T, int(status), counters, polynomials, *wanted, events)
-
-
-def _instants(model, p, t0, t1, most):
-    """Times and indices of the events of time in (t0, t1], ascending; of each the first `most`, which cost a step."""
-    found = []
-    values = dict(zip(model.parameters, p, strict=True)) if model.events else {}
-    for j, event in enumerate(model.events):
-        found += [(float(a.subs(values)), j) for a in event.at]
-        if event.every is not None:
-            period = float(event.every.subs(values))
-            first = math.floor(t0 / period)
-            found += [(k * period, j) for k in range(first, math.floor(min(t1 / period, first + most + 2)) + 1)]
-    found = sorted(pair for pair in found if t0 < pair[0] <= t1)
-    return np.array([t for t, _ in found]), np.array([j for _, j in found], dtype=np.int64)
 
 
 def integrate_scipy(

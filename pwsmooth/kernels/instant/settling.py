@@ -162,10 +162,10 @@ def release_held(P, C, S, R, W):
             continue
         order = leading_order(P, C, S, W, j)
         # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
-        if abs(order) <= (3 if solved else 4):
+        if abs(order) <= (2 if solved else 3):
             S.status[j] = 1 if order > 0 else -1
             S.mult[j] = float(S.status[j])
-            S.deflate[j] = abs(order) - 1
+            S.deflate[j] = abs(order)
             if leading_order(P, C, S, W, j) * order < 0:
                 return CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])

@@ -73,7 +73,7 @@ def start(P, C, S, R, W):
             order = leading_order(P, C, S, W, j)
             status[j] = 1 if order > 0 else -1
             mult[j] = float(status[j])
-            S.deflate[j] = abs(order) - 1
+            S.deflate[j] = abs(order)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
@@ -84,7 +84,7 @@ def start(P, C, S, R, W):
         S.deflate[i] = 1
         if slipping:
             order = leading_order(P, C, S, W, i)
-            S.deflate[i] = abs(order) - 1
+            S.deflate[i] = abs(order)
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1
     record_point(P, S, R)

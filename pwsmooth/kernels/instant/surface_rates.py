@@ -7,7 +7,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..state import SECOND_ORDER
 from ..step.steps import take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant, surface_rounding
+from ..surface.sliding import follow, keep_on_surface, mask_instant
 
 
 @kernel
@@ -54,25 +54,23 @@ def approach_speed(P, S, j, W):
 
 @kernel
 def leading_order(P, C, S, W, i):
-    """Number of leading zero orders of surface i on the slip trajectory from here, negative if it goes negative.
+    """Number of leading zero orders of surface i, on which S stands, on the slip trajectory; negative if it goes there.
 
-    Counted from 1: +1 means a nonzero value, +2 a nonzero first derivative, ..., +5 zero as far as it looks (without
-    jets: the first derivative).
+    +1 means a nonzero first derivative, +2 a nonzero second one, ..., +4 zero as far as it looks (without jets: the
+    first derivative). The value itself is 0 by definition, within what the series say that met it.
     """
     if P.jet_slip == 0:
         speed = approach_speed(P, S, i, W)
-        if abs(W.h[i]) > surface_rounding(P, S, i, W):
-            return 1 if W.h[i] > 0.0 else -1
-        return 5 if abs(speed) <= W.instant.rest_speed else (2 if speed > 0.0 else -2)
+        return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
     take_slip_jet(P, C, S, W)
     row = W.step.rows[P.rows_slip[i]]
     size = 1e-3
     for k in range(P.n):
         size += abs(S.x[k]) + abs(W.step.rows[k, 1])
-    for k in range(4):
+    for k in range(1, 4):
         if abs(row[k]) > 1e-12 * size:
-            return k + 1 if row[k] > 0.0 else -(k + 1)
-    return 5
+            return k if row[k] > 0.0 else -k
+    return 4
 
 
 @kernel
