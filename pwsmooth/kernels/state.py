@@ -41,24 +41,10 @@ SOLVED, HELD = 0, 2
     AMB_CHATTERING,
 ) = range(11)
 
-# Why the loop returned.
-(
-    DONE,
-    TERMINAL,
-    FULL,
-    NOT_FINITE,
-    UNDERFLOW,
-    CHATTERING,
-    NO_ROOT_FOUND,
-    HIDDEN_OSCILLATION,
-    MAX_STEPS,
-    STRICT,
-    NEWTON_FAILED,
-    DETERMINACY_LOST,
-    ACCUMULATED,
-    BROKEN,  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
-    SINGULAR_POINT,
-) = range(15)
+# What a part of the loop returns that ends no run: this is done, go on; or nothing was to be done here. All else is the
+# Outcome of the run. OUT_OF_MEMORY says that the buffers are full: the caller gives larger ones, or ends it there.
+GO_ON, NOTHING = 2, 3
+BROKEN = 4  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
 
 
 class Problem(Bundle):

@@ -15,12 +15,13 @@ from ..state import (
     AMB_ACCUMULATION,
     CONTACT,
     CROSSING,
-    DONE,
     EV_ACCUMULATION,
     EV_CLOSED,
     EV_OPENING,
+    GO_ON,
     HELD,
     KINK,
+    NOTHING,
     SECOND_ORDER,
     SOLVED,
 )
@@ -121,10 +122,10 @@ def pass_accumulation(P, C, S, R, W):
             if estimate < left:
                 leader, left = j, estimate
     if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
-        return -1
+        return NOTHING
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
     if not lost and not is_passed(S, leader):
-        return -1
+        return NOTHING
     S.t = t + left
     interval = S.last[leader, 1]
     size = 0
@@ -157,8 +158,8 @@ def pass_accumulation(P, C, S, R, W):
             and not _comes_to_rest(P, S, W, i)
         ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
-    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
-    if code == DONE:
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if code == GO_ON:
         # What is left of the way, with the field that the switchings come to on average.
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(P.n):

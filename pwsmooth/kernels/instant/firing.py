@@ -5,18 +5,16 @@ All events whose `when` holds fire from the values before, repeated until none n
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields
+from ..outcome import Outcome
 from ..state import (
-    ACCUMULATED,
     AMB_UPDATES,
-    CHATTERING,
     CONTACT,
-    DONE,
     EV_EVENT,
     EV_RESET,
+    GO_ON,
     HELD,
     MOST_AT_ONCE,
     SECOND_ORDER,
-    TERMINAL,
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import surface_rounding
@@ -74,14 +72,14 @@ def _note_conflicts(P, S, R, W, size):
 
 @kernel
 def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with W.instant.jumped set.
+    """Fires the pending events until none newly does; returns GO_ON, TERMINATED or CHATTERING; sets W.instant.jumped.
 
     Keeps in W.firing.level the event surfaces before each update, and the switches' before the first.
     """
     instant = W.instant
     firing = W.firing
     m, n, ne = P.m, P.n, P.ne
-    code = DONE
+    code = GO_ON
     fired = 0
     while fired <= ne + MOST_AT_ONCE - 1:
         newly, together = False, 0
@@ -103,7 +101,7 @@ def _fire_events(P, C, S, R, W):
                 firing.together[together - 1] = i
                 record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
                 if P.terminal[i]:
-                    code = TERMINAL
+                    code = Outcome.TERMINATED
         if not newly:
             return code
         if together > 1:
@@ -137,12 +135,12 @@ def _fire_events(P, C, S, R, W):
                 # An event surface that the update has jumped through is met as well.
                 instant.hit[m + i] = True
                 _meet_event(P, S, W, i)
-    return CHATTERING
+    return Outcome.CHATTERING
 
 
 @kernel
 def events(P, C, S, R, W):
-    """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
+    """The events of this instant, of surfaces and of the clock; returns as _fire_events, or EVENTS_ACCUMULATE."""
     firing = W.firing
     some = False
     for i in range(P.ne):
@@ -158,9 +156,9 @@ def events(P, C, S, R, W):
             some = True
     for k in range(P.n):
         firing.arrived[k] = S.x[k]
-    code = _fire_events(P, C, S, R, W) if some else DONE
-    if code == DONE and some and events_accumulate(P, S, R, W):
-        return ACCUMULATED
+    code = _fire_events(P, C, S, R, W) if some else GO_ON
+    if code == GO_ON and some and events_accumulate(P, S, R, W):
+        return Outcome.EVENTS_ACCUMULATE
     return code
 
 

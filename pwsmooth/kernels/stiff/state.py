@@ -5,9 +5,6 @@ No compiler is imported here: solve() fills a Core in processes that compile not
 
 from ..machine.block import Bundle
 
-# Why the loop returned.
-DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP, ACCUMULATED = range(8)
-
 # Which method takes the next step, and what the user allows.
 RADAU, TAYLOR = 0, 1
 
