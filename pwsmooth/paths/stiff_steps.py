@@ -15,6 +15,7 @@ import numpy as np
 
 from pwsmooth.definition.model import Model
 from pwsmooth.kernels.outcome import Outcome
+from pwsmooth.kernels.state import ALWAYS, PLAIN, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.paths import memory
 from pwsmooth.paths.budget import MOST_STEPS, opened
@@ -171,9 +172,13 @@ def integrate(
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     if model.events:
-        run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
-        run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
+        run.direction[:] = [event.direction for event in model.events]
+        run.stops[:] = [event.terminal or bool(event.singular) for event in model.events]
         run.remembers[:] = -1 if remembers is None else remembers
+        run.carried[:] = [
+            TIMED if event.surface is None else ALWAYS if own >= 0 else SILENT if event.singular else PLAIN
+            for event, own in zip(model.events, run.remembers)
+        ]
 
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:

@@ -11,6 +11,7 @@ from ..intervals import forget_intervals, note_interval, time_left, time_to_last
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields
 from ..state import (
+    ACTS,
     ALGEBRAIC,
     AMB_ACCUMULATION,
     CONTACT,
@@ -87,14 +88,14 @@ def _comes_to_rest(P, S, W, i):
 
 @kernel
 def events_accumulate(P, S, R, W):
-    """Whether the events that fired at this instant (W.firing.pending = 2) come in intervals that shrink to nothing.
+    """Whether the events that fired at this instant (W.firing.due >= ACTS) come in intervals that shrink to nothing.
 
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
     switch or a contact that accumulates with them is passed, and they with it.
     """
     t = S.t
     for i in range(P.ne):
-        if W.firing.pending[i] != 2 or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
+        if W.firing.due[i] < ACTS or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
             continue
         note_interval(W.firing.last[i], t)
         if time_to_last_event(W.firing.last[i], True) == math.inf:
@@ -113,7 +114,7 @@ def events_accumulate(P, S, R, W):
 
 @kernel
 def pass_accumulation(P, C, S, R, W):
-    """Passes an accumulation point that has come within rounding; -1 if there is none, else a code."""
+    """Passes an accumulation point that has come within rounding; NOTHING if there is none, else a code."""
     t = S.t
     leader, left = -1, math.inf
     for j in range(P.m):

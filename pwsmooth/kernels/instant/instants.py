@@ -262,7 +262,7 @@ def _forget_what_was_met(P, S, W):
     for j in range(P.m):
         instant.hit[j] = False
         instant.came[j] = S.status[j]
-        W.firing.level[j] = math.nan
+        W.firing.switch_level[j] = math.nan
 
 
 @kernel
@@ -320,7 +320,7 @@ def at_instant(P, C, S, R, W):
         instant.hit[fold] = False
     for j in range(m):
         instant.came[j] = status[j]
-        W.firing.level[j] = math.nan
+        W.firing.switch_level[j] = math.nan
         if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
         elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:

@@ -173,27 +173,27 @@ def _after_step(s, t, mode):
     dense = s.dense == 1
     wanted = s.samples < s.evals and s.t_eval[s.samples] <= s.t
     offset = 17 * n * s.points if dense else 0
-    degree, happened = -1, S.NOTHING
+    degree, code, jumped = -1, GO_ON, 0
     if dense or wanted or s.e > 0:
         degree = _polynomial(s, mode, at(s.coefficients, offset))
         if s.e > 0:
-            happened = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
-            if happened == S.NO_END:
-                return Outcome.EVENT_LOOP
+            s.jumped = 0
+            code = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
+            if code == Outcome.EVENT_LOOP:
+                return code
+            jumped = s.jumped
         if wanted:
             _write_eval(s, t, degree, at(s.coefficients, offset))
     length = s.taken
     _write_point(s, length, degree)
-    if happened != S.NOTHING:
+    if code != GO_ON or jumped:
         for i in range(n):
             s.x[i] = s.scratch2[i]
-        if happened == S.LIMIT:
+        if code == Outcome.EVENTS_ACCUMULATE:
             s.t = s.event_t[s.records - 1]
         _write_point(s, 0.0, -1)  # the jump
-        if happened == S.STOP:
-            return Outcome.TERMINATED
-        if happened == S.LIMIT:
-            return Outcome.EVENTS_ACCUMULATE
+        if code != GO_ON:
+            return code
         # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
         s.h = length if length > 64.0 * np.finfo(np.float64).eps * abs(s.t) else 0.0
         _begin(s)
