@@ -41,6 +41,9 @@ SOLVED, HELD = 0, 2
     AMB_CHATTERING,
 ) = range(11)
 
+# Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold.
+SLIP, GENERAL, PAIR, ARC = range(4)
+
 # Events of an instant (firing.py). In `due`:
 DUE, ACTS, ACTED = 1, 2, 3
 # In `carried`: no surface; a singular argument, which fires nothing; an event; a switch kept as a memory of its side.
@@ -49,10 +52,11 @@ TIMED, SILENT, PLAIN, ALWAYS = -1, 0, 1, 2
 OFF, THROUGH = 1, 2
 MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
-# What a part of the loop returns that ends no run: this is done, go on; or nothing was to be done here. All else is the
-# Outcome of the run. OUT_OF_MEMORY says that the buffers are full: the caller gives larger ones, or ends it there.
-GO_ON, NOTHING = 2, 3
-BROKEN = 4  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
+# What a part of the loop returns that ends no run: this is done, go on; an instant has been settled, begin the next
+# step; nothing was to be done here. What is less is the Outcome of the run. OUT_OF_MEMORY says that the buffers are
+# full: the caller gives larger ones, or ends it there.
+GO_ON, AGAIN, NOTHING = 2, 3, 4
+BROKEN = -99  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
 
 
 class Problem(Bundle):

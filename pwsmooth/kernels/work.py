@@ -25,8 +25,18 @@ class Linear(Bundle):
 class Step(Bundle):
     """The polynomials of a step, and how far they hold."""
 
-    kind: "int"  # see ROWS_* in singular.py
+    kind: "int"  # SLIP, GENERAL, PAIR or ARC of state.py
+    start: "float"  # time
     length: "float"
+    stop: "float"  # time beyond which no step goes: the end of the span, or the next instant of a time event
+    sliding: "int"  # whether some multiplier is solved for
+    mult_row: "int"  # rows of the first multiplier and, on an arc, of time; -1 for none
+    time_row: "int"
+    fold: "int"  # switch by whose fold an arc goes, or -1
+    toward: "int"  # and in which direction
+    singular: "int"  # whether there was no jet
+    unsure: "int"  # whether the series may not tell how far they hold
+    arcs: "int"  # whether the step could be an arc
     arrives: "int"  # singular argument whose zero the step ends at, or -1
     per_order: "float"  # 1/K and 1/(K - 1)
     per_order_before: "float"
@@ -35,6 +45,23 @@ class Step(Bundle):
     end_power: "f8[width]"  # powers of where the step ends
     x: "f8[n]"  # a look ahead
     mult: "f8[m]"
+
+
+class End(Bundle):
+    """Where a step ends, and why."""
+
+    length: "float"  # of what is taken of the step
+    whole: "int"  # whether that is all of it
+    met: "float"  # share of the step at which the first surface or bound is met
+    happened: "int"  # whether that ends the step
+    folded: "int"  # or the fold of an arc does
+    stopped: "int"  # or the stop
+    arrives: "int"  # or a singular argument
+    grazes: "int"  # whether surfaces are grazed before
+    last_graze: "float"  # share of the step up to which they are recorded
+    touched: "int"  # HOPPED, PASSED or LEFT of folds.py, or 0
+    touched_at: "float"  # time
+    at_clock: "int"  # whether a time event is due
 
 
 class Roots(Bundle):
@@ -193,6 +220,7 @@ class Work(Bundle):
     broken: "int"  # multiplier whose invariant does not hold: invariants.py
     linear: Linear
     step: Step
+    end: End
     roots: Roots
     meeting: Meeting
     pair: Pair

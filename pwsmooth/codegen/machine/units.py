@@ -20,7 +20,7 @@ UNITS = {
     "root_unit": ("step.roots", "isolate"),
     "newton_unit": ("surface.sliding", "newton"),
     "layer_unit": ("surface.layer", "layer"),
-    "fold_unit": ("step.steps", "fold_jet"),
+    "fold_unit": ("step.arc", "fold_jet"),
     "start_unit": ("instant.starting", "start"),
     "instant_unit": ("instant.instants", "at_instant"),
     "rk_unit": ("step.rungekutta", "rk_step"),
@@ -102,7 +102,7 @@ def unit_address(name: str) -> int:
     file = f"{module}.{function}.{machine_mark()}.o"
     content = kernels().read(file)
     if content is None:
-        compiled = getattr(load_kernels(module), function)
+        compiled = getattr(load_kernels(module), function).compiled
         _kept.append(compiled)
         # numba has no public way to an object file; without this one every process would load numba.
         image = compiled._library._get_compiled_object()

@@ -10,7 +10,7 @@ hop is below rounding: then the attracting root beyond is looked for, and the fo
 import math
 
 from ..machine.compiling import kernel
-from ..machine.pointers import at, call_fields, call_fold, call_layer_unit, call_linear
+from ..machine.pointers import at, call_fields, call_layer_unit, call_linear
 from ..outcome import Outcome
 from ..state import AMB_FOLD, GO_ON, NOTHING, SLIDING, SOLVED
 from ..step.recording import record_ambiguity
@@ -25,7 +25,6 @@ SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
 SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
 # Of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root.
 HOP = 3e-7
-_TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less than it is known to
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
 
@@ -44,9 +43,9 @@ def _slope(P, S, W, t, x, mult, j):
 
 
 @kernel
-def _slope_at(P, C, S, rows, mult_row, t, s, j, W):
+def _slope_at(P, C, S, s, j, W):
     """The same where the step's polynomials stand at s; overwrites W.arc.there and W.arc.mult_there with them."""
-    arc = W.arc
+    arc, rows, mult_row = W.arc, W.step.rows, W.step.mult_row
     powers(W.step.end_power, s)
     for i in range(P.n):
         arc.there[i] = dot(rows[i], W.step.end_power, C.order + 1)
@@ -54,7 +53,7 @@ def _slope_at(P, C, S, rows, mult_row, t, s, j, W):
         arc.mult_there[i] = (
             dot(rows[mult_row + i], W.step.end_power, C.order + 1) if S.status[i] == SOLVED else S.mult[i]
         )
-    return _slope(P, S, W, t + s, arc.there, arc.mult_there, j)
+    return _slope(P, S, W, W.step.start + s, arc.there, arc.mult_there, j)
 
 
 @kernel
@@ -80,18 +79,18 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 
 
 @kernel
-def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
+def where_attraction_ends(P, C, S, s_end, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
     Leaves that switch in W.arc.touched and the length of a hop over the point in W.arc.hop; -1 where a root comes to
     stand within rounding of its fold.
     """
-    arc = W.arc
+    arc, rows, mult_row, t, h = W.arc, W.step.rows, W.step.mult_row, W.step.start, W.step.length
     found = math.inf
     for j in range(P.m):
         if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
             continue
-        last = _slope_at(P, C, S, rows, mult_row, t, s_end, j, W)
+        last = _slope_at(P, C, S, s_end, j, W)
         speed = abs(at(rows[mult_row + j], 1))
         # At a distance s two roots stand 2 lambda' s apart, and the way along the wrong one is lambda' s^2.
         arc.hop = HOP / (speed + 1e-300)
@@ -112,7 +111,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
                     found = -1.0
             continue
         bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j])))
-        first = _slope_at(P, C, S, rows, mult_row, t, 0.0, j, W)
+        first = _slope_at(P, C, S, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
             continue  # among several switches a joint root attracts with slopes of either sign
@@ -121,7 +120,7 @@ def where_attraction_ends(P, C, S, rows, mult_row, t, s_end, h, W):
             s = 0.5 * (lo + hi)
             if s == lo or s == hi:
                 break
-            middle = _slope_at(P, C, S, rows, mult_row, t, s, j, W)
+            middle = _slope_at(P, C, S, s, j, W)
             if middle < 0.0:
                 lo = s
             else:
@@ -227,54 +226,3 @@ def lost_at_a_fold(P, C, S, R, W):
             _leave(W, 1 if slope * bend < 0.0 else -1)
             return Outcome.AMBIGUITY if C.strict else NOTHING
     return Outcome.SINGULAR
-
-
-# ---- inflections: lambda^3 = t has no Taylor series at 0, but t(lambda) has
-
-
-@kernel
-def flattest(P, S, W):
-    """The hidden switch whose residual depends least on its own multiplier, or -1."""
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    best, least = -1, math.inf
-    for j in range(P.m):
-        if S.status[j] == SOLVED and P.hidden[j] and P.kind[j] == SLIDING and abs(W.G[P.g_diagonal[j]]) < least:
-            best, least = j, abs(W.G[P.g_diagonal[j]])
-    return best
-
-
-@kernel
-def known_zeros(row):
-    """How many of the first terms of a series are nothing but rounding."""
-    for k in range(4):
-        if abs(row[k]) > 1e-12:
-            return k
-    return 0
-
-
-@kernel
-def way_of_time(P, C, S, W, j):
-    """The direction of lambda_j in which time goes on from a point where dt/dlambda_j = 0; 0 where none does."""
-    for toward in range(1, -2, -2):
-        if call_fold(P.fold_unit, P, C, S, W, j, toward):
-            row = W.step.rows[P.n]
-            for k in range(1, 5):
-                if abs(row[k]) > 1e-12:
-                    if row[k] > 0.0:
-                        return toward
-                    break
-    return 0
-
-
-@kernel
-def turns_back(slope, s, h, count):
-    """Whether dt/ds, zero at s on an arc of length h, becomes negative there by more than rounding: a fold."""
-    first, second, size, s_k, h_k = 0.0, 0.0, abs(slope[0]), 1.0, h
-    for k in range(1, count):
-        first += k * slope[k] * s_k
-        size += abs(slope[k]) * h_k
-        if k + 1 < count:
-            second += (k + 1.0) * k * slope[k + 1] * s_k
-        s_k *= s
-        h_k *= h
-    return not (second > 0.0 and 0.5 * first * first < _TURN * second * size)

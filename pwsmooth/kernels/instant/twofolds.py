@@ -9,9 +9,9 @@ from ..surface.sliding import keep_on_surface
 
 
 @kernel
-def _state_at(P, C, S, rows, mult_row, s, W):
+def _state_at(P, C, S, s, W):
     """Overwrites S.x and the solved multipliers with the step's polynomials at s."""
-    K = C.order
+    K, rows, mult_row = C.order, W.step.rows, W.step.mult_row
     for i in range(P.n):
         value = rows[i, K]
         for k in range(K - 1, -1, -1):
@@ -32,30 +32,30 @@ def _alone(P, j):
 
 
 @kernel
-def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
+def two_fold(P, C, S, R, W):
     """Looks whether attracting sliding has turned repelling inside the step without a fold (a two-fold point).
 
-    If so, S is put back to that point and the ambiguity recorded; returns why the loop returns, or -1.
+    If so, S is put back to that point and the ambiguity recorded; returns the Outcome, or NOTHING.
     """
-    m = P.m
-    if time_row >= 0:
+    m, t0 = P.m, W.step.start
+    if W.step.time_row >= 0:
         return NOTHING
     for j in range(m):
         if S.status[j] == SOLVED and P.slope_moves[j]:
             call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
             if W.G[P.g_diagonal[j]] >= 0.0 and _alone(P, j):
-                lo, hi = 0.0, s_end
+                lo, hi = 0.0, W.end.length
                 for _ in range(200):
                     mid = 0.5 * (lo + hi)
                     if mid == lo or mid == hi:
                         break
-                    _state_at(P, C, S, rows, mult_row, mid, W)
+                    _state_at(P, C, S, mid, W)
                     call_linear(P.linear, t0 + mid, S.x, S.mult, P.p, W.G, W.dh)
                     if W.G[P.g_diagonal[j]] < 0.0:
                         lo = mid
                     else:
                         hi = mid
-                _state_at(P, C, S, rows, mult_row, hi, W)
+                _state_at(P, C, S, hi, W)
                 S.t = t0 + hi
                 keep_on_surface(P, S, j, W)
                 record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)

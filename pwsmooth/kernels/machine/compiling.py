@@ -6,6 +6,8 @@ inside a unit, `kernel` functions are linked as usual. They are registered, not 
 compiled anew for every literal argument.
 """
 
+from functools import cached_property
+
 from numba import cfunc
 from numba.extending import register_jitable
 
@@ -16,7 +18,19 @@ kernel = register_jitable(error_model="numpy")
 inlined_kernel = register_jitable(error_model="numpy", forceinline=True, fastmath={"reassoc", "contract"})
 
 
+class Unit:
+    """A function reached by its address, compiled when that is asked for: its module may serve other units too."""
+
+    def __init__(self, function, signature):
+        self.function, self.signature = function, signature
+
+    @cached_property
+    def compiled(self):
+        """numba's C function."""
+        return cfunc(self.signature, error_model="numpy")(self.function)
+
+
 def unit(restype, *arguments):
-    """Decorator: a function of these numba types and Bundles, reached by its `.address`."""
+    """Decorator: a function of these numba types and Bundles, as a Unit."""
     kinds = [bundle_type(kind) if isinstance(kind, type) else kind for kind in arguments]
-    return cfunc(restype(*kinds), error_model="numpy")
+    return lambda function: Unit(function, restype(*kinds))

@@ -10,7 +10,7 @@ from ..state import ALGEBRAIC, CONTACT, HELD, KINK, SOLVED
 from ..surface.sliding import surface_size
 from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
-from .steps import SURFACE_ROUNDING, powers, scaled
+from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
 
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
@@ -118,9 +118,16 @@ def _kink_met(P, C, S, row, power, j, met, W):
 
 
 @inlined_kernel
-def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
+def find_first(P, C, S, W):
     """Overwrites tau and grazed: where in the step each surface or bound is met, grazed; returns the earliest met."""
-    meeting = W.meeting
+    step, meeting = W.step, W.meeting
+    rows, power, all_rows, mult_row, h = (
+        step.rows,
+        step.power,
+        surface_rows(P, step.kind),
+        step.mult_row,
+        step.length,
+    )
     roots = W.roots
     m, K, tau, status, kind, deflate = P.m, C.order, meeting.tau, S.status, P.kind, S.deflate
     best = NO_ROOT
@@ -134,14 +141,14 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
                 meeting.exit_side[j] = 1
             elif kind[j] != ALGEBRAIC:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
-        elif surface_rows[j] >= 0 and status[j] != HELD:
-            _note_size(P, C, W, j, rows[surface_rows[j]], deflate[j])
-            met = meet(P, rows[surface_rows[j]], power, K, deflate[j], float(status[j]), W)
+        elif all_rows[j] >= 0 and status[j] != HELD:
+            _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
+            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W)
             if kind[j] == KINK and met <= 1.0:
-                away = abs(at(rows[surface_rows[j]], 0))
+                away = abs(at(rows[all_rows[j]], 0))
                 meeting.widest[j] = max(meeting.widest[j], away)
                 if away <= 1e-6 * meeting.widest[j]:
-                    met = _kink_met(P, C, S, rows[surface_rows[j]], power, j, met, W)
+                    met = _kink_met(P, C, S, rows[all_rows[j]], power, j, met, W)
         roots.shallow = 0.0
         tau[j] = met
         best = min(best, met)
@@ -149,10 +156,10 @@ def find_first(P, C, S, rows, power, surface_rows, mult_row, h, W):
         meeting.graze_crosses[j] = roots.dip_crosses
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
-        if surface_rows[i] >= 0 and P.watch[i - m] == 0:
+        if all_rows[i] >= 0 and P.watch[i - m] == 0:
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
-            _note_size(P, C, W, i, rows[surface_rows[i]], deflate[i])
-            tau[i] = meet(P, rows[surface_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
+            _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
+            tau[i] = meet(P, rows[all_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
             best = min(best, tau[i])
         roots.shallow = 0.0
     return best

@@ -39,9 +39,10 @@ def record_ambiguity(S, R, index, kind, taken):
 
 
 @kernel
-def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
-    """Fills the asked-for instants inside the step just made."""
-    m, K = P.m, C.order
+def sample(P, C, S, R, t_new, W):
+    """Fills the asked-for instants inside the step just made, which ends at t_new."""
+    m, K, rows, h, power = P.m, C.order, W.step.rows, W.end.length, W.step.end_power
+    mult_row, time_row = W.step.mult_row, W.step.time_row
     while S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
         i = S.samples
         s = R.t_eval[i] - S.t
@@ -51,8 +52,8 @@ def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
             lo, hi = 0.0, h
             s = 0.5 * h
             for _ in range(100):
-                powers(work.step.end_power, s)
-                value = dot(rows[time_row], work.step.end_power, K + 1) - want
+                powers(power, s)
+                value = dot(rows[time_row], power, K + 1) - want
                 if value > 0.0:
                     hi = s
                 else:
@@ -66,20 +67,20 @@ def sample(P, C, S, R, rows, mult_row, time_row, h, t_new, work):
                 if abs(new - s) <= 1e-16:
                     break
                 s = new
-        powers(work.step.end_power, s)
+        powers(power, s)
         for k in range(P.n):
-            R.x_eval[i, k] = dot(rows[k], work.step.end_power, K + 1)
+            R.x_eval[i, k] = dot(rows[k], power, K + 1)
         for j in range(m):
             solved = S.status[j] == SOLVED
-            R.mult_eval[i, j] = dot(rows[mult_row + j], work.step.end_power, K + 1) if solved else S.mult[j]
+            R.mult_eval[i, j] = dot(rows[mult_row + j], power, K + 1) if solved else S.mult[j]
         S.samples += 1
 
 
 @kernel
-def keep_dense(P, C, S, R, rows, mult_row, time_row, h):
+def keep_dense(P, C, S, R, W):
     """Stores the step's polynomials: states, multipliers, time."""
-    i = S.pieces
-    K = C.order
+    i, K, rows = S.pieces, C.order, W.step.rows
+    mult_row, time_row = W.step.mult_row, W.step.time_row
     block = R.dense[i]
     for k in range(P.n):
         for r in range(K + 1):
@@ -94,17 +95,17 @@ def keep_dense(P, C, S, R, rows, mult_row, time_row, h):
     if time_row < 0:
         block[P.n + P.m, 0] = S.t
         block[P.n + P.m, 1] = 1.0
-    R.dense_s[i] = h
+    R.dense_s[i] = W.end.length
     S.pieces += 1
 
 
 @kernel
-def record_grazes(P, C, S, R, rows, time_row, h, last, W):
-    """Records every surface grazed in the step up to `last`; leaves S.t at one of them."""
-    t0 = S.t
+def record_grazes(P, C, S, R, W):
+    """Records every surface grazed in the step up to its end; leaves S.t at one of them."""
+    t0, rows, time_row = S.t, W.step.rows, W.step.time_row
     for j in range(P.m):
-        if W.meeting.grazed[j] <= last:
-            s = W.meeting.grazed[j] * h
+        if W.meeting.grazed[j] <= W.end.last_graze:
+            s = W.meeting.grazed[j] * W.step.length
             S.t = t0 + s
             if time_row >= 0:
                 powers(W.step.end_power, s)

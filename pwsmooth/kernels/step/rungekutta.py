@@ -12,8 +12,8 @@ from numba import types
 from scipy.integrate._ivp import dop853_coefficients as dop
 
 from ..machine.compiling import inlined_kernel, kernel, unit
-from ..machine.pointers import call_fields, call_linear, call_newton
-from ..state import CONTACT, SOLVED, Control, Problem, State
+from ..machine.pointers import call_fields, call_linear, call_newton, call_rk
+from ..state import CONTACT, PAIR, SOLVED, Control, Problem, State
 from ..surface.sliding import mask_solved, surface_size
 from ..work import Work
 
@@ -352,3 +352,20 @@ def rk_step(P, C, S, W, h, refine):
     _try_step(P, C, S, W, h)
     _polynomials(P, S, W, h)
     return h
+
+
+@kernel
+def propose_pair(P, C, S, W):
+    """Overwrites the step by one of the pair; returns its length, 0 where none can be made and nan where it failed."""
+    W.step.kind, W.step.mult_row = PAIR, P.n
+    return call_rk(P.rk_unit, P, C, S, W, min(S.step, min(C.max_step, W.step.stop - S.t)), -1)
+
+
+@kernel
+def refine_by_pair(P, C, S, W, h):
+    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
+    first = 0
+    for i in range(P.m + P.ne):
+        if W.meeting.tau[i] < W.meeting.tau[first]:
+            first = i
+    return call_rk(P.rk_unit, P, C, S, W, h, first)

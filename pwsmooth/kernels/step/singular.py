@@ -16,15 +16,14 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..outcome import Outcome
-from ..state import EV_REST, EV_SINGULAR, GO_ON, Control, Problem, Record, State
+from ..state import EV_REST, EV_SINGULAR, GO_ON, PAIR, Control, Problem, Record, State
 from ..work import Work
 from .recording import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
-from .steps import scaled, variation
+from .steps import scaled, surface_rows, variation
 
 # What there is at the zero of an argument (pwsmooth.definition.singular.KINDS).
 POLE, END, CONE, BRANCH = range(1, 5)
-ROWS_SLIP, ROWS_GENERAL, ROWS_PAIR, ROWS_ARC = range(4)
 _DIP = 1e3  # of the tolerance: a dip that deep, relative to the start of the step, is not told from a zero
 _SAME = 0.01  # relative distance at which two instants may be one: zeros of order three are told to 1e-5
 _SHARE = 0.9  # of the way to what may be a zero
@@ -93,16 +92,6 @@ def _tolerance(P, C, S, W, i):
 
 
 @kernel
-def _row(P, kind, i):
-    """Where surface i stands among the polynomials of this kind of step."""
-    if kind == ROWS_GENERAL:
-        return P.rows_general[i]
-    if kind == ROWS_PAIR:
-        return P.rows_pair[i]
-    return P.rows_fold[i] if kind == ROWS_ARC else P.rows_slip[i]
-
-
-@kernel
 def _is_active(P, S, W, i):
     """Whether the branch in which argument i stands is evaluated."""
     return call_act(P.act, i, S.t, S.x, S.mult, P.p, W.firing.trial) != 0
@@ -111,7 +100,7 @@ def _is_active(P, S, W, i):
 @kernel
 def _arrived(P, S, R, W, i):
     """What is made of the zero of argument i, at which S has arrived: rest there or the end of the run."""
-    row = W.step.rows[_row(P, W.step.kind, P.m + i)]
+    row = W.step.rows[surface_rows(P, W.step.kind)[P.m + i]]
     stands = 0
     if P.watch[i] != POLE and P.watch[i] != CONE and _speed_at(P, S, W, i, 0.0) <= _STANDS * abs(row[1]):
         stands = 1
@@ -139,7 +128,7 @@ def approach(P, C, S, R, W):
     for j in range(m + P.ne):
         first = min(first, W.meeting.tau[j] * (1.0 + _SAME if j < m else 1.0 - _SAME))
     for i in range(P.ne):
-        r = _row(P, kind, m + i)
+        r = surface_rows(P, kind)[m + i]
         if P.watch[i] == 0 or r < 0:
             continue
         row = W.step.rows[r]
@@ -148,7 +137,7 @@ def approach(P, C, S, R, W):
         if not a > 0.0 or (side < 0.0 and P.watch[i] != POLE and P.watch[i] != BRANCH):
             continue
         left = math.inf
-        if kind == ROWS_PAIR and a <= _IN_SIGHT * speed * h and not a * bend < _DECAY * speed * speed:
+        if kind == PAIR and a <= _IN_SIGHT * speed * h and not a * bend < _DECAY * speed * speed:
             bend = _power(P, S, W, i, a, speed) * speed * speed / a
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
@@ -167,7 +156,7 @@ def approach(P, C, S, R, W):
             continue
         if in_sight:
             near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
-            if near and (kind != ROWS_PAIR or left <= max(1.2 * h, 1e-9)):
+            if near and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left

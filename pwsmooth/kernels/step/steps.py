@@ -1,31 +1,25 @@
 """One step's polynomial: Taylor jets of the states, the solved multipliers and the surfaces.
 
-Three programs give one: all multipliers fixed (slip), some solved (general), and the same along the arc of a
-multiplier (fold): near a fold lambda ~ sqrt(t* - t) has no Taylor series in t, but t(lambda) and x(lambda) have.
+Two programs give one: all multipliers fixed (slip), or some solved (general). Beside them stand the arc (arc.py) and
+the Runge-Kutta pair (rungekutta.py).
 """
 
 import math
 
-from numba import types
-
-from ..machine.compiling import inlined_kernel, kernel, unit
+from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import (
     abs8,
     at,
     bits_float,
-    call_fields,
     call_jet_general,
     call_jet_slip,
-    call_linear,
     float_bits,
     powers8,
     sum8,
 )
-from ..state import SOLVED, Control, Problem, State
+from ..state import GENERAL, PAIR, SLIP, SOLVED
 from ..surface.sliding import mask_solved
-from ..surface.sparse import entry, solve_dense
-from ..work import Work
 
 
 @inlined_kernel
@@ -150,37 +144,14 @@ def keep_in_sight(C, rows, flat_rows, h, W):
     return h
 
 
-@kernel
-def misfit(P, C, S, rows, surface_rows, mult_row, t, s, W):
-    """How far rates and surfaces at s are from the step's polynomials there, in units of what is allowed.
-
-    exp(-(v/v_s)^2) and erf are so flat far from v = 0 that no 20 coefficients tell what they do there, and the last
-    ones of a series in t^4 or t^12 may all vanish: only a look at the end of the step tells. 100: K terms of the
-    tolerance's size in a derivative, and what a stiff field makes of it. W.step.power is of s.
-    """
-    n, m, K, x, mult, power = P.n, P.m, C.order, W.step.x, W.step.mult, W.step.power
-    for i in range(n):
-        x[i] = dot(rows[i], power, K + 1)
-    for j in range(m):
-        mult[j] = dot(rows[mult_row + j], power, K + 1) if S.status[j] == SOLVED else S.mult[j]
-    call_fields(P.fields, t + s, x, mult, P.p, W.dx, W.h, W.g)
-    for j in range(m):
-        if S.status[j] == SOLVED and P.surface_state[j] >= 0:
-            W.dx[P.surface_state[j]] = 0.0  # exactly, by construction
-    worst = 0.0
-    for i in range(n):
-        rise = load8(rows[i], 0) * load8(power, 0) * load8(W.roots.counting, 0)
-        for k in range(8, K + 1, 8):
-            rise = rise + load8(rows[i], k) * load8(power, k) * load8(W.roots.counting, k)
-        size = max(max(abs(at(rows[i], 0)), abs(x[i])), s * abs(at(rows[i], 1)))
-        worst = max(worst, abs(s * W.dx[i] - sum8(rise)) / (C.atol[i] + C.rtol * size))
-    for i in range(m + P.ne):
-        if surface_rows[i] >= n and (i >= m or abs(S.status[i]) == 1):
-            row = rows[surface_rows[i]]
-            size = max(abs(at(row, 0)), max(s * abs(at(row, 1)), s * s * abs(at(row, 2))))
-            tolerance = C.rtol * (size + 1e-3 * W.meeting.widest[i]) + SURFACE_ROUNDING
-            worst = max(worst, abs(W.h[i] - dot(row, power, K + 1)) / tolerance)
-    return 0.01 * worst
+@inlined_kernel
+def surface_rows(P, kind):
+    """Where among the polynomials of this kind of step the surfaces stand, -1 for none."""
+    if kind == SLIP:
+        return P.rows_slip
+    if kind == GENERAL:
+        return P.rows_general
+    return P.rows_pair if kind == PAIR else P.rows_fold
 
 
 @inlined_kernel
@@ -204,87 +175,39 @@ def take_jet(P, C, S, any_solved, work):
     return 0
 
 
-@kernel
-def near_fold(P, S, rows, mult_row, h):
-    """The multiplier whose square-root singularity lies within three steps, or -1.
+@inlined_kernel
+def propose_jet(P, C, S, W):
+    """Overwrites the step by Taylor series; returns how far they hold, nan if they are not finite.
 
-    For lambda ~ a - b sqrt(t* - t) the first two derivatives give t* - t = lambda'/(2 lambda'').
+    step.mult_row is -1 where the equations of the solved multipliers are singular: there is no series.
     """
-    found, shortest = -1, 3.0 * h
-    for j in range(P.m):
-        if S.status[j] == SOLVED and P.hidden[j]:
-            first, second = rows[mult_row + j, 1], 2.0 * rows[mult_row + j, 2]
-            if first * second > 0.0 and first / second < 2.0 * shortest:
-                found, shortest = j, first / (2.0 * second)
-    return found
-
-
-@unit(types.int64, Problem, Control, State, Work, types.int64, types.int64)
-def fold_jet(P, C, S, W, j, toward):
-    """Overwrites W.step.rows with the jet along lambda_j (direction `toward`); 0 where even that is singular.
-
-    Rows: x, t, lambda_1..m. The multipliers of this program are dt/ds and dlambda_i/ds; they solve the bordered
-    linear system  g_t dt/ds + G dlambda/ds = 0,  c . dlambda/ds = 1,  with c = toward e_j.
-    """
-    arc = W.arc
-    n, m, count = P.n, P.m, len(P.p)
-    bias, mult, mask, index = P.fold_bias, arc.mult, arc.mask, arc.index
-    for i in range(n):
-        arc.x[i] = S.x[i]
-    arc.x[n] = S.t
-    for i in range(count):
-        bias[i] = P.p[i]
-    mask[0] = 1
-    mult[0] = 0.0
-    index[0] = 0
-    size = 1
-    for i in range(m):
-        bias[count + i] = float(toward) if i == j else 0.0
-        arc.x[n + 1 + i] = S.mult[i]
-        mult[1 + i] = 0.0
-        mask[1 + i] = 1 if S.status[i] == SOLVED else 0
-        if S.status[i] == SOLVED:
-            index[size] = 1 + i
-            size += 1
-    call_fields(P.fields_fold, 0.0, arc.x, mult, bias, arc.dx, arc.h, arc.g)
-    call_linear(P.linear_fold, 0.0, arc.x, mult, bias, arc.G, arc.dh)
-    for r in range(size):
-        for c in range(size):
-            arc.matrix[r, c] = entry(P.fold_row, P.fold_col, arc.G, index[r], index[c])
-        arc.matrix[r, size] = -arc.g[index[r]]
-    if not solve_dense(arc.matrix, size, 1):
-        return 0
-    for r in range(size):
-        mult[index[r]] = arc.matrix[r, size]
-    stride = W.step.rows.shape[1]
-    own = P.own_fold * stride
-    code = call_jet_general(P.jet_fold, 0.0, arc.x, mult, bias, mask, C.order, stride, W.step.rows, own)
-    return 1 if code == 0 else 0
+    step = W.step
+    step.kind = GENERAL if step.sliding else SLIP
+    step.mult_row = take_jet(P, C, S, step.sliding, W)
+    if step.mult_row < 0:
+        return S.step if P.jet_fold != 0 else math.nan
+    return taylor_step_size(P, C, S, step.rows, surface_rows(P, step.kind), step.mult_row, step.sliding, W)
 
 
 @kernel
-def fold_step_size(P, C, S, rows, W):
-    """Step along the arc, by the same rule; the multipliers are states of this program.
+def reach_singular_surface(P, S, W, h):
+    """A step of rounding size that ends on a surface where a power has its branch point: linear terms suffice.
 
-    Time is also to be told within the step, by a thousandth of the tolerance: a fold may be 1e-7 away, and what ends
-    the step there is the zero of dt/ds.
+    There the Taylor steps shrink with the distance left (delta^1.5 at release) and would never arrive.
     """
-    K, n, m = C.order, P.n, P.m
-    span = 1.0 + abs(S.t)
-    tolerance, h = 1e-3 * C.rtol * span, 0.0
-    for _ in range(2):
-        e0, e1, finite = 0.0, 0.0, 0.0
-        for i in range(n + 1 + m):
-            if i < n:
-                weight = 1.0 / (C.atol[i] + C.rtol * abs(S.x[i]))
-            elif i == n:
-                weight = 1.0 / tolerance
-            else:
-                weight = 100.0 / C.rtol
-            e0 = max(e0, abs(rows[i, K - 1]) * weight)
-            e1 = max(e1, abs(rows[i, K]) * weight)
-            finite += rows[i, K] * 0.0
-        h = step_within(e0 + finite, e1, C, W, 0.5)  # at most a quarter of the multiplier's whole range
-        passed = max(h * abs(rows[n, 1]), max(h * h * abs(rows[n, 2]), h * h * h * abs(rows[n, 3])))
-        tolerance = min(tolerance, max(1e-3 * C.rtol, 1e-12) * passed + 1e-300)
+    rows, mult_row, reach = W.step.rows, W.step.mult_row, 1e-11 * (1.0 + abs(S.t))
+    all_rows = surface_rows(P, W.step.kind)
+    for i in range(P.m + P.ne):
+        row = all_rows[i]
+        if row >= 0 and rows[row, 1] != 0.0:
+            left = -rows[row, 0] / rows[row, 1]
+            if 0.0 < left < reach:
+                # Rows further behind are what the programs keep from call to call.
+                top = max(P.n, mult_row + P.m)
+                for k in range(P.m + P.ne):
+                    top = max(top, all_rows[k] + 1)
+                for r in range(top):
+                    for k in range(2, rows.shape[1]):
+                        rows[r, k] = 0.0
+                return 2.0 * left
     return h
