@@ -47,7 +47,7 @@ from .state import (
 from .step.arc import end_of_arc, propose_arc
 from .step.looking import shorten_to_fit
 from .step.meeting import find_first, first_graze
-from .step.recording import keep_dense, record_grazes, record_point, sample
+from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
 from .step.rungekutta import propose_pair, refine_by_pair
@@ -74,7 +74,7 @@ def run(P, C, S, R, W):
     if S.started == 0:
         code = begin(P, C, S, R, W)
     while code >= GO_ON and S.t < C.t_end:
-        if not room(R, S):
+        if not has_room(R, S):
             return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
             return Outcome.TOO_MANY_STEPS
@@ -104,17 +104,6 @@ def begin(P, C, S, R, W):
         S.events, S.points = 0, 0  # what holds from the start is no event
         record_point(P, S, R)
     return code
-
-
-@inlined_kernel
-def room(R, S):
-    """Whether the buffers can take another step with all that may happen at its end."""
-    return (
-        S.points + 8 < R.t.shape[0]
-        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.ambiguities + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
-        and (R.dense.shape[0] == 0 or S.pieces + 1 < R.dense.shape[0])
-    )
 
 
 @kernel

@@ -45,6 +45,12 @@ def call_linear(typingctx, address, t, x, mult, p, G, dh):
 
 
 @intrinsic
+def call_outputs(typingctx, address, t, x, mult, p, out):
+    """outputs(t, x, mult, p, out): overwrites the model's outputs."""
+    return _caller((address, t, x, mult, p, out), types.void)
+
+
+@intrinsic
 def call_act(typingctx, address, i, t, x, mult, p, xnew):
     """act(i, t, x, mult, p, xnew): fires event i; overwrites the entries of xnew that it sets; 0 if `when` fails."""
     return _caller((address, i, t, x, mult, p, xnew), types.int64)

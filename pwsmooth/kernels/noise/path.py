@@ -14,11 +14,10 @@ which the noise acts is never slid on: there lambda = sign h, with finer steps b
 import math
 
 from numba import types
-from numba.extending import intrinsic
 
 from ..instant.surface_rates import any_is
 from ..machine.compiling import kernel, unit
-from ..machine.pointers import _caller, call_fields, call_linear, call_unit
+from ..machine.pointers import call_fields, call_linear, call_outputs, call_unit
 from ..outcome import Outcome
 from ..state import (
     CONTACT,
@@ -31,7 +30,7 @@ from ..state import (
     Record,
     State,
 )
-from ..step.recording import record_point
+from ..step.recording import has_room, record_point
 from ..step.roots import NO_ROOT
 from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
 from ..work import Work
@@ -40,12 +39,6 @@ from .tree import begin_interval, end_time, halve, halved, length_here, pass_on
 
 _SURE = 9.0  # three standard deviations, squared: how far a step beside a surface stays from it
 _LEAP = 0.25  # of a multiplier within one step: a root farther away is another branch
-
-
-@intrinsic
-def call_outputs(typingctx, address, t, x, mult, p, out):
-    """outputs(t, x, mult, p, out): overwrites out."""
-    return _caller((address, t, x, mult, p, out), types.void)
 
 
 @kernel
@@ -239,15 +232,6 @@ def _sample(S, R, P):
 
 
 @kernel
-def _room(S, R):
-    return (
-        S.points + 8 < R.t.shape[0]
-        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.ambiguities + 8 < R.ambiguity_t.shape[0]
-    )
-
-
-@kernel
 def _begin(P, C, S, R, W, N):
     """Classifies the start; returns a code."""
     S.started = 1
@@ -267,7 +251,7 @@ def diffuse(P, C, S, R, W, N):
         if code != GO_ON:
             return code
     while N.interval < N.last:
-        if not _room(S, R):
+        if not has_room(R, S):
             return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
             return Outcome.TOO_MANY_STEPS

@@ -6,6 +6,17 @@ from .steps import dot, powers
 
 
 @inlined_kernel
+def has_room(R, S):
+    """Whether the buffers can take another step with all that may happen at its end."""
+    return (
+        S.points + 8 < R.t.shape[0]
+        and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
+        and S.ambiguities + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
+        and (R.dense.shape[0] == 0 or S.pieces + 1 < R.dense.shape[0])
+    )
+
+
+@inlined_kernel
 def record_point(P, S, R):
     i = S.points
     R.t[i] = S.t

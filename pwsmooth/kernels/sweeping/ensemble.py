@@ -9,12 +9,11 @@ of the measures, as the record buffers are used again and again.
 import math
 
 from numba import types
-from numba.extending import intrinsic
 
 from ..fresh import restart_counts, restart_flags
 from ..intervals import forget_intervals
 from ..machine.compiling import inlined_kernel, kernel, unit
-from ..machine.pointers import _caller, call_unit
+from ..machine.pointers import call_outputs, call_unit
 from ..outcome import Outcome
 from ..state import SOLVED, Control, Problem, Record, State
 from ..step.roots import low_bounds
@@ -22,12 +21,6 @@ from ..work import Work
 from .state import EXTREMES, INTEGRALS, Ensemble
 
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-
-
-@intrinsic
-def call_outputs(typingctx, address, t, x, mult, p, out):
-    """outputs(t, x, mult, p, out): overwrites the model's outputs."""
-    return _caller((address, t, x, mult, p, out), types.void)
 
 
 @kernel
