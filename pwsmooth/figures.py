@@ -26,10 +26,6 @@ __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 class FiguresError(ValueError):
     """The command cannot run as asked; the text says what to do.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.figures import FiguresError
@@ -57,10 +53,6 @@ class Claim:
     ------
     ValueError
         They differ, and there is no reason.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -164,10 +156,6 @@ def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     FiguresError
         There is no checkout, or a name is unknown.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.figures import discover
@@ -199,7 +187,7 @@ def print_list() -> None:
 
     Notes
     -----
-    Source: defined here; it is `pwsmooth figures --list`.
+    It is `pwsmooth figures --list`.
 
     Examples
     --------
@@ -236,10 +224,6 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     ------
     FiguresError
         There is no checkout, a name is unknown, or `out` cannot be written.
-
-    Notes
-    -----
-    Source: defined here; each figure names its own.
 
     Examples
     --------

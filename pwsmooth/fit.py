@@ -256,10 +256,6 @@ def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any
     ValueError
         `free` is given; as `fit`.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np

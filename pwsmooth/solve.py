@@ -94,9 +94,8 @@ def solve(
 
     Notes
     -----
-    Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that
-    decides
-    between crossing and sticking, and for folds; the event contract and the Taylor steps are defined here.
+    Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that decides
+    between crossing and sticking, and for folds.
 
     Examples
     --------

@@ -42,10 +42,6 @@ class Branch:
     end : str
         Why it ended, in words.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

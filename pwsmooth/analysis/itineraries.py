@@ -136,10 +136,6 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

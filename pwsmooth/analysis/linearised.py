@@ -46,10 +46,6 @@ class Blocks:
     g_lam : ndarray, shape (nt, m, m)
         By multipliers, in the units of the model.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -124,7 +120,7 @@ class Linearised:
 
     Notes
     -----
-    Source: defined here; x' = f, g = 0 for the solved multipliers J, A = f_w - f_J (g_JJ)^-1 g_Jw.
+    With x' = f and g = 0 for the solved multipliers J: A = f_w - f_J (g_JJ)^-1 g_Jw.
 
     Examples
     --------
@@ -336,10 +332,6 @@ def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearise
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -63,10 +63,6 @@ class PeriodicOrbit:
     degenerate : tuple of str
         Where the map has no derivative at this orbit (grazing, corners).
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     The orbit of dx/dt = cos t - x has the multiplier exp(-2 pi):
@@ -237,7 +233,7 @@ def find_orbit(
 
     Notes
     -----
-    Source: Newton's method with the exact derivative of the map (variations.py); defined here.
+    Newton's method with the exact derivative of the map (variations.py).
 
     Examples
     --------
@@ -319,10 +315,6 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -363,10 +363,6 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np

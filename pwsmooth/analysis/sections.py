@@ -61,10 +61,6 @@ class Image:
     reason : str
         Why there is no image, in words; empty if there is one.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import math
@@ -619,10 +615,6 @@ def word_of(solution: Solution) -> Word:
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -105,10 +105,6 @@ def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...
     ValueError
         No parameter of that name.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

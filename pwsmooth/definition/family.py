@@ -43,8 +43,6 @@ class Family:
     multipliers, hidden terms on surfaces that slide and switches that can slide to second order (relays on positions)
     have no looped form: their copies are written out, as are those of smoothed and layered views.
 
-    Source: defined here.
-
     Examples
     --------
     Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:

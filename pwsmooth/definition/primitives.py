@@ -96,10 +96,6 @@ class Memory(sp.Symbol):
     ValueError, TypeError
         An initial value that is no finite number; a name that is no string.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth import Memory
@@ -227,10 +223,6 @@ class Algebraic:
     ValueError, TypeError
         A residual without the unknown; no Symbol, no expression.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -296,10 +288,6 @@ class Event:
     ------
     ValueError, TypeError
         None or several of `surface`, `every`, `at`; a direction of a clock; what is no expression or condition.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -54,10 +54,6 @@ def law(declared: Any) -> Any:
     type
         The same class.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.laws import Law, law, parameter
@@ -112,10 +108,6 @@ def parameter(
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.laws import parameter
@@ -154,10 +146,6 @@ class Pieces:
     fastest_rate : Expr
         Of its internal states, 1/s, away from switchings: what makes it stiff.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -193,10 +181,6 @@ class Law:
     ------
     ValueError, TypeError
         Of every law: a value of the wrong sign, not finite, or no number.
-
-    Notes
-    -----
-    Source: defined here; `source` of a law names its own.
 
     Examples
     --------

@@ -143,7 +143,7 @@ def sgn_defect(y, w, limit):
 
     Notes
     -----
-    Source: the projection theorem; defined here.
+    Source: the projection theorem.
 
     Examples
     --------

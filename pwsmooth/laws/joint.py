@@ -43,10 +43,6 @@ class Joint:
     scales : dict of state to float
         Usual sizes, in the state's unit.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

@@ -55,10 +55,6 @@ class Outcome(IntEnum):
     SINGULAR_POINT
         A function of the field has come to a pole, or to the end of where it is defined.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -154,10 +150,6 @@ class EventRecord:
     note : str
         What else is to be said.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -190,10 +182,6 @@ class EventLog(Sequence):
         What the kernels recorded of each, dimensionless.
     words : callable
         (time, codes of the event) -> EventRecord.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -273,7 +261,7 @@ class Ambiguity:
 
     Notes
     -----
-    Source: defined here; two-folds and repelling sliding as in Filippov 1988.
+    Source: Filippov 1988 for two-folds and repelling sliding.
 
     Examples
     --------
@@ -313,10 +301,6 @@ class Segment:
     first, last : int
         The columns of the solution that bound the segment, both included; last is first - 1 where `t_eval` asked
         for none within it.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -366,10 +350,6 @@ class Dense:
         Of t(s), in units of time over powers of that of s.
     length : ndarray, shape (ns,), optional
         End of s, in its own unit.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -100,7 +100,7 @@ class Solution:
 
     Notes
     -----
-    Source: defined here; `t`, `y`, `success` and `message` are SciPy's names.
+    `t`, `y`, `success` and `message` are SciPy's names.
 
     Examples
     --------

@@ -59,7 +59,7 @@ def free_impact(
 
     Notes
     -----
-    Source: defined here, m dv/dt = -F; the law has its own.
+    m dv/dt = -F.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def falling_ball(
 
     Notes
     -----
-    Source: defined here, m dv/dt = m g - F; the law has its own.
+    m dv/dt = m g - F.
 
     Examples
     --------

@@ -121,9 +121,8 @@ def clearance_joint(
 
     Notes
     -----
-    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is
-    regular at the
-    bearing's centre is defined here.
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is regular at the
+    bearing's centre is derived here.
 
     Examples
     --------

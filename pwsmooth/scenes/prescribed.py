@@ -61,10 +61,6 @@ def prescribed_motion(
     ValueError, TypeError
         Both or none of `position` and `velocity`; a position that jumps; a drive that is no expression.
 
-    Notes
-    -----
-    Source: defined here; the law has its own.
-
     Examples
     --------
     >>> import sympy as sp

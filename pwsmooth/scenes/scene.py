@@ -52,10 +52,6 @@ class Scene:
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Notes
-    -----
-    Source: defined here; `note` has that of the model.
-
     Examples
     --------
     >>> import sympy as sp
@@ -184,10 +180,6 @@ def assemble(
     ------
     ValueError
         Two of them use one name; `attach(name=...)` tells laws apart.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -81,7 +81,7 @@ def force_driven(
 
     Notes
     -----
-    Source: defined here, m dv/dt = u - f; the law has its own.
+    m dv/dt = u - f.
 
     Examples
     --------

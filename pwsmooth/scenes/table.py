@@ -45,7 +45,7 @@ class Table:
     -----
     The spline is a state with its derivatives; its third derivative is a Memory that one Event sets at the knots.
 
-    Source: defined here; the spline is SciPy's CubicSpline, not-a-knot.
+    The spline is SciPy's CubicSpline, not-a-knot.
 
     Examples
     --------
@@ -156,10 +156,6 @@ def within(t_span: Any, tables: Any) -> tuple[float, float]:
     ------
     ValueError
         It does not begin with the tables, or goes beyond them.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

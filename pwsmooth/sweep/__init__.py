@@ -141,10 +141,6 @@ def sweep(
     RuntimeError
         A worker process was lost.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

@@ -42,10 +42,6 @@ class Basins:
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     Of x -> x + (x - x^3)/2 the fixed points -1 and 1 attract, and 0 separates:
@@ -149,7 +145,7 @@ def basins(
 
     Notes
     -----
-    Source: defined here, a sweep of the stroboscopic map whose ends are refined by Newton's method.
+    A sweep of the stroboscopic map, whose ends are refined by Newton's method.
 
     Examples
     --------
@@ -228,10 +224,6 @@ class OrbitDiagram:
         In the units of the states; nan where a run failed.
     reasons : tuple of str
         For each value why its run ended before its time, in words; empty where it did not.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -333,10 +325,6 @@ def orbit_diagram(
     ------
     ValueError, TypeError
         No parameter of that name; bad input, as `sweep` says it.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

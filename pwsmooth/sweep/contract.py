@@ -31,10 +31,6 @@ class Window(NamedTuple):
     forced : bool
         Whether there is a drive.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.sweep import Window
@@ -67,10 +63,6 @@ class Measure:
     The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers
     of its
     quantities the ensemble has to keep (1 extremes, 2 integrals).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -44,10 +44,6 @@ class Ensemble:
     states : tuple of str
         Names of the states.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -130,10 +126,6 @@ def ensemble(
     ------
     ValueError, TypeError
         As `solve`; starts of a wrong shape.
-
-    Notes
-    -----
-    Source: defined here; the noise has its own.
 
     Examples
     --------

@@ -34,10 +34,6 @@ class Function(Measure):
     TypeError
         No callable.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

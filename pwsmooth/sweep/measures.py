@@ -39,10 +39,6 @@ class Sticks(Measure):
     several
     switches both have the dimension `switch`.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -102,10 +98,6 @@ class Period(Measure):
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -169,10 +161,6 @@ class Itinerary(Measure):
     contact c closed, o open. Several switches stand side by side: "S+ R+". The word begins with its first stick in
     a fixed order, so that one orbit has one word whatever its phase. "aperiodic" where `period` is 0, "..." where
     more than 32 segments make the word. Without a drive it is the word of the whole window.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -240,10 +228,6 @@ class Extremes(OfQuantities):
     *names : str or Symbol
         States, multipliers or outputs.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import math
@@ -287,10 +271,6 @@ class Amplitude(OfQuantities):
     *names : str or Symbol
         States, multipliers or outputs.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -331,10 +311,6 @@ class Statistics(OfQuantities):
     ----------
     *names : str or Symbol
         States, multipliers or outputs (forces).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -399,10 +375,6 @@ class Points(Measure):
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -448,10 +420,6 @@ class Points(Measure):
 @dataclass(frozen=True)
 class Counts(Measure):
     """The variables `events` and `steps`: how many events are inside the window, how many steps the whole orbit took.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -509,10 +477,6 @@ def measure_from_text(text: str) -> Measure:
     ------
     ValueError
         No such measure, or arguments that it does not take.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def stability(
 
     Notes
     -----
-    Source: defined here; each hazard's file says where its border comes from.
+    Each hazard's file says where its border comes from.
 
     Examples
     --------

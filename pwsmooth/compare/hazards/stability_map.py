@@ -45,10 +45,6 @@ class StabilityMap:
     seconds : float
         Processor time, in units of s.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import stability

@@ -73,10 +73,6 @@ def ladder(
     ValueError, TypeError
         An unknown scene or observable, a tolerance that is not positive.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import ladder

@@ -95,7 +95,7 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
 
     Notes
     -----
-    Source: defined here: restitution and work of slow loading are those of a free impact of the richest law.
+    Restitution and work of slow loading are those of a free impact of the richest law.
 
     Examples
     --------
@@ -163,10 +163,6 @@ def contact_setting(
     -------
     Setting
         For `ladder`.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -168,7 +168,7 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
 
     Notes
     -----
-    Source: defined here: levels, stiffness and damping are those of the richest law's steady and virgin curves.
+    Levels, stiffness and damping are those of the richest law's steady and virgin curves.
 
     Examples
     --------
@@ -230,10 +230,6 @@ def friction_setting(
     -------
     Setting
         For `ladder`.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

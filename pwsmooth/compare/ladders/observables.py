@@ -52,10 +52,6 @@ def peak(name: str, of: str, unit: str) -> Observable:
     Observable
         Between samples it looks closer twice, at values that occur.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -83,10 +79,6 @@ def least(name: str, of: str, unit: str) -> Observable:
     Observable
         Between samples it looks closer twice, at values that occur.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -113,10 +105,6 @@ def amplitude(name: str, of: str, unit: str) -> Observable:
     -------
     Observable
         (largest - smallest)/2.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -146,10 +134,6 @@ def centre(name: str, of: str, unit: str) -> Observable:
     Observable
         Half the absolute value of largest + smallest.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -178,10 +162,6 @@ def end_value(name: str, of: str, unit: str) -> Observable:
     Observable
         One value.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.ladders import end_value
@@ -209,10 +189,6 @@ def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
     -------
     Observable
         Its value has shape (points,).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -260,10 +236,6 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
     Observable
         The instants are found by bisection.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -295,10 +267,6 @@ def share_below(name: str, of: str, level: float) -> Observable:
     -------
     Observable
         Between 0 and 1.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -25,10 +25,6 @@ class Motion(Protocol):
 
     A `Solution` with dense output is one; so is a model in closed form.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     A closed form as the motion of an observable:
@@ -63,10 +59,6 @@ class Rung:
     samples : int
         Trajectories of a noisy rung.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.ladders import Rung
@@ -95,10 +87,6 @@ class Observable:
         (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of
         samples that
         it may take of the window; the ladder asks for twice as many where it wants the error.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -134,10 +122,6 @@ class Setting:
         Span that the observables look at.
     points : int
         Samples of the window for the coarse measurement.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -45,10 +45,6 @@ class Reference:
     uncertainty : float, dimensionless
         Of states and times, in units of their sizes.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import CASES
@@ -90,10 +86,6 @@ class Case:
         t -> exact state; without it two methods have to agree.
     counted : tuple of str
         Kinds of events that make the itinerary.
-
-    Notes
-    -----
-    Source: defined here; what is known of a built-in case stands in its `reference`.
 
     Examples
     --------
@@ -246,10 +238,6 @@ def case_of(
     ------
     ValueError
         A span that does not begin at 0.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

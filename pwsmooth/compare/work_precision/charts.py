@@ -61,7 +61,7 @@ def plot_work(
 
     Notes
     -----
-    Source: defined here; open marks are wrong itineraries.
+    Open marks are wrong itineraries.
 
     Examples
     --------
@@ -209,10 +209,6 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     Axes
         The same.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import work_precision
@@ -272,10 +268,6 @@ def best_width(points: Iterable[Point], error: float) -> Point | None:
     Point or None
         None if no run is so good.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.work_precision.charts import best_width
@@ -306,10 +298,6 @@ def plot_widths(
     -------
     Axes
         The same.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

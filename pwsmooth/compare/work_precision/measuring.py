@@ -70,10 +70,6 @@ def work_precision(
     RuntimeError
         The two methods of a reference disagree.
 
-    Notes
-    -----
-    Source: defined here; every case names the source of its answer.
-
     Examples
     --------
     >>> from pwsmooth.compare import work_precision
