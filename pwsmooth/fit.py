@@ -126,8 +126,7 @@ def fit(
     kind : {"position", "velocity"}
         What `motion` is.
     free : sequence of str, optional
-        Parameters to fit; all that are not structural and not 0 without. One with a value for each element
-        counts as
+        Parameters to fit; all that are not structural and not 0 without. One with a value for each element counts as
         many.
     settle : float, in the unit of `t`
         Time at the start that is left out of the comparison: the law starts relaxed, the experiment may not have.

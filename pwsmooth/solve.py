@@ -48,9 +48,8 @@ def solve(
     t_span : (float, float), in the unit of the model's time
         Start and end, increasing.
     x0 : mapping of state to float, or sequence of float, length n
-        Initial value of every state by name or Symbol, or positionally, in the units of the states; memories
-        may be left
-        at their initial value.
+        Initial value of every state by name or Symbol, or positionally, in the units of the states; memories may be
+        left at their initial value.
     method : str
         "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative), and "stiff" (implicit
         steps, for bristle laws and the like, whose switches are passed and never slid on); smoothed: "radau5",

@@ -82,9 +82,8 @@ class System:
     Parameters
     ----------
     rates : mapping of state to Expr
-        dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere
-        else a name
-        may be given as a Symbol or a str.
+        dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere else a
+        name may be given as a Symbol or a str.
     time : Symbol, optional
         Needed if time stands in an expression.
     parameters : mapping of Symbol to float, in the units of the model

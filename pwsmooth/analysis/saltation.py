@@ -354,9 +354,8 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
     Returns
     -------
     ndarray, shape (N, N), or None
-        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it;
-        None if it
-        slides on none.
+        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it; None if
+        it slides on none.
 
     Raises
     ------

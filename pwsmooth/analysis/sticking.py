@@ -233,9 +233,8 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
 
     Notes
     -----
-    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho
-    dgamma/dv lam_s**2
-    means dgamma/dlam.
+    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho dgamma/dv
+    lam_s**2 means dgamma/dlam.
 
     Examples
     --------

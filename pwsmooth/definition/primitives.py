@@ -39,9 +39,8 @@ class Switch(sp.Symbol):
 
     Notes
     -----
-    Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as
-    a variable
-    of its own on it.
+    Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as a
+    variable of its own on it.
 
     Examples
     --------

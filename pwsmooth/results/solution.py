@@ -63,8 +63,7 @@ class Solution:
     """A solved trajectory.
 
     Indexing gives a state, multiplier or output by name at the solution's times, `solution["v"]`; calling it
-    evaluates
-    the dense output, `solution(t, "v")`.
+    evaluates the dense output, `solution(t, "v")`.
 
     Parameters
     ----------

@@ -159,9 +159,8 @@ def assemble(
     time : Symbol, optional
         Needed if time stands in an expression.
     start : mapping of state to float
-        Initial values of the mechanism's states, in their units; laws bring their own, which may be
-        expressions of the
-        motion at the time `begin`.
+        Initial values of the mechanism's states, in their units; laws bring their own, which may be expressions of
+        the motion at the time `begin`.
     parameters : mapping of Symbol to float, optional
         The mechanism's, in its units.
     outputs : mapping of str to Expr, optional

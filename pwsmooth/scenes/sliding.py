@@ -140,9 +140,8 @@ def block_on_belt(
 
     Notes
     -----
-    Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky,
-    IEEE TAC 40
-    (1995) 419-425; the law has its own.
+    Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE
+    TAC 40 (1995) 419-425; the law has its own.
 
     Examples
     --------
@@ -204,9 +203,8 @@ def friction_oscillator(
 
     Notes
     -----
-    Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults;
-    the law has
-    its own.
+    Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults; the law
+    has its own.
 
     Examples
     --------

@@ -85,13 +85,11 @@ def sweep(
     system : System or Scene
         A scene brings its start, period and units.
     axes : mapping of name to sequence of float, any length
-        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of
-        the noise;
-        in the units of the model.
+        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of the
+        noise; in the units of the model.
     points : mapping of name to sequence of float, all of one length
-        A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at
-        every point
-        of the list.
+        A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at every
+        point of the list.
     start : mapping of state to float, or sequence of float, length n
         Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable

@@ -36,9 +36,8 @@ class Basins:
     axes : dict of str to ndarray, shape (number of values,)
         Name of a state -> its values, in its unit.
     labels : ndarray of int
-        Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not
-        become periodic,
-        -2 where it failed.
+        Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not become
+        periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
 

@@ -60,8 +60,7 @@ class Variable(NamedTuple):
 class Measure:
     """Base of all measures; one of one's own defines `variables` and `of`.
 
-    The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers
-    of its
+    The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers of its
     quantities the ensemble has to keep (1 extremes, 2 integrals).
 
     Examples

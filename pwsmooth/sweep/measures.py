@@ -36,8 +36,7 @@ class Sticks(Measure):
     """The variables `stick_time` and `sticks`: time stuck per period, and sticks per period.
 
     Sliding counts as stuck, of a contact being closed; a stick is counted in the period in which it begins. Of
-    several
-    switches both have the dimension `switch`.
+    several switches both have the dimension `switch`.
 
     Examples
     --------
@@ -83,8 +82,7 @@ class Sticks(Measure):
 class Period(Measure):
     """The variable `period`: after how many drive periods the state repeats; 0 for none.
 
-    All strobes in the second half of the window must repeat, each state within tol (1 + abs(x)). A transient
-    that has
+    All strobes in the second half of the window must repeat, each state within tol (1 + abs(x)). A transient that has
     not died down to `tol`, a quasi-periodic and a chaotic orbit all give 0.
 
     Parameters

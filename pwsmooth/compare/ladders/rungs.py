@@ -84,9 +84,8 @@ class Observable:
     name, unit, meaning : str
         For the command line, of its value, and in words.
     measure : callable
-        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of
-        samples that
-        it may take of the window; the ladder asks for twice as many where it wants the error.
+        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of samples
+        that it may take of the window; the ladder asks for twice as many where it wants the error.
 
     Examples
     --------
@@ -113,9 +112,8 @@ class Setting:
     richest : Rung
         The most complete model.
     coarser : callable
-        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths,
-        at which
-        the laws are matched, are read off that motion.
+        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths, at
+        which the laws are matched, are read off that motion.
     observables : sequence of Observable
         What can be asked for by name.
     window : (float, float), s

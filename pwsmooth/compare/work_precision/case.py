@@ -213,8 +213,7 @@ def case_of(
     scene : Scene
         Its span begins at 0.
     exact : callable, optional
-        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two
-        methods that
+        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two methods that
         agree, see `Case.reference`.
     sizes : sequence of float, length n, optional
         Of the states, in their units; by default the largest values on the motion.
