@@ -5,6 +5,7 @@ plan.py      a checked sweep          chunk.py     what a worker does with a chu
 running.py   executors, progress      store.py     chunks on disk, resumed after a kill
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
+periodicity.py, quantities.py, functions.py        measures, by subject
 """
 
 from __future__ import annotations
