@@ -131,11 +131,6 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     bool
         Where their period begins does not matter.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> import sympy as sp
@@ -169,11 +164,6 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     -------
     Change
         Its name and its events; "jump of the orbit" where they lie far apart.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -328,11 +328,6 @@ def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearise
     Linearised
         The same object for the same model and parameters.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> import sympy as sp

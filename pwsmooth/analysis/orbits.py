@@ -151,11 +151,6 @@ class PeriodicOrbit:
         -------
         Solution
             With dense output.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
@@ -310,11 +305,6 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     -------
     PeriodicOrbit
         With `success` False and a `message` where it did not converge.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Examples
     --------

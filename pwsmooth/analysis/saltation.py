@@ -107,11 +107,6 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     list of Saltation
         One for each instant with events.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
@@ -356,11 +351,6 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
     ndarray, shape (N, N), or None
         1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it; None if
         it slides on none.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Examples
     --------

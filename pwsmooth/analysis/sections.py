@@ -611,11 +611,6 @@ def word_of(solution: Solution) -> Word:
     tuple of (str, str, str)
         (switch, kind, from and to) of each event.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> import sympy as sp

@@ -77,11 +77,6 @@ class StickingRegion:
     coefficient : Expr
         mu, dimensionless: 1 for the linear region, mu_s for the nonlinear one.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 18 and 19.
@@ -121,11 +116,6 @@ class StickingRegion:
         -------
         sympy Boolean
             abs(k y - drive) <= N mu.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 

@@ -88,11 +88,6 @@ class Family:
         -------
         tuple of Member
             One for each name; it stands for the symbols of all elements.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         assumptions = {"real": True} | assumptions
         names = checks.name(names, "`names`")
@@ -113,11 +108,6 @@ class Family:
         -------
         MemberMemory
             It stands for the memories of all elements.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return MemberMemory(name, initial, self)
 
@@ -169,11 +159,6 @@ class Family:
         -------
         Expr
             To stand in the rates of any state.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         expr = checks.expression(expr, "`expr` of a sum")
         return MemberSum(expr) if members(expr) else self.n * expr

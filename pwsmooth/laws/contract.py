@@ -103,11 +103,6 @@ def parameter(
     dataclasses.Field
         With all this as its metadata.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> from pwsmooth.laws import parameter

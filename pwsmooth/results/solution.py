@@ -338,11 +338,6 @@ class Solution:
         -------
         ndarray, shape (ne,)
             In the unit of the model's time.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
 
         def wanted(e: EventRecord) -> bool:

@@ -235,11 +235,6 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     float
         Amplitude d sqrt((k - m omega^2)^2 + (c omega)^2), N.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: the amplitude of the linear oscillator's steady motion.

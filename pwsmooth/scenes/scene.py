@@ -47,11 +47,6 @@ class Scene:
         Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
         unless it is given others.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> import sympy as sp
@@ -118,11 +113,6 @@ class Scene:
         -------
         dict of str to ndarray
             Arrays over the solution's times, shape (nt,), in the scene's `units`, or what the functions return.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return {
             name: what(solution) if callable(what) else solution[what]

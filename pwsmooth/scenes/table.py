@@ -86,11 +86,6 @@ class Table:
         -------
         Pieces
             For `assemble`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         from scipy.interpolate import CubicSpline
 
@@ -127,11 +122,6 @@ class Table:
         -------
         (Symbol, Symbol)
             In the unit of the values over s and over s^2.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         first, second = sp.symbols(f"{name}_1 {name}_2", real=True)
         return first, second

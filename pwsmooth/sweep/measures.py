@@ -99,11 +99,6 @@ class Points(Measure):
     names : tuple of str
         The states.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     >>> import sympy as sp

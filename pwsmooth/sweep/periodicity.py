@@ -29,11 +29,6 @@ class Period(Measure):
     tol : float, dimensionless
         How nearly the state must repeat.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Examples
     --------
     The logistic map has period 1, 2, 4, and none that is so short:
