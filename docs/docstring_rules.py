@@ -1,8 +1,8 @@
 """What a public docstring must have; the tests and the build of these pages refuse one that lacks it.
 
 Numpydoc's own checks for the sections and the names in them, and five of this house: a shape for every array, a unit
-for every quantity, the exceptions of what raises by itself, the source of what comes from the literature, an example that can be
-run.
+for every quantity, the exceptions of what raises by itself, the source of what comes from the literature, an example
+that can be run.
 """
 
 import ast

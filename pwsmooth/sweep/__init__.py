@@ -132,13 +132,13 @@ def sweep(
     xarray.Dataset
         Dimensions are the axes. `outcome` holds for every point how its run ended (>= 0 is success, in words
         in its attribute flag_meanings), `t_reached` where; a failed point has nan, -1 or "" in its measures.
-    RuntimeError
-        A worker process was lost.
 
     Raises
     ------
     ValueError, TypeError
         Bad input, with the argument, its value and the remedy.
+    RuntimeError
+        A worker process was lost.
 
     Examples
     --------
