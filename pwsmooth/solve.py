@@ -78,7 +78,7 @@ def solve(
     parameters : mapping of Symbol to float, optional
         Values that replace the system's own for this run, in its units.
     noise : Kicks or Diffusion, optional
-        Random kicks at regular times, or white noise (noise.py, diffusion.py). A diffusion has steps of its own:
+        Random kicks at regular times, or white noise. A diffusion has steps of its own:
         tolerances do not act on it.
 
     Returns

@@ -4,7 +4,7 @@
     N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
     P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
 
-Chain: solve, variations.py -> **sections** -> orbits.py, continuation.py, diagrams.py, basins.py.
+Chain: solve, variations.py -> **sections** -> orbits.py, continuation.py, sweep/basins.py.
 """
 
 from __future__ import annotations
@@ -131,7 +131,37 @@ class _Map:
         return self.image(self.system.initial_state(x)).x
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
+        """Image of a point, with derivatives if `parameters` is given (it may be empty).
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            The point, in the units of the states.
+        parameters : sequence of str or Symbol, optional
+            With respect to which is differentiated too.
+
+        Returns
+        -------
+        Image
+            With nan where the trajectory failed or did not come back.
+
+        Raises
+        ------
+        ValueError
+            A parameter that the system does not have.
+        """
         raise NotImplementedError
+
+    def doubled(self) -> Any:
+        """The map over twice as long: twice as many periods or returns; a half period becomes a whole one.
+
+        Returns
+        -------
+        Stroboscopic or Section
+            Of the same kind as this one.
+        """
+        this: Any = self
+        return replace(this, count=2 * this.count)
 
     def over(self, x: Any, time: float, **options: Any) -> Solution:
         """The trajectory of a point of the section over a time.
@@ -243,16 +273,9 @@ class Stroboscopic(_Map):
             object.__setattr__(self, "symmetry", matrix)
 
     def doubled(self) -> Stroboscopic:
-        """The map over twice as long: a half period becomes a whole one without symmetry, one becomes two.
-
-        Returns
-        -------
-        Stroboscopic
-            Of the same system.
-        """
         if self.symmetry is not None:
             return replace(self, symmetry=None)
-        return replace(self, count=2 * self.count)
+        return super().doubled()
 
     def at_phase(self, phase: float) -> Stroboscopic:
         """The same map on another section.
@@ -318,25 +341,6 @@ class Stroboscopic(_Map):
         return points, "" if reached == count else why_stopped(run)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        """Image of a point, with derivatives if `parameters` is given (it may be empty).
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
-        parameters : sequence of str or Symbol, optional
-            With respect to which is differentiated too.
-
-        Returns
-        -------
-        Image
-            With nan where the trajectory failed.
-
-        Raises
-        ------
-        ValueError
-            A parameter that the system does not have.
-        """
         t0 = self.start_time
         run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
         if not (run.success and run.t[-1] == t0 + self.duration):
@@ -435,52 +439,11 @@ class Section(_Map):
         object.__setattr__(self, "_watched", watched)
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
-        """The same map of the system with other parameter values.
-
-        Parameters
-        ----------
-        values : mapping of (Symbol or str) to float, in the units of the model
-            Those that change.
-
-        Returns
-        -------
-        Section
-            Of the same surface.
-        """
         other = super().with_parameters(values)
         object.__setattr__(other, "_watched", self._watched.with_parameters(values))
         return other
 
-    def doubled(self) -> Section:
-        """The map over twice as many returns.
-
-        Returns
-        -------
-        Section
-            Of the same surface.
-        """
-        return replace(self, count=2 * self.count)
-
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        """Image of a point, with derivatives if `parameters` is given (it may be empty).
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
-        parameters : sequence of str or Symbol, optional
-            With respect to which is differentiated too.
-
-        Returns
-        -------
-        Image
-            With nan where the trajectory failed or did not come back.
-
-        Raises
-        ------
-        ValueError
-            A parameter that the system does not have.
-        """
         n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))

@@ -5,7 +5,7 @@
 A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the sizes;
 in a `Model` with loops the copies look as if they were written out, but are made only when somebody asks for one.
 Arrays are blocks in the order of the template's symbols: a number each, or n numbers for what belongs to elements.
-Chain: family.py -> looping.py -> **template** -> codegen/looped_*.py.
+Chain: family.py -> looping.py -> **template** -> codegen/families/*.py.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ between them and forgets them one by one, so that leaving a layer is an event of
 kappa/eps. A diffusion acts all the time: in the layer's own variables u = h/eps, tau = t/eps it has the intensity
 D**2/eps, and the layer is left by accumulation (Kramers).
 
-Chain: solve -> **this file** -> kernels/noise_*.py. The random numbers are addressed, not drawn in sequence
+Chain: solve -> **this file** -> kernels/noise/*.py. The random numbers are addressed, not drawn in sequence
 (kernels/noise/random.py): a kick is a function of (seed, trajectory, its number), whatever the span, the chunks or
 the workers.
 """
