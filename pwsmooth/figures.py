@@ -122,13 +122,7 @@ class Claim:
 
 
 def checkout() -> Path:
-    """The checkout's root: where the package was installed from, or the working directory.
-
-    Raises
-    ------
-    FiguresError
-        Neither holds the figures' scripts.
-    """
+    """The checkout's root: where the package was installed from, or the working directory; else a FiguresError."""
     for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
         if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
             return root

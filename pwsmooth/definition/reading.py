@@ -36,13 +36,7 @@ class Definition:
 
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic, families=None):
-    """The `Definition` of the arguments of a System; `families` writes families out, or only their one element.
-
-    Raises
-    ------
-    ValueError, TypeError
-        What `System` raises at the door.
-    """
+    """The `Definition` of the arguments of a System; `families` writes families out, or only their one element."""
     pairs = list(rates)
     written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
     seen = tuple((str(name), checks.expression(e, f"`outputs`, {name!r}")) for name, e in outputs.items())

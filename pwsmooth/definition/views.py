@@ -162,13 +162,7 @@ def _cancelled(rate, beta):
 
 
 def time_constant(z, rate, parameters):
-    """beta with beta*rate free of beta: a parameter, else the number -1/(d rate/dz).
-
-    Raises
-    ------
-    ValueError
-        No such constant, or several.
-    """
+    """beta with beta*rate free of beta: a parameter, else the number -1/(d rate/dz); ValueError for none or several."""
     candidates = sorted((p for p in parameters if p in rate.free_symbols), key=lambda p: p.name)
     found = [p for p in candidates if sp.expand((rate * p).expand().diff(p)) == 0]
     if len(found) == 1:

@@ -252,11 +252,8 @@ def split(entries, named, values, lift):
 def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowered:
     """The model with the quantities of its noise as outputs.
 
-    Raises
-    ------
-    ValueError
-        Amplitudes that cannot be differentiated, columns that do not commute, a curved surface along which the
-        noise acts.
+    ValueError for amplitudes that cannot be differentiated, columns that do not commute, and noise along a curved
+    surface.
     """
     states, n = list(model.states), len(model.states)
     sources = list(dict.fromkeys(source for _, source, _ in entries))

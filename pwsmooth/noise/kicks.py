@@ -155,10 +155,7 @@ def _with_kicks(model: Model) -> tuple[Model, sp.Symbol]:
 class KickedRun:
     """A system with kicks, ready to run: its model, and the compiled functions that kick in place of its own.
 
-    Raises
-    ------
-    ValueError
-        `on` names no state of this view, or a memory.
+    ValueError where `on` names no state of this view, or a memory.
     """
 
     def __init__(self, system: Any, kicks: Kicks) -> None:

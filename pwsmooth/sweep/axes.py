@@ -73,11 +73,8 @@ class Axes:
 def read_axes(system: Any, grid: Any, points: Any) -> Axes:
     """Axes of a sweep over `system`.
 
-    Raises
-    ------
-    ValueError, TypeError
-        A name that the system does not have; values that are no finite numbers, do not fit the symbol, or are empty;
-        columns of a list of unequal lengths; one name twice.
+    ValueError or TypeError for a name that the system does not have; values that are no finite numbers, do not fit the
+    symbol, or are empty; columns of a list of unequal lengths; one name twice.
     """
     for what, given in (("axes", grid), ("points", points)):
         if given is not None and not isinstance(given, Mapping):

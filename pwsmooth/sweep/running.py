@@ -69,10 +69,7 @@ def run_chunks(
 ) -> None:
     """Run the chunks (start, stop) of `todo` and hand each result to `keep`, in the order in which they finish.
 
-    Raises
-    ------
-    RuntimeError
-        A worker was lost; chunks handed to `keep` before are complete.
+    RuntimeError where a worker was lost; chunks handed to `keep` before are complete.
     """
     own = executor is None
     workers = workers or (cores() if own else getattr(executor, "_max_workers", None) or 64)

@@ -22,15 +22,7 @@ def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> A
 
     Every method is a band, the first on top. Inside it the rows of the map go upwards. A cell has the colour of the
     most frequent failure there, paler where some of its runs are right. The black line is the border that theory
-    draws.
-
-    Parameters
-    ----------
-    found : StabilityMap
-    axes : matplotlib Axes, optional
-        A new figure of its own without.
-    small : bool
-        For a page of many: no second axis, fewer words.
+    draws. Without `axes` on a figure of its own; `small`, for a page of many, has no second axis and fewer words.
     """
     if axes is None:
         figure = new_figure(7.0, 1.3 + 0.55 * len(found.methods))

@@ -34,15 +34,7 @@ def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
 def markdown(content: Mapping[str, Any]) -> str:
     """The table of a data file (experiments/results/stability.json) as markdown.
 
-    Parameters
-    ----------
-    content : mapping
-        What the file holds: `content["data"]["maps"]` are the records.
-
-    Returns
-    -------
-    str
-        A table with a row a hazard and a column a group of methods; shares are of all runs of the map.
+    A row a hazard, a column a group of methods; shares are of all runs of the map, content["data"]["maps"].
     """
     rows = table(content["data"]["maps"])
     used = [g for g in COLUMNS if any(row[g] for row in rows)]

@@ -119,10 +119,7 @@ def heyoka_taylor(
 ) -> Any:
     """State at the end by heyoka's adaptive Taylor method, as its users call it.
 
-    Parameters
-    ----------
-    equations : hashable function
-        (heyoka module) -> its system of (variable, expression), with parameters hy.par[i].
+    `equations(hy)`, hashable, is its system of (variable, expression), with parameters hy.par[i].
     """
     stepper = _taylor(equations, rtol)
     stepper.time = span[0]

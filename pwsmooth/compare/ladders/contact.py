@@ -46,10 +46,7 @@ class Impact:
 def first_impact(law: Law, speed: float, mass: float) -> Impact:
     """What a law does to a mass that meets it at `speed` with nothing else acting.
 
-    Raises
-    ------
-    ValueError
-        The mass does not come off: the law sticks, or takes longer than a thousand of its own periods.
+    ValueError if it does not come off: the law sticks, or takes longer than a thousand of its own periods.
     """
     # The elastic impact on the same stiffness sets the time scale.
     values = law.values

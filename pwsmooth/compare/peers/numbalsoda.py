@@ -101,13 +101,7 @@ def with_events(functions: Plain) -> Any:
 def solve_ignoring(
     functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int
 ) -> Any:
-    """(state at the end, evaluations).
-
-    Raises
-    ------
-    RuntimeError
-        LSODA gave up.
-    """
+    """(state at the end, evaluations); RuntimeError where LSODA gave up."""
     x, ok, calls = ignoring(functions)[0](x0, t_end, rtol, float(atol.min()), most)
     if not ok:
         raise RuntimeError(f"LSODA gave up within {most} steps")

@@ -18,13 +18,7 @@ from ..work_precision.plain import Plain
 class Cvode:
     """CVODE, stopped at every event and started anew.
 
-    Parameters
-    ----------
-    functions : Plain
-    options : dict
-        Of CVODE: method, rtol, atol, max_step.
-    most : int
-        Evaluations.
+    `options` are CVODE's (method, rtol, atol, max_step), `most` bounds the evaluations.
     """
 
     def __init__(self, functions: Plain, most: int, **options: Any) -> None:
@@ -79,10 +73,7 @@ class Cvode:
 def ignoring(functions: Plain, x0: np.ndarray, t_end: float, most: int, **options: Any) -> Any:
     """(state at the end, evaluations) on the right-hand side with its bare sign.
 
-    Raises
-    ------
-    RuntimeError
-        CVODE gave up, or needed more than `most` evaluations.
+    RuntimeError where CVODE gave up, or needed more than `most` evaluations.
     """
     from sksundae.cvode import CVODE
 

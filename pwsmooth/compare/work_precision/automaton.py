@@ -233,16 +233,8 @@ def follow(
 ) -> tuple[np.ndarray, list[tuple[float, str]], int]:
     """The whole motion, mode after mode: (state at the end, events as (time, kind), evaluations).
 
-    Parameters
-    ----------
-    advance : callable
-        (t, end, x, status, watched) -> Strike at the first margin that falls through zero; `watched` are the walls
-        that matter in this mode.
-
-    Raises
-    ------
-    RuntimeError
-        More than `most` events or `most_evaluations`.
+    `advance(t, end, x, status, watched)` gives the Strike at the first margin that falls through zero; `watched` are
+    the walls that matter in this mode. RuntimeError after more than `most` events or `most_evaluations`.
     """
     functions = rules.functions
     (t, end), x = t_span, np.array(x0, float)

@@ -62,17 +62,8 @@ class Plain:
 def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
     """The functions of a system; compiled once for each model and its values.
 
-    Parameters
-    ----------
-    system : System
-        Whose parameters become numbers.
-    varied : tuple of str
-        Parameters that stay open, for many values of one compiled model: states of rate 0, after all others.
-
-    Raises
-    ------
-    ValueError
-        A model with algebraic unknowns or events at given instants, which no plain function of (t, x) can hold.
+    Parameters become numbers, except those `varied`, which are states of rate 0 after all others: many values of one
+    compiled model. ValueError for algebraic unknowns and events at instants, which no function of (t, x) can hold.
     """
     model = system.model
     names = [str(p) for p in model.parameters]
