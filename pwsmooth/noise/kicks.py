@@ -178,7 +178,7 @@ class KickedRun:
         self.index = len(model.events) - 1
         self._kept: list[Any] = []  # what the kernels reach by address
 
-    def _headed(self, act: int, p: np.ndarray, trajectory: int | None = None) -> np.ndarray:
+    def _headed(self, act: int, p: np.ndarray) -> np.ndarray:
         """Parameters with the address of a Kick in the word before them."""
         from ..kernels.noise.state import Kick
 
@@ -189,7 +189,7 @@ class KickedRun:
             every=kicks.every,
             normal=int(kicks.law == "normal"),
             seed=kicks.seed,
-            trajectory=kicks.trajectory if trajectory is None else trajectory,
+            trajectory=kicks.trajectory,
             where=self.where,
             size=self.size,
         )

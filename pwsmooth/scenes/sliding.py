@@ -24,16 +24,14 @@ x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=Tru
 mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 
 
-def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, normal=None, parameters,
-           period=None, outputs=None, pull=1, extra=()):  # fmt: skip
-    """The scene of one body: `drive` is the force on it without friction, `pull` the sign of v in dv/dt."""
+def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, parameters, period=None, outputs=None,
+           extra=()):  # fmt: skip
+    """The scene of one body: `drive` is the force on it without friction."""
     checks.positive(parameters.get("mass", parameters.get(mass, 1.0)), "`mass`")
     load = None if normal is None else expression(normal, "normal")
     needs = "acceleration" in law.needs
-    pieces = law.attach(
-        position=position, velocity=velocity, acceleration=a if needs else None, normal=load, time=t
-    )
-    rates = {**rates, v: a if needs else (drive - pull * pieces.force) / mass}
+    pieces = law.attach(position=position, velocity=v, acceleration=a if needs else None, normal=load, time=t)
+    rates = {**rates, v: a if needs else (drive - pieces.force) / mass}
     unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     system, begin, atol = assemble(

@@ -55,17 +55,16 @@ def event_ignoring(method: str) -> Callable[[Case, float], Runner]:
     return runner
 
 
-def restarting(method: str, careful: bool = True) -> Callable[[Case, float], Runner]:
-    """SciPy with terminal events, restarted at each; `careful` bounds the step so that none is stepped over."""
+def restarting(method: str) -> Callable[[Case, float], Runner]:
+    """SciPy with terminal events, restarted at each; its step is bounded, so that none is stepped over."""
 
     def runner(case: Case, rtol: float) -> Runner:
         functions = plain(case.system)
-        longest = case.longest if careful else np.inf
 
         def run(t_end: float) -> Run:
             x, log, work = restarted(
                 functions, (0.0, t_end), np.array(case.start), method=method, **case.tolerances(rtol),
-                max_step=longest, most=2000, most_evaluations=MOST,
+                max_step=case.longest, most=2000, most_evaluations=MOST,
             )  # fmt: skip
             return Run(x, log, work)
 
