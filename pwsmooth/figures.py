@@ -159,15 +159,15 @@ def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     root = checkout()
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    found: dict[str, ModuleType] = {}
+    modules: dict[str, ModuleType] = {}
     for path in sorted((root / "paper_figures").glob("figure_*.py")):
         module = importlib.import_module(f"paper_figures.{path.stem}")
-        found[str(module.NAME)] = module
+        modules[str(module.NAME)] = module
     wanted = [_plain(name) for name in names]
-    unknown = [name for name in wanted if name not in found]
+    unknown = [name for name in wanted if name not in modules]
     if unknown:
-        raise FiguresError(f"no figure is named {', '.join(unknown)}; there are {', '.join(found)}")
-    return {name: module for name, module in found.items() if not wanted or name in wanted}
+        raise FiguresError(f"no figure is named {', '.join(unknown)}; there are {', '.join(modules)}")
+    return {name: module for name, module in modules.items() if not wanted or name in wanted}
 
 
 def _plain(name: str) -> str:

@@ -447,8 +447,8 @@ class System:
     def _derived(self, field, model, values, view):
         other = copy.copy(self)
         other._field, other.model, other._view, other._cache = field, model, view, {}
-        known = self.parameters | values
-        other.parameters = {p: known[p] for p in other.model.parameters}
+        values_of = self.parameters | values
+        other.parameters = {p: values_of[p] for p in other.model.parameters}
         dropped = [p for p in self.parameters if p not in other.parameters]
         other._notes = tuple(f"{p} drops out of this view" for p in dropped)
         return other

@@ -82,8 +82,8 @@ class Blocks:
         """
         square = self.g_lam[:, J][:, :, J]
         right = np.concatenate([self.g_w[:, J], self.g_t[:, J, None]], axis=2)
-        found = -np.linalg.solve(square, right)
-        return found[:, :, :-1], found[:, :, -1]
+        slopes = -np.linalg.solve(square, right)
+        return slopes[:, :, :-1], slopes[:, :, -1]
 
     def flow(self, J: Sequence[int]) -> np.ndarray:
         """The Jacobian A of the flow, the solved multipliers eliminated.

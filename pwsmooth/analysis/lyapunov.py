@@ -261,5 +261,5 @@ def _free_column(run: Solution) -> int:
     free[0] = False
     alone = np.diff(run.t, prepend=-np.inf, append=np.inf)
     free &= (alone[:-1] > 0) & (alone[1:] > 0)
-    found = np.flatnonzero(free)
-    return int(found[-1]) if found.size and found[-1] > 0.5 * len(run.t) else len(run.t) - 1
+    columns = np.flatnonzero(free)
+    return int(columns[-1]) if columns.size and columns[-1] > 0.5 * len(run.t) else len(run.t) - 1

@@ -330,10 +330,10 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
         step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
         # What returns to the bit from any start nearby, as v = 0 in a stick, stays: rounding would leave the surface.
         step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
-        found = _shortened(map_, x, step, size)
-        if found is None:
+        closer = _shortened(map_, x, step, size)
+        if closer is None:
             break
-        x, image = found
+        x, image = closer
         off, size = _off(x, image)
         steps += 1
     orbit = PeriodicOrbit(

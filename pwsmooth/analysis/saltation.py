@@ -138,17 +138,17 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     before = np.searchsorted(t, times, side="left")
     after = np.searchsorted(t, times, side="right") - 1
     fields = [line.blocks(t[c], solution.x[:, c], solution.mult[:, c], p) for c in (before, after)]
-    found = [
+    jumps = [
         _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), events).saltation()
         for k, events in enumerate(instants.values())
     ]
     # The last impacts before an accumulation are slow by nature; the projector there takes up what they leave.
-    ends = np.array([s.time for s in found if "accumulation" in s.kinds])
+    ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
         replace(s, degenerate="")
         if np.any((ends >= s.time) & (ends - s.time < _CHATTER * (1 + abs(s.time))))
         else s
-        for s in found
+        for s in jumps
     ]
 
 

@@ -415,13 +415,13 @@ class Section(_Map):
 
     def __post_init__(self) -> None:
         model = checks.system(self.system, "`system`").model
-        known = {*model.states, *self.system.parameters}
-        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in known})
+        symbols = {*model.states, *self.system.parameters}
+        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in symbols})
         checks.fields(
             self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
             options=checks.mapping,
         )  # fmt: skip
-        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= known:
+        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= symbols:
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
             )

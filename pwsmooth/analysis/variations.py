@@ -234,9 +234,9 @@ def _steps(solution: Solution) -> _Steps:
         return _Steps(
             dense.t0, dense.t0 + dense.length, np.ones(ns), dense.coefficients, np.zeros((ns, 0, 1)), time, True
         )
-    kept = "none" if dense is None else type(dense).__name__
+    kind = "none" if dense is None else type(dense).__name__
     raise ValueError(
-        f"`solution` has no step polynomials (dense output: {kept}). Solve with dense_output=True and one of the "
+        f"`solution` has no step polynomials (dense output: {kind}). Solve with dense_output=True and one of the "
         "package's own methods."
     )
 

@@ -303,9 +303,9 @@ class Expansion:
         """Name of the copy of something of element k."""
         return f"{name}{space}{k + 1}"
 
-    def parameters(self, given):
+    def parameters(self, values):
         """Values of parameters by name, one entry a copy."""
-        return spread(given, self.groups, "`parameters`")
+        return spread(values, self.groups, "`parameters`")
 
     def further(self):
         """(symbols with a meaning of their own, those of them that move, expressions behind them)."""

@@ -325,14 +325,14 @@ class Event:
         terminal=False,
         name=None,
     ):
-        given = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
-        if len(given) != 1:
+        causes = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
+        if len(causes) != 1:
             raise ValueError(
-                f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(given) or 'none'}."
+                f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(causes) or 'none'}."
             )
         direction = checks.one_of(1, -1, 0)(direction, "`direction` of an Event")
-        if given[0] != "surface" and direction:
-            raise ValueError(f"`direction` has no meaning for an Event with `{given[0]}`; leave it out.")
+        if causes[0] != "surface" and direction:
+            raise ValueError(f"`direction` has no meaning for an Event with `{causes[0]}`; leave it out.")
         if surface is not None:
             surface = checks.expression(surface, "`surface` of an Event")
             if not surface.free_symbols:

@@ -168,7 +168,7 @@ def sigmoid(name):
     try:
         return SIGMOIDS[name]
     except (KeyError, TypeError):
-        given = checks.shown(name)
+        shown = checks.shown(name)
         raise ValueError(
-            f"`sigmoid` is {given}, the name of none; choose one of {', '.join(SIGMOIDS)}."
+            f"`sigmoid` is {shown}, the name of none; choose one of {', '.join(SIGMOIDS)}."
         ) from None

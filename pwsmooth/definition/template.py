@@ -140,14 +140,14 @@ class Loops:
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""
         sums = {s: (family, inner) for s, family, inner in self.template.sums}
-        made = {}
+        values = {}
         for s in e.free_symbols:
             if s in sums:
                 family, inner = sums[s]
-                made[s] = sp.Add(*(self.expression(inner, j) for j in range(self.sizes[family])))
+                values[s] = sp.Add(*(self.expression(inner, j) for j in range(self.sizes[family])))
             elif s in self.template.place:
-                made[s] = self.symbol(s, k)
-        return e.xreplace(made) if made else e
+                values[s] = self.symbol(s, k)
+        return e.xreplace(values) if values else e
 
     def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
         """All states or parameters."""

@@ -140,14 +140,14 @@ def unlayered(field, layer, eps):
 
 def without(field, gone):
     """The field without the states `gone`, which stay free symbols of the expressions."""
-    kept = [x for x in (*field.states, *field.memories) if x not in gone]
+    remaining = [x for x in (*field.states, *field.memories) if x not in gone]
     before = (*field.states, *field.memories)
     return replace(
         field,
         states=tuple(x for x in field.states if x not in gone),
         rates=tuple(f for x, f in zip(field.states, field.rates, strict=True) if x not in gone),
         events=tuple(
-            replace(event, update=tuple((kept.index(before[i]), e) for i, e in event.update))
+            replace(event, update=tuple((remaining.index(before[i]), e) for i, e in event.update))
             for event in field.events
         ),
     )
@@ -164,12 +164,12 @@ def _cancelled(rate, beta):
 def time_constant(z, rate, parameters):
     """beta with beta*rate free of beta: a parameter, else the number -1/(d rate/dz); ValueError for none or several."""
     candidates = sorted((p for p in parameters if p in rate.free_symbols), key=lambda p: p.name)
-    found = [p for p in candidates if sp.expand((rate * p).expand().diff(p)) == 0]
-    if len(found) == 1:
-        return found[0]
-    if found:
+    constants = [p for p in candidates if sp.expand((rate * p).expand().diff(p)) == 0]
+    if len(constants) == 1:
+        return constants[0]
+    if constants:
         raise ValueError(
-            f"the time constant of {z} is not unique: {', '.join(map(str, found))} all divide its rate {rate}. "
+            f"the time constant of {z} is not unique: {', '.join(map(str, constants))} all divide its rate {rate}. "
             f"Choose with time_constant={{{z}: ...}}, or write their product as one parameter."
         )
     slope = sp.expand(rate.diff(z))

@@ -448,12 +448,12 @@ def _ends_of(load, when):
 
 def _symbols_of(pieces):
     """Names of all symbols that stand in the pieces, those in surfaces of switches too."""
-    found: set[str] = set()
+    names: set[str] = set()
 
     def visit(e):
         for s in getattr(e, "free_symbols", ()):
-            if s.name not in found:
-                found.add(s.name)
+            if s.name not in names:
+                names.add(s.name)
                 for part in ("surface", "gap", "restitution", "outside"):
                     visit(getattr(s, part, None))
 
@@ -467,4 +467,4 @@ def _symbols_of(pieces):
         visit(contact.restitution)
     for item in pieces.algebraic:
         visit(item.residual)
-    return found
+    return names

@@ -91,22 +91,22 @@ class Kicks:
         object.__setattr__(self, "every", every)
         if isinstance(self.size, Mapping):
             names = _names(self.on) if self.on is not None else tuple(str(key) for key in self.size)
-            given = {str(key): value for key, value in self.size.items()}
-            if set(given) != set(names):
+            sizes_of = {str(key): value for key, value in self.size.items()}
+            if set(sizes_of) != set(names):
                 raise ValueError(
-                    f"`size` has values for {checks.listing(given)}, `on` names {checks.listing(names)}; leave `on` "
+                    f"`size` has values for {checks.listing(sizes_of)}, `on` names {checks.listing(names)}; leave `on` "
                     "out, or name the same states."
                 )
         elif self.on is None:
             raise ValueError("`on` is not given; name the states that are kicked, such as on=('y', 'v').")
         else:
             names = _names(self.on)
-            given = dict.fromkeys(names, self.size)
+            sizes_of = dict.fromkeys(names, self.size)
         if not names:
             raise ValueError("`on` is empty; name the states that are kicked, such as on=('y', 'v').")
         if len(set(names)) < len(names):
             raise ValueError(f"`on` names a state twice: {checks.listing(names)}.")
-        sizes = tuple(_size(given[name], name) for name in names)
+        sizes = tuple(_size(sizes_of[name], name) for name in names)
         object.__setattr__(self, "on", names)
         object.__setattr__(self, "size", sizes[0] if len(set(sizes)) == 1 else dict(zip(names, sizes)))
 

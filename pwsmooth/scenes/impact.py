@@ -312,7 +312,7 @@ def apexes(solution: Any) -> Any:
 
     if solution.dense is None:
         raise ValueError("apexes need the motion between steps: solve with `dense_output=True`.")
-    found = []
+    heights = []
     offs = [e.time for e in solution.events if e.switch.startswith("lift-off") or e.kind == "impact"]
     ons = [e.time for e in solution.events if e.switch.startswith("touch-down") or e.kind == "impact"]
     for off in offs:
@@ -323,8 +323,8 @@ def apexes(solution: Any) -> Any:
             height = -solution(grid, "p")
             i = int(np.clip(np.argmax(height), 1, 31))
             a, b, _ = np.polyfit(grid[i - 1 : i + 2] - grid[i], height[i - 1 : i + 2], 2)
-            found.append(height[i] - b**2 / (4 * a))
-    return np.array(found)
+            heights.append(height[i] - b**2 / (4 * a))
+    return np.array(heights)
 
 
 def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential=sp.S.Zero, outputs=None,

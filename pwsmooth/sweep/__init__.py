@@ -194,15 +194,15 @@ def sweep(
     if store is not None:
         from .store import Store
 
-        kept = Store(store, plan, where, target)
+        chunk_store = Store(store, plan, where, target)
 
         def complete(first: int, stop: int, result: dict[str, Any]) -> None:
             # What ran out of time has not run: the same call goes on there.
             if not (result["outcome"] == Outcome.TIME_LIMIT).any():
-                kept.keep(first, stop, result)
+                chunk_store.keep(first, stop, result)
 
-        run_chunks(plan, where, kept.todo, executor, workers, complete, progress, deadline)
-        return kept.dataset()
+        run_chunks(plan, where, chunk_store.todo, executor, workers, complete, progress, deadline)
+        return chunk_store.dataset()
     arrays = empty_arrays(plan, where)
 
     def keep(first: int, stop: int, result: dict[str, Any]) -> None:

@@ -120,16 +120,16 @@ def installed(module: str) -> str:
     return version and f"{module} {version}"
 
 
-def _inside(item: Any, known: bool) -> Any:
+def _inside(item: Any, packaged: bool) -> Any:
     """What a function or a class consists of; where its code is known, what is not in the code."""
     if isinstance(item, type):
-        if known:
+        if packaged:
             return None
         held = {k: v for k, v in vars(item).items() if k not in _ABOUT and not inspect.isdatadescriptor(v)
                 or isinstance(v, property)}  # fmt: skip
         return [item.__bases__, held]
     cells = [cell.cell_contents if cell != types.CellType() else None for cell in item.__closure__ or ()]
-    if known:
+    if packaged:
         return item.__code__.co_firstlineno, cells
     read = {name: item.__globals__[name] for name in sorted(_read(item.__code__)) if name in item.__globals__}
     return [item.__code__, item.__defaults__, item.__kwdefaults__, cells, read, item.__dict__]

@@ -217,10 +217,10 @@ class Store:
 
 def _describe(group: Any, name: str, array: dict[str, Any], values: Any) -> str:
     """Make an array, with the values of a coordinate; its sum."""
-    made = group.create_array(name, **array)
+    stored = group.create_array(name, **array)
     if values is not None:
-        made[...] = values
-    return sum_of_array(made, values)
+        stored[...] = values
+    return sum_of_array(stored, values)
 
 
 def _stored(dtype: Any) -> Any:

@@ -23,11 +23,11 @@ def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
     """Rows {"hazard": title, group: "method: what happens; ..."} of the records of a data file."""
     rows = []
     for record in records:
-        found = StabilityMap.from_record(record)
+        map_ = StabilityMap.from_record(record)
         cells: dict[str, list[str]] = {group: [] for group in COLUMNS}
-        for method in found.methods:
-            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(found, method)}")
-        rows.append({"hazard": found.title} | {g: "; ".join(c) for g, c in cells.items()})
+        for method in map_.methods:
+            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(map_, method)}")
+        rows.append({"hazard": map_.title} | {g: "; ".join(c) for g, c in cells.items()})
     return rows
 
 

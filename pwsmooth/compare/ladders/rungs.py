@@ -157,10 +157,10 @@ class Setting:
         """
         if isinstance(name, Observable):
             return name
-        known = {o.name: o for o in self.observables}
-        if name not in known:
+        by_name = {o.name: o for o in self.observables}
+        if name not in by_name:
             raise ValueError(
-                f"`observable` is {name!r}, which {self.name} does not have; choose one of {', '.join(known)}, or give "
-                "an Observable."
+                f"`observable` is {name!r}, which {self.name} does not have; choose one of {', '.join(by_name)}, "
+                "or give an Observable."
             )
-        return known[name]
+        return by_name[name]

@@ -262,10 +262,10 @@ def follow(
         now = watch(functions, status)
         if set(now) - set(watched):
             # Walls that come into play have a side of their own; the others must keep theirs.
-            kept = [j for j in range(functions.n_walls) if j in watched or status[j] == 0]
+            standing = [j for j in range(functions.n_walls) if j in watched or status[j] == 0]
             fresh = status.copy()
             rules.sides(t, x, fresh)
-            fresh[kept] = status[kept]
+            fresh[standing] = status[standing]
             status[:] = fresh
             now = watch(functions, status)
         watched = now
