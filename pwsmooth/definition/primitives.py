@@ -90,11 +90,6 @@ class Memory(sp.Symbol):
     **assumptions
         As of `sympy.Symbol`; real by default.
 
-    Raises
-    ------
-    ValueError, TypeError
-        An initial value that is no finite number; a name that is no string.
-
     Examples
     --------
     >>> from pwsmooth import Memory

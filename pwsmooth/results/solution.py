@@ -223,10 +223,12 @@ class Solution:
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
-        raise KeyError(
-            f"{name!r} is no state, multiplier or output of this solution; "
-            f"they are {', '.join((*self.states, *self.multipliers, *self.outputs))}."
-        )
+        raise KeyError(f"{name!r} is {self._none_of_these}")
+
+    @property
+    def _none_of_these(self) -> str:
+        names = ", ".join((*self.states, *self.multipliers, *self.outputs))
+        return f"no state, multiplier or output of this solution; they are {names}."
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
@@ -266,10 +268,7 @@ class Solution:
             *self.multipliers,
             *self.outputs,
         ):
-            raise ValueError(
-                f"`name` is {str(name)!r}, which is no state, multiplier or output of this solution; they are "
-                f"{', '.join((*self.states, *self.multipliers, *self.outputs))}."
-            )
+            raise ValueError(f"`name` is {str(name)!r}, which is {self._none_of_these}")
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):

@@ -52,11 +52,6 @@ def free_impact(
     Scene
         States p (indentation), v; outputs `force` and `energy` (kinetic and stored).
 
-    Raises
-    ------
-    ValueError
-        A speed or mass that is not positive, a gap below 0.
-
     Notes
     -----
     m dv/dt = -F.
@@ -92,9 +87,9 @@ def falling_ball(
     height : float, m
         Gap at the start, > 0.
     m : float, kg
-        Mass.
+        Mass, > 0.
     g : float, m/s^2
-        Gravity.
+        Gravity, > 0.
     t_span : (float, float), s
         Suggested span.
 
@@ -102,11 +97,6 @@ def falling_ball(
     -------
     Scene
         Outputs `force`, `energy`, `height` (-p); observable `apexes`, the heights at which the ball turns.
-
-    Raises
-    ------
-    ValueError
-        A height, mass or gravity that is not positive.
 
     Notes
     -----
@@ -163,7 +153,7 @@ def impact_oscillator(
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     amplitude : float, N
         Of the drive.
     omega : float, rad/s
@@ -226,7 +216,7 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     omega : float, rad/s
         Of the drive.
 
@@ -267,7 +257,7 @@ def pressed_block(
     force : Expr of t
         u(t), N; > 0 presses.
     m : float, kg
-        Mass.
+        Mass, > 0.
     p0 : float, m
         Indentation at the start, at rest there.
     t_span : (float, float), s
@@ -279,11 +269,6 @@ def pressed_block(
     -------
     Scene
         States p, v; outputs `force`, `energy`, `pull`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        A mass that is not positive, a force that is no expression.
 
     Notes
     -----

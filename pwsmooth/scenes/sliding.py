@@ -57,7 +57,7 @@ def force_driven(
     force : Expr of t or Table
         u, N.
     m : float, kg
-        Mass.
+        Mass, > 0.
     normal : Expr of t, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
@@ -118,7 +118,7 @@ def block_on_belt(
     pull : float, m/s
         Speed of the spring's end or of the belt.
     m : float, kg
-        Mass.
+        Mass, > 0.
     c : float, N s/m
         Damper, of the elongation's rate.
     normal : Expr of t, optional
@@ -130,11 +130,6 @@ def block_on_belt(
     -------
     Scene
         States `elongation`, v and the law's; outputs `x`, `friction`, `drive`, and those of the law.
-
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
 
     Notes
     -----
@@ -177,7 +172,7 @@ def friction_oscillator(
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     amplitude : float, N
         Of the drive.
     omega : float, rad/s
@@ -193,11 +188,6 @@ def friction_oscillator(
     -------
     Scene
         States y, v and the law's; outputs `friction`, `drive`, and those of the law.
-
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
 
     Notes
     -----
@@ -241,7 +231,7 @@ def position_control(
     integral : float, units of N/(m s)
         Gain k_i.
     m : float, kg
-        Mass.
+        Mass, > 0.
     normal : Expr of t, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s
@@ -251,11 +241,6 @@ def position_control(
     -------
     Scene
         States x, `integral`, v and the law's; outputs `friction`, `drive`, and those of the law.
-
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
 
     Notes
     -----

@@ -137,11 +137,6 @@ def basins(
     Basins
         Labels of the starts, and the attractors as orbits with multipliers.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, as `sweep` says it.
-
     Notes
     -----
     A sweep of the stroboscopic map, whose ends are refined by Newton's method.
