@@ -14,18 +14,15 @@ from pwsmooth.codegen.stiff import functions as codegen
 from pwsmooth.definition.model import EventSpec, Model
 from pwsmooth.paths import stiff_steps as stiff
 from pwsmooth.paths.budget import Budget
+from pwsmooth.results.records import Outcome
 
 t, x, y, v, k = sp.symbols("t x y v k", real=True)
 START = (0.5, 0.3, 0.0)
 
 
-def status(name):
-    return getattr(load_kernels("stiff.state"), name)
-
-
 def end(model, span, start, p, **options):
     run = stiff.integrate(model, span, start, p, **options)
-    assert run.status == status("DONE")
+    assert run.status == Outcome.FINISHED
     return run.x[:, -1]
 
 
@@ -183,7 +180,7 @@ def test_events_of_time_keep_their_instants_and_surfaces_their_directions():
         )
         by_name = {e.name: [r[0] for r in run.events if r[1] == i] for i, e in enumerate(events)}
         last = 5 * np.pi + 4 * np.pi / 3
-        assert run.status == status("TERMINAL") and run.t[-1] == pytest.approx(last, abs=1e-9)
+        assert run.status == Outcome.TERMINATED and run.t[-1] == pytest.approx(last, abs=1e-9)
         assert by_name["tick"] == [0.7 * i for i in range(1, 29)]
         assert by_name["at"] == [2.0, 14.0] and by_name["off"] == []
         assert np.allclose(by_name["rising"], [2 * np.pi, 4 * np.pi, 6 * np.pi], atol=1e-9)
@@ -207,7 +204,7 @@ def test_events_that_call_each_other_for_ever_are_an_outcome():
     )
     loop = Model(t, (x, y, v), (), (sp.S.One, sp.S.Zero, sp.S.Zero), n_memory=2, events=flips)
     run = stiff.integrate(loop, (0, 2.0), (0.0, 1.0, 1.0), ())
-    assert run.status == status("EVENT_LOOP") and run.t[-1] <= 1.0 and run.events == []
+    assert run.status == Outcome.EVENT_LOOP and run.t[-1] <= 1.0 and run.events == []
 
 
 # -- the run itself --------------------------------------------------------------------------------
@@ -224,16 +221,16 @@ def test_the_bits_do_not_depend_on_the_chunks(monkeypatch):
 
 def test_failures_are_outcomes_with_what_was_reached():
     bounded = stiff.integrate(friction(), (0, 50.0), START, values(1e-4, 1e-4), spending=Budget(40))
-    assert bounded.status == status("TOO_MANY") and 0 < bounded.t[-1] < 50
+    assert bounded.status == Outcome.TOO_MANY_STEPS and 0 < bounded.t[-1] < 50
     explosion = Model(t, (x,), (), (x**2,))
     run = stiff.integrate(explosion, (0, 2.0), (1.0,), (), rtol=1e-8)
-    assert run.status in (status("UNDERFLOW"), status("NOT_FINITE")) and run.t[-1] == pytest.approx(
+    assert run.status in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE) and run.t[-1] == pytest.approx(
         1.0, abs=1e-6
     )
     root = Model(t, (x,), (), (-1 - sp.sqrt(x),))
     for method in ("auto", "radau9"):
         run = stiff.integrate(root, (0, 2.0), (0.5,), (), method=method)
-        assert run.status in (status("UNDERFLOW"), status("NOT_FINITE")) and np.isfinite(run.x).all()
+        assert run.status in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE) and np.isfinite(run.x).all()
 
 
 @pytest.mark.parametrize("method", ["radau5", "radau9", "radau13"])

@@ -41,24 +41,18 @@ SOLVED, HELD = 0, 2
     AMB_CHATTERING,
 ) = range(11)
 
-# Why the loop returned.
-(
-    DONE,
-    TERMINAL,
-    FULL,
-    NOT_FINITE,
-    UNDERFLOW,
-    CHATTERING,
-    NO_ROOT_FOUND,
-    HIDDEN_OSCILLATION,
-    MAX_STEPS,
-    STRICT,
-    NEWTON_FAILED,
-    DETERMINACY_LOST,
-    ACCUMULATED,
-    BROKEN,  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
-    SINGULAR_POINT,
-) = range(15)
+# Events of an instant (firing.py). In `due`:
+DUE, ACTS, ACTED = 1, 2, 3
+# In `carried`: no surface; a singular argument, which fires nothing; an event; a switch kept as a memory of its side.
+TIMED, SILENT, PLAIN, ALWAYS = -1, 0, 1, 2
+# In `left`.
+OFF, THROUGH = 1, 2
+MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
+
+# What a part of the loop returns that ends no run: this is done, go on; or nothing was to be done here. All else is the
+# Outcome of the run. OUT_OF_MEMORY says that the buffers are full: the caller gives larger ones, or ends it there.
+GO_ON, NOTHING = 2, 3
+BROKEN = 4  # an invariant does not hold: invariants.py, and W.broken says of which multiplier
 
 
 class Problem(Bundle):
@@ -170,8 +164,6 @@ class State(Bundle):
     minute: "int"  # crossings in succession between which the motion has stayed within its tolerance
     started: "int"
 
-
-MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge
 
 PAD = 8  # zeros behind the coefficients of a row: loops run in blocks of eight, and known zeros are dropped by a shift
 

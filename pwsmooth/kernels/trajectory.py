@@ -32,19 +32,15 @@ from .instant.surface_rates import any_is, keep_sliding
 from .instant.twofolds import two_fold
 from .machine.compiling import inlined_kernel, kernel, unit
 from .machine.pointers import at, call_fold, call_rk, call_unit
+from .outcome import Outcome
 from .state import (
     ALGEBRAIC,
     BROKEN,
     CONTACT,
-    DONE,
-    FULL,
+    GO_ON,
     HELD,
-    MAX_STEPS,
-    NEWTON_FAILED,
-    NOT_FINITE,
+    NOTHING,
     SOLVED,
-    STRICT,
-    UNDERFLOW,
     Control,
     Problem,
     Record,
@@ -118,15 +114,15 @@ def after_event(P, S):
 
 @inlined_kernel
 def _find_roots(P, C, S, R, W):
-    """Solves for the multipliers at the present state; -1, or where a root is lost the code of what is made of it."""
+    """Solves for the multipliers at the present state; NOTHING, or where a root is lost what is made of it."""
     mask_solved(P, S, W)
     if W.instant.solved_there == 0:
         if P.jet_fold != 0:
             for j in range(P.m):
                 W.arc.mult_before[j] = S.mult[j]
         if not follow(P, S, W):
-            code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else NEWTON_FAILED
-            return call_unit(P.instant_unit, P, C, S, R, W) if code == -1 else code
+            code = lost_at_a_fold(P, C, S, R, W) if P.jet_fold != 0 else Outcome.SINGULAR
+            return call_unit(P.instant_unit, P, C, S, R, W) if code == NOTHING else code
     W.instant.solved_there = 0
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
@@ -135,7 +131,7 @@ def _find_roots(P, C, S, R, W):
             W.meeting.tau[j] = 0.0
             W.meeting.exit_side[j] = 1 if S.mult[j] > 0.0 else -1
             return _settle_again(P, C, S, R, W)
-    return -1
+    return NOTHING
 
 
 @kernel
@@ -233,30 +229,30 @@ def run(P, C, S, R, W):
         forget_rhythm(S, W)
         restart_flags(W)
         code = call_unit(P.start_unit, P, C, S, R, W)
-        if code == DONE and W.instant.look_again:
+        if code == GO_ON and W.instant.look_again:
             W.meeting.tau[:] = NO_ROOT
             code = _settle_again(P, C, S, R, W)
             S.events, S.points = 0, 0  # what holds from the start is no event
             record_point(P, S, R)
-        if code != DONE:
+        if code != GO_ON:
             return code
     while S.t < C.t_end:
         if not _room(R, S):
-            return FULL
+            return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
-            return MAX_STEPS
+            return Outcome.TOO_MANY_STEPS
         if any_is(P, S, HELD):
             code = release_held(P, C, S, R, W)
-            if code == DONE:
+            if code == GO_ON:
                 code = _settle_again(P, C, S, R, W)
-            if code > DONE:
+            if code != GO_ON and code != NOTHING:
                 return code
         sliding = any_is(P, S, SOLVED)
         if sliding:
             code = _find_roots(P, C, S, R, W)
-            if code == DONE:
+            if code == GO_ON:
                 continue
-            if code != -1:
+            if code != NOTHING:
                 return code
         if CHECK and broken_by(P, C, S, W) >= 0:
             W.broken = broken_by(P, C, S, W)
@@ -270,7 +266,7 @@ def run(P, C, S, R, W):
             mult_row = take_jet(P, C, S, sliding, W)
             singular = mult_row < 0
             if singular and P.jet_fold == 0 and P.rk_unit == 0:
-                return NEWTON_FAILED
+                return Outcome.SINGULAR
             surface_rows = P.rows_general if sliding else P.rows_slip
             h = S.step
             if singular and P.jet_fold == 0:
@@ -285,12 +281,12 @@ def run(P, C, S, R, W):
             longest = min(C.max_step, next_stop(C, S) - S.t)
             h = call_rk(P.rk_unit, P, C, S, W, min(S.step, longest), -1)
             if singular and not h > 0.0:
-                return NEWTON_FAILED
+                return Outcome.SINGULAR
             singular = False
         by_arc = sliding and P.jet_fold != 0 and not by_pair
         if math.isnan(h):
             if not by_arc:
-                return NOT_FINITE
+                return Outcome.NOT_FINITE
             h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
         look = 0 if by_pair else P.look_general if sliding else P.look_slip
         if h < 1e-12 * (1.0 + abs(S.t)):
@@ -308,9 +304,9 @@ def run(P, C, S, R, W):
             if toward != 0:
                 h = fold_step_size(P, C, S, rows, W)
         if singular and fold < 0 or fold >= 0 and toward == 0:
-            return NEWTON_FAILED
+            return Outcome.SINGULAR
         if math.isnan(h):
-            return NOT_FINITE
+            return Outcome.NOT_FINITE
         if look:
             flat_rows = P.flat_slip
             if time_row >= 0:
@@ -328,16 +324,16 @@ def run(P, C, S, R, W):
             capped = True
         if time_row < 0 and not capped and h <= 1e-15 * abs(t0) + 1e-300:
             if not by_arc:
-                return UNDERFLOW
+                return Outcome.STEP_UNDERFLOW
             # Within rounding of a fold, on the root that does not attract.
             for j in range(m):
                 W.arc.mult_before[j] = S.mult[j]
             code = lost_at_a_fold(P, C, S, R, W)
-            if code == -1:
+            if code == NOTHING:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
-            if code == DONE:
+            if code == GO_ON:
                 continue
-            return UNDERFLOW if code == NEWTON_FAILED else code
+            return Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
         # What is met first on it, and where it therefore ends.
         if at(power, 1) != h:
             powers(power, h)
@@ -384,7 +380,7 @@ def run(P, C, S, R, W):
                     met = i
             s_end = call_rk(P.rk_unit, P, C, S, W, s_end, met)
             if math.isnan(s_end):
-                return NOT_FINITE
+                return Outcome.NOT_FINITE
             fraction = 0.5  # a new s_end: its powers are to be made
         touched, t_touch = LEFT if folded else 0, t0
         if by_arc and time_row < 0:
@@ -427,12 +423,12 @@ def run(P, C, S, R, W):
         S.step = W.pair.next_step if by_pair else h
         if grazes and C.strict:
             record_point(P, S, R)
-            return STRICT
+            return Outcome.AMBIGUITY
         total = 0.0
         for i in range(n):
             total += abs(x[i])
         if not total < math.inf:
-            return NOT_FINITE
+            return Outcome.NOT_FINITE
         if sliding:
             for j in range(m):
                 if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
@@ -440,12 +436,12 @@ def run(P, C, S, R, W):
             if len(P.contact) > 0:
                 stop_closed(P, S, W)
             code = two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W)
-            if code != -1:
+            if code != NOTHING:
                 record_point(P, S, R)
                 return code
         if arrives and s_end == h:
             code = call_unit(P.approach_unit, P, C, S, R, W)
-            if code != DONE:
+            if code != GO_ON:
                 return code
             continue
         # What happens there.
@@ -454,11 +450,11 @@ def run(P, C, S, R, W):
                 W.arc.touched, t_touch = fold, t_new
                 W.arc.hop = HOP * (t_new - t0) / s_end  # at the pace of this arc
             code = touch(P, C, S, R, touched, t_touch, toward, W)
-            if code == -1:
+            if code == NOTHING:
                 code = call_unit(P.instant_unit, P, C, S, R, W)
-                if code == DONE:
+                if code == GO_ON:
                     continue
-            if code != DONE:
+            if code != GO_ON:
                 record_point(P, S, R)
                 return code
         if happened or at_clock:
@@ -470,10 +466,10 @@ def run(P, C, S, R, W):
             W.instant.elapsed = t_new - t0
             note_rhythm(P, S, W, best, t_new)
             code = call_unit(P.instant_unit, P, C, S, R, W)
-            if code != DONE:
+            if code != GO_ON:
                 return code
         else:
             S.deflate[:] = 0
             S.stalled = 0
             record_point(P, S, R)
-    return DONE
+    return Outcome.FINISHED

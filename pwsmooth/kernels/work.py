@@ -139,12 +139,18 @@ class Firing(Bundle):
     """Events of an instant: see firing.py."""
 
     last: "f8[ne, 6]"  # as State.last, for the firings of the events
-    pending: "i8[ne]"  # 1 pending, 2 fired
-    together: "i8[ne]"  # those that act on the same values
+    jumped: "int"  # these are as kernels/firing.py says
+    due: "i8[ne]"
+    met: "i8[ne]"
+    carried: "i8[ne]"
+    left: "i8[ne]"
+    level: "f8[ne]"
+    was: "f8[ne]"
+    rounding: "f8[ne]"
     before: "f8[n]"  # state before and after their updates
     after: "f8[n]"
     arrived: "f8[n]"  # state with which the instant begins
-    level: "f8[m + ne]"  # surfaces before each update, the switches' before the first; nan for none
+    switch_level: "f8[m]"  # the switches' surfaces before the first update; nan for none
     added: "i8[n]"  # states that they add to, and that they set
     was_set: "i8[n]"
     value: "f8[n]"  # to what

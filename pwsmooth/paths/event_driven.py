@@ -21,7 +21,7 @@ from . import memory
 from .budget import SLICE, Budget
 from .clock import instants_of_time
 from .problem import compiled_problem
-from .words import OUT_OF_TIME, OUTCOMES, ambiguities_in_words, event_words, singular_cause
+from .words import ambiguities_in_words, event_words, singular_cause
 
 _BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW
 _LOOP = 40  # events in a row at one instant that make a loop
@@ -229,17 +229,17 @@ class EventDriven:
         while True:
             bound[0] = min(taken + (0 if spending.late() else SLICE), most)
             code = advance(record)
-            if code != names.MAX_STEPS and code != names.FULL:
+            if code != Outcome.TOO_MANY_STEPS and code != Outcome.OUT_OF_MEMORY:
                 break
             taken = state.steps
-            if code == names.FULL:
+            if code == Outcome.OUT_OF_MEMORY:
                 if (larger := more(record)) is None:
                     break
                 record = larger
             elif taken >= most:
                 break
             if spending.late():
-                code = OUT_OF_TIME
+                code = Outcome.TIME_LIMIT
                 break
         spending.spend(state.steps)
         return code, record
@@ -309,9 +309,7 @@ class EventDriven:
             mult = np.full((1, len(state.mult)), np.nan)
         event_t = kept["event_t"]
         events = kept["event"]
-        outcome = (
-            Outcome.FINISHED if code == names.DONE else self._outcome(code, problem, state, event_t, events)
-        )
+        outcome = self._outcome(code, problem, state, event_t, events)
         if outcome in _BREAKDOWNS:
             cause = singular_cause(self.model, t[-1:], x[-1:].T, mult[-1:].T, problem.p, self.limits["atol"])
             if cause is not None:
@@ -361,7 +359,7 @@ class EventDriven:
 
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:
         """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""
-        outcome = OUTCOMES[code]
+        outcome = Outcome(code)
         if outcome is Outcome.CHATTERING and len(events) >= _LOOP:
             if np.all(events[-_LOOP:, 1] == names.EV_EVENT) and event_t[-_LOOP] == event_t[-1]:
                 return Outcome.EVENT_LOOP

@@ -76,6 +76,8 @@ class CompiledProblem:
         if loops:
             expressions += tuple(e for _, _, e in loops.template.sums)
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
+        carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
+        self.carried = np.where(has_surface[m:], numbers("events", carried), state.TIMED)
         surfaces = [part.surface for _, parts in holders for part in parts if part.surface is not None]
 
         def looks(moving, flat):
@@ -214,7 +216,8 @@ class CompiledProblem:
             sizes, order=order, **dict(zip(names, map(on_cache_lines, tables), strict=True))
         )
         step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
-        return work.Work.zeros(sizes, roots=roots, step=step)
+        firing = work.Firing.zeros(sizes, carried=self.carried)
+        return work.Work.zeros(sizes, roots=roots, step=step, firing=firing)
 
 
 def _groups(row, col, hub):

@@ -16,7 +16,7 @@ from ..definition.pointwise import value
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
 from ..results.solution import Solution
 from .budget import Budget
-from .words import OUT_OF_TIME, OUTCOMES, singular_cause, singular_record
+from .words import singular_cause, singular_record
 
 
 @dataclass(frozen=True)
@@ -106,21 +106,10 @@ def own(model, t_span, start, p, options, spending, words=None):
 
     `words` gives name, kind and note of an event by its index and the state before it.
     """
-    from ..kernels.stiff import state as S
     from . import stiff_steps as stiff
 
     run = stiff.integrate(model, t_span, start, p, spending=spending, **options)
-    outcome = {
-        S.DONE: Outcome.FINISHED,
-        S.TERMINAL: Outcome.TERMINATED,
-        S.NOT_FINITE: Outcome.NOT_FINITE,
-        S.UNDERFLOW: Outcome.STEP_UNDERFLOW,
-        S.TOO_MANY: Outcome.TOO_MANY_STEPS,
-        S.EVENT_LOOP: Outcome.EVENT_LOOP,
-        S.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
-        S.FULL: Outcome.OUT_OF_MEMORY,
-        OUT_OF_TIME: Outcome.TIME_LIMIT,
-    }[run.status]
+    outcome = Outcome(run.status)
     events = [
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
         for when, i, before, _ in run.events
@@ -192,7 +181,7 @@ def _scipy(model, t_span, start, p, options):
     if not finite:
         outcome = Outcome.NOT_FINITE
     elif run.ended:
-        outcome = OUTCOMES[run.ended]
+        outcome = Outcome(run.ended)
     else:
         # SciPy tells one more failure apart from success: its step became too small.
         outcome = Outcome.FINISHED if run.success else Outcome.STEP_UNDERFLOW

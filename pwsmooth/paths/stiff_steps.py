@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pwsmooth.definition.model import Model
-from pwsmooth.kernels.state import MAX_STEPS
+from pwsmooth.kernels.outcome import Outcome
+from pwsmooth.kernels.state import ALWAYS, PLAIN, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.paths import memory
 from pwsmooth.paths.budget import MOST_STEPS, opened
 from pwsmooth.paths.clock import instants_of_time
 from pwsmooth.paths.stiff_arrays import core
-from pwsmooth.paths.words import OUT_OF_TIME
 
 METHODS = ("auto", "radau5", "radau9", "radau13", "taylor")
 SCIPY_METHODS = ("Radau", "BDF", "LSODA", "DOP853")
@@ -41,7 +41,7 @@ class StiffResult:
         Ends of the steps; an event that changes the state stands twice, before and after.
     x : ndarray (n, nt)
     status : int
-        DONE, TERMINAL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP or ACCUMULATED of kernels.stiff.state.
+        The Outcome as the loop says it.
     counters : dict
         steps, rejected, f_evals, jac, newton, taylor_steps.
     dense : list of (t0, h, coefficients)
@@ -49,8 +49,8 @@ class StiffResult:
     t_eval, x_eval : ndarray
         (ne,) and (n, ne); nan beyond the end of the run.
     events : list of (t, index, before, after)
-        Index into `model.events`, and the states around the instant; after ACCUMULATED the last is the limit of its
-        event.
+        Index into `model.events`, and the states around the instant; after EVENTS_ACCUMULATE the last is the limit of
+        its event.
     """
 
     t: np.ndarray
@@ -97,7 +97,7 @@ def integrate(
     first_step, max_step : float
         By default the first step is found, and none is longer than a tenth of the span.
     spending : Budget, optional
-        Attempted steps before the run stops with TOO_MANY, and its seconds.
+        Attempted steps before the run stops with TOO_MANY_STEPS, and its seconds.
     method : {"auto", "radau5", "radau9", "radau13", "taylor"}
         "auto" chooses the order by the tolerance and takes Taylor steps where the motion is not stiff.
     dense : bool
@@ -172,9 +172,13 @@ def integrate(
     run.x[:] = x0
     run.power[:] = 1.0 / (1.0 + np.arange(compiled.n))
     if model.events:
-        run.kind[:] = [S.TIMED if event.surface is None else event.direction for event in model.events]
-        run.stops[:] = [2 if event.singular else event.terminal for event in model.events]
+        run.direction[:] = [event.direction for event in model.events]
+        run.stops[:] = [event.terminal or bool(event.singular) for event in model.events]
         run.remembers[:] = -1 if remembers is None else remembers
+        run.carried[:] = [
+            TIMED if event.surface is None else ALWAYS if own >= 0 else SILENT if event.singular else PLAIN
+            for event, own in zip(model.events, run.remembers)
+        ]
 
     pieces, polynomials, events = [(np.array([t0]), run.x[None].copy())], [], []
     while True:
@@ -192,16 +196,16 @@ def integrate(
         events += [
             (float(run.event_t[i]), int(run.event_index[i]), *run.event_x[i].copy()) for i in range(run.records)
         ]
-        if status != S.FULL:
+        if status != Outcome.OUT_OF_MEMORY:
             break
         if spending.late():
-            status = OUT_OF_TIME
+            status = Outcome.TIME_LIMIT
             break
         # The Solution will hold the polynomials once more, of degree 16 at most.
         if dense and len(pieces) % 16 == 0 and not memory.fits(len(polynomials) * 8 * 17 * compiled.n):
             break
-    if status == S.TOO_MANY and spending.late():
-        status = OUT_OF_TIME
+    if status == Outcome.TOO_MANY_STEPS and spending.late():
+        status = Outcome.TIME_LIMIT
     spending.spend(run.steps + run.rejections)
     counters = {
         "steps": run.steps,
@@ -286,8 +290,8 @@ def integrate_scipy(
             solvers.append(self)
 
         def step(self):
-            self.ended = MAX_STEPS if self.steps >= spending.left else 0
-            self.ended = self.ended or (OUT_OF_TIME if spending.late() else 0)
+            self.ended = Outcome.TOO_MANY_STEPS if self.steps >= spending.left else 0
+            self.ended = self.ended or (Outcome.TIME_LIMIT if spending.late() else 0)
             if self.ended:
                 self.status = "failed"
                 return "The bound on steps or seconds was reached."

@@ -1,4 +1,4 @@
-"""The event-driven kernels' integers in words: outcomes, events, ambiguities.
+"""The event-driven kernels' integers in words: events, ambiguities.
 
 Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
 """
@@ -13,29 +13,10 @@ import sympy as sp
 from ..definition.model import EventSpec, Model
 from ..definition.singular import remedy
 from ..kernels import state as names
-from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
+from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord
 from ..results.solution import vectorised
 
 _STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
-
-OUT_OF_TIME = -1  # no code of the kernels, which know no clock
-OUTCOMES = {
-    OUT_OF_TIME: Outcome.TIME_LIMIT,
-    names.DONE: Outcome.FINISHED,
-    names.TERMINAL: Outcome.TERMINATED,
-    names.NOT_FINITE: Outcome.NOT_FINITE,
-    names.UNDERFLOW: Outcome.STEP_UNDERFLOW,
-    names.CHATTERING: Outcome.CHATTERING,
-    names.NO_ROOT_FOUND: Outcome.NO_ROOT,
-    names.HIDDEN_OSCILLATION: Outcome.LAYER_UNSETTLED,
-    names.MAX_STEPS: Outcome.TOO_MANY_STEPS,
-    names.STRICT: Outcome.AMBIGUITY,
-    names.NEWTON_FAILED: Outcome.SINGULAR,
-    names.DETERMINACY_LOST: Outcome.DETERMINACY_LOST,
-    names.ACCUMULATED: Outcome.EVENTS_ACCUMULATE,
-    names.SINGULAR_POINT: Outcome.SINGULAR_POINT,
-    names.FULL: Outcome.OUT_OF_MEMORY,
-}
 
 
 def event_words(model: Model) -> Any:

@@ -184,7 +184,6 @@ def _one_by_one(system, t_span, starts, noise, count, times, max_steps, options)
 def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ensemble:
     """`count` trajectories in one compiled loop; starts (1 or count, n)."""
     from ..codegen.machine.units import unit_address
-    from ..paths.words import OUT_OF_TIME, OUTCOMES
 
     first, last = (run.interval(t, "`t_span`") for t in t_span)
     asked = np.empty(0) if times is None else times
@@ -200,7 +199,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     )
     bundles = (path.problem, control, state, path.first_record(), path.work, noise)
     one = unit_address("diffuse")
-    noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = OUT_OF_TIME, np.nan, np.nan
+    noise.codes[:, 0], noise.ends[:], noise.snapshots[:] = Outcome.TIME_LIMIT, np.nan, np.nan
     row, rows = 0, 1
     while row < count and not (row and spending.late()):
         since = time.monotonic()
@@ -213,7 +212,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
         noise.snapshots.transpose(0, 2, 1).copy(),
         noise.ends[:, 0].copy(),
         noise.ends[:, 1:].copy(),
-        tuple(OUTCOMES[code] for code in noise.codes[:, 0].tolist()),
+        tuple(map(Outcome, noise.codes[:, 0].tolist())),
         noise.codes[:, 1].copy(),
         tuple(str(s) for s in run.system.states),
     )

@@ -27,7 +27,6 @@ _NODES = 12  # of Gauss: exact for a polynomial of degree 23, the steps' own
 def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     """The ensemble's arrays after the run, with `ok`, `code_done` and `outcome`, each (N,)."""
     from ..codegen.machine.units import unit_address
-    from ..kernels import state
     from ..kernels.sweeping import state as ensemble_state
 
     options, setting, system = dict(plan.options), plan.setting, plan.system
@@ -107,11 +106,11 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
                 go(run.timed(t0[i], end[i], values), i, i + 1)
         else:
             go(run.control, 0, count)
-    orbits.code_done = orbits.code == state.DONE
-    orbits.ok = orbits.code_done | (orbits.code == state.TERMINAL)
-    orbits.outcome = np.where(orbits.code_done, int(Outcome.FINISHED), int(Outcome.TERMINATED))
+    orbits.code_done = orbits.code == Outcome.FINISHED
+    orbits.ok = orbits.code >= Outcome.FINISHED
+    orbits.outcome = orbits.code.copy()
     for i in np.flatnonzero(~orbits.ok).tolist():
-        late = orbits.code[i] == state.FULL
+        late = orbits.code[i] == Outcome.OUT_OF_MEMORY
         orbits.outcome[i] = Outcome.TIME_LIMIT if late else _outcome(plan, columns, i)
     return orbits
 

@@ -11,16 +11,18 @@ from ..intervals import forget_intervals, note_interval, time_left, time_to_last
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields
 from ..state import (
+    ACTS,
     ALGEBRAIC,
     AMB_ACCUMULATION,
     CONTACT,
     CROSSING,
-    DONE,
     EV_ACCUMULATION,
     EV_CLOSED,
     EV_OPENING,
+    GO_ON,
     HELD,
     KINK,
+    NOTHING,
     SECOND_ORDER,
     SOLVED,
 )
@@ -86,14 +88,14 @@ def _comes_to_rest(P, S, W, i):
 
 @kernel
 def events_accumulate(P, S, R, W):
-    """Whether the events that fired at this instant (W.firing.pending = 2) come in intervals that shrink to nothing.
+    """Whether the events that fired at this instant (W.firing.due >= ACTS) come in intervals that shrink to nothing.
 
     What a system does beyond is not for its events to say: the run ends at the limit time, which S is moved to. A
     switch or a contact that accumulates with them is passed, and they with it.
     """
     t = S.t
     for i in range(P.ne):
-        if W.firing.pending[i] != 2 or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
+        if W.firing.due[i] < ACTS or not W.instant.hit[P.m + i] or t <= W.firing.last[i, 0]:
             continue
         note_interval(W.firing.last[i], t)
         if time_to_last_event(W.firing.last[i], True) == math.inf:
@@ -112,7 +114,7 @@ def events_accumulate(P, S, R, W):
 
 @kernel
 def pass_accumulation(P, C, S, R, W):
-    """Passes an accumulation point that has come within rounding; -1 if there is none, else a code."""
+    """Passes an accumulation point that has come within rounding; NOTHING if there is none, else a code."""
     t = S.t
     leader, left = -1, math.inf
     for j in range(P.m):
@@ -121,10 +123,10 @@ def pass_accumulation(P, C, S, R, W):
             if estimate < left:
                 leader, left = j, estimate
     if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
-        return -1
+        return NOTHING
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
     if not lost and not is_passed(S, leader):
-        return -1
+        return NOTHING
     S.t = t + left
     interval = S.last[leader, 1]
     size = 0
@@ -157,8 +159,8 @@ def pass_accumulation(P, C, S, R, W):
             and not _comes_to_rest(P, S, W, i)
         ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
-    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
-    if code == DONE:
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if code == GO_ON:
         # What is left of the way, with the field that the switchings come to on average.
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for i in range(P.n):

@@ -39,7 +39,7 @@ def _open(S, R, j, order):
 def _find_touching(P, S, R, W):
     """Overwrites `touching`, the contacts whose gap is 0, their `speed` and `at_rest`; returns how many.
 
-    W.firing.level holds the gaps before the updates of this instant.
+    W.firing.switch_level holds the gaps before the updates of this instant.
     """
     contacts = W.contacts
     size = 0
@@ -47,7 +47,12 @@ def _find_touching(P, S, R, W):
     for c in range(len(P.contact)):
         j = P.contact[c]
         rounding = surface_rounding(P, S, j, W)
-        if S.status[j] == SOLVED and W.instant.jumped and W.h[j] > rounding and W.h[j] != W.firing.level[j]:
+        if (
+            S.status[j] == SOLVED
+            and W.instant.jumped
+            and W.h[j] > rounding
+            and W.h[j] != W.firing.switch_level[j]
+        ):
             _open(S, R, j, 0)  # an update has lifted the body off
         elif S.status[j] == SOLVED or W.instant.hit[j] or W.h[j] <= rounding:
             contacts.touching[size] = j

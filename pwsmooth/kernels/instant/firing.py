@@ -1,22 +1,21 @@
-"""Events of one instant, and the sides of the switches after what jumped.
+"""Events of one instant on the event-driven path (the rule is that of kernels/firing.py), and the sides of the
+switches after what jumped."""
 
-All events whose `when` holds fire from the values before, repeated until none newly fires.
-"""
-
+from ..firing import counts, fire
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields
+from ..outcome import Outcome
 from ..state import (
-    ACCUMULATED,
+    ACTS,
     AMB_UPDATES,
-    CHATTERING,
     CONTACT,
-    DONE,
+    DUE,
     EV_EVENT,
     EV_RESET,
+    GO_ON,
     HELD,
-    MOST_AT_ONCE,
     SECOND_ORDER,
-    TERMINAL,
+    THROUGH,
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import surface_rounding
@@ -27,19 +26,41 @@ _MOST_INSIDE = 1e-9  # of the states and their way: what one may be moved by
 
 
 @kernel
-def _meet_event(P, S, W, i):
-    """Event surface i has been met: flips its side and marks the event as pending if the direction fits."""
-    S.side[i] = -S.side[i]
-    if P.direction[i] == 0 or P.direction[i] == S.side[i]:
-        W.firing.pending[i] = 1
+def _look(loop, t, x):
+    """Overwrites level and rounding of the event surfaces at S."""
+    P, S, R, W = loop
+    evaluate_surfaces(P, S, W)
+    for i in range(P.ne):
+        W.firing.level[i] = W.h[P.m + i]
+        rounding = 0.0
+        for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
+            k = P.dh_col[e]
+            rounding += 1e-13 * abs(W.dh[e]) * (abs(W.firing.before[k]) + abs(x[k]))
+        W.firing.rounding[i] = rounding
 
 
 @kernel
-def _note_conflicts(P, S, R, W, size):
-    """Records an ambiguity where one of the events together[:size] sets a state that another sets or adds to otherwise.
+def _act(loop, i, t):
+    P, S, R, W = loop
+    return call_act(P.act, i, t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+
+
+@kernel
+def _record(loop, i, t):
+    P, S, R, W = loop
+    record_event(S, R, P.m + i, EV_EVENT, -S.side[i], S.side[i])
+    return P.terminal[i] != 0
+
+
+@kernel
+def _note_conflicts(loop, together):
+    """Records an ambiguity where one of the events that act sets a state that another sets or adds to otherwise.
 
     What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
     """
+    if together < 2:
+        return
+    P, S, R, W = loop
     firing = W.firing
     added, was_set, value, trial, shifted = (
         firing.added,
@@ -51,8 +72,9 @@ def _note_conflicts(P, S, R, W, size):
     for k in range(P.n):
         added[k] = was_set[k] = 0
     conflict = -1
-    for a in range(size):
-        i = firing.together[a]
+    for i in range(P.ne):
+        if firing.due[i] != ACTS:
+            continue
         for k in range(P.n):
             trial[k] = firing.before[k]
             shifted[k] = firing.before[k] + 1.0 + abs(firing.before[k])
@@ -73,94 +95,48 @@ def _note_conflicts(P, S, R, W, size):
 
 
 @kernel
-def _fire_events(P, C, S, R, W):
-    """Fires the pending events until none newly does; returns DONE, TERMINAL or CHATTERING, with W.instant.jumped set.
-
-    Keeps in W.firing.level the event surfaces before each update, and the switches' before the first.
-    """
-    instant = W.instant
-    firing = W.firing
-    m, n, ne = P.m, P.n, P.ne
-    code = DONE
-    fired = 0
-    while fired <= ne + MOST_AT_ONCE - 1:
-        newly, together = False, 0
-        for k in range(n):
-            firing.before[k] = S.x[k]
-            firing.after[k] = S.x[k]
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        for i in range(m if fired > 0 else 0, m + ne):
-            firing.level[i] = W.h[i]
-        for i in range(ne):
-            if (
-                firing.pending[i] == 1
-                and call_act(P.act, i, S.t, firing.before, S.mult, P.p, firing.after) != 0
-            ):
-                firing.pending[i] = 2
-                newly = True
-                fired += 1
-                together += 1
-                firing.together[together - 1] = i
-                record_event(S, R, m + i, EV_EVENT, -S.side[i], S.side[i])
-                if P.terminal[i]:
-                    code = TERMINAL
-        if not newly:
-            return code
-        if together > 1:
-            _note_conflicts(P, S, R, W, together)
-        for k in range(n):
-            if firing.after[k] != S.x[k]:
-                instant.jumped = 1
-                S.x[k] = firing.after[k]
-        evaluate_surfaces(P, S, W)
-        for i in range(ne):
-            if P.watch[i] != 0 or P.rows_slip[m + i] < 0 or W.h[m + i] == firing.level[m + i]:
-                continue
-            rounding = 0.0
-            for e in range(P.dh_row[m + i], P.dh_row[m + i + 1]):
-                k = P.dh_col[e]
-                rounding += 1e-13 * abs(W.dh[e]) * (abs(firing.before[k]) + abs(S.x[k]))
-            if abs(W.h[m + i]) <= rounding:
-                continue
-            S.deflate[m + i] = 0  # the update has left the surface, to whichever side
-            if W.h[m + i] * S.side[i] >= 0.0:
-                continue
-            acted = False
-            for a in range(together):
-                acted = acted or firing.together[a] == i
-            if acted or (instant.hit[m + i] and abs(firing.level[m + i]) <= rounding):
-                # Put back, from the surface that it had just reached or to where another update had carried it: it will
-                # be met again from there. An update fires no event that acts with it: one that only records at the
-                # surface of another would make that act twice.
-                S.side[i] = -S.side[i]
-            else:
-                # An event surface that the update has jumped through is met as well.
-                instant.hit[m + i] = True
-                _meet_event(P, S, W, i)
-    return CHATTERING
-
-
-@kernel
 def events(P, C, S, R, W):
-    """The events of this instant, from their surfaces and from the clock; returns as _fire_events, or ACCUMULATED."""
-    firing = W.firing
-    some = False
+    """The events of this instant, of surfaces and of the clock; returns as `fire`, or EVENTS_ACCUMULATE.
+
+    Sets W.instant.jumped; keeps in W.firing.switch_level the switches' surfaces before the first update.
+    """
+    firing, instant = W.firing, W.instant
+    m, some = P.m, False
     for i in range(P.ne):
-        firing.pending[i] = 0
-        if W.instant.hit[P.m + i]:
-            S.deflate[P.m + i] = 1
-            _meet_event(P, S, W, i)
-            some = some or firing.pending[i] == 1
-    if W.instant.at_clock:
+        met = instant.hit[m + i]
+        firing.due[i] = firing.left[i] = 0
+        firing.met[i] = 1 if met else 0
+        if met:
+            S.deflate[m + i] = 1
+            S.side[i] = -S.side[i]
+            if counts(P.direction[i], S.side[i]):
+                firing.due[i] = DUE
+                some = True
+    if instant.at_clock:
         while S.ticks < len(C.clock) and C.clock[S.ticks] <= S.t:
-            firing.pending[C.clock_event[S.ticks]] = 1
+            firing.due[C.clock_event[S.ticks]] = DUE
             S.ticks += 1
             some = True
     for k in range(P.n):
         firing.arrived[k] = S.x[k]
-    code = _fire_events(P, C, S, R, W) if some else DONE
-    if code == DONE and some and events_accumulate(P, S, R, W):
-        return ACCUMULATED
+    if not some:
+        return GO_ON
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for j in range(m):
+        firing.switch_level[j] = W.h[j]
+    for i in range(P.ne):
+        firing.level[i] = W.h[m + i]
+    code = fire(
+        firing, (P, S, R, W), P.n, P.ne, S.t, S.x, S.side, P.direction, _look, _act, _record, _note_conflicts
+    )
+    instant.jumped = firing.jumped
+    for i in range(P.ne):
+        if firing.left[i]:
+            S.deflate[m + i] = 0
+        if firing.left[i] == THROUGH:
+            instant.hit[m + i] = True
+    if code == GO_ON and events_accumulate(P, S, R, W):
+        return Outcome.EVENTS_ACCUMULATE
     return code
 
 
@@ -194,7 +170,7 @@ def sides_after_jump(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] >= CONTACT:
             continue
-        if instant.hit[j] and W.h[j] == W.firing.level[j]:
+        if instant.hit[j] and W.h[j] == W.firing.switch_level[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
         if abs(W.h[j]) <= surface_rounding(P, S, j, W):
             if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:

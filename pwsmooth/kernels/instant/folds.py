@@ -11,7 +11,8 @@ import math
 
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_fold, call_layer_unit, call_linear
-from ..state import AMB_FOLD, DONE, NEWTON_FAILED, SLIDING, SOLVED, STRICT
+from ..outcome import Outcome
+from ..state import AMB_FOLD, GO_ON, NOTHING, SLIDING, SOLVED
 from ..step.recording import record_ambiguity
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
@@ -181,21 +182,21 @@ def _root_is_back(P, S, W, j, toward):
 def touch(P, C, S, R, how, t_touch, toward, W):
     """What becomes of switch arc.touched at a fold HOPPED over, PASSED by or LEFT by; records what is within rounding.
 
-    Returns a code; -1 where it leaves, for which S stands at the fold's lambda.
+    Returns a code; NOTHING where it leaves, for which S stands at the fold's lambda.
     """
     j, now = W.arc.touched, S.t
     stays = how == PASSED or (how == HOPPED and _past_the_touch(P, S, W, j, toward))
     if how == LEFT and not _root_is_back(P, S, W, j, toward):
-        return DONE
+        return GO_ON
     S.t = t_touch
     record_ambiguity(S, R, j, AMB_FOLD, 0 if stays else 1)
     S.t = now
     if C.strict:
-        return STRICT
+        return Outcome.AMBIGUITY
     if how != HOPPED or stays:
-        return DONE
+        return GO_ON
     _leave(W, toward)
-    return -1
+    return NOTHING
 
 
 @kernel
@@ -210,7 +211,7 @@ def _leave(W, toward):
 def lost_at_a_fold(P, C, S, R, W):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
-    Returns a code; -1 where S stands at the fold's lambda.
+    Returns a code; NOTHING where S stands at the fold's lambda.
     """
     for i in range(P.m):
         S.mult[i] = W.arc.mult_before[i]
@@ -224,8 +225,8 @@ def lost_at_a_fold(P, C, S, R, W):
             S.mult[j] -= slope / bend
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             _leave(W, 1 if slope * bend < 0.0 else -1)
-            return STRICT if C.strict else -1
-    return NEWTON_FAILED
+            return Outcome.AMBIGUITY if C.strict else NOTHING
+    return Outcome.SINGULAR
 
 
 # ---- inflections: lambda^3 = t has no Taylor series at 0, but t(lambda) has

@@ -12,13 +12,11 @@ from numba import types
 from ..intervals import forget_intervals, note_interval
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_layer_unit
+from ..outcome import Outcome
 from ..state import (
-    ACCUMULATED,
     AMB_CHATTERING,
     AMB_CORNER,
-    CHATTERING,
     CONTACT,
-    DONE,
     EV_ACCUMULATION,
     EV_CROSSING,
     EV_FOLD,
@@ -26,14 +24,13 @@ from ..state import (
     EV_RESET,
     EV_STICK,
     EV_TANGENCY,
+    GO_ON,
     HELD,
     MOST_AT_ONCE,
-    NEWTON_FAILED,
+    NOTHING,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
-    STRICT,
-    TERMINAL,
     Control,
     Problem,
     Record,
@@ -79,7 +76,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
                 keep_on_surface(P, S, j, W)
                 forget_intervals(S.last[j], S.t)
         if size == 0:
-            return DONE
+            return GO_ON
     joint = size
     for a in range(size):
         link(P, S, W, instant.active[a])
@@ -95,7 +92,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
             elif known < 0 and S.status[b] == SOLVED:
                 instant.active[joint] = b
                 joint += 1
-    code = DONE
+    code = GO_ON
     if joint > size or instant.together:
         for a in range(joint):
             j = instant.active[a]
@@ -104,7 +101,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
             if jumped and S.status[j] != SOLVED:
                 S.mult[j] = 0.0
         code = settle_arrivals(P, S, R, W, joint)
-        if code == DONE and size > 1 and not jumped:
+        if code == GO_ON and size > 1 and not jumped:
             _try_other_ratio(P, S, R, W, size)
     elif jumped:
         code = settle_at_rest(P, C, S, R, W, size)
@@ -112,8 +109,9 @@ def _arrivals(P, C, S, R, W, size, jumped):
         for a in range(size):
             instant.group[0] = instant.active[a]
             instant.arrival[0] = S.status[instant.active[a]]
-            code = max(code, settle_arrivals(P, S, R, W, 1))
-    if code != DONE:
+            one = settle_arrivals(P, S, R, W, 1)
+            code = code if one == GO_ON else one
+    if code != GO_ON:
         return code
     for a in range(joint):
         j = instant.active[a]
@@ -131,7 +129,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
             note_interval(S.last[j], S.t)
         if S.status[j] != SOLVED and P.rk_unit != 0:
             step_inside(P, S, j, W)
-    return DONE
+    return GO_ON
 
 
 @kernel
@@ -220,7 +218,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
             if S.minute > _MOST_MINUTE:
                 if P.kind[j] != SECOND_ORDER:
-                    return CHATTERING, True
+                    return Outcome.CHATTERING, True
                 record_event(S, R, j, EV_ACCUMULATION, status[j], 0)
                 forget_intervals(S.last[j], S.t)
                 stop_normal_speed(P, S, j, W, False)
@@ -235,7 +233,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
         at_fold = mult[fold]
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
         code = layer_code(P, S, R, fold, outcome)
-        if code != DONE:
+        if code != GO_ON:
             return code, True
         # A fold at the bound is left as a tangency is: the field does not jump.
         S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
@@ -243,10 +241,10 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
         switched = True
     if size > 0:
         code = _arrivals(P, C, S, R, W, size, jumped)
-        if code != DONE:
+        if code != GO_ON:
             return code, True
         switched = True
-    return DONE, switched
+    return GO_ON, switched
 
 
 @kernel
@@ -264,7 +262,7 @@ def _forget_what_was_met(P, S, W):
     for j in range(P.m):
         instant.hit[j] = False
         instant.came[j] = S.status[j]
-        W.firing.level[j] = math.nan
+        W.firing.switch_level[j] = math.nan
 
 
 @kernel
@@ -322,7 +320,7 @@ def at_instant(P, C, S, R, W):
         instant.hit[fold] = False
     for j in range(m):
         instant.came[j] = status[j]
-        W.firing.level[j] = math.nan
+        W.firing.switch_level[j] = math.nan
         if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
         elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
@@ -330,27 +328,28 @@ def at_instant(P, C, S, R, W):
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
     if S.stalled > MOST_AT_ONCE:
-        return CHATTERING
+        return Outcome.CHATTERING
     events_before = S.events
     only = only_one(P, S, W) if fold < 0 and instant.at_clock == 0 else -1
     if only >= 0:
         code = cross_stick_or_leave(P, S, R, W, only)
-        if code != -1 and (code != DONE or not is_passed(S, only)):
+        if code != NOTHING and (code != GO_ON or not is_passed(S, only)):
             record_point(P, S, R)
             return code
-        only = code
+        if code == NOTHING:
+            only = -1
         instant.solved_there = 0
-    stop, jumped = DONE, False
+    stop, jumped = GO_ON, False
     if only < 0 and ne > 0:
         stop = events(P, C, S, R, W)
         jumped = instant.jumped != 0
-        if stop == ACCUMULATED:
+        if stop == Outcome.EVENTS_ACCUMULATE:
             record_point(P, S, R)
-        if stop != DONE and stop != TERMINAL:
+        if stop != GO_ON and stop != Outcome.TERMINATED:
             return stop
     for turn in range(MOST_AT_ONCE + 1):
         if turn == MOST_AT_ONCE:
-            return CHATTERING
+            return Outcome.CHATTERING
         contacts = UNCHANGED
         if len(P.contact) > 0:
             if turn > 0:
@@ -358,20 +357,20 @@ def at_instant(P, C, S, R, W):
                 _forget_what_was_met(P, S, W)
             contacts = settle_contacts(P, S, R, W)
             if contacts == UNSOLVABLE:
-                return NEWTON_FAILED
+                return Outcome.SINGULAR
             if turn > 0 and contacts == UNCHANGED:
                 break
-        code, switched = -1, True
+        code, switched = NOTHING, True
         if only < 0 or turn > 0:
             code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, fold_way)
-            if code != DONE:
+            if code != GO_ON:
                 return code
-        code = pass_accumulation(P, C, S, R, W) if turn == 0 else -1
-        if code > DONE:
+        code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING
+        if code != GO_ON and code != NOTHING:
             return code
-        if switched or code == DONE or contacts != UNCHANGED:
+        if switched or code == GO_ON or contacts != UNCHANGED:
             code = _follow_up(P, S, R, W)
-            if code != DONE:
+            if code != GO_ON:
                 return code
         if len(P.contact) == 0 or instant.look_again == 0:
             break
@@ -382,5 +381,5 @@ def at_instant(P, C, S, R, W):
     if S.events > events_before:
         record_point(P, S, R)
     if C.strict and S.ambiguities > 0:
-        return STRICT
+        return Outcome.AMBIGUITY
     return stop

@@ -8,14 +8,15 @@ import math
 
 from ..intervals import note_interval
 from ..machine.compiling import kernel
+from ..outcome import Outcome
 from ..state import (
     CONTACT,
-    DONE,
     EV_CROSSING,
     EV_STICK,
     EV_TANGENCY,
+    GO_ON,
     HELD,
-    NO_ROOT_FOUND,
+    NOTHING,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -57,28 +58,28 @@ def cross_stick_or_leave(P, S, R, W, j):
         side = W.meeting.exit_side[j]
         S.status[j], S.mult[j], S.deflate[j] = side, float(side), 2
         record_event(S, R, j, EV_TANGENCY, 0, side)
-        return DONE
+        return GO_ON
     S.mult[j] = float(-came)
     evaluate_surfaces(P, S, W)
     far, slope = W.g[j], W.G[P.g_diagonal[j]]
     ahead = -came * far  # > 0: the far side carries it on
     if not (ahead - 2.0 * slope > 0.0 and abs(ahead) < math.inf):
         S.mult[j] = float(came)  # the near side does not push: grazing
-        return -1
+        return NOTHING
     S.layers += 1
     S.deflate[j] = 1
     if ahead > 0.0:
         S.status[j] = -came
         record_event(S, R, j, EV_CROSSING, came, -came)
         note_interval(S.last[j], S.t)
-        return DONE
+        return GO_ON
     S.status[j] = SOLVED
     S.mult[j] -= far / slope
     keep_on_surface(P, S, j, W)
     mask_solved(P, S, W)
     if not follow(P, S, W):
-        return NO_ROOT_FOUND
+        return Outcome.NO_ROOT
     W.instant.solved_there = 1
     record_event(S, R, j, EV_STICK, came, 0)
     note_interval(S.last[j], S.t)
-    return DONE
+    return GO_ON

@@ -2,20 +2,18 @@
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_layer_unit, call_newton
+from ..outcome import Outcome
 from ..state import (
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
-    CHATTERING,
-    DONE,
     EV_RESET,
+    GO_ON,
     HELD,
-    HIDDEN_OSCILLATION,
-    NO_ROOT_FOUND,
+    NOTHING,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
-    STRICT,
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
@@ -38,8 +36,8 @@ def layer_code(P, S, R, j, outcome):
     """The loop's return code for what a layer run ended in."""
     if outcome == OSCILLATES:
         record_ambiguity(S, R, j, AMB_HIDDEN_OSCILLATION, 0)
-        return HIDDEN_OSCILLATION
-    return NO_ROOT_FOUND if outcome == LOST else DONE
+        return Outcome.LAYER_UNSETTLED
+    return Outcome.NO_ROOT if outcome == LOST else GO_ON
 
 
 @kernel
@@ -61,7 +59,7 @@ def _one_at_rest(P, S, R, W, j):
         S.status[j] = SOLVED if found else 1
         record_ambiguity(S, R, j, AMB_REPELLING, S.status[j])
         mask_solved(P, S, W)
-        return DONE if follow(P, S, W) else NO_ROOT_FOUND
+        return GO_ON if follow(P, S, W) else Outcome.NO_ROOT
     if plus > 0.0 and minus < 0.0:
         record_ambiguity(S, R, j, AMB_REPELLING, 1 if middle > 0.0 else -1)
     elif P.hidden[j]:
@@ -120,13 +118,13 @@ def settle_at_rest(P, C, S, R, W, size):
             link(P, S, W, instant.active[a])
             for b in range(size):
                 together = together or (a != b and W.linear.linked[instant.active[b]] != 0)
-    code = DONE
+    code = GO_ON
     if together:
         for a in range(size):
             instant.group[a] = instant.active[a]
             instant.arrival[a] = 0
         code = settle_arrivals(P, S, R, W, size)
-        still = code == DONE
+        still = code == GO_ON
         for a in range(size):
             # A layer run that never moved: at rest, but nothing says that it stays so.
             still = still and S.status[instant.active[a]] == SOLVED and abs(S.mult[instant.active[a]]) < 1e-9
@@ -134,11 +132,12 @@ def settle_at_rest(P, C, S, R, W, size):
             record_ambiguity(S, R, instant.active[0], AMB_REPELLING, 0)
     else:
         for a in range(size):
-            code = max(code, _one_at_rest(P, S, R, W, instant.active[a]))
+            one = _one_at_rest(P, S, R, W, instant.active[a])
+            code = code if one == GO_ON else one
     if some_second_order(P):
         hold_beside(P, S, W)
-    if code == DONE and C.strict and S.ambiguities > 0:
-        return STRICT
+    if code == GO_ON and C.strict and S.ambiguities > 0:
+        return Outcome.AMBIGUITY
     return code
 
 
@@ -167,14 +166,14 @@ def release_held(P, C, S, R, W):
             S.mult[j] = float(S.status[j])
             S.deflate[j] = abs(order)
             if leading_order(P, C, S, W, j) * order < 0:
-                return CHATTERING  # it is pushed back, and its mean is not that of one lambda
+                return Outcome.CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True
     size = hold_supported(P, S, W, size)
     if size > 0:
         rest_with_friction(P, S)
         return settle_at_rest(P, C, S, R, W, size)
-    return DONE if some else -1
+    return GO_ON if some else NOTHING
 
 
 @kernel
@@ -199,7 +198,7 @@ def resettle(P, S, R, W):
     """
     instant = W.instant
     if mask_instant(P, S, W) and not (solve_unknowns(P, S, W) if instant.jumped else follow(P, S, W)):
-        return NO_ROOT_FOUND
+        return Outcome.NO_ROOT
     known = False  # W.g is that of the present multipliers: usually one evaluation serves all switches
     for j in range(P.m):
         if S.status[j] != SOLVED or P.kind[j] != SLIDING:
@@ -218,7 +217,7 @@ def resettle(P, S, R, W):
                 instant.arrival[a] = 0
                 instant.active[a] = instant.group[a]
             code = settle_arrivals(P, S, R, W, size)
-            if code != DONE:
+            if code != GO_ON:
                 return code
             for a in range(size):
                 S.deflate[instant.active[a]] = 1
@@ -229,7 +228,7 @@ def resettle(P, S, R, W):
             S.mult[j] = float(toward)
             S.deflate[j] = 1
     mask_solved(P, S, W)
-    return DONE if follow(P, S, W) else NO_ROOT_FOUND
+    return GO_ON if follow(P, S, W) else Outcome.NO_ROOT
 
 
 @kernel

@@ -7,12 +7,11 @@ from numba import types
 from ..intervals import forget_intervals
 from ..machine.compiling import unit
 from ..machine.pointers import call_fields
+from ..outcome import Outcome
 from ..state import (
     ALGEBRAIC,
     CONTACT,
-    DONE,
-    NEWTON_FAILED,
-    NO_ROOT_FOUND,
+    GO_ON,
     SECOND_ORDER,
     SLIDING,
     SOLVED,
@@ -49,14 +48,14 @@ def start(P, C, S, R, W):
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
-        return NO_ROOT_FOUND
+        return Outcome.NO_ROOT
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0 and not close_at_start(P, S, R, W):
-        return NEWTON_FAILED
+        return Outcome.SINGULAR
     size = 0
     for j in range(m):
         if not instant.hit[j]:
@@ -74,7 +73,7 @@ def start(P, C, S, R, W):
             status[j] = 1 if order > 0 else -1
             mult[j] = float(status[j])
             S.deflate[j] = abs(order)
-    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else DONE
+    code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

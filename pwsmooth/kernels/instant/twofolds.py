@@ -2,7 +2,8 @@
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_linear
-from ..state import AMB_TWO_FOLD, DETERMINACY_LOST, SOLVED, STRICT
+from ..outcome import Outcome
+from ..state import AMB_TWO_FOLD, NOTHING, SOLVED
 from ..step.recording import record_ambiguity
 from ..surface.sliding import keep_on_surface
 
@@ -38,7 +39,7 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
     """
     m = P.m
     if time_row >= 0:
-        return -1
+        return NOTHING
     for j in range(m):
         if S.status[j] == SOLVED and P.slope_moves[j]:
             call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
@@ -58,5 +59,5 @@ def two_fold(P, C, S, R, t0, rows, mult_row, time_row, s_end, W):
                 S.t = t0 + hi
                 keep_on_surface(P, S, j, W)
                 record_ambiguity(S, R, j, AMB_TWO_FOLD, 0)
-                return STRICT if C.strict else DETERMINACY_LOST
-    return -1
+                return Outcome.AMBIGUITY if C.strict else Outcome.DETERMINACY_LOST
+    return NOTHING

@@ -9,7 +9,8 @@ from ..fresh import restart_counts, restart_flags
 from ..intervals import forget_intervals
 from ..machine.compiling import unit
 from ..machine.pointers import _caller
-from ..state import DONE, FULL, Control, Problem, Record, State
+from ..outcome import Outcome
+from ..state import Control, Problem, Record, State
 from ..work import Work
 from .state import Diffused
 
@@ -39,16 +40,16 @@ def diffuse_many(address, first, stop, P, C, S, R, W, N):
         restart_flags(W)
         for j in range(P.m):
             forget_intervals(S.last[j], t0)
-        code, taken = DONE, 0
-        while taken <= len(N.grid) and code == DONE:
+        code, taken = Outcome.FINISHED, 0
+        while taken <= len(N.grid) and code == Outcome.FINISHED:
             N.last = N.grid[taken] if taken < len(N.grid) else end
-            code = FULL
-            while code == FULL:
+            code = Outcome.OUT_OF_MEMORY
+            while code == Outcome.OUT_OF_MEMORY:
                 code = call_diffuse(address, P, C, S, R, W, N)
                 S.points = S.events = S.ambiguities = 0
             if taken < len(N.grid):
                 for i in range(n):
-                    N.snapshots[row, taken, i] = S.x[i] if code == DONE else math.nan
+                    N.snapshots[row, taken, i] = S.x[i] if code == Outcome.FINISHED else math.nan
             taken += 1
         while taken < len(N.grid):
             for i in range(n):

@@ -19,16 +19,13 @@ from numba.extending import intrinsic
 from ..instant.surface_rates import any_is
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import _caller, call_fields, call_linear, call_unit
+from ..outcome import Outcome
 from ..state import (
     CONTACT,
-    DONE,
-    FULL,
+    GO_ON,
     HELD,
-    MAX_STEPS,
-    NOT_FINITE,
     SLIDING,
     SOLVED,
-    UNDERFLOW,
     Control,
     Problem,
     Record,
@@ -256,7 +253,7 @@ def _begin(P, C, S, R, W, N):
     S.started = 1
     begin_interval(N)
     code = call_unit(P.start_unit, P, C, S, R, W)
-    if code == DONE:
+    if code == GO_ON:
         _sample(S, R, P)
         _evaluate(P, S, W, N)
     return code
@@ -267,19 +264,19 @@ def diffuse(P, C, S, R, W, N):
     """Advances S to the start of interval N.last, or to the first reason to return; see state.py."""
     if S.started == 0:
         code = _begin(P, C, S, R, W, N)
-        if code != DONE:
+        if code != GO_ON:
             return code
     while N.interval < N.last:
         if not _room(S, R):
-            return FULL
+            return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
-            return MAX_STEPS
+            return Outcome.TOO_MANY_STEPS
         longest = _longest(P, S, W, N)
         if not longest > 0.0:
-            return NOT_FINITE
+            return Outcome.NOT_FINITE
         while length_here(N) > longest:
             if N.depth >= DEEPEST:
-                return UNDERFLOW
+                return Outcome.STEP_UNDERFLOW
             halve(N)
         t = S.t
         for i in range(P.n):
@@ -305,12 +302,12 @@ def diffuse(P, C, S, R, W, N):
             total += abs(S.x[i])
         if not total < math.inf:
             _restore(P, S, N, t)
-            return NOT_FINITE
+            return Outcome.NOT_FINITE
         pass_on(N)
         if changed:
             code = _act(P, C, S, R, W, N, t)
             _evaluate(P, S, W, N)
-            if code != DONE:
+            if code != GO_ON:
                 return code
         else:
             S.stalled = 0
@@ -318,4 +315,4 @@ def diffuse(P, C, S, R, W, N):
             _sample(S, R, P)
             if N.recording and not changed:
                 record_point(P, S, R)
-    return DONE
+    return Outcome.FINISHED

@@ -15,7 +15,8 @@ from numba import types
 
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear
-from ..state import DONE, EV_REST, EV_SINGULAR, SINGULAR_POINT, Control, Problem, Record, State
+from ..outcome import Outcome
+from ..state import EV_REST, EV_SINGULAR, GO_ON, Control, Problem, Record, State
 from ..work import Work
 from .recording import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
@@ -120,7 +121,7 @@ def _arrived(P, S, R, W, i):
     if P.watch[i] != CONE:
         record_event(S, R, P.m + i, EV_REST if passes else EV_SINGULAR, P.watch[i], stands)
     record_point(P, S, R)
-    return DONE if passes else SINGULAR_POINT
+    return GO_ON if passes else Outcome.SINGULAR_POINT
 
 
 @unit(types.int64, Problem, Control, State, Record, Work)
@@ -170,7 +171,7 @@ def approach(P, C, S, R, W):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left
-                    return DONE
+                    return GO_ON
         if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
             W.step.length = min(W.step.length, _SHARE * s * h)
-    return DONE
+    return GO_ON

@@ -5,16 +5,18 @@ A surface is looked at in 8 points of the step and, where a parabola through thr
 narrowed sevenfold a round, on the surface itself and not on a fit.
 
 `side` is the sign that each surface had last: a start on a surface, or the instant after an event, is
-no zero. What fires at one instant, and what a jump carries through zero, follows the rule of firing.py.
+no zero. What fires at one instant follows kernels/firing.py.
 """
 
 import numpy as np
 from numba import types
 
+from pwsmooth.kernels.firing import counts, fire
 from pwsmooth.kernels.intervals import note_interval, time_to_last_event
 from pwsmooth.kernels.machine.compiling import unit
 from pwsmooth.kernels.machine.lanes import at, fused, load8, splat8, store8
-from pwsmooth.kernels.state import MOST_AT_ONCE
+from pwsmooth.kernels.outcome import Outcome
+from pwsmooth.kernels.state import ACTS, DUE, GO_ON, MOST_AT_ONCE, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import ACT, WATCH8, call_event, call_lanes
 
@@ -24,7 +26,6 @@ NEAR = 0.2  # of its bend over a sample: a parabola whose vertex lies higher doe
 DEPTH = 12  # looks around a vertex, each four times as close
 SMALLEST = 5e-324
 NOISE = 1e-14  # of a surface's size on the step: so deep a dip is rounding
-SINGULAR = 2  # in `stops`: a singular argument (pwsmooth/definition/singular.py)
 DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the step, is not told from a zero
 DIGITS = 1e-13  # of the states: what they cannot say
 
@@ -78,7 +79,7 @@ def start_sides(s, t, x):
     for j in range(s.e):
         k = s.remembers[j]
         s.side[j] = x[k] if k >= 0 else _sign(s.level[j])
-        s.met[j] = 1 if k < 0 and s.kind[j] != S.TIMED and abs(s.level[j]) <= s.rounding[j] else 0
+        s.met[j] = 1 if k < 0 and s.carried[j] != TIMED and abs(s.level[j]) <= s.rounding[j] else 0
         s.fired[4 * j] = t
 
 
@@ -212,12 +213,12 @@ def next_zero(s, coefficients, degree, t, h, begin):
             s.side[j] = s.x[remembers]
         # Nothing happens to a switch whose surface rests at zero.
         least = SMALLEST if remembers >= 0 else 0.0
-        if s.kind[j] == S.TIMED or s.side[j] == 0.0:
-            if s.kind[j] != S.TIMED:
+        if s.carried[j] == TIMED or s.side[j] == 0.0:
+            if s.carried[j] != TIMED:
                 s.side[j] = s.passed_side[j] = _sign(s.values[8 * j + 7])
             continue
         side, a, here = s.side[j], begin, False
-        if s.stops[j] == SINGULAR:
+        if s.carried[j] == SILENT:
             s.found[j], s.passed_side[j] = _comes_to_zero(s, coefficients, degree, t, h, j, side, a), side
             first = min(first, s.found[j])
             continue
@@ -229,7 +230,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
                 if lo == NONE:
                     break
             zero = _narrow(s, coefficients, degree, t, h, j, side, lo, hi)
-            if s.kind[j] == S.BOTH or s.kind[j] == -side:
+            if counts(s.direction[j], -side):
                 s.found[j], here = zero, True
                 break
             side, a = -side, zero
@@ -241,7 +242,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
             s.passed_side[j] = side
     if first == NONE:
         for j in range(s.e):
-            if s.kind[j] != S.TIMED and s.side[j] != 0.0:
+            if s.carried[j] != TIMED and s.side[j] != 0.0:
                 s.side[j] = s.passed_side[j]
     return first
 
@@ -260,91 +261,59 @@ def _due(s, t, theta, h, instant):
     """Mark as due and met the surfaces found at theta, and as due the events of time at an `instant`."""
     close = theta + 1e-13 * max(abs(t), h) / h
     for j in range(s.e):
-        s.due[j] = s.met[j] = 1 if s.kind[j] != S.TIMED and s.found[j] <= close else 0
+        s.left[j] = 0
+        s.due[j] = s.met[j] = 1 if s.carried[j] != TIMED and s.found[j] <= close else 0
         if s.met[j]:
             s.side[j] = -s.side[j]
     k = s.ticks
     while instant and k < s.instants and s.instant_t[k] <= t:
-        s.due[s.instant_event[k]] = 1
+        s.due[s.instant_event[k]] = DUE
         k += 1
     s.ticks = k
 
 
 @fused
-def _carried_through(s, t, x):
-    """Mark as due what an update carried through zero, from `before` with the surfaces at `level` to (t, x).
-
-    Not events that act with it (due = 2), nor what is put back from the surface that the motion has just come to: it
-    will be met again from there, only what remembers a side follows. Where an update puts the state on a surface, the
-    motion meets it when it goes on to the other side.
-    """
-    for j in range(s.e):
-        s.was[j] = s.level[j]
+def _look_again(s, t, x):
     _look(s, t, x, s.before)
-    for j in range(s.e):
-        was, now, acted = s.was[j], s.level[j], s.due[j] == 2
-        if acted:
-            s.due[j] = 3
-        if s.kind[j] == S.TIMED or now == was or abs(now) <= s.rounding[j]:
-            continue
-        stood = s.met[j] == 1 and abs(was) <= s.rounding[j]
-        s.met[j] = 0
-        if now * s.side[j] < 0.0:
-            s.side[j] = -s.side[j]
-            acts = s.remembers[j] >= 0 or not (stood or acted or s.stops[j] == SINGULAR)
-            if acts and (s.kind[j] == S.BOTH or s.kind[j] == s.side[j]):
-                s.due[j] = 1
 
 
 @fused
-def fire(s, t, x):
-    """Fire at time t everything that is due, from the values before, and then what the updates carry through
-    zero, until nothing newly fires.
-
-    Overwrites x and the records; returns what happened.
-    """
-    n, first = s.n, s.records
-    result = S.NOTHING
-    _look(s, t, x, x)
-    for j in range(s.e):
-        # A zero may have been passed in a direction that does not count.
-        if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
-            s.side[j] = _sign(s.level[j])
-    while s.records - first < s.e + MOST_AT_ONCE:
-        for i in range(n):
-            s.before[i] = s.after[i] = x[i]
-        fired = moved = False
-        for j in range(s.e):
-            if s.due[j] != 1 or call_event(s.adr[ACT], j, t, s.before, s.p, s.after) == 0:
-                continue
-            s.due[j] = 2
-            fired = True
-            if s.stops[j] != 0:
-                result = S.STOP
-            _record(s, t, j)
-        for i in range(n):
-            moved = moved or s.after[i] != x[i]
-            x[i] = s.after[i]
-        for record in range(first, s.records):
-            for i in range(n):
-                s.event_x[2 * n * record + n + i] = x[i]
-        if not (fired and moved):
-            return result
-        if result == S.NOTHING:
-            result = S.JUMP
-        _carried_through(s, t, x)
-    s.records = first
-    return S.NO_END
+def _act(s, j, t):
+    return call_event(s.adr[ACT], j, t, s.before, s.p, s.after) != 0
 
 
 @fused
-def _record(s, t, j):
-    """Write the record of event j, which acts on `before`."""
+def _record(s, j, t):
+    """Write the record of event j, which acts on `before`; returns whether it ends the run."""
     record, n = s.records, s.n
     s.event_t[record], s.event_index[record] = t, j
     for i in range(n):
         s.event_x[2 * n * record + i] = s.before[i]
     s.records = record + 1
+    return s.stops[j] != 0
+
+
+@fused
+def _note_nothing(s, together):
+    """Contradictions are told from the records (paths/smoothed.py)."""
+
+
+@fused
+def _fire(s, t, x):
+    """Fire at time t everything that is due; returns as `fire`. Overwrites x and the records."""
+    n, first = s.n, s.records
+    _look(s, t, x, x)
+    for j in range(s.e):
+        # A zero may have been passed in a direction that does not count.
+        if s.met[j] == 0 and s.remembers[j] < 0 and abs(s.level[j]) > s.rounding[j]:
+            s.side[j] = _sign(s.level[j])
+    code = fire(s, s, n, s.e, t, x, s.side, s.direction, _look_again, _act, _record, _note_nothing)
+    if code == Outcome.EVENT_LOOP:
+        s.records = first
+    for record in range(first, s.records):
+        for i in range(n):
+            s.event_x[2 * n * record + n + i] = x[i]
+    return code
 
 
 @fused
@@ -354,7 +323,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
     sample(s, coefficients, degree, t, h, 0.0, theta)
     for j in range(s.e):
         last = at(s.fired, 4 * j)
-        if s.due[j] < 2 or s.kind[j] == S.TIMED or s.remembers[j] >= 0 or when <= last[0]:
+        if s.due[j] < ACTS or s.carried[j] == TIMED or s.remembers[j] >= 0 or when <= last[0]:
             continue
         note_interval(last, when)
         # An event is an advance, however soon it comes: of steps between them there are not too many.
@@ -364,7 +333,7 @@ def _accumulate(s, coefficients, degree, t, h, theta, when):
             height = max(height, abs(s.values[8 * j + q]))
         left = time_to_last_event(last, height <= s.rounding[j])
         if left < np.inf:
-            _record(s, when + left, j)
+            _record(s, j, when + left)
             return True
     return False
 
@@ -374,8 +343,8 @@ def events_unit(s, t, degree, offset):
     """Everything that happens on the step just taken from t; its polynomial stands at `offset` of the
     coefficients.
 
-    Events that change nothing are recorded and passed. At the first that changes the state, or stops, x and T
-    become those just before it and scratch2 the state after.
+    Events that change nothing are recorded and passed. At the first that changes the state (`jumped`) or ends the run,
+    x and t become those just before it and scratch2 the state after. Returns GO_ON or the Outcome.
     """
     n = s.n
     h, theta, coefficients = s.taken, 0.0, at(s.coefficients, offset)
@@ -383,23 +352,21 @@ def events_unit(s, t, degree, offset):
     while s.records + 2 * s.e + MOST_AT_ONCE < s.room:
         theta = next_zero(s, coefficients, degree, t, h, theta)
         if theta == NONE and not instant:
-            return S.NOTHING
+            return GO_ON
         theta = min(theta, 1.0)
         when = t + theta * h if theta < 1.0 else s.t
         for i in range(n):
             s.err[i] = s.scratch2[i] = s.x[i] if theta == 1.0 else value(coefficients, degree, i, theta)
         _due(s, when, theta, h, instant and theta == 1.0)
         instant = instant and theta < 1.0
-        result = fire(s, when, s.scratch2)
-        if result != S.NOTHING:
+        code = _fire(s, when, s.scratch2)
+        if code != GO_ON or s.jumped:
             s.t = when
             for i in range(n):
                 s.x[i] = s.err[i]
-            return (
-                S.LIMIT
-                if result == S.JUMP and _accumulate(s, coefficients, degree, t, h, theta, when)
-                else result
-            )
+            if code == GO_ON and _accumulate(s, coefficients, degree, t, h, theta, when):
+                return Outcome.EVENTS_ACCUMULATE
+            return code
         if theta >= 1.0:
             break
-    return S.NOTHING
+    return GO_ON

@@ -11,7 +11,8 @@ from numba import types
 
 from pwsmooth.kernels.machine.compiling import unit
 from pwsmooth.kernels.machine.lanes import at, fused
-from pwsmooth.kernels.state import MOST_AT_ONCE
+from pwsmooth.kernels.outcome import Outcome
+from pwsmooth.kernels.state import GO_ON, MOST_AT_ONCE
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import (  # fmt: skip
     EVENTS_UNIT,
@@ -167,33 +168,32 @@ def _next_length(s, t, rest):
 
 @fused
 def _after_step(s, t, mode):
-    """Polynomial, events and wanted times of the step just accepted from t; returns the status, FULL to go
-    on."""
+    """Polynomial, events and wanted times of the step just accepted from t; returns GO_ON or the Outcome."""
     n = s.n
     dense = s.dense == 1
     wanted = s.samples < s.evals and s.t_eval[s.samples] <= s.t
     offset = 17 * n * s.points if dense else 0
-    degree, happened = -1, S.NOTHING
+    degree, code, jumped = -1, GO_ON, 0
     if dense or wanted or s.e > 0:
         degree = _polynomial(s, mode, at(s.coefficients, offset))
         if s.e > 0:
-            happened = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
-            if happened == S.NO_END:
-                return S.EVENT_LOOP
+            s.jumped = 0
+            code = call_events_unit(s.adr[EVENTS_UNIT], s, t, degree, offset)
+            if code == Outcome.EVENT_LOOP:
+                return code
+            jumped = s.jumped
         if wanted:
             _write_eval(s, t, degree, at(s.coefficients, offset))
     length = s.taken
     _write_point(s, length, degree)
-    if happened != S.NOTHING:
+    if code != GO_ON or jumped:
         for i in range(n):
             s.x[i] = s.scratch2[i]
-        if happened == S.LIMIT:
+        if code == Outcome.EVENTS_ACCUMULATE:
             s.t = s.event_t[s.records - 1]
         _write_point(s, 0.0, -1)  # the jump
-        if happened == S.STOP:
-            return S.TERMINAL
-        if happened == S.LIMIT:
-            return S.ACCUMULATED
+        if code != GO_ON:
+            return code
         # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
         s.h = length if length > 64.0 * np.finfo(np.float64).eps * abs(s.t) else 0.0
         _begin(s)
@@ -201,7 +201,7 @@ def _after_step(s, t, mode):
             _begin(s)
     else:
         _choose_method(s)
-    return S.FULL
+    return GO_ON
 
 
 @fused
@@ -227,20 +227,20 @@ def integrate(s, steps):
             set_sides(s, s.t, s.x, s.f, 1e-3 * s.h_max)
     for _ in range(steps):
         if s.t >= s.t_end:
-            return S.DONE
+            return Outcome.FINISHED
         if s.steps_left <= 0:
-            return S.TOO_MANY
+            return Outcome.TOO_MANY_STEPS
         if s.points + 2 > s.capacity or s.records + 2 * s.e + MOST_AT_ONCE >= s.room:
             break
         if _stalled(s):
-            return S.UNDERFLOW
+            return Outcome.STEP_UNDERFLOW
         s.steps_left -= 1
         t, mode, stop = s.t, s.mode, s.t_end
         if s.ticks < s.instants:
             stop = min(stop, s.instant_t[s.ticks])
         look(s.adr, s.n, s.q, t, s.x, s.p, s.surface_state, s.surf)
         if _next_length(s, t, stop - t):
-            return S.UNDERFLOW
+            return Outcome.STEP_UNDERFLOW
         for i in range(s.n):
             s.start[i] = s.x[i]
         rtol = s.rtol if mode == S.RADAU else s.rtol_taylor
@@ -251,18 +251,18 @@ def integrate(s, steps):
             accepted = call_taylor_unit(s.adr[TAYLOR_UNIT], s, S.STEP) == 1
         if not accepted:
             if s.taken != s.taken:
-                return S.NOT_FINITE
+                return Outcome.NOT_FINITE
             if s.taken == S.TOO_SHORT:
-                return S.UNDERFLOW
+                return Outcome.STEP_UNDERFLOW
             s.rejections += 1
             continue
         if s.taken == stop - t:
             s.t = stop
         for i in range(s.n):
             if not np.isfinite(s.f[i]):
-                return S.NOT_FINITE
+                return Outcome.NOT_FINITE
         s.steps += 1
         status = _after_step(s, t, mode)
-        if status != S.FULL:
+        if status != GO_ON:
             return status
-    return S.FULL
+    return Outcome.OUT_OF_MEMORY

@@ -5,9 +5,6 @@ No compiler is imported here: solve() fills a Core in processes that compile not
 
 from ..machine.block import Bundle
 
-# Why the loop returned.
-DONE, TERMINAL, FULL, NOT_FINITE, UNDERFLOW, TOO_MANY, EVENT_LOOP, ACCUMULATED = range(8)
-
 # Which method takes the next step, and what the user allows.
 RADAU, TAYLOR = 0, 1
 
@@ -16,11 +13,6 @@ ACCEPTED, NOT_CONVERGED, INACCURATE, GATED = range(4)
 
 # Tasks of the Taylor unit.
 STEP, REACH_ONLY = 0, 1
-# What the events of a step did.
-NOTHING, JUMP, STOP, NO_END, LIMIT = range(5)
-
-# Kinds of event: the sign after the zero that counts, or any, or none (events of time).
-BOTH, TIMED = 0, 2
 
 STRIDE = 24
 TOO_SHORT = -1.0  # in `taken`: no step of this length moves the time
@@ -83,11 +75,14 @@ class Core(Bundle):
     adr: "i8*[:]"  # addresses of the generated functions and of the units
     surface_state: "i8*[q]"  # state index of a surface that is one, else -1
     surface_row: "i8*[q]"  # its row in the Taylor coefficients
-    kind: "i8*[e]"  # +1, -1: direction that counts; BOTH; TIMED
-    stops: "i8*[e]"  # 1 for a terminal event, 2 for a singular argument
+    jumped: "int"  # from here to `left` as kernels/firing.py says
+    direction: "i8*[e]"
+    carried: "i8*[e]"
+    due: "i8*[e]"
+    met: "i8*[e]"
+    left: "i8*[e]"
+    stops: "i8*[e]"  # 1 for an event that ends the run
     remembers: "i8*[e]"  # index of the state that keeps the side of the surface, or -1
-    due: "i8*[e]"  # events of this instant: 1 due, 2 acts in this round, 3 acted before
-    met: "i8*[e]"  # 1: the motion has come to the surface at this instant, and no jump has taken it off
     degree: "i8*[capacity]"  # of the polynomial of the step that ends here
     event_index: "i8*[room]"
     instant_event: "i8*[instants]"

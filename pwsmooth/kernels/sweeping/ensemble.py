@@ -15,7 +15,8 @@ from ..fresh import restart_counts, restart_flags
 from ..intervals import forget_intervals
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import _caller, call_unit
-from ..state import DONE, FULL, SOLVED, TERMINAL, Control, Problem, Record, State
+from ..outcome import Outcome
+from ..state import SOLVED, Control, Problem, Record, State
 from ..step.roots import low_bounds
 from ..work import Work
 from .state import EXTREMES, INTEGRALS, Ensemble
@@ -302,10 +303,10 @@ def ensemble(P, C, S, R, W, E, first, stop):
         if strobes > 0:
             R.t_eval[strobes - 1] = E.window[i, 1]
         R.x_eval[:] = math.nan
-        code = FULL
-        while code == FULL:
+        code = Outcome.OUT_OF_MEMORY
+        while code == Outcome.OUT_OF_MEMORY:
             if E.stop[0] != 0:
-                break  # what is asked for no more keeps the code FULL
+                break  # what is asked for no more leaves the code as it is
             code = call_unit(E.run, P, C, S, R, W)
             _follow_points(P, S, R, E, i)
             _follow_steps(P, C, S, R, E, i)
@@ -321,13 +322,13 @@ def ensemble(P, C, S, R, W, E, first, stop):
         for k in range(strobes):
             for r in range(P.n):
                 E.strobe[i, k, r] = R.x_eval[k, r]
-        if code == DONE and strobes > 0:
+        if code == Outcome.FINISHED and strobes > 0:
             # The run's own last state: its polynomial is a rounding off, and off the surface of a stick.
             for r in range(P.n):
                 E.strobe[i, strobes - 1, r] = S.x[r]
-        E.found[i] = _find_period(P, E, i) if code == DONE else 0
+        E.found[i] = _find_period(P, E, i) if code == Outcome.FINISHED else 0
         E.word_length[i] = 0
-        if code == DONE or code == TERMINAL:
+        if code == Outcome.FINISHED or code == Outcome.TERMINATED:
             _keep_word(E, i)
         else:
             failed += 1
