@@ -290,7 +290,7 @@ def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
         rendered = {}
         for suffix in ("png", "pdf"):
             buffer = io.BytesIO()
-            # Without a date the same input gives the same file.
+            # No date in the file: the same input gives the same bytes.
             metadata = {"Title": module.TITLE} | ({"CreationDate": None} if suffix == "pdf" else {})
             figure.savefig(buffer, format=suffix, metadata=metadata)
             rendered[suffix] = buffer.getvalue()

@@ -303,7 +303,7 @@ class _Forward:
                 self.names.append(f"{field.name}_{i + 1}" if isinstance(value, tuple) else field.name)
                 self.first.append(v)
                 self.owner.append(field.name)
-                # What may be 0 or negative is fitted as it is, unless the first guess says that it is not.
+                # Fit log(p) where p > 0 by assumption or by the first guess.
                 logarithmic.append(field.metadata["sign"] != "real" and v > 0)
         self.logarithmic = np.array(logarithmic)
         self.unit = np.where(self.logarithmic, 1.0, np.abs(self.first) + (np.array(self.first) == 0))

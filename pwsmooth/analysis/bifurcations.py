@@ -127,7 +127,7 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         bifurcations += _smooth(walk, here, left)
         apart = _apart(walk, here, there, left, right)
         change = change_between(*apart)
-        # Events that have nothing to do with each other change their order, and nothing happens to the orbit.
+        # Independent events may change their order without any effect on the orbit.
         if change.name != "change of order" or not _one_slope(*apart):
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)

@@ -110,7 +110,7 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
             continue
         before, after = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
         time = (e.time - begin) / orbit.period % 1.0
-        # The phase of the first of several at one instant: sorted by it and their switches they have one order.
+        # Events of one instant share the phase of the first: sorted by phase, then switch, they have one order.
         if events and 0 <= time - events[-1].time <= _AT_ONCE:
             time = events[-1].time
         events.append(Letter(time, e.switch, e.kind, before, after))

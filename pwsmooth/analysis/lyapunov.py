@@ -75,7 +75,7 @@ class _Frame:
 
     def __init__(self, n: int, count: int, start: float) -> None:
         self.start = start
-        # The same generic directions in every run; no run is different for its seed.
+        # The same generic directions in every run: results do not depend on a seed.
         self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
         self.times: list[float] = []
         self.logs: list[np.ndarray] = []
@@ -110,7 +110,7 @@ class _Frame:
         if not end > start or before.all():
             empty = np.full(count, np.nan)
             return LyapunovExponents(empty, empty.copy(), 0.0, outcome)
-        # Whole factors only: the average begins at the end of a step.
+        # Count whole factors only: the average begins at the end of a step.
         start = float(times[before].max(initial=self.start))
         times, logs = times[~before], logs[~before]
         exponents = logs.sum(axis=0) / (end - start)

@@ -325,10 +325,10 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
         slope, step = image.jacobian - np.eye(len(x)), np.zeros(len(x))
-        # What every start keeps to itself, as a memory that events put back, is for the first guess to say.
+        # A component that the map leaves at its start (a memory that events put back) keeps the first guess.
         free = (off != 0) | (np.abs(slope).max(axis=1) > PINNED)
         step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
-        # What returns to the bit from any start nearby, as v = 0 in a stick, stays: rounding would leave the surface.
+        # One that returns exactly from every start nearby (v = 0 in a stick) stays: rounding would leave the surface.
         step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
         closer = _shortened(map_, x, step, size)
         if closer is None:
@@ -428,7 +428,7 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
         new = _off(trial, image)[1]
         if new < size or new <= TOLERANCE:
             return trial, image
-        # On the other side of a change of itinerary the derivative is another one: a worse return may lead on.
+        # Across a change of itinerary the derivative is a different one: a step to a worse return may still lead on.
         if fallback is None and new < 10 * size:
             fallback = trial, image
     return fallback

@@ -142,7 +142,7 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
         _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), events).saltation()
         for k, events in enumerate(instants.values())
     ]
-    # The last impacts before an accumulation are slow by nature; the projector there takes up what they leave.
+    # The last impacts before an accumulation are always slow; the projector of the accumulation contains their effect.
     ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
         replace(s, degenerate="")

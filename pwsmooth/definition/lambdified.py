@@ -32,7 +32,7 @@ def _printer() -> Any:
         """lambdify's own printer for numpy and scipy, but for Floats."""
 
         def __init__(self) -> None:
-            # The settings that lambdify gives to its own.
+            # The settings that lambdify gives to its own printers.
             super().__init__(
                 {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True}
             )

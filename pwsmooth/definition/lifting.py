@@ -74,7 +74,7 @@ class Lifting:
         surfaces that the field has already are lifted; anything else becomes a Piecewise.
         """
         self._may_register = new_switches
-        # A Symbol is a Boolean too for sympy.
+        # For sympy a Symbol is a Boolean too.
         is_condition = isinstance(expr, sp.logic.boolalg.Boolean) and not expr.is_Symbol
         lift = self._condition if is_condition else self._lift
         return lift(expr, {})

@@ -172,7 +172,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
         ]
         return Element(plain, model, _values(loops, one, parameters or {}), tuple(memories), one.groups)
     except (ValueError, TypeError):
-        # Also what is wrong with the system itself: said better with the copies written out.
+        # Definition errors too: the written-out system raises them again, in the user's names.
         return None
 
 

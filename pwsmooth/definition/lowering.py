@@ -188,7 +188,7 @@ def lower(
 ):
     """The `Model` of a field; `extra` are the parameters that its view brings, `watch` its singular arguments."""
     if watch is None:
-        # What is smoothed comes to rest on a branch point like a root of it, within its width.
+        # A smoothed field comes to rest on a branch point, within the width of its layer: nothing to watch there.
         watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
     multiplier = multipliers(field)
     layer_residuals = tuple(m.condition for m in multipliers(layer_field)) if layer_field else ()

@@ -109,7 +109,7 @@ class Bounds:
             if leading in ours:
                 q = ours[leading] / theirs[leading]
                 parts = {*ours, *theirs} - {leading}
-                # Ends: what moves in r comes after the leading part, in the order of names.
+                # The recursion ends: what moves in r comes after the leading part, in the order of names.
                 r = sp.Add(*(motion * (ours.get(motion, 0) - q * theirs.get(motion, 0)) for motion in parts))
                 yield q * side, r
 
@@ -218,7 +218,7 @@ class Bounds:
             return 1 if plain.is_positive else -1
         pieces = [(r, self.of(q, signs)) for q, r in self._beside(e, signs)]
         if e.is_Add:
-            # One term may decide where no other is against it.
+            # One term decides the sign if no other term opposes it.
             lows, highs = zip(*(self.of(a, signs) for a in e.args))
             pieces += [(a, (min(lows), max(highs))) for a in e.args]
         for r, (low, high) in pieces:
@@ -301,7 +301,7 @@ class _Search:
         if argument.power is None:
             kind = "pole"
         elif zero in signs:
-            # A branch that is followed up to its own surface: a power above 1 is not reached in finite time.
+            # The branch holds up to its own surface: with a power above 1 the motion takes infinite time to get there.
             if argument.power.is_number and argument.power > 1:
                 return
             kind = "branch"

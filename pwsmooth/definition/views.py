@@ -88,7 +88,7 @@ def _one_sided(field, select, h):
             point[lam] = 1.0 if value(surface, point) > 0 else -1.0
         active = 0 if value(h, point) > 0 else 1
         for branch in (0, 1):
-            # An argument out of range on both sides (sqrt(1 - x**2)) is no matter of this surface.
+            # An argument that is out of range on both sides (sqrt(1 - x**2)) does not concern this surface.
             missing = isnan(value(select.args[1 + branch], point))
             (own if branch == active else lost)[branch] |= missing
     return any(gone and not at_home for gone, at_home in zip(lost, own, strict=True))

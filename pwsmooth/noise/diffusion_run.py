@@ -64,7 +64,7 @@ class DiffusionRun:
         except ValueError:
             fits = False
         if not fits:
-            # What cancels between its numbers cancels only with the numbers in place.
+            # Keep the numbers in place: terms may cancel only with their values.
             entries, numbers = split(noise.entries(states), named, values, lift=False)
             lowered = lower(model, entries, used, noise.convention)
         self.lowered = lowered

@@ -106,7 +106,7 @@ class EventLog(Sequence):
         """
         if not len(self):
             return np.empty(0)
-        # One number for surface and kind: rows sort ten times slower.
+        # Combine surface and kind into one number: sorting rows is ten times slower.
         key = self.codes[:, 0] * (1 + self.codes[:, 1].max()) + self.codes[:, 1]
         _, first, which = np.unique(key, return_index=True, return_inverse=True)
         accepted = np.array([wanted(self[int(i)]) for i in first])
@@ -116,7 +116,7 @@ class EventLog(Sequence):
         return repr(list(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The words belong to the kernels of this process: another one gets the records themselves.
+        # The functions that make the words exist in this process only: pickle the records themselves.
         return list, (list(self),)
 
 

@@ -304,7 +304,7 @@ class Solution:
         starts, ends = (t[list(columns)].tolist() for columns in zip(*merged))
         statuses = [tuple(status[:, i].tolist()) for i, _ in merged]
         if self._course:
-            # At an event an asked-for column is that of the side after it.
+            # A column of `t_eval` at an event is that of the side after it.
             firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
             merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
         return [self._segment(*piece) for piece in zip(starts, ends, statuses, merged)]
@@ -443,7 +443,7 @@ def _is_slip_velocity(model: Model, j: int) -> bool:
         return False
     unknowns = {*model.states, *(m.symbol for m in model.multipliers)}
     moving = h.as_independent(*unknowns, as_Add=True)[1]
-    # By form, not by algebra: the rates of a mechanism take minutes to expand.
+    # Compare the form, without expanding: the rates of a mechanism take minutes to expand.
     return moving != 0 and any(
         rate.as_independent(*unknowns, as_Add=True)[1] in (moving, -moving) for rate in model.rhs
     )

@@ -197,7 +197,7 @@ def sweep(
         chunk_store = Store(store, plan, where, target)
 
         def complete(first: int, stop: int, result: dict[str, Any]) -> None:
-            # What ran out of time has not run: the same call goes on there.
+            # A chunk that ran out of time is not stored: the same call runs it again.
             if not (result["outcome"] == Outcome.TIME_LIMIT).any():
                 chunk_store.keep(first, stop, result)
 

@@ -145,7 +145,7 @@ def _numbers(system, name, kind, symbol, numbers, what):
         return array
     if not np.isfinite(array).all():
         raise ValueError(f"`{what}` of {name!r} contains {array[~np.isfinite(array)][0]}; give finite numbers.")
-    # What a value may violate is a bound or a division by zero: the ends and the value nearest 0 tell.
+    # A value can violate a bound or divide by zero: checking both ends and the value nearest 0 is enough.
     telling = {float(array.min()), float(array.max()), float(array[np.argmin(np.abs(array))])}
     if kind == "parameter":
         for value in telling:

@@ -205,7 +205,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
         since = time.monotonic()
         loop(one, row, min(row + rows, count), *(bundle.address for bundle in bundles))
         row += rows
-        # Between two visits Ctrl-C and the clock are heard.
+        # Between two calls of the kernel Ctrl-C and the deadline take effect.
         rows = 2 * rows if time.monotonic() - since < _VISIT else max(1, rows // 2)
     return Ensemble(
         grid * step,

@@ -25,7 +25,7 @@ from ..codegen.machine.cache import fingerprint
 from ..system import System
 
 UNKNOWN = "holds what cannot be compared"
-# What a class says of itself beyond its code.
+# Attributes of a class that are not its code.
 _ABOUT = ("__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__annotate__", "__abstractmethods__",
           "__annotations_cache__", "__dataclass_fields__", "__dataclass_params__", "__firstlineno__", "_abc_impl",
           "__static_attributes__", "__orig_bases__", "__parameters__")  # fmt: skip
@@ -87,7 +87,7 @@ class _Teller:
         if isinstance(item, types.CodeType):
             code = item.co_code, item.co_names, item.co_varnames, item.co_freevars, item.co_exceptiontable
             return f"code {tell(code)} {tell(item.co_consts)}"
-        # Of partials, methods, properties, numba, caches; a class of the user's may hold more beside.
+        # The function inside partials, methods, properties, numba dispatchers and caches; a user's class may hold more.
         for inner in ("func", "__func__", "fget", "py_func", "__wrapped__") * bool(
             installed(type(item).__module__)
         ):

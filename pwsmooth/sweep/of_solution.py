@@ -32,7 +32,7 @@ def strobes(solution: Solution, window) -> np.ndarray:
     if solution.dense is not None and reached.any():
         x[reached] = solution(times[reached]).T
     for k in np.flatnonzero(reached):
-        # A column at the very time is better than its polynomial by a rounding, and all there is without one.
+        # Prefer the column at exactly that time: the polynomial is off by a rounding, or was not kept.
         column = np.searchsorted(solution.t, times[k], side="right" if k == window.periods else "left")
         column -= k == window.periods
         if solution.t[column] == times[k]:

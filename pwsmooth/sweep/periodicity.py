@@ -115,7 +115,7 @@ class Itinerary(Measure):
         words[orbits.word_length < 0] = -2
         words[setting.forced & (orbits.found == 0)] = -3
         words[~orbits.ok] = -4
-        # A few words make a whole sweep; a dict finds them in a tenth of the time of a sort of rows.
+        # A sweep has few different words: a dict finds them ten times faster than sorting the rows.
         number: dict[Any, int] = {}
         rows = (
             np.ascontiguousarray(words).view(np.dtype((np.void, words.itemsize * self.most))).ravel().tolist()

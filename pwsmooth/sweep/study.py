@@ -142,7 +142,7 @@ def read_study(path: Any) -> Study:
     except ValidationError as error:
         lines = []
         for item in error.errors():
-            # Beside the keys pydantic names the member of a union that it tried.
+            # Drop the members of a union that pydantic lists among the keys.
             keys = [str(k) for k in item["loc"] if k not in ("<spaced>", "<list>", "float", "str")]
             known = ""
             if item["type"] == "extra_forbidden":

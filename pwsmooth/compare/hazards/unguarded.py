@@ -57,7 +57,7 @@ def cvode(
     """State at the end, by CVODE's BDF."""
     from sksundae.cvode import CVODE
 
-    # A step limit of its own makes it start anew where it stands: the count of evaluations is what ends a run.
+    # At its own step limit it restarts where it stands; the count of evaluations is what ends a run.
     bounded = counted(rates, most)
 
     def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:

@@ -32,7 +32,7 @@ def run(scene: str, observable: str, tolerance: str, out: Path | None) -> Ladder
         raise ValueError(f"no observable is named; choose one of {names} with --observable.")
     from rich.console import Console
 
-    # Shown on a terminal only, and gone afterwards.
+    # The status line is shown on a terminal only, and disappears afterwards.
     with Console(stderr=True).status(f"running every model of {scene!r} at two tolerances, and timing it ..."):
         found = ladder(scene, observable, tolerance)
     print(found)

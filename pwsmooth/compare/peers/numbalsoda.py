@@ -52,7 +52,7 @@ def with_events(functions: Plain) -> Any:
     n, nw = functions.n, functions.n_walls
     field, margins, strike, begin = rules.field, rules.margins, rules.strike, rules.begin
 
-    # The data are the status and the time of the last event: the start lies on a surface to rounding.
+    # The data are the status and the time of the last event: the start may lie on a surface, up to rounding.
     @cfunc(lsoda_sig)
     def rhs(t, u, du, data):
         status = np.empty(nw, np.int64)

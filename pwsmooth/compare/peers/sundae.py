@@ -58,7 +58,7 @@ class Cvode:
         if not out.success and out.t_events is None:
             raise RuntimeError(str(out.message))
         spent = self.calls - before
-        # The record of events keeps that of the run before, when this one has none.
+        # Without an event the record still holds that of the run before.
         if out.t[-1] >= end or out.i_events is None or len(out.i_events) == 0:
             return Strike(float(out.t[-1]), np.array(out.y[-1]), None, spent)
         hit = next((k for k in watched if out.i_events[-1][k] != 0), None)

@@ -169,12 +169,12 @@ def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
                 continue
             taken = any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed)
             inside = (np.abs(drawn[1] - at) < 0.4 * height) & (across < drawn[0]) & (drawn[0] < across + long)
-            # A name on a name is not read at all; on a line it is, so that it stays within a few lines of its own.
+            # Names must not overlap; a name may lie on a line, so that it stays near its own.
             cost = 1e3 * taken + abs(shift) + min(6.0, 0.5 * int(inside.sum()))
             if cost < least:
                 best, least = at, cost
         placed.append((across, best, long))
-        # Over the lines and under the marks: no point is hidden.
+        # Draw names over the lines and under the marks: no point is hidden.
         axes.annotate(
             text, (x, y), (10**across, 10**best), color=colour, fontsize=6.2, va="center", zorder=3.5,
             path_effects=[withStroke(linewidth=1.6, foreground="white")],

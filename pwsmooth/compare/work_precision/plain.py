@@ -117,7 +117,7 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     rhs = [*model.rhs, *[sp.S.Zero] * (n - len(model.rhs))]
     lams = [mu.symbol for mu in model.multipliers]
     surfaces = [mu.surface for mu in model.multipliers]
-    # Nobody solves for the multiplier of a kink.
+    # The multiplier of a kink is never solved for.
     residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
     impacts = [e for mu in model.multipliers if mu.impact for e in (*mu.impact, *varied)]
     walls, events = _walls(happenings, surfaces, numbers)
