@@ -62,7 +62,7 @@ class HiddenTerm(NamedTuple):
     ('v', 3*lam**3 - 3*lam)
     """
 
-    where: str  # the state whose rate contains it, or the algebraic unknown
+    where: str
     switch: sp.Symbol
     term: sp.Expr
 

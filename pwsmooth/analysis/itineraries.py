@@ -44,7 +44,7 @@ class Letter:
         Sides of the switch, -1, 0 or +1; 0 and 0 where there is no switch.
     """
 
-    time: float  # as a part of the period, 0 <= time < 1
+    time: float
     switch: str
     kind: str
     before: int

@@ -14,9 +14,22 @@ from math import isnan
 
 import sympy as sp
 
+from . import sigmoids
 from .model import LayerState, Select
 from .pointwise import draw, value
 from .regularity import affine_in, classify, residual_of
+
+
+def substitutes(system):
+    """Name -> expression of what left the equations of a view: slaved states, and smoothed switches Lambda(h/eps)."""
+    model = system.model
+    named = {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
+    widths = dict(model.smoothing)
+    for switch in system.switches if widths else ():
+        if switch.surface in widths:
+            smooth = sigmoids.sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])
+            named[str(switch)] = sp.sympify(smooth, strict=True)
+    return named
 
 
 def smoothed(field, sigmoid, eps):

@@ -164,7 +164,7 @@ class Ambiguity:
 
     time: float
     switch: str
-    kind: str  # "two-fold", "repelling sliding", "grazing", "corner", ...
+    kind: str
     taken: str
     continuations: tuple[str, ...] = ()
 

@@ -16,6 +16,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model, Select
+from ..definition.views import substitutes
 from . import outputs as looped_outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
@@ -193,20 +194,8 @@ class Solution:
         """Name -> expression; with families that are looped over, its place among the template's."""
         if self.model.loops is not None:
             return looped_outputs.names(self.model.loops)
-        named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
-        if self.model.smoothing:
-            # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
-            from ..definition.sigmoids import sigmoid
-
-            widths = dict(self.model.smoothing)
-            for switch in self.system.switches:
-                if switch.surface in widths:
-                    smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
-                    named[str(switch)] = sp.sympify(smooth, strict=True)
-        named.update(
-            {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
-        )
-        return named
+        outputs = {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        return substitutes(self.system) | outputs
 
     def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
         name = str(name)

@@ -58,12 +58,8 @@ def first_impact(law: Law, speed: float, mass: float) -> Impact:
         raise ValueError(
             f"`richest` holds on to a mass that meets it at {speed:g} m/s; give a law that lets it go."
         )
-    depth = _extreme(run, (on[0], off[0]), "p")
+    depth = float(peak("", "p", "").measure(run, (on[0], off[0]), 4001))
     return Impact(-float(run["v"][-1]) / speed, depth, float(off[0] - on[0]))
-
-
-def _extreme(run, window, name):
-    return float(peak("", name, "").measure(run, window, 4001))
 
 
 def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mass: float) -> list[Rung]:
