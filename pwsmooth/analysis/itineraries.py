@@ -32,17 +32,7 @@ _ORBIT = checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives 
 
 @dataclass(frozen=True)
 class Letter:
-    """One event of a full period.
-
-    Attributes
-    ----------
-    time : float, dimensionless
-        As a part of the period, 0 <= time < 1.
-    switch, kind : str
-        As of `EventRecord`.
-    before, after : int
-        Sides of the switch, -1, 0 or +1; 0 and 0 where there is no switch.
-    """
+    """One event of a full period: its time as a part of it, 0 <= time < 1; sides of the switch before and after."""
 
     time: float
     switch: str

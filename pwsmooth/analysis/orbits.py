@@ -113,8 +113,8 @@ class PeriodicOrbit:
             normal = self.map.gradient(self.x)
             basis = np.linalg.svd(normal[None])[2][1:].T
             matrix = basis.T @ matrix @ basis
-        found = np.linalg.eigvals(matrix).astype(complex)
-        return found[np.argsort(-np.abs(found), kind="stable")]
+        values = np.linalg.eigvals(matrix).astype(complex)
+        return values[np.argsort(-np.abs(values), kind="stable")]
 
     @property
     def multipliers(self) -> np.ndarray:

@@ -260,12 +260,8 @@ def family_of(*expressions):
 class Expansion:
     """Writes the copies of families out.
 
-    Attributes
-    ----------
-    groups : dict
-        Name of a member (or of a switch or contact with members) -> names of its copies.
-    copies : dict
-        Plain symbol -> (name of the member, number of the element).
+    `groups` maps the name of a member, or of a switch or contact with members, to the names of its copies, `copies` a
+    plain symbol to the name of the member and the number of the element.
     """
 
     def __init__(self):

@@ -32,14 +32,7 @@ class NotLooped(ValueError):
 
 
 class OneElement(Expansion):
-    """Writes one element out, for all.
-
-    Attributes
-    ----------
-    families : list of Family
-    places : dict
-        Plain symbol of the elements -> `Place`.
-    """
+    """Writes one element out, for all; `places` maps the plain symbols of the elements to their `Place`."""
 
     def __init__(self):
         super().__init__()

@@ -287,9 +287,9 @@ class Law:
         ValueError
             An input that the law needs is missing.
         """
-        given = {"position": position, "acceleration": acceleration}
+        inputs = {"position": position, "acceleration": acceleration}
         for what in self.needs:
-            if given[what] is None:
+            if inputs[what] is None:
                 raise ValueError(
                     f"{type(self).__name__} needs the {what} of its joint; give attach({what}=...)."
                 )
@@ -327,8 +327,8 @@ class Law:
             The force depends on the position: there is no such curve.
         """
         v = sp.Symbol("v", real=True)
-        p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return numpy_function(v, sp.sympify(self.steady(v, p), strict=True))(velocity)
+        steady = self.steady(v, SimpleNamespace(**self.values))
+        return numpy_function(v, sp.sympify(steady, strict=True))(velocity)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -373,11 +373,10 @@ class Law:
         if about["choices"]:
             checks.one_of(*about["choices"])(value, f"`{field.name}` of {type(self).__name__}")
             return
-        if about["each"] and isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-            value = tuple(value)
-        elif about["each"] and hasattr(value, "tolist"):
-            value = value.tolist()
-            value = tuple(value) if isinstance(value, list) else value
+        if about["each"]:
+            value = value.tolist() if hasattr(value, "tolist") else value
+            if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+                value = tuple(value)
         test, words = _SIGNS[about["sign"]]
         owner = f"`{field.name}` of {type(self).__name__}"
         if isinstance(value, tuple):
@@ -462,9 +461,7 @@ def _symbols_of(pieces):
     for event in pieces.events:
         for e in (event.surface, event.every, *event.at, event.when, *(e for _, e in event.update)):
             visit(e)
-    for contact in pieces.contacts:
-        visit(contact.gap)
-        visit(contact.restitution)
-    for item in pieces.algebraic:
-        visit(item.residual)
+    contacts = (e for contact in pieces.contacts for e in (contact.gap, contact.restitution))
+    for e in (*contacts, *(item.residual for item in pieces.algebraic)):
+        visit(e)
     return names

@@ -25,9 +25,8 @@ class Axes:
 
     Attributes
     ----------
-    dims : tuple of str
+    dims, shape : tuple of str, tuple of int
         Dimensions of the Dataset: "point" first if there is a list, then the axes of the grid.
-    shape : tuple of int
     values : dict
         Name -> (dimension, 1-D array).
     kinds : dict

@@ -17,18 +17,7 @@ from .of_solution import moments, range_of
 
 @dataclass(frozen=True)
 class OfQuantities(Measure):
-    """Base of measures of named quantities: one variable `<name>_<part>` for each name and part.
-
-    Parameters
-    ----------
-    *names : str or Symbol
-        States, multipliers or outputs.
-
-    Raises
-    ------
-    ValueError
-        No name.
-    """
+    """Base of measures of named quantities: one variable `<name>_<part>` for each name and part."""
 
     parts: ClassVar[dict[str, str]] = {}  # suffix of a variable -> what it is
     names: tuple[str, ...]
