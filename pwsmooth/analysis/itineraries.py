@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from ..definition import checks
 from .orbits import PeriodicOrbit
-from .sections import after_start
+from .poincare import after_start
 
 __all__ = ["Change", "change_between", "same_itinerary"]
 

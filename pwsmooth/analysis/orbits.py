@@ -23,7 +23,8 @@ from ..definition import checks
 from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
-from .sections import Image, Section, Stroboscopic, Word, depends_on_time, why_stopped
+from .poincare import Image, why_stopped
+from .sections import Section, Stroboscopic, Word, depends_on_time
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
