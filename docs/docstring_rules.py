@@ -1,7 +1,8 @@
 """What a public docstring must have; the tests and the build of these pages refuse one that lacks it.
 
 Numpydoc's own checks for the sections and the names in them, and five of this house: a shape for every array, a unit
-for every quantity, the exceptions of what raises, the source of what is computed, an example that can be run.
+for every quantity, the exceptions of what raises by itself, the source of what comes from the literature, an example
+that can be run.
 """
 
 import ast
@@ -32,6 +33,22 @@ SHAPE = re.compile(r"\bshapes?\b|\blength\b|\([\w+*/ -]+,[\w+*/, -]*\)")
 WORDS = re.compile(r"\b(dimensionless|units?|radians|coefficients?)\b", re.IGNORECASE)
 SYMBOLS = re.compile(r"(?<![\w`])(1/)?(N|kg|Pa|J|W|Hz|rad|mm|um|m|s)(\^\d|/\w+(\^\w+)?| [sm])*(?![\w`])")
 
+# Where formulas of the literature are computed: each public name there says which.
+LITERATURE = tuple(
+    f"pwsmooth.{module}."
+    for module in (
+        "analysis.bifurcations",
+        "analysis.capture",
+        "analysis.lyapunov",
+        "analysis.sticking",
+        "definition.sigmoids",
+        "laws.contact",
+        "laws.friction",
+        "laws.inclusions",
+    )
+)
+CITATION = re.compile(r"\b(1[789]|20)\d\d\b|\beqs?\b|\bet al\b")
+
 
 def shortcomings(name: str, value: Any) -> list[str]:
     """What the docstring of a public name, and of the methods that it defines, lacks; empty for a complete one."""
@@ -39,7 +56,7 @@ def shortcomings(name: str, value: Any) -> list[str]:
         return (
             [] if name.rpartition(".")[2] in _data_described() else [f"{name}: data without a comment `#: ...`"]
         )
-    missing = [*_lacking(value), *_example(value), *_source(value)]
+    missing = [*_lacking(value), *_example(value), *_source(name, value)]
     if inspect.isclass(value):
         for member, method in members(value).items():
             if inspect.getdoc(getattr(value, member)) is None:
@@ -131,7 +148,7 @@ def _named_fields(value: Any) -> list[str] | None:
 
 
 def _raises(value: Any) -> bool:
-    """Whether its own body raises ValueError or TypeError, or calls one of the checks at the door."""
+    """Whether its own body raises, beyond the checks at the door, of which the package's docstring speaks."""
     for function in _bodies(value):
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
         for node in ast.walk(tree):
@@ -140,8 +157,6 @@ def _raises(value: Any) -> bool:
                 and node.exc is not None
                 and "NotImplemented" not in ast.dump(node.exc)
             ):
-                return True
-            if isinstance(node, ast.Call) and ast.unparse(node.func).startswith("checks."):
                 return True
     return False
 
@@ -160,11 +175,21 @@ def _example(value: Any) -> Iterator[str]:
         yield "no example"
 
 
-def _source(value: Any) -> Iterator[str]:
-    """Notes with a paragraph `Source: ...`: a publication with its equation, or that it is defined here."""
-    notes = "\n".join(get_doc_object(value, config={"show_class_members": False})["Notes"])
-    if not re.search(r"^Sources?: \S", notes, flags=re.MULTILINE):
-        yield "no source: Notes need a paragraph `Source: ...`, if only `Source: defined here.`"
+def _source(name: str, value: Any) -> Iterator[str]:
+    """Publications and derivations stand in a paragraph `Source: ...` of the Notes, which says nothing else."""
+    doc = get_doc_object(value, config={"show_class_members": False})
+    notes = re.split(r"\n\s*\n", "\n".join(doc["Notes"]))
+    sources = [text for text in notes if re.match(r"Sources?: \S", text)]
+    if name.startswith(LITERATURE) and not sources:
+        yield "no source: it computes what is in the literature; Notes need a paragraph `Source: ...`"
+    others = [
+        " ".join([*doc["Summary"], *doc["Extended Summary"]]),
+        *(text for text in notes if text not in sources),
+    ]
+    if any(CITATION.search(text) for text in others):
+        yield "it cites outside of a paragraph `Source: ...` of its Notes"
+    if any("defined here" in text for text in sources):
+        yield "a source that is none: what is defined here needs no paragraph `Source: ...`"
 
 
 if __name__ == "__main__":

@@ -49,12 +49,16 @@ def public_names() -> dict[str, Any]:
 
 
 def members(cls: type) -> dict[str, Any]:
-    """Public methods and properties that a class of this package defines itself, as they stand in its body."""
+    """Public methods and properties that a class or a private base of it defines, as they stand there."""
     kinds = (property, functools.cached_property, classmethod, staticmethod)
     fields = getattr(cls, "__dataclass_fields__", {})  # a function as the default of one is no method
+    bases = [
+        base for base in cls.__mro__ if base.__module__.startswith("pwsmooth") and base.__name__.startswith("_")
+    ]
     return {
         name: value
-        for name, value in vars(cls).items()
+        for owner in dict.fromkeys((*reversed(bases), cls))
+        for name, value in vars(owner).items()
         if not name.startswith("_")
         and name not in fields
         and (inspect.isfunction(value) or isinstance(value, kinds))

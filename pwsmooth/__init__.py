@@ -1,6 +1,9 @@
 """pwsmooth: exact switching for piecewise-smooth dynamics.
 
 The public names, loaded on first use: `import pwsmooth` compiles and plots nothing.
+
+Bad input raises ValueError or TypeError before anything runs, with the argument, its value and the remedy. A numerical
+failure raises nothing: the Solution keeps what came before it, and its `outcome` says what to try.
 """
 
 import importlib

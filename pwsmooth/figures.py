@@ -26,10 +26,6 @@ __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 class FiguresError(ValueError):
     """The command cannot run as asked; the text says what to do.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.figures import FiguresError
@@ -57,10 +53,6 @@ class Claim:
     ------
     ValueError
         They differ, and there is no reason.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -130,13 +122,7 @@ class Claim:
 
 
 def checkout() -> Path:
-    """The checkout's root: where the package was installed from, or the working directory.
-
-    Raises
-    ------
-    FiguresError
-        Neither holds the figures' scripts.
-    """
+    """The checkout's root: where the package was installed from, or the working directory; else a FiguresError."""
     for root in (Path(__file__).resolve().parent.parent, Path.cwd()):
         if (root / "paper_figures").is_dir() and (root / "pyproject.toml").is_file():
             return root
@@ -164,10 +150,6 @@ def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     FiguresError
         There is no checkout, or a name is unknown.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.figures import discover
@@ -177,15 +159,15 @@ def discover(names: Iterable[str] = ()) -> dict[str, ModuleType]:
     root = checkout()
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    found: dict[str, ModuleType] = {}
+    modules: dict[str, ModuleType] = {}
     for path in sorted((root / "paper_figures").glob("figure_*.py")):
         module = importlib.import_module(f"paper_figures.{path.stem}")
-        found[str(module.NAME)] = module
+        modules[str(module.NAME)] = module
     wanted = [_plain(name) for name in names]
-    unknown = [name for name in wanted if name not in found]
+    unknown = [name for name in wanted if name not in modules]
     if unknown:
-        raise FiguresError(f"no figure is named {', '.join(unknown)}; there are {', '.join(found)}")
-    return {name: module for name, module in found.items() if not wanted or name in wanted}
+        raise FiguresError(f"no figure is named {', '.join(unknown)}; there are {', '.join(modules)}")
+    return {name: module for name, module in modules.items() if not wanted or name in wanted}
 
 
 def _plain(name: str) -> str:
@@ -199,7 +181,7 @@ def print_list() -> None:
 
     Notes
     -----
-    Source: defined here; it is `pwsmooth figures --list`.
+    It is `pwsmooth figures --list`.
 
     Examples
     --------
@@ -236,10 +218,6 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     ------
     FiguresError
         There is no checkout, a name is unknown, or `out` cannot be written.
-
-    Notes
-    -----
-    Source: defined here; each figure names its own.
 
     Examples
     --------
@@ -312,7 +290,7 @@ def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
         rendered = {}
         for suffix in ("png", "pdf"):
             buffer = io.BytesIO()
-            # Without a date the same input gives the same file.
+            # No date in the file: the same input gives the same bytes.
             metadata = {"Title": module.TITLE} | ({"CreationDate": None} if suffix == "pdf" else {})
             figure.savefig(buffer, format=suffix, metadata=metadata)
             rendered[suffix] = buffer.getvalue()

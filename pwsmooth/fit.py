@@ -126,8 +126,7 @@ def fit(
     kind : {"position", "velocity"}
         What `motion` is.
     free : sequence of str, optional
-        Parameters to fit; all that are not structural and not 0 without. One with a value for each element
-        counts as
+        Parameters to fit; all that are not structural and not 0 without. One with a value for each element counts as
         many.
     settle : float, in the unit of `t`
         Time at the start that is left out of the comparison: the law starts relaxed, the experiment may not have.
@@ -256,10 +255,6 @@ def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any
     ValueError
         `free` is given; as `fit`.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -280,13 +275,13 @@ def compare(laws: Iterable[Law], t: Any, motion: Any, force: Any, **options: Any
 
 def _free(law: Law, names: Sequence[str] | None) -> list[str]:
     fields = {f.name: f for f in dataclasses.fields(law)}  # type: ignore[arg-type]
-    known = [name for name, f in fields.items() if not f.metadata["structural"]]
+    fitted = [name for name, f in fields.items() if not f.metadata["structural"]]
     if names is None:
-        return [name for name in known if getattr(law, name) != 0]
+        return [name for name in fitted if getattr(law, name) != 0]
     for name in names:
-        if name not in known:
+        if name not in fitted:
             raise ValueError(
-                f"`free` names {checks.shown(name)}; parameters of {type(law).__name__} are {', '.join(known)}."
+                f"`free` names {checks.shown(name)}; parameters of {type(law).__name__} are {', '.join(fitted)}."
             )
     return list(names)
 
@@ -308,7 +303,7 @@ class _Forward:
                 self.names.append(f"{field.name}_{i + 1}" if isinstance(value, tuple) else field.name)
                 self.first.append(v)
                 self.owner.append(field.name)
-                # What may be 0 or negative is fitted as it is, unless the first guess says that it is not.
+                # Fit log(p) where p > 0 by assumption or by the first guess.
                 logarithmic.append(field.metadata["sign"] != "real" and v > 0)
         self.logarithmic = np.array(logarithmic)
         self.unit = np.where(self.logarithmic, 1.0, np.abs(self.first) + (np.array(self.first) == 0))
@@ -330,11 +325,11 @@ class _Forward:
 
     def __call__(self, coordinates):
         self.runs += 1
-        given: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for owner, value in zip(self.owner, self._plain(coordinates).tolist()):
-            given.setdefault(owner, []).append(value)
-        given = {name: value if len(value) > 1 else value[0] for name, value in given.items()}
-        run = self.scene.solve(parameters=given, t_eval=self.t, rtol=self.rtol, max_steps=200_000)
+            values.setdefault(owner, []).append(value)
+        values = {name: value if len(value) > 1 else value[0] for name, value in values.items()}
+        run = self.scene.solve(parameters=values, t_eval=self.t, rtol=self.rtol, max_steps=200_000)
         if not run.success or len(run.t) != len(self.t):
             self.failures += 1
             return None

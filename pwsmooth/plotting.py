@@ -84,7 +84,7 @@ def style() -> Iterator[None]:
 
     Notes
     -----
-    Source: defined here; the colours are Okabe and Ito's.
+    Source: Okabe and Ito for the colours.
 
     Examples
     --------
@@ -113,10 +113,6 @@ def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
     Figure
         Of matplotlib.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth import plotting
@@ -140,10 +136,6 @@ def phase(status: int) -> str:
     -------
     str
         "left", "stick" or "right".
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -219,10 +211,6 @@ def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any)
     Axes
         The same.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -273,10 +261,6 @@ def direction_arrows(
     Axes
         The same.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -326,10 +310,6 @@ def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any =
     ------
     ValueError
         Another number of Axes than of names.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

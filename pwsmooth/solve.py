@@ -48,9 +48,8 @@ def solve(
     t_span : (float, float), in the unit of the model's time
         Start and end, increasing.
     x0 : mapping of state to float, or sequence of float, length n
-        Initial value of every state by name or Symbol, or positionally, in the units of the states; memories
-        may be left
-        at their initial value.
+        Initial value of every state by name or Symbol, or positionally, in the units of the states; memories may be
+        left at their initial value.
     method : str
         "auto"; event-driven: "taylor", "rk" (Dormand-Prince 8(5,3), the plain alternative), and "stiff" (implicit
         steps, for bristle laws and the like, whose switches are passed and never slid on); smoothed: "radau5",
@@ -79,7 +78,7 @@ def solve(
     parameters : mapping of Symbol to float, optional
         Values that replace the system's own for this run, in its units.
     noise : Kicks or Diffusion, optional
-        Random kicks at regular times, or white noise (noise.py, diffusion.py). A diffusion has steps of its own:
+        Random kicks at regular times, or white noise. A diffusion has steps of its own:
         tolerances do not act on it.
 
     Returns
@@ -94,9 +93,8 @@ def solve(
 
     Notes
     -----
-    Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that
-    decides
-    between crossing and sticking, and for folds; the event contract and the Taylor steps are defined here.
+    Source: Filippov 1988 for sliding; Jeffrey, On the mathematical basis of solid friction, for the layer that decides
+    between crossing and sticking, and for folds.
 
     Examples
     --------

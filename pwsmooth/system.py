@@ -62,7 +62,7 @@ class HiddenTerm(NamedTuple):
     ('v', 3*lam**3 - 3*lam)
     """
 
-    where: str  # the state whose rate contains it, or the algebraic unknown
+    where: str
     switch: sp.Symbol
     term: sp.Expr
 
@@ -82,9 +82,8 @@ class System:
     Parameters
     ----------
     rates : mapping of state to Expr
-        dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere
-        else a name
-        may be given as a Symbol or a str.
+        dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere else a
+        name may be given as a Symbol or a str.
     time : Symbol, optional
         Needed if time stands in an expression.
     parameters : mapping of Symbol to float, in the units of the model
@@ -448,8 +447,8 @@ class System:
     def _derived(self, field, model, values, view):
         other = copy.copy(self)
         other._field, other.model, other._view, other._cache = field, model, view, {}
-        known = self.parameters | values
-        other.parameters = {p: known[p] for p in other.model.parameters}
+        values_of = self.parameters | values
+        other.parameters = {p: values_of[p] for p in other.model.parameters}
         dropped = [p for p in self.parameters if p not in other.parameters]
         other._notes = tuple(f"{p} drops out of this view" for p in dropped)
         return other

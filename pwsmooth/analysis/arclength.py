@@ -68,18 +68,20 @@ class Walk:
     def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> Point:
         """The point of a converged orbit, with its tangent along `direction`."""
         u = np.append(orbit.x, value_of(orbit, self.name) / self.scale)
-        found = self.image(u)
-        assert found is not None
-        return Point(u, _tangent(found[3], direction), orbit, found[1].solution, 0, _full_rank(found[3]))
+        equations = self.image(u)
+        assert equations is not None
+        return Point(
+            u, _tangent(equations[3], direction), orbit, equations[1].solution, 0, _full_rank(equations[3])
+        )
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
         """Newton's method in the plane normal . (u - guess) = 0."""
         u, last = guess, math.inf
         for steps in range(_MOST_NEWTON + 1):
-            found = self.image(u)
-            if found is None:
+            equations = self.image(u)
+            if equations is None:
                 return None
-            here, image, F, DF = found
+            here, image, F, DF = equations
             size = float(np.abs(F / (1 + np.abs(u[:-1]))).max(initial=0.0))
             if size <= TOLERANCE:
                 orbit = PeriodicOrbit(
@@ -141,10 +143,10 @@ class Walk:
     def turn(self, here: Point, ds: float) -> Point | None:
         """Around a corner at which the branch turns back: along the tangent of the other side."""
         for reach in (10 * ds, 100 * ds, 1000 * ds):
-            found = self.image(here.u + reach * here.tangent)
-            if found is None:
+            equations = self.image(here.u + reach * here.tangent)
+            if equations is None:
                 continue
-            other = _tangent(found[3], here.tangent)
+            other = _tangent(equations[3], here.tangent)
             for direction in (other, -other):
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
@@ -155,10 +157,10 @@ class Walk:
 
     def why_ended(self, here: Point, ds: float) -> str:
         where = f"{self.name} = {self.value(here):.10g}"
-        found = self.image(here.u + 100 * ds * here.tangent)
-        if found is None:
+        equations = self.image(here.u + 100 * ds * here.tangent)
+        if equations is None:
             return f"no orbit beyond {where}: trajectories from there do not return."
-        _, image, F, _ = found
+        _, image, F, _ = equations
         gap = float(np.abs(F).max(initial=0.0))
         if gap > 1e4 * ds and image.word != here.orbit.word:
             events = " | ".join(kind for _, kind, _ in image.word) or "no events"

@@ -119,21 +119,21 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     >>> [bifurcation.kind for bifurcation in bifurcations_between(walk, here, there)]
     ['flip']
     """
-    found: list[Bifurcation] = []
+    bifurcations: list[Bifurcation] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
-            return found + _smooth(walk, here, there)
+            return bifurcations + _smooth(walk, here, there)
         left, right, width = _change(walk, here, there)
-        found += _smooth(walk, here, left)
+        bifurcations += _smooth(walk, here, left)
         apart = _apart(walk, here, there, left, right)
         change = change_between(*apart)
-        # Events that have nothing to do with each other change their order, and nothing happens to the orbit.
+        # Independent events may change their order without any effect on the orbit.
         if change.name != "change of order" or not _one_slope(*apart):
-            found.append(
+            bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
             )
         here = right
-    return found
+    return bifurcations
 
 
 def _one_slope(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
@@ -143,7 +143,7 @@ def _one_slope(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 
 
 def collapse_between(
-    walk: Walk, here: Point, there: Point, found: list[Bifurcation]
+    walk: Walk, here: Point, there: Point, bifurcations: list[Bifurcation]
 ) -> tuple[int, list[Bifurcation]] | None:
     """Where orbits of several applications of the map shrink onto one of fewer: how many, and what happens to that one.
 
@@ -164,7 +164,7 @@ def collapse_between(
     # The shorter orbit lives on both sides of the collapse: from well behind it to well before.
     q = [walk.value(p) for p in (here, there)]
     if short is here:
-        turn = next((b.parameter for b in found if b.kind == "fold"), q[1])
+        turn = next((b.parameter for b in bifurcations if b.kind == "fold"), q[1])
         q = [turn + 2 * (max(q, key=lambda value: abs(value - turn)) - turn) * side for side in (1, -1)]
     before, behind = (single.at_parameter(at, value) for value in q)
     if before is None or behind is None:
@@ -208,18 +208,18 @@ def _apart(
     """Orbits of the two itineraries a little away from the change."""
     chord = there.u - here.u
     length = float(np.linalg.norm(chord))
-    found = []
+    orbits = []
     for point, sign in ((left, -1.0), (right, 1.0)):
         at = float((point.u - here.u) @ chord) / length**2 + sign * _APART / length
         further = walk.along(here, there, min(max(at, 0.0), 1.0))
         same = further is not None and same_itinerary(further.orbit, point.orbit)
-        found.append(further.orbit if same and further is not None else point.orbit)
-    return found[0], found[1]
+        orbits.append(further.orbit if same and further is not None else point.orbit)
+    return orbits[0], orbits[1]
 
 
 def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     """Bifurcations of stability between two points of one itinerary."""
-    found = []
+    bifurcations = []
     symmetric = here.orbit.symmetric
     tests = {
         "fold": lambda p: p.tangent[-1],
@@ -237,8 +237,8 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
         if at is None or (kind == "torus" and not _has_pair(at[0].orbit)):
             continue
         point, width = at
-        found.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
-    return sorted(found, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
+        bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
+    return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
 
 
 def _zero(
@@ -247,22 +247,22 @@ def _zero(
     """The zero of a test function with the values a, b at two points, and how well the parameter is known there."""
     from scipy.optimize import brentq
 
-    found = {0.0: here, 1.0: there}
+    points = {0.0: here, 1.0: there}
 
     def at(part: float) -> float:
-        if part not in found:
+        if part not in points:
             point = walk.along(here, there, part)
             if point is None:
                 raise _Lost
-            found[part] = point
-        return test(found[part])
+            points[part] = point
+        return test(points[part])
 
     try:
         zero = float(brentq(at, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
         at(zero)
     except _Lost:
         return None
-    point = found[zero]
+    point = points[zero]
     # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
     return point, 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
 

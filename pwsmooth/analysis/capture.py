@@ -68,9 +68,8 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     Returns
     -------
     float
-        Between 1 (ratio 0, linear sticking) and mu_s(rho) (nonlinear sticking; reached at a finite ratio); in
-        units of
-        the load.
+        Between 1 (ratio 0, linear sticking) and mu_s(rho) (nonlinear sticking; reached at a finite ratio); in units
+        of the load.
 
     Raises
     ------
@@ -82,8 +81,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     Separatrix of the two-dimensional layer system u' = F - L(u)(1 + rho z), z' = ratio (G(u) - z).
 
     Source: the layer system is that of Jeffrey, On the mathematical basis of solid friction; the threshold is
-    computed
-    here.
+    computed here.
 
     Examples
     --------

@@ -42,10 +42,6 @@ class Branch:
     end : str
         Why it ended, in words.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -323,11 +319,11 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     )
     normal = np.append(direction, 0.0)
     guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
-    found = walk.correct(guess, normal, normal)
+    point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
-    if found is None:
+    if point is None:
         return none_found(doubled, guess[:-1], f"no orbit was found on the branch at this distance: {lost}")
-    orbit = found.orbit
+    orbit = point.orbit
     single = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})
     if np.linalg.norm(single(orbit.x) - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")

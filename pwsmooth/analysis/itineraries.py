@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from ..definition import checks
 from .orbits import PeriodicOrbit
-from .sections import after_start
+from .poincare import after_start
 
 __all__ = ["Change", "change_between", "same_itinerary"]
 
@@ -32,31 +32,21 @@ _ORBIT = checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives 
 
 @dataclass(frozen=True)
 class Letter:
-    """One event of a full period.
+    """One event of a full period: its time as a part of it, 0 <= time < 1; sides of the switch before and after."""
 
-    Attributes
-    ----------
-    time : float, dimensionless
-        As a part of the period, 0 <= time < 1.
-    switch, kind : str
-        As of `EventRecord`.
-    came, went : int
-        Sides of the switch before and after, -1, 0 or +1; 0 and 0 where there is no switch.
-    """
-
-    time: float  # as a part of the period, 0 <= time < 1
+    time: float
     switch: str
     kind: str
-    came: int
-    went: int
+    before: int
+    after: int
 
     @property
     def word(self) -> tuple[str, str, int, int]:
         """Everything but the time."""
-        return self.switch, self.kind, self.came, self.went
+        return self.switch, self.kind, self.before, self.after
 
     def __str__(self) -> str:
-        sides = f" {self.came:+d} to {self.went:+d}".replace("+0", "0") if self.came or self.went else ""
+        sides = f" {self.before:+d} to {self.after:+d}".replace("+0", "0") if self.before or self.after else ""
         return f"{self.kind}{sides} [{self.switch}]"
 
 
@@ -104,17 +94,17 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
     # With the map's own tolerances: near a change of itinerary looser ones see another word.
     run = orbit.map.over(orbit.x, orbit.period)
     begin, start = run.t[0], after_start(run)
-    found: list[Letter] = []
+    events: list[Letter] = []
     for e in run.events:
         if not e.time > start or e.kind == "terminal":
             continue
-        came, went = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
+        before, after = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
         time = (e.time - begin) / orbit.period % 1.0
-        # The phase of the first of several at one instant: sorted by it and their switches they have one order.
-        if found and 0 <= time - found[-1].time <= _AT_ONCE:
-            time = found[-1].time
-        found.append(Letter(time, e.switch, e.kind, came, went))
-    return sorted(found, key=lambda letter: (letter.time, letter.switch))
+        # Events of one instant share the phase of the first: sorted by phase, then switch, they have one order.
+        if events and 0 <= time - events[-1].time <= _AT_ONCE:
+            time = events[-1].time
+        events.append(Letter(time, e.switch, e.kind, before, after))
+    return sorted(events, key=lambda letter: (letter.time, letter.switch))
 
 
 @checks.door(one=_ORBIT, other=_ORBIT)
@@ -130,15 +120,6 @@ def same_itinerary(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     -------
     bool
         Where their period begins does not matter.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -173,11 +154,6 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     -------
     Change
         Its name and its events; "jump of the orbit" where they lie far apart.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -261,7 +237,7 @@ def _status_before(word: list[Letter], time: float) -> dict[str, int]:
     """Status of every switch just before a phase, from the last event of each in the cyclic word."""
     status = {}
     for letter in sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0):
-        status[letter.switch] = letter.went
+        status[letter.switch] = letter.after
     return status
 
 
@@ -271,7 +247,7 @@ def _name(gone, come, status: dict[str, int]) -> str | None:
         return "corner"
     less, more = (gone, come) if len(gone) <= len(come) else (come, gone)
     kinds = [x.kind for x in more]
-    moves = [(x.came, x.went) for x in more]
+    moves = [(x.before, x.after) for x in more]
     slips = [k.startswith("slip by") for k in kinds]
     if not less:
         if kinds in (["impact"], ["reset"]):
@@ -285,9 +261,9 @@ def _name(gone, come, status: dict[str, int]) -> str | None:
         return None
     one = less[0]
     if len(less) == 1 and len(more) == 2:
-        if one.kind == "crossing" and kinds[0] == "stick" and slips[1] and moves[1][1] == one.went:
+        if one.kind == "crossing" and kinds[0] == "stick" and slips[1] and moves[1][1] == one.after:
             return "crossing-sliding"
-        if one.kind == "stick" and kinds == ["crossing", "stick"] and moves[0][0] == one.came:
+        if one.kind == "stick" and kinds == ["crossing", "stick"] and moves[0][0] == one.before:
             return "switching-sliding"
         if one.kind.startswith("slip by") and slips[0] and kinds[1] == "crossing":
             return "switching-sliding"  # the same, seen in reversed time: it leaves through the other side

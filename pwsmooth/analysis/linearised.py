@@ -46,10 +46,6 @@ class Blocks:
     g_lam : ndarray, shape (nt, m, m)
         By multipliers, in the units of the model.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -86,8 +82,8 @@ class Blocks:
         """
         square = self.g_lam[:, J][:, :, J]
         right = np.concatenate([self.g_w[:, J], self.g_t[:, J, None]], axis=2)
-        found = -np.linalg.solve(square, right)
-        return found[:, :, :-1], found[:, :, -1]
+        slopes = -np.linalg.solve(square, right)
+        return slopes[:, :, :-1], slopes[:, :, -1]
 
     def flow(self, J: Sequence[int]) -> np.ndarray:
         """The Jacobian A of the flow, the solved multipliers eliminated.
@@ -124,7 +120,7 @@ class Linearised:
 
     Notes
     -----
-    Source: defined here; x' = f, g = 0 for the solved multipliers J, A = f_w - f_J (g_JJ)^-1 g_Jw.
+    With x' = f and g = 0 for the solved multipliers J: A = f_w - f_J (g_JJ)^-1 g_Jw.
 
     Examples
     --------
@@ -331,15 +327,6 @@ def linearise(model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> Linearise
     -------
     Linearised
         The same object for the same model and parameters.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

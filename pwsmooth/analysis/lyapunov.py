@@ -75,7 +75,7 @@ class _Frame:
 
     def __init__(self, n: int, count: int, start: float) -> None:
         self.start = start
-        # The same generic directions in every run; no run is different for its seed.
+        # The same generic directions in every run: results do not depend on a seed.
         self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
         self.times: list[float] = []
         self.logs: list[np.ndarray] = []
@@ -110,7 +110,7 @@ class _Frame:
         if not end > start or before.all():
             empty = np.full(count, np.nan)
             return LyapunovExponents(empty, empty.copy(), 0.0, outcome)
-        # Whole factors only: the average begins at the end of a step.
+        # Count whole factors only: the average begins at the end of a step.
         start = float(times[before].max(initial=self.start))
         times, logs = times[~before], logs[~before]
         exponents = logs.sum(axis=0) / (end - start)
@@ -261,5 +261,5 @@ def _free_column(run: Solution) -> int:
     free[0] = False
     alone = np.diff(run.t, prepend=-np.inf, append=np.inf)
     free &= (alone[:-1] > 0) & (alone[1:] > 0)
-    found = np.flatnonzero(free)
-    return int(found[-1]) if found.size and found[-1] > 0.5 * len(run.t) else len(run.t) - 1
+    columns = np.flatnonzero(free)
+    return int(columns[-1]) if columns.size and columns[-1] > 0.5 * len(run.t) else len(run.t) - 1

@@ -23,7 +23,8 @@ from ..definition import checks
 from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
-from .sections import Image, Section, Stroboscopic, Word, depends_on_time, why_stopped
+from .poincare import Image, why_stopped
+from .sections import Section, Stroboscopic, Word, depends_on_time
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
@@ -62,10 +63,6 @@ class PeriodicOrbit:
         In words, with what to try next; also where the orbit is not isolated, or shorter than was asked for.
     degenerate : tuple of str
         Where the map has no derivative at this orbit (grazing, corners).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -117,8 +114,8 @@ class PeriodicOrbit:
             normal = self.map.gradient(self.x)
             basis = np.linalg.svd(normal[None])[2][1:].T
             matrix = basis.T @ matrix @ basis
-        found = np.linalg.eigvals(matrix).astype(complex)
-        return found[np.argsort(-np.abs(found), kind="stable")]
+        values = np.linalg.eigvals(matrix).astype(complex)
+        return values[np.argsort(-np.abs(values), kind="stable")]
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -155,11 +152,6 @@ class PeriodicOrbit:
         -------
         Solution
             With dense output.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
@@ -237,7 +229,7 @@ def find_orbit(
 
     Notes
     -----
-    Source: Newton's method with the exact derivative of the map (variations.py); defined here.
+    Newton's method with the exact derivative of the map (variations.py).
 
     Examples
     --------
@@ -315,15 +307,6 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     PeriodicOrbit
         With `success` False and a `message` where it did not converge.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -343,15 +326,15 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     steps = 0
     while size > TOLERANCE and steps < _MOST_STEPS:
         slope, step = image.jacobian - np.eye(len(x)), np.zeros(len(x))
-        # What every start keeps to itself, as a memory that events put back, is for the first guess to say.
+        # A component that the map leaves at its start (a memory that events put back) keeps the first guess.
         free = (off != 0) | (np.abs(slope).max(axis=1) > PINNED)
         step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
-        # What returns to the bit from any start nearby, as v = 0 in a stick, stays: rounding would leave the surface.
+        # One that returns exactly from every start nearby (v = 0 in a stick) stays: rounding would leave the surface.
         step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
-        found = _shortened(map_, x, step, size)
-        if found is None:
+        closer = _shortened(map_, x, step, size)
+        if closer is None:
             break
-        x, image = found
+        x, image = closer
         off, size = _off(x, image)
         steps += 1
     orbit = PeriodicOrbit(
@@ -446,7 +429,7 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
         new = _off(trial, image)[1]
         if new < size or new <= TOLERANCE:
             return trial, image
-        # On the other side of a change of itinerary the derivative is another one: a worse return may lead on.
+        # Across a change of itinerary the derivative is a different one: a step to a worse return may still lead on.
         if fallback is None and new < 10 * size:
             fallback = trial, image
     return fallback

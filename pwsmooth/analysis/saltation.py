@@ -107,11 +107,6 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     list of Saltation
         One for each instant with events.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
@@ -143,17 +138,17 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     before = np.searchsorted(t, times, side="left")
     after = np.searchsorted(t, times, side="right") - 1
     fields = [line.blocks(t[c], solution.x[:, c], solution.mult[:, c], p) for c in (before, after)]
-    found = [
+    jumps = [
         _Instant(line, solution, p, fields, k, int(before[k]), int(after[k]), events).saltation()
         for k, events in enumerate(instants.values())
     ]
-    # The last impacts before an accumulation are slow by nature; the projector there takes up what they leave.
-    ends = np.array([s.time for s in found if "accumulation" in s.kinds])
+    # The last impacts before an accumulation are always slow; the projector of the accumulation contains their effect.
+    ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
         replace(s, degenerate="")
         if np.any((ends >= s.time) & (ends - s.time < _CHATTER * (1 + abs(s.time))))
         else s
-        for s in found
+        for s in jumps
     ]
 
 
@@ -354,18 +349,8 @@ def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np
     Returns
     -------
     ndarray, shape (N, N), or None
-        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it;
-        None if it
-        slides on none.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
+        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it; None if
+        it slides on none.
 
     Examples
     --------

@@ -4,13 +4,12 @@
     N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
     P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
 
-Chain: solve, variations.py -> **sections** -> orbits.py, continuation.py, diagrams.py, basins.py.
+Chain: poincare.py, variations.py -> **sections** -> orbits.py, continuation.py, sweep/basins.py.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,11 +19,10 @@ import numpy as np
 from ..definition import checks
 from ..definition.model import EventSpec, Model
 from ..definition.pointwise import value
-from ..paths.budget import whole
 from ..results.records import Outcome
 from ..results.solution import Solution
-from ..solve import solve
 from .linearised import linearise
+from .poincare import RETURN, Image, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
 from .variations import variations
 
@@ -32,164 +30,8 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
-_RETURN = "pws_return"
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
-
-
-_COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
-
-
-@dataclass(frozen=True)
-class Image:
-    """A point's image under a Poincare map, with its derivatives if they were asked for.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n,)
-        The image, in the units of the states; nan where the trajectory did not come back.
-    time : float, in the unit of the model's time
-        How long the map took.
-    runs : tuple of Solution
-        The trajectory; of a return map one run to each return.
-    jacobian : ndarray, shape (n, n)
-        By the point, in the units of the states; empty if not asked for.
-    by_parameter : ndarray, shape (n, k)
-        By parameters, in units of the states over theirs; empty if not asked for.
-    degenerate : tuple of str
-        Where the map has no derivative, in words.
-    reason : str
-        Why there is no image, in words; empty if there is one.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import math
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.sections import Stroboscopic
-    >>> t, x = sp.symbols("t x", real=True)
-    >>> image = Stroboscopic(System({x: sp.cos(t) - x}, time=t), 2 * sp.pi).image(np.array([0.5]), [])
-    >>> print(f"{image.jacobian[0, 0]:.9f} {math.exp(-2 * math.pi):.9f}")
-    0.001867443 0.001867443
-    """
-
-    x: np.ndarray
-    time: float
-    runs: tuple[Solution, ...]
-    jacobian: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
-    by_parameter: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
-    degenerate: tuple[str, ...] = ()
-    reason: str = ""
-
-    @property
-    def solution(self) -> Solution:
-        """The trajectory; of a return map that to the last return."""
-        return self.runs[-1]
-
-    @property
-    def word(self) -> Word:
-        """The events on the way: (switch, kind, "from to to") of each."""
-        return tuple(letter for run in self.runs for letter in word_of(run))
-
-    @property
-    def success(self) -> bool:
-        """Whether the trajectory reached the section again."""
-        return bool(np.isfinite(self.x).all())
-
-
-@dataclass(frozen=True)
-class _Map:
-    """What both maps share: the system, and how its trajectories are solved."""
-
-    system: Any
-    options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
-
-    def _solve(self, system: Any, span: tuple[float, float], x: Any, dense: bool, **more: Any) -> Solution:
-        tight = {"rtol": 1e-10} if system.model.smoothing else {"rtol": 1e-12, "atol": 1e-14}
-        return solve(system, span, list(map(float, x)), dense_output=dense, **{**tight, **self.options, **more})
-
-    def with_parameters(self, values: Mapping[Any, float]) -> Any:
-        """The same map of the system with other parameter values.
-
-        Parameters
-        ----------
-        values : mapping of (Symbol or str) to float, in the units of the model
-            Those that change.
-
-        Returns
-        -------
-        Stroboscopic or Section
-            Of the same kind as this one.
-        """
-        other = copy.copy(self)  # nothing of what __post_init__ checks or makes depends on values
-        object.__setattr__(other, "system", self.system.with_parameters(values))
-        return other
-
-    def __call__(self, x: Any) -> np.ndarray:
-        """P(x), shape (n,); nan where the trajectory fails or does not come back."""
-        return self.image(self.system.initial_state(x)).x
-
-    def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        raise NotImplementedError
-
-    def over(self, x: Any, time: float, **options: Any) -> Solution:
-        """The trajectory of a point of the section over a time.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
-        time : float, in the unit of the model's time
-            How long.
-        **options
-            For `solve`, besides those of the map.
-
-        Returns
-        -------
-        Solution
-            Without dense output.
-        """
-        t0 = getattr(self, "start_time", 0.0)
-        return self._solve(self.system, (t0, t0 + time), x, False, **options)
-
-    @checks.door(**_COUNTS)
-    @whole
-    def iterate(self, x: Any, count: int, discard: int = 0) -> np.ndarray:
-        """The points P(x), P(P(x)), ... after the first `discard`.
-
-        Parameters
-        ----------
-        x : mapping or sequence of float, length n
-            The first point, in the units of the states.
-        count : int
-            How many are kept.
-        discard : int
-            How many before them are not.
-
-        Returns
-        -------
-        ndarray, shape (count, n)
-            In the units of the states; nan from a failure on.
-        """
-        return self._iterated(x, count, discard)[0]
-
-    def _iterated(self, x: Any, count: int, discard: int = 0) -> tuple[np.ndarray, str]:
-        """The points of `iterate`, and why they end where they do before `count`."""
-        at = np.array(self.system.initial_state(x), float)
-        points = np.full((count, len(at)), np.nan)
-        for k in range(discard + count):
-            image = self.image(at)
-            if not image.success:
-                return points, image.reason
-            at = image.x
-            if k >= discard:
-                points[k - discard] = at
-        return points, ""
 
 
 @dataclass(frozen=True)
@@ -247,16 +89,9 @@ class Stroboscopic(_Map):
             object.__setattr__(self, "symmetry", matrix)
 
     def doubled(self) -> Stroboscopic:
-        """The map over twice as long: a half period becomes a whole one without symmetry, one becomes two.
-
-        Returns
-        -------
-        Stroboscopic
-            Of the same system.
-        """
         if self.symmetry is not None:
             return replace(self, symmetry=None)
-        return replace(self, count=2 * self.count)
+        return super().doubled()
 
     def at_phase(self, phase: float) -> Stroboscopic:
         """The same map on another section.
@@ -322,29 +157,10 @@ class Stroboscopic(_Map):
         return points, "" if reached == count else why_stopped(run)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        """Image of a point, with derivatives if `parameters` is given (it may be empty).
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
-        parameters : sequence of str or Symbol, optional
-            With respect to which is differentiated too.
-
-        Returns
-        -------
-        Image
-            With nan where the trajectory failed.
-
-        Raises
-        ------
-        ValueError
-            A parameter that the system does not have.
-        """
         t0 = self.start_time
         run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
         if not (run.success and run.t[-1] == t0 + self.duration):
-            return _lost(len(x), (run,), why_stopped(run))
+            return lost(len(x), (run,), why_stopped(run))
         back = np.eye(len(x)) if self.symmetry is None else np.linalg.inv(self.symmetry)
         end = back @ run.x[:, -1]
         if parameters is None:
@@ -415,13 +231,13 @@ class Section(_Map):
 
     def __post_init__(self) -> None:
         model = checks.system(self.system, "`system`").model
-        known = {*model.states, *self.system.parameters}
-        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in known})
+        symbols = {*model.states, *self.system.parameters}
+        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in symbols})
         checks.fields(
             self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
             options=checks.mapping,
         )  # fmt: skip
-        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= known:
+        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= symbols:
             raise ValueError(
                 f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
             )
@@ -431,7 +247,7 @@ class Section(_Map):
                 "with the period of the forcing."
             )
         object.__setattr__(self, "surface", surface)
-        spec = EventSpec(_RETURN, surface, direction=self.direction, when=model.time > 0, terminal=True)
+        spec = EventSpec(RETURN, surface, direction=self.direction, when=model.time > 0, terminal=True)
         names = {p for p in self.system.parameters if p in surface.free_symbols}
         used = (*model.parameters, *sorted(names - {*model.parameters}, key=str))
         watched = copy.copy(self.system)
@@ -439,52 +255,11 @@ class Section(_Map):
         object.__setattr__(self, "_watched", watched)
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
-        """The same map of the system with other parameter values.
-
-        Parameters
-        ----------
-        values : mapping of (Symbol or str) to float, in the units of the model
-            Those that change.
-
-        Returns
-        -------
-        Section
-            Of the same surface.
-        """
         other = super().with_parameters(values)
         object.__setattr__(other, "_watched", self._watched.with_parameters(values))
         return other
 
-    def doubled(self) -> Section:
-        """The map over twice as many returns.
-
-        Returns
-        -------
-        Section
-            Of the same surface.
-        """
-        return replace(self, count=2 * self.count)
-
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        """Image of a point, with derivatives if `parameters` is given (it may be empty).
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            The point, in the units of the states.
-        parameters : sequence of str or Symbol, optional
-            With respect to which is differentiated too.
-
-        Returns
-        -------
-        Image
-            With nan where the trajectory failed or did not come back.
-
-        Raises
-        ------
-        ValueError
-            A parameter that the system does not have.
-        """
         n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
@@ -494,7 +269,7 @@ class Section(_Map):
             run, reason = self._to_return(at, parameters is not None)
             runs.append(run)
             if reason:
-                return _lost(n, tuple(runs), reason)
+                return lost(n, tuple(runs), reason)
             at, time = run.x[:, -1], time + float(run.t[-1] - run.t[0])
             if parameters is None:
                 continue
@@ -503,7 +278,7 @@ class Section(_Map):
             h_w = self._gradient(self._watched, run, parameters)
             speed = h_w[:n] @ moved.rates
             if abs(speed) < 1e-12 * (1 + np.abs(moved.rates).max()):
-                return _lost(
+                return lost(
                     n, tuple(runs), f"it comes to rest on the section {self.surface} = 0, or only touches it."
                 )
             stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / speed
@@ -520,7 +295,7 @@ class Section(_Map):
         for _ in range(_MOST_LEADS):
             # Returns count from time 0 on: what begins before has left the section by then.
             run = self._solve(self._watched, (-lead, self.longest), x, dense)
-            if not any(e.switch == _RETURN for e in run.events[-8:]):  # other switches may follow it in the log
+            if not any(e.switch == RETURN for e in run.events[-8:]):  # other switches may follow it in the log
                 break
             if self._has_left(run):
                 return run, ""
@@ -586,57 +361,3 @@ def depends_on_time(model: Model) -> bool:
         parts += [event.surface, event.when, *(value for _, value in event.update)]
     timed = any(event.surface is None for event in model.events)
     return timed or any(model.time in part.free_symbols for part in parts if part is not None)
-
-
-def _lost(n: int, runs: tuple[Solution, ...], reason: str) -> Image:
-    return Image(np.full(n, np.nan), math.nan, runs, reason=reason)
-
-
-def why_stopped(run: Solution) -> str:
-    """What ended a run before its time, in words."""
-    where = f"at t = {run.t[-1]:.9g} "
-    if run.outcome is Outcome.TERMINATED:
-        name = next(e.switch for e in reversed(run.events) if e.kind == "terminal")
-        return f"{where}the terminal event {name!r} stopped it."
-    return f"{where}it ended, {run.message}"
-
-
-@checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"))
-def word_of(solution: Solution) -> Word:
-    """The events of a solution after its start: its itinerary in letters.
-
-    Parameters
-    ----------
-    solution : Solution
-        Event-driven.
-
-    Returns
-    -------
-    tuple of (str, str, str)
-        (switch, kind, from and to) of each event.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.sections import word_of
-    >>> x = sp.Symbol("x", real=True)
-    >>> word_of(solve(System({x: 1 + sp.Heaviside(x - 1)}), (0, 2), {x: 0}))
-    (('sgn(x - 1)', 'crossing', '-1 to +1'),)
-    """
-    begin = after_start(solution)
-    return tuple((e.switch, e.kind, e.note) for e in solution.events if e.time > begin and e.switch != _RETURN)
-
-
-def after_start(solution: Solution) -> float:
-    """A time just after the start: a start that sticks, but for a rounding of its velocity, is no event."""
-    return float(solution.t[0]) + 1e-11 * (1 + abs(float(solution.t[0])))

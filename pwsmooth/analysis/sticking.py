@@ -77,11 +77,6 @@ class StickingRegion:
     coefficient : Expr
         mu, dimensionless: 1 for the linear region, mu_s for the nonlinear one.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: Jeffrey, On the mathematical basis of solid friction, eqs 18 and 19.
@@ -121,11 +116,6 @@ class StickingRegion:
         -------
         sympy Boolean
             abs(k y - drive) <= N mu.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return sp.Le(sp.Abs(self.stiffness * y - self.drive), self.load * self.coefficient)
 
@@ -233,9 +223,8 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
 
     Notes
     -----
-    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho
-    dgamma/dv lam_s**2
-    means dgamma/dlam.
+    Source: Jeffrey, On the mathematical basis of solid friction, eqs 16 and 17; the printed mu_s = -rho dgamma/dv
+    lam_s**2 means dgamma/dlam.
 
     Examples
     --------

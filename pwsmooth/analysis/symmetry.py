@@ -43,7 +43,7 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
 
     Notes
     -----
-    Source: defined here; the field is compared at random points off the surfaces.
+    The field is compared at random points off the surfaces.
 
     Examples
     --------

@@ -105,10 +105,6 @@ def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...
     ValueError
         No parameter of that name.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -238,9 +234,9 @@ def _steps(solution: Solution) -> _Steps:
         return _Steps(
             dense.t0, dense.t0 + dense.length, np.ones(ns), dense.coefficients, np.zeros((ns, 0, 1)), time, True
         )
-    kept = "none" if dense is None else type(dense).__name__
+    kind = "none" if dense is None else type(dense).__name__
     raise ValueError(
-        f"`solution` has no step polynomials (dense output: {kept}). Solve with dense_output=True and one of the "
+        f"`solution` has no step polynomials (dense output: {kind}). Solve with dense_output=True and one of the "
         "package's own methods."
     )
 

@@ -167,10 +167,7 @@ def number(value, what):
 
 def fits(symbol, value):
     """Whether a finite number has the properties that the symbol is declared to have."""
-    for holds, wanted in _declared(symbol):
-        if holds(value) != wanted:
-            return False
-    return True
+    return all(holds(value) == wanted for holds, wanted in _declared(symbol))
 
 
 @functools.lru_cache(maxsize=4096)
@@ -180,15 +177,21 @@ def _declared(symbol):
     return tuple((_PREDICATES[name], wanted) for name, wanted in declared if name in _PREDICATES)
 
 
-def parameter_value(symbol, value):
-    """The value of a parameter as a float that fits the symbol's assumptions."""
-    result = number(value, f"`parameters`, value of {symbol.name!r}")
+def _fitting(symbol, value, argument):
+    """`value` as a float that fits the symbol's assumptions: sympy has simplified by them."""
+    what = f"`{argument}`, value of {symbol.name!r}"
+    result = number(value, what)
     if not fits(symbol, result):
         raise ValueError(
-            f"`parameters`, value of {symbol.name!r} is {result:g}, but its symbol is declared {assumptions(symbol)}; "
-            "give such a value, or declare the symbol without that assumption."
+            f"{what} is {result:g}, but its symbol is declared {assumptions(symbol)}; give such a value, or "
+            "declare the symbol without that assumption."
         )
     return result
+
+
+def parameter_value(symbol, value):
+    """The value of a parameter as a float that fits the symbol's assumptions."""
+    return _fitting(symbol, value, "parameters")
 
 
 def values_fit(field, parameters):
@@ -272,28 +275,21 @@ def pairs(value, what):
     return tuple(map(tuple, found))
 
 
-def positive(value, what):
-    """`value` as a finite float > 0."""
-    value = number(value, what)
-    if value <= 0:
-        raise ValueError(f"{what} is {value:g}; give a number > 0.")
-    return value
+def _finite(holds, words):
+    """The test of a finite float for which `holds`."""
+
+    def test(value, what):
+        result = number(value, what)
+        if not holds(result):
+            raise ValueError(f"{what} is {result:g}; give a number {words}.")
+        return result
+
+    return test
 
 
-def nonzero(value, what):
-    """`value` as a finite float other than 0."""
-    value = number(value, what)
-    if value == 0:
-        raise ValueError(f"{what} is 0; give a number other than 0.")
-    return value
-
-
-def nonnegative(value, what):
-    """`value` as a finite float >= 0."""
-    value = number(value, what)
-    if value < 0:
-        raise ValueError(f"{what} is {value:g}; give a number >= 0.")
-    return value
+positive = _finite(lambda v: v > 0, "> 0")
+nonnegative = _finite(lambda v: v >= 0, ">= 0")
+nonzero = _finite(lambda v: v != 0, "other than 0")
 
 
 def optional(test):
@@ -414,17 +410,10 @@ def ratio(value, what):
 
 
 def initial_value(symbol, value):
-    """The initial value of a state as a float that fits the symbol's assumptions: sympy has simplified by them."""
+    """The initial value of a state as a float that fits the symbol's assumptions."""
     if type(value) is float and math.isfinite(value) and fits(symbol, value):
-        return value  # the common case, without words that nobody reads
-    what = f"`x0`, value of {symbol.name!r}"
-    result = number(value, what)
-    if not fits(symbol, result):
-        raise ValueError(
-            f"{what} is {result:g}, but its symbol is declared {assumptions(symbol)}; give such a value, or "
-            "declare the symbol without that assumption."
-        )
-    return result
+        return value  # fast path: no message is built for valid input
+    return _fitting(symbol, value, "x0")
 
 
 def initial_state(x0, states, initial_memory, gone):
@@ -433,7 +422,7 @@ def initial_state(x0, states, initial_memory, gone):
     Memories may be left out; `gone` maps names that are no state of this view to the reason.
     """
     if type(x0) is tuple and len(x0) == len(states):
-        # The common case, without words that nobody reads.
+        # Fast path: no message is built for valid input.
         return [initial_value(s, v) for s, v in zip(states, x0)] + list(initial_memory.values())
     memories = tuple(initial_memory)
     if isinstance(x0, Mapping):

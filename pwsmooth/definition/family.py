@@ -43,8 +43,6 @@ class Family:
     multipliers, hidden terms on surfaces that slide and switches that can slide to second order (relays on positions)
     have no looped form: their copies are written out, as are those of smoothed and layered views.
 
-    Source: defined here.
-
     Examples
     --------
     Ten Maxwell-slip elements in parallel, each with its own stiffness and strength:
@@ -90,11 +88,6 @@ class Family:
         -------
         tuple of Member
             One for each name; it stands for the symbols of all elements.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         assumptions = {"real": True} | assumptions
         names = checks.name(names, "`names`")
@@ -115,11 +108,6 @@ class Family:
         -------
         MemberMemory
             It stands for the memories of all elements.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return MemberMemory(name, initial, self)
 
@@ -171,11 +159,6 @@ class Family:
         -------
         Expr
             To stand in the rates of any state.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         expr = checks.expression(expr, "`expr` of a sum")
         return MemberSum(expr) if members(expr) else self.n * expr
@@ -277,12 +260,8 @@ def family_of(*expressions):
 class Expansion:
     """Writes the copies of families out.
 
-    Attributes
-    ----------
-    groups : dict
-        Name of a member (or of a switch or contact with members) -> names of its copies.
-    copies : dict
-        Plain symbol -> (name of the member, number of the element).
+    `groups` maps the name of a member, or of a switch or contact with members, to the names of its copies, `copies` a
+    plain symbol to the name of the member and the number of the element.
     """
 
     def __init__(self):
@@ -320,9 +299,9 @@ class Expansion:
         """Name of the copy of something of element k."""
         return f"{name}{space}{k + 1}"
 
-    def parameters(self, given):
+    def parameters(self, values):
         """Values of parameters by name, one entry a copy."""
-        return spread(given, self.groups, "`parameters`")
+        return spread(values, self.groups, "`parameters`")
 
     def further(self):
         """(symbols with a meaning of their own, those of them that move, expressions behind them)."""

@@ -27,13 +27,8 @@ _OPERATIONS = {
 def read(text: str, names: Mapping[str, sp.Symbol], what: str) -> sp.Expr:
     """The expression that a text writes in these names.
 
-    Raises
-    ------
-    ValueError
-        Anything but numbers, names, pi, oo, + - * / ** and parentheses; a text or number that is too large.
+    ValueError for anything but numbers, names, pi, oo, + - * / ** and parentheses, and for what is too large.
 
-    Examples
-    --------
     >>> read("2*pi/omega", {"omega": sp.Symbol("omega")}, "`period`")
     2*pi/omega
     """

@@ -14,17 +14,8 @@ import sympy as sp
 
 
 def numpy_function(arguments: sp.Symbol | Sequence[sp.Symbol], expression: Any, *, cse: bool = False) -> Any:
-    """A function of numbers or arrays for an expression or a Tuple of them.
+    """A function of numbers or arrays for an expression or a Tuple of them; `cse` shares common subexpressions.
 
-    Parameters
-    ----------
-    arguments : Symbol or sequence of Symbol
-    expression : Expr or Tuple
-    cse : bool
-        Share common subexpressions.
-
-    Examples
-    --------
     >>> import sympy as sp
     >>> x = sp.Symbol("x")
     >>> numpy_function(x, x * (1 / 3))(1.0) == 1 / 3
@@ -41,7 +32,7 @@ def _printer() -> Any:
         """lambdify's own printer for numpy and scipy, but for Floats."""
 
         def __init__(self) -> None:
-            # The settings that lambdify gives to its own.
+            # The settings that lambdify gives to its own printers.
             super().__init__(
                 {"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True}
             )

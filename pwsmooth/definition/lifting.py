@@ -74,41 +74,41 @@ class Lifting:
         surfaces that the field has already are lifted; anything else becomes a Piecewise.
         """
         self._may_register = new_switches
-        # A Symbol is a Boolean too for sympy.
+        # For sympy a Symbol is a Boolean too.
         is_condition = isinstance(expr, sp.logic.boolalg.Boolean) and not expr.is_Symbol
         lift = self._condition if is_condition else self._lift
         return lift(expr, {})
 
-    # ---- expressions; `given` maps multipliers to the value +1 or -1 that the enclosing branch implies
+    # ---- expressions; `sides` maps multipliers to the value +1 or -1 that the enclosing branch implies
 
-    def _lift(self, e, given):
+    def _lift(self, e, sides):
         if e.is_Symbol:
             return self._symbol(e)
         if not e.args:
             return e
-        key = (e, frozenset(given.items()), self._may_register)
+        key = (e, frozenset(sides.items()), self._may_register)
         if key not in self._memo:
-            self._memo[key] = self._node(e, given)
+            self._memo[key] = self._node(e, sides)
         return self._memo[key]
 
-    def _node(self, e, given):
+    def _node(self, e, sides):
         if isinstance(e, sp.Piecewise):
-            return self._piecewise(e, given)
+            return self._piecewise(e, sides)
         if isinstance(e, (sp.Max, sp.Min)):
-            return self._noted(self._extremum(e, given), e)
+            return self._noted(self._extremum(e, sides), e)
         if isinstance(e, Select):  # already lifted by hand
-            return Select(*(self._lift(a, given) for a in e.args))
-        args = [self._lift(a, given) for a in e.args]
+            return Select(*(self._lift(a, sides) for a in e.args))
+        args = [self._lift(a, sides) for a in e.args]
         if isinstance(e, sp.sign):
-            return self._sign(args[0], given)
+            return self._sign(args[0], sides)
         if isinstance(e, sp.Abs):
-            return self._noted(self._kink(args[0], args[0], -args[0], given), e)
+            return self._noted(self._kink(args[0], args[0], -args[0], sides), e)
         if isinstance(e, sp.Heaviside):
-            return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), given, at_zero=_const(args[1]))
+            return self._choose(args[0], _const(sp.S.One), _const(sp.S.Zero), sides, at_zero=_const(args[1]))
         if e.func in _QUOTIENTS:
-            return self._lift(_QUOTIENTS[e.func](*args), given)
+            return self._lift(_QUOTIENTS[e.func](*args), sides)
         if isinstance(e, sp.atan2):
-            return self._angle(args[0], args[1], given)
+            return self._angle(args[0], args[1], sides)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
@@ -142,15 +142,15 @@ class Lifting:
             return self._register(surface, switch)
         return found[0] * found[1]
 
-    def _sign(self, h, given):
+    def _sign(self, h, sides):
         factors = self._factors(h)
         if factors is None:
-            return self._choose(h, _const(sp.S.One), _const(-sp.S.One), given, at_zero=_const(sp.S.Zero))
+            return self._choose(h, _const(sp.S.One), _const(-sp.S.One), sides, at_zero=_const(sp.S.Zero))
         result = sp.S.One
         for surface in factors[1]:
             if isinstance(surface, tuple):
                 orientation, lam = surface
-                result *= orientation * given.get(lam, lam)
+                result *= orientation * sides.get(lam, lam)
             else:
                 one = sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
                 result *= one
@@ -161,20 +161,20 @@ class Lifting:
             self._written[result] = e
         return result
 
-    def _kink(self, h, above, below, given):
+    def _kink(self, h, above, below, sides):
         """above if h > 0 else below, where both agree on h = 0."""
-        result = self._choose(h, _const(above), _const(below), given)
+        result = self._choose(h, _const(above), _const(below), sides)
         self._kinks.update(result.atoms(Select))
         return result
 
-    def _extremum(self, e, given):
+    def _extremum(self, e, sides):
         side = 1 if isinstance(e, sp.Max) else -1
-        first, *rest = (self._lift(a, given) for a in e.args)
+        first, *rest = (self._lift(a, sides) for a in e.args)
         for other in rest:
-            first = self._larger(first, other, side, given)
+            first = self._larger(first, other, side, sides)
         return first
 
-    def _larger(self, a, b, side, given):
+    def _larger(self, a, b, side, sides):
         """The larger (side 1) or smaller (side -1) of two lifted expressions."""
         # Max(-L, Min(L, x)): where Min gives L the larger one is known, so that the surfaces are those of
         # x - L and x + L, and no selection stands in them.
@@ -185,14 +185,14 @@ class Lifting:
                 if any(known):
                     pick = [
                         (branch if order == side else other) if order
-                        else self._larger(branch, other, side, given | {lam: sign})
+                        else self._larger(branch, other, side, sides | {lam: sign})
                         for branch, order, sign in zip(branches, known, (1, -1), strict=True)
                     ]  # fmt: skip
                     result = Select(lam, *pick)
                     if isinstance(result, Select):
                         self._kinks.add(result)
                     return result
-        return self._kink(side * (a - b), a, b, given)
+        return self._kink(side * (a - b), a, b, sides)
 
     def _product(self, args):
         # Heaviside(delta)*delta**1.5 selects the product: the other factors may be undefined where it is 0.
@@ -236,14 +236,14 @@ class Lifting:
             return branches[0] * lam
         return Select(lam, *branches)
 
-    def _angle(self, y, x, given):
+    def _angle(self, y, x, sides):
         """atan2 by the tangent of half the angle: smooth but for the jump of 2 pi across y = 0, x < 0."""
         r = sp.sqrt(_without_cosines(x**2 + y**2))
         return self._choose(
             x,
             _const(2 * sp.atan(y / (r + x))),
-            lambda given: sp.pi * self._sign(y, given) - 2 * sp.atan(y / (r - x)),
-            given,
+            lambda sides: sp.pi * self._sign(y, sides) - 2 * sp.atan(y / (r - x)),
+            sides,
         )
 
     def _inside_kinks(self, func, args):
@@ -260,102 +260,102 @@ class Lifting:
             self._kinks.add(result)
         return result
 
-    def _piecewise(self, e, given):
+    def _piecewise(self, e, sides):
         cases = list(e.args)
 
         def case(i):
             if i == len(cases):
                 return _const(sp.nan)
             branch, condition = cases[i]
-            return lambda given: self._decide(
-                condition, lambda given: self._lift(branch, given), case(i + 1), given
+            return lambda sides: self._decide(
+                condition, lambda sides: self._lift(branch, sides), case(i + 1), sides
             )
 
-        result = case(0)(given)
+        result = case(0)(sides)
         if result.has(sp.nan):
             raise ValueError(f"{e} has no value where none of its conditions holds; add a branch (…, True).")
         return result
 
     # ---- conditions
 
-    def _decide(self, condition, yes, no, given):
-        """yes(given) if the condition holds, else no(given)."""
+    def _decide(self, condition, yes, no, sides):
+        """yes(sides) if the condition holds, else no(sides)."""
         if condition in (sp.true, sp.false):
-            return yes(given) if condition == sp.true else no(given)
+            return yes(sides) if condition == sp.true else no(sides)
         if isinstance(condition, sp.Not):
-            return self._decide(condition.args[0], no, yes, given)
+            return self._decide(condition.args[0], no, yes, sides)
         if isinstance(condition, (sp.And, sp.Or)):
             # Conditions on memories and parameters come first: they stay a Piecewise around the selection.
             first, *rest = sorted(condition.args, key=lambda c: self._moves(c))
             others = condition.func(*rest)
             if isinstance(condition, sp.And):
-                return self._decide(first, lambda g: self._decide(others, yes, no, g), no, given)
-            return self._decide(first, yes, lambda g: self._decide(others, yes, no, g), given)
+                return self._decide(first, lambda g: self._decide(others, yes, no, g), no, sides)
+            return self._decide(first, yes, lambda g: self._decide(others, yes, no, g), sides)
         if not isinstance(condition, Relational):
-            return self._decide(sp.to_nnf(condition, simplify=False), yes, no, given)
+            return self._decide(sp.to_nnf(condition, simplify=False), yes, no, sides)
         if isinstance(condition, (sp.Lt, sp.Le)):
-            return self._decide(condition.negated, no, yes, given)
-        left, right = (self._lift(a, given) for a in condition.args)
+            return self._decide(condition.negated, no, yes, sides)
+        left, right = (self._lift(a, sides) for a in condition.args)
         difference = left - right
         if not self._moves(difference) and not difference.is_number:
             lifted = condition.func(left, right)
-            return sp.Piecewise((yes(given), lifted), (no(given), True), evaluate=False)
+            return sp.Piecewise((yes(sides), lifted), (no(sides), True), evaluate=False)
         if isinstance(condition, (sp.Gt, sp.Ge)):
-            return self._choose(difference, yes, no, given, at_zero=yes if isinstance(condition, sp.Ge) else no)
+            return self._choose(difference, yes, no, sides, at_zero=yes if isinstance(condition, sp.Ge) else no)
         equal, unequal = (yes, no) if isinstance(condition, sp.Eq) else (no, yes)
         if difference.free_symbols & self.dynamic and self._may_register:
             raise ValueError(
                 f"the condition {condition} holds only on a surface. What acts on the surface alone is a "
                 "hidden term: write it with a Switch, such as 1 - lam**2; a jump there is an Event."
             )
-        return self._choose(difference, unequal, unequal, given, at_zero=equal)
+        return self._choose(difference, unequal, unequal, sides, at_zero=equal)
 
-    def _condition(self, condition, given):
+    def _condition(self, condition, sides):
         """A condition that stays one: its sides lifted."""
         if isinstance(condition, Relational):
-            return condition.func(*(self._lift(a, given) for a in condition.args))
+            return condition.func(*(self._lift(a, sides) for a in condition.args))
         if condition in (sp.true, sp.false) or not condition.args:
             return condition
-        return condition.func(*(self._condition(c, given) for c in condition.args))
+        return condition.func(*(self._condition(c, sides) for c in condition.args))
 
     # ---- surfaces
 
-    def _choose(self, h, above, below, given, at_zero=None):
-        """above(given) where h > 0, below(given) where h < 0; `at_zero` for what is constant and 0."""
+    def _choose(self, h, above, below, sides, at_zero=None):
+        """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is constant and 0."""
         at_zero = at_zero or below
         if h.is_number:
-            return (above if h > 0 else below if h < 0 else at_zero)(given)
+            return (above if h > 0 else below if h < 0 else at_zero)(sides)
         inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
         if inner and not h.free_symbols & self.dynamic:
             # sign(x) > 0 and the like: one of finitely many values.
             lam = inner[0]
             above_, below_ = (
-                self._choose(h.xreplace({lam: sp.Integer(side)}), above, below, given | {lam: side}, at_zero)
-                for side in ((given[lam],) * 2 if lam in given else (1, -1))
+                self._choose(h.xreplace({lam: sp.Integer(side)}), above, below, sides | {lam: side}, at_zero)
+                for side in ((sides[lam],) * 2 if lam in sides else (1, -1))
             )
             return Select(lam, above_, below_)
         factors = self._factors(h)
         if factors is None:
             if above is below:  # Eq, Ne at an instant
-                return sp.Piecewise((at_zero(given), sp.Eq(h, 0)), (above(given), True), evaluate=False)
-            return sp.Piecewise((above(given), h > 0), (below(given), True), evaluate=False)
+                return sp.Piecewise((at_zero(sides), sp.Eq(h, 0)), (above(sides), True), evaluate=False)
+            return sp.Piecewise((above(sides), h > 0), (below(sides), True), evaluate=False)
         sign, surfaces = factors
-        return self._by_factors(sign, surfaces, above, below, given)
+        return self._by_factors(sign, surfaces, above, below, sides)
 
-    def _by_factors(self, sign, surfaces, above, below, given):
+    def _by_factors(self, sign, surfaces, above, below, sides):
         if not surfaces:
-            return (above if sign > 0 else below)(given)
+            return (above if sign > 0 else below)(sides)
         first, *rest = surfaces
         if not isinstance(first, tuple):
-            branches = [self._by_factors(s * sign, rest, above, below, given) for s in (1, -1)]
+            branches = [self._by_factors(s * sign, rest, above, below, sides) for s in (1, -1)]
             return sp.Piecewise((branches[0], first > 0), (branches[1], True), evaluate=False)
         orientation, lam = first
-        if lam in given:
-            return self._by_factors(sign * orientation * given[lam], rest, above, below, given)
+        if lam in sides:
+            return self._by_factors(sign * orientation * sides[lam], rest, above, below, sides)
         return Select(
             lam,
-            self._by_factors(sign * orientation, rest, above, below, given | {lam: 1}),
-            self._by_factors(-sign * orientation, rest, above, below, given | {lam: -1}),
+            self._by_factors(sign * orientation, rest, above, below, sides | {lam: 1}),
+            self._by_factors(-sign * orientation, rest, above, below, sides | {lam: -1}),
         )
 
     def _factors(self, h):
@@ -471,4 +471,4 @@ def _without_cosines(e):
 
 
 def _const(expr):
-    return lambda given: expr
+    return lambda sides: expr

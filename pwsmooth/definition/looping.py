@@ -32,14 +32,7 @@ class NotLooped(ValueError):
 
 
 class OneElement(Expansion):
-    """Writes one element out, for all.
-
-    Attributes
-    ----------
-    families : list of Family
-    places : dict
-        Plain symbol of the elements -> `Place`.
-    """
+    """Writes one element out, for all; `places` maps the plain symbols of the elements to their `Place`."""
 
     def __init__(self):
         super().__init__()
@@ -100,10 +93,10 @@ class OneElement(Expansion):
 
     # ---- what `definition.read` asks for
 
-    def parameters(self, given):
+    def parameters(self, values):
         """One value of every block: what elements have in common is decided beside these."""
         result = {}
-        for key, value in given.items():
+        for key, value in values.items():
             name = key if isinstance(key, str) else getattr(key, "name", None)
             if name in self.groups:
                 single = isinstance(value, str) or not hasattr(value, "__len__")
@@ -172,11 +165,11 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
         ]
         return Element(plain, model, _values(loops, one, parameters or {}), tuple(memories), one.groups)
     except (ValueError, TypeError):
-        # Also what is wrong with the system itself: said better with the copies written out.
+        # Definition errors too: the written-out system raises them again, in the user's names.
         return None
 
 
-def _values(loops, one, given):
+def _values(loops, one, numbers):
     """Parameter -> value of the model with loops, in the order given."""
     values = {}
     blocks = {}
@@ -184,7 +177,7 @@ def _values(loops, one, given):
         place = loops.template.place.get(s)
         n = 1 if place is None else loops.sizes[place.family]
         blocks[s.name.removesuffix(MARK)] = [loops.symbol(s, k if place else None) for k in range(n)]
-    for key, value in spread(given, one.groups, "`parameters`").items():
+    for key, value in spread(numbers, one.groups, "`parameters`").items():
         values[key if isinstance(key, str) else key.name] = value
     return {s: checks.parameter_value(s, values[s.name]) for block in blocks.values() for s in block}
 
@@ -200,10 +193,10 @@ def _template(plain, one):
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
 
     def family(*expressions):
-        found = {places[s].family for e in expressions for s in e.free_symbols if s in places}
-        if len(found) > 1:
+        families = {places[s].family for e in expressions for s in e.free_symbols if s in places}
+        if len(families) > 1:
             raise NotLooped("members of several families in one equation")
-        return found.pop() if found else None
+        return families.pop() if families else None
 
     renamed = {}
     for lam, h in field.switches:

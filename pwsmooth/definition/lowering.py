@@ -53,12 +53,12 @@ class Field:
     @cached_property
     def _by_multiplier(self):
         """Multiplier -> rates and algebraic residuals in which it stands."""
-        found: dict[sp.Symbol, list[sp.Expr]] = {lam: [] for lam, _ in self.switches}
+        places: dict[sp.Symbol, list[sp.Expr]] = {lam: [] for lam, _ in self.switches}
         for e in dict.fromkeys((*self.rates, *(r for _, r in self.algebraic))):
             for s in e.free_symbols:
-                if s in found:
-                    found[s].append(e)
-        return found
+                if s in places:
+                    places[s].append(e)
+        return places
 
     def functions_of(self, lam):
         """Rates and algebraic residuals in which a multiplier stands."""
@@ -130,11 +130,11 @@ def multipliers(field):
 
 def _pattern(h, copies, patterns):
     """A surface with the members of a family counted from the first one in it: the same for all copies."""
-    found = {s: copies[s] for s in h.free_symbols if s in copies}
-    if not found:
+    inside = {s: copies[s] for s in h.free_symbols if s in copies}
+    if not inside:
         return h
-    first = min(k for _, k in found.values())
-    general = {s: sp.Symbol(f"{name}[{k - first}]") for s, (name, k) in found.items()}
+    first = min(k for _, k in inside.values())
+    general = {s: sp.Symbol(f"{name}[{k - first}]") for s, (name, k) in inside.items()}
     inner = {s: sp.Symbol(f"sign({patterns[s]})") for s in h.free_symbols if s in patterns}
     return h.xreplace(general | inner)
 
@@ -188,7 +188,7 @@ def lower(
 ):
     """The `Model` of a field; `extra` are the parameters that its view brings, `watch` its singular arguments."""
     if watch is None:
-        # What is smoothed comes to rest on a branch point like a root of it, within its width.
+        # A smoothed field comes to rest on a branch point, within the width of its layer: nothing to watch there.
         watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
     multiplier = multipliers(field)
     layer_residuals = tuple(m.condition for m in multipliers(layer_field)) if layer_field else ()

@@ -197,5 +197,5 @@ class Model:
         return self._hash  # every solve() looks for what it keeps of a model
 
     def __getstate__(self) -> dict[str, Any]:
-        # Another process has other hashes.
+        # Hashes differ from process to process.
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}

@@ -39,9 +39,8 @@ class Switch(sp.Symbol):
 
     Notes
     -----
-    Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as
-    a variable
-    of its own on it.
+    Source: Filippov 1988 for the surface; Jeffrey, On the mathematical basis of solid friction, for lambda as a
+    variable of its own on it.
 
     Examples
     --------
@@ -90,15 +89,6 @@ class Memory(sp.Symbol):
         Its value at the start unless the initial state gives another.
     **assumptions
         As of `sympy.Symbol`; real by default.
-
-    Raises
-    ------
-    ValueError, TypeError
-        An initial value that is no finite number; a name that is no string.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -227,10 +217,6 @@ class Algebraic:
     ValueError, TypeError
         A residual without the unknown; no Symbol, no expression.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -297,10 +283,6 @@ class Event:
     ValueError, TypeError
         None or several of `surface`, `every`, `at`; a direction of a clock; what is no expression or condition.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     A count of the turns of a pendulum, and a stop at the third:
@@ -338,14 +320,14 @@ class Event:
         terminal=False,
         name=None,
     ):
-        given = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
-        if len(given) != 1:
+        causes = [k for k, value in {"surface": surface, "every": every, "at": at}.items() if value is not None]
+        if len(causes) != 1:
             raise ValueError(
-                f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(given) or 'none'}."
+                f"an Event needs exactly one of `surface`, `every`, `at`; given: {', '.join(causes) or 'none'}."
             )
         direction = checks.one_of(1, -1, 0)(direction, "`direction` of an Event")
-        if given[0] != "surface" and direction:
-            raise ValueError(f"`direction` has no meaning for an Event with `{given[0]}`; leave it out.")
+        if causes[0] != "surface" and direction:
+            raise ValueError(f"`direction` has no meaning for an Event with `{causes[0]}`; leave it out.")
         if surface is not None:
             surface = checks.expression(surface, "`surface` of an Event")
             if not surface.free_symbols:

@@ -36,13 +36,7 @@ class Definition:
 
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic, families=None):
-    """The `Definition` of the arguments of a System; `families` writes families out, or only their one element.
-
-    Raises
-    ------
-    ValueError, TypeError
-        What `System` raises at the door.
-    """
+    """The `Definition` of the arguments of a System; `families` writes families out, or only their one element."""
     pairs = list(rates)
     written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
     seen = tuple((str(name), checks.expression(e, f"`outputs`, {name!r}")) for name, e in outputs.items())
@@ -59,23 +53,23 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         tuple(copy for item in items for copy in families.items(item))
         for items in (events, contacts, algebraic)
     )
-    found = _symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    symbols = _symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
     meanings, moving, behind = families.further()
-    found = list(dict.fromkeys([*found, *_symbols_of(behind)]))
-    reactions = _reactions(contacts, found)
-    found = _symbols_of([*found, *outputs.values(), *_event_expressions(events)])
-    names = _Names(found)
+    symbols = list(dict.fromkeys([*symbols, *_symbols_of(behind)]))
+    reactions = _reactions(contacts, symbols)
+    symbols = _symbols_of([*symbols, *outputs.values(), *_event_expressions(events)])
+    names = _Names(symbols)
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
     time = _time(time, names, states)
     updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
-    memories = tuple(dict.fromkeys(s for s in (*found, *updated) if isinstance(s, Memory)))
+    memories = tuple(dict.fromkeys(s for s in (*symbols, *updated) if isinstance(s, Memory)))
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
     taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
-    values = _parameters(families.parameters(parameters), names, found, taken | meanings)
+    values = _parameters(families.parameters(parameters), names, symbols, taken | meanings)
 
     moving |= {time, *states, *unknowns, *map(plain, reactions)}
-    lift = Lifting(moving, [s for s in found if isinstance(s, Switch)])
+    lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)])
     # Rates first: their surfaces give the switches their order.
     lifted = {
         "rates": tuple(lift(e) for _, e in pairs),
@@ -108,22 +102,22 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
 
 def _symbols_of(expressions):
     """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
-    found: dict[sp.Symbol, None] = {}
+    symbols: dict[sp.Symbol, None] = {}
 
     def visit(e):
         for s in sorted(e.free_symbols, key=lambda s: s.name):
-            if s in found:
+            if s in symbols:
                 continue
             if isinstance(s, Switch):
                 visit(s.surface)
             elif isinstance(s, Reaction):
                 visit(s.gap)
                 visit(s.restitution)
-            found[s] = None
+            symbols[s] = None
 
     for e in expressions:
         visit(e)
-    return list(found)
+    return list(symbols)
 
 
 class _Names:
@@ -137,15 +131,15 @@ class _Names:
     def add(self, symbol):
         if isinstance(symbol, sp.Dummy):
             raise TypeError(f"{symbol} is a Dummy, which has no name of its own; give a Symbol.")
-        known = self.by_name.setdefault(symbol.name, symbol)
-        if known == symbol:
+        first = self.by_name.setdefault(symbol.name, symbol)
+        if first == symbol:
             return symbol
-        if isinstance(known, Switch) and isinstance(symbol, Switch):
+        if isinstance(first, Switch) and isinstance(symbol, Switch):
             raise ValueError(
-                f"two switches are named {symbol.name!r}, with the surfaces {known.surface} and "
+                f"two switches are named {symbol.name!r}, with the surfaces {first.surface} and "
                 f"{symbol.surface}; give each its own name."
             )
-        kinds = [f"{type(s).__name__} {checks.assumptions(s)}".strip() for s in (known, symbol)]
+        kinds = [f"{type(s).__name__} {checks.assumptions(s)}".strip() for s in (first, symbol)]
         raise ValueError(
             f"two different symbols are named {symbol.name!r} ({kinds[0]}; {kinds[1]}). sympy tells symbols "
             "apart by their assumptions: make the symbol once and use it everywhere, or rename one."
@@ -160,15 +154,15 @@ class _Names:
         raise TypeError(f"{what} names {checks.shown(key)}; give a Symbol or its name.")
 
 
-def _reactions(contacts, found):
+def _reactions(contacts, symbols):
     """Reactions in the equations; those of the given contacts must be among them."""
     for c in contacts:
-        if c.reaction not in found:
+        if c.reaction not in symbols:
             raise ValueError(
                 f"the reaction of contact {c.name!r} stands in no rate: the contact has no force. Add its "
                 "`.reaction` to the rate of the velocity on which it acts."
             )
-    return [s for s in found if isinstance(s, Reaction)]
+    return [s for s in symbols if isinstance(s, Reaction)]
 
 
 def _time(time, names, states):
@@ -180,16 +174,16 @@ def _time(time, names, states):
     return time
 
 
-def _parameters(given, names, found, taken):
+def _parameters(values_of, names, symbols, taken):
     """Parameter -> value, in the order given; every symbol without another meaning has one."""
-    open_symbols = [s for s in found if type(s) is sp.Symbol and s not in taken]
+    open_symbols = [s for s in symbols if type(s) is sp.Symbol and s not in taken]
     values = {}
-    for key, value in given.items():
+    for key, value in values_of.items():
         p = names(key, "`parameters`")
         if p in taken or type(p) is not sp.Symbol:
             meaning = taken.get(p, f"a {type(p).__name__}")
             raise ValueError(f"`parameters` gives a value to {p.name!r}, which is {meaning}; leave it out.")
-        if p not in found:
+        if p not in symbols:
             raise ValueError(
                 f"`parameters` names {p.name!r}, which stands nowhere in this system; leave it out. Its "
                 f"symbols without another meaning: {checks.listing(open_symbols)}."

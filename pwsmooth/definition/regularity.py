@@ -86,7 +86,7 @@ class Surface:
         for size in SIZES if self.coordinates else ():
             for k in range(4 * POINTS):
                 pair = self._pair(k, size)
-                # Where nothing is defined nothing is told: a rod of length 0.3 has no angle at coordinates of size 1.
+                # Shrink the sample: a mechanism may be undefined at coordinates of order 1.
                 if pair and self._defined(expressions, pair[1]):
                     self.points.append(pair)
                 if len(self.points) == POINTS:
@@ -107,7 +107,7 @@ class Surface:
             if x in point:
                 point[x] *= size
         for memory in (m for m in self.field.memories if m in point):
-            # Flags matter at the values that they can take, not at random reals.
+            # Flags are sampled at the values that they can take, not at random reals.
             choices = self.field.memory_values[memory]
             point[memory] = random.Random(f"{memory.name} {k}").choice((*choices, draw(memory, k)))
         for p in self.typical.keys() & point.keys():
@@ -145,7 +145,7 @@ class Surface:
                 for _ in range(60):
                     middle = (a + b) / 2
                     a, b = (middle, b) if self._at(point, coordinate, middle) * ha > 0 else (a, middle)
-                # At a pole h changes sign too.
+                # h changes sign at a pole too, which is no zero of it.
                 return abs(self._at(point, coordinate, a)) <= 1e-9 * (abs(ha) + abs(hb))
         return False
 

@@ -18,7 +18,12 @@ from . import checks
 
 __all__ = ["SIGMOIDS", "Sigmoid", "sigmoid"]
 
-ALGEBRAIC, TANH, ERF = 0, 1, 2  # what the kernels are given
+# Lambda(u) and its inverse.
+_FUNCTIONS = {
+    "algebraic": (lambda u: u / sp.sqrt(1 + u**2), lambda lam: lam / sp.sqrt(1 - lam**2)),
+    "tanh": (sp.tanh, sp.atanh),
+    "erf": (sp.erf, sp.erfinv),
+}
 
 
 @dataclass(frozen=True)
@@ -29,8 +34,6 @@ class Sigmoid:
     ----------
     name : str
         As `smoothed` and `layered` take it.
-    code : int
-        Its number in the kernels.
     exponent : sympy.Rational or None
         p with  Lambda' = (1 - lambda^2)^p, or None where no such p exists.
 
@@ -50,7 +53,6 @@ class Sigmoid:
     """
 
     name: str
-    code: int
     exponent: sp.Rational | None
 
     def function(self, u):
@@ -66,9 +68,7 @@ class Sigmoid:
         Expr
             Dimensionless, between -1 and 1.
         """
-        if self.code == ALGEBRAIC:
-            return u / sp.sqrt(1 + u**2)
-        return (sp.tanh if self.code == TANH else sp.erf)(u)
+        return _FUNCTIONS[self.name][0](u)
 
     def slope(self, lam):
         """Its slope dLambda/du in terms of lambda.
@@ -100,9 +100,7 @@ class Sigmoid:
         Expr
             Dimensionless.
         """
-        if self.code == ALGEBRAIC:
-            return lam / sp.sqrt(1 - lam**2)
-        return (sp.atanh if self.code == TANH else sp.erfinv)(lam)
+        return _FUNCTIONS[self.name][1](lam)
 
     def smooth(self, h, eps):
         """The switch Lambda(h/eps), in the form that neither overflows nor divides by a small eps twice.
@@ -122,16 +120,16 @@ class Sigmoid:
         Expr
             Dimensionless, between -1 and 1.
         """
-        if self.code == ALGEBRAIC:
+        if self.name == "algebraic":
             return h / sp.sqrt(eps**2 + h**2)
         return self.function(h / eps)
 
 
 #: The families by name.
 SIGMOIDS = {
-    "algebraic": Sigmoid("algebraic", ALGEBRAIC, sp.Rational(3, 2)),
-    "tanh": Sigmoid("tanh", TANH, sp.Integer(1)),
-    "erf": Sigmoid("erf", ERF, None),
+    "algebraic": Sigmoid("algebraic", sp.Rational(3, 2)),
+    "tanh": Sigmoid("tanh", sp.Integer(1)),
+    "erf": Sigmoid("erf", None),
 }
 
 
@@ -168,7 +166,6 @@ def sigmoid(name):
     try:
         return SIGMOIDS[name]
     except (KeyError, TypeError):
-        given = checks.shown(name)
         raise ValueError(
-            f"`sigmoid` is {given}, the name of none; choose one of {', '.join(SIGMOIDS)}."
+            f"`sigmoid` is {checks.shown(name)}, the name of none; choose one of {', '.join(SIGMOIDS)}."
         ) from None

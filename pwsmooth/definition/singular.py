@@ -81,19 +81,19 @@ class Bounds:
         self._real: dict[sp.Symbol, sp.Symbol] = {}
         self._memo: dict = {}
 
-    def of(self, e, known):
-        """(lowest, highest) value of `e`; `known` are the signs of surfaces, by core."""
-        key = (e, frozenset(known.items()))
+    def of(self, e, signs):
+        """(lowest, highest) value of `e`; `signs` are those of surfaces, by core."""
+        key = (e, frozenset(signs.items()))
         if key not in self._memo:
-            low, high = self._find(e, known)
-            if known and e.args:
+            low, high = self._find(e, signs)
+            if signs and e.args:
                 c, inner = core(e)
-                sign = known.get(inner, 0) * (1 if c > 0 else -1)
+                sign = signs.get(inner, 0) * (1 if c > 0 else -1)
                 low, high = (
                     (max(low, 0.0), high) if sign > 0 else (low, min(high, 0.0)) if sign < 0 else (low, high)
                 )
-                for q, r in self._beside(e, known):
-                    least, most = (self.of(part, known) for part in (q, r))
+                for q, r in self._beside(e, signs):
+                    least, most = (self.of(part, signs) for part in (q, r))
                     if least[0] >= 0 and most[0] >= 0:
                         low = max(low, most[0])
                     if least[1] <= 0 and most[1] <= 0:
@@ -101,15 +101,15 @@ class Bounds:
             self._memo[key] = low, high
         return self._memo[key]
 
-    def _beside(self, e, known):
+    def _beside(self, e, signs):
         """(q, r) with e = q |h| + r and a surface h of known side: x**2 = h + c**2 where h = x**2 - c**2."""
-        for surface, side in known.items():
+        for surface, side in signs.items():
             ours, theirs = self._by_motion(e), self._by_motion(surface.expand())
             leading = min(theirs.keys() - {sp.S.One}, key=str, default=None)
             if leading in ours:
                 q = ours[leading] / theirs[leading]
                 parts = {*ours, *theirs} - {leading}
-                # Ends: what moves in r comes after the leading part, in the order of names.
+                # The recursion ends: what moves in r comes after the leading part, in the order of names.
                 r = sp.Add(*(motion * (ours.get(motion, 0) - q * theirs.get(motion, 0)) for motion in parts))
                 yield q * side, r
 
@@ -121,30 +121,30 @@ class Bounds:
             parts[motion] = parts.get(motion, 0) + coefficient
         return parts
 
-    def _symbol(self, s, known):
+    def _symbol(self, s, signs):
         if s in self.ranges:
             return self.ranges[s]
-        sign = known.get(s, 0)
+        sign = signs.get(s, 0)
         if s in self.sums:
-            low, high = self.of(self.sums[s], known)
+            low, high = self.of(self.sums[s], signs)
             sign = 1 if low >= 0 else -1 if high <= 0 else 0
         elif s not in self.dynamic:
             sign = 1 if s.is_nonnegative else -1 if s.is_nonpositive else sign
         return (0.0, math.inf) if sign > 0 else (-math.inf, 0.0) if sign < 0 else _EVERYTHING
 
-    def _find(self, e, known):
+    def _find(self, e, signs):
         if e.is_Symbol:
-            return self._symbol(e, known)
+            return self._symbol(e, signs)
         if e.is_number:
             value = float(e) if e.is_extended_real else math.nan
             return (value, value) if value == value else _EVERYTHING
         if isinstance(e, Select):
-            parts = [self.of(branch, inside) for branch, inside in self.branches(e, known)]
+            parts = [self.of(branch, inside) for branch, inside in self.branches(e, signs)]
             return min(low for low, _ in parts), max(high for _, high in parts)
         if isinstance(e, sp.Piecewise):
-            parts = [self.of(branch, inside) for branch, inside in self.branches(e, known)]
+            parts = [self.of(branch, inside) for branch, inside in self.branches(e, signs)]
             return min(low for low, _ in parts), max(high for _, high in parts)
-        inner = [self.of(a, known) for a in e.args]
+        inner = [self.of(a, signs) for a in e.args]
         if e.is_Add:
             return sum(low for low, _ in inner), sum(high for _, high in inner)
         if e.is_Mul:
@@ -180,69 +180,69 @@ class Bounds:
             return _raised(high, p), _raised(low, p)
         return (0.0, math.inf) if low >= 0 else _EVERYTHING
 
-    def branches(self, e, known):
+    def branches(self, e, signs):
         """(branch, signs known in it) of a selection."""
         if isinstance(e, Select):
             lam, above, below = e.args
             return [
-                (b, self._knowing(self.surface.get(lam, lam), s, known)) for b, s in ((above, 1), (below, -1))
+                (b, self._knowing(self.surface.get(lam, lam), s, signs)) for b, s in ((above, 1), (below, -1))
             ]
         result = []
         for branch, condition in e.args:
-            inside = known
+            inside = signs
             if isinstance(condition, (sp.Gt, sp.Ge, sp.Lt, sp.Le)):
-                inside = self._knowing(condition.gts - condition.lts, 1, known)
+                inside = self._knowing(condition.gts - condition.lts, 1, signs)
             result.append((branch, inside))
         return result
 
     @staticmethod
-    def _knowing(h, sign, known):
+    def _knowing(h, sign, signs):
         c, inner = core(h)
-        return known | {inner: sign if c > 0 else -sign}
+        return signs | {inner: sign if c > 0 else -sign}
 
-    def never_zero(self, e, known):
+    def never_zero(self, e, signs):
         """Whether no motion brings `e` to 0."""
         if e.is_Mul:
-            return all(self.never_zero(factor, known) for factor in e.args)
+            return all(self.never_zero(factor, signs) for factor in e.args)
         if e.is_Pow:
-            return self.never_zero(e.base, known) if e.exp.is_positive else True
+            return self.never_zero(e.base, signs) if e.exp.is_positive else True
         if isinstance(e, sp.exp):
             return True
-        low, high = self.of(e, known)
-        return low > 0 or high < 0 or self._sign(e, known) != 0
+        low, high = self.of(e, signs)
+        return low > 0 or high < 0 or self._sign(e, signs) != 0
 
-    def _sign(self, e, known):
+    def _sign(self, e, signs):
         """1 or -1 where `e` is proved positive or negative, else 0."""
-        plain = self._plain(e, known)
+        plain = self._plain(e, signs)
         if plain.is_positive or plain.is_negative:
             return 1 if plain.is_positive else -1
-        pieces = [(r, self.of(q, known)) for q, r in self._beside(e, known)]
+        pieces = [(r, self.of(q, signs)) for q, r in self._beside(e, signs)]
         if e.is_Add:
-            # One term may decide where no other is against it.
-            lows, highs = zip(*(self.of(a, known) for a in e.args))
+            # One term decides the sign if no other term opposes it.
+            lows, highs = zip(*(self.of(a, signs) for a in e.args))
             pieces += [(a, (min(lows), max(highs))) for a in e.args]
         for r, (low, high) in pieces:
-            sign = self._sign(r, known)
+            sign = self._sign(r, signs)
             if sign and (low >= 0 if sign > 0 else high <= 0):
                 return sign
         # F_c + (F_s - F_c) exp(-u**2): affine in a bounded part, so that its ends decide.
         for part in sorted(e.atoms(sp.exp, *_BOUNDED), key=str) if e.is_Add else ():
-            ends, stand_in = self.of(part, known), sp.Dummy(real=True)
+            ends, stand_in = self.of(part, signs), sp.Dummy(real=True)
             if part.free_symbols and all(map(math.isfinite, ends)):
                 line = e.xreplace({part: stand_in})
                 slope = line.diff(stand_in)
                 if slope != 0 and stand_in not in slope.free_symbols:
-                    signs = {self._sign(line.xreplace({stand_in: sp.Rational(end)}), known) for end in ends}
-                    if len(signs) == 1:
-                        return signs.pop()
+                    at_ends = {self._sign(line.xreplace({stand_in: sp.Rational(end)}), signs) for end in ends}
+                    if len(at_ends) == 1:
+                        return at_ends.pop()
         return 0
 
-    def _plain(self, e, known):
+    def _plain(self, e, signs):
         """`e` for sympy's own rules of signs: states real, selections by their bounds."""
         stand_ins = {}
         for part in {*e.atoms(sp.Symbol), *e.atoms(Select)}:
             if part in self.dynamic or part in self.surface or isinstance(part, Select):
-                low, high = self.of(part, known)
+                low, high = self.of(part, signs)
                 sign = {"nonnegative": True} if low >= 0 else {"nonpositive": True} if high <= 0 else {}
                 stand_ins[part] = sp.Dummy(real=True, **sign)
         return e.xreplace(stand_ins)
@@ -271,41 +271,41 @@ class _Search:
         ] = {}  # where each stands: conditions under which its branch is evaluated
         self.seen: set = set()
 
-    def walk(self, e, known, path=()):
-        key = (e, frozenset(known.items()), path)
+    def walk(self, e, signs, path=()):
+        key = (e, frozenset(signs.items()), path)
         if not e.args or key in self.seen or e.free_symbols.isdisjoint(self.moving):
             return
         self.seen.add(key)
         for argument in arguments(e):
             for factor in sp.Mul.make_args(argument.zero):
-                self.note(argument, factor, known, path)
+                self.note(argument, factor, signs, path)
         if isinstance(e, Select):
             lam = e.args[0]
-            for (branch, inside), condition in zip(self.bounds.branches(e, known), (lam > -1, lam < 1)):
+            for (branch, inside), condition in zip(self.bounds.branches(e, signs), (lam > -1, lam < 1)):
                 self.walk(branch, inside, path if condition in path else (*path, condition))
             return
         if isinstance(e, sp.Piecewise):
-            for branch, inside in self.bounds.branches(e, known):
+            for branch, inside in self.bounds.branches(e, signs):
                 self.walk(branch, inside, path)
             return
         for a in e.args:
-            self.walk(a, known, path)
+            self.walk(a, signs, path)
 
-    def note(self, argument, factor, known, path):
+    def note(self, argument, factor, signs, path):
         while factor.is_Pow and factor.exp.is_positive:
             factor = factor.base
-        if factor.free_symbols.isdisjoint(self.moving) or self.bounds.never_zero(factor, known):
+        if factor.free_symbols.isdisjoint(self.moving) or self.bounds.never_zero(factor, signs):
             return
         zero = core(factor)[1]
         kind = "end"
         if argument.power is None:
             kind = "pole"
-        elif zero in known:
-            # A branch that is followed up to its own surface: a power above 1 is not reached in finite time.
+        elif zero in signs:
+            # The branch holds up to its own surface: with a power above 1 the motion takes infinite time to get there.
             if argument.power.is_number and argument.power > 1:
                 return
             kind = "branch"
-        elif self.bounds.of(factor, known)[0] >= 0:
+        elif self.bounds.of(factor, signs)[0] >= 0:
             kind = "cone"
         self.active.setdefault(zero, set()).add(path)
         if zero not in self.found or KINDS.index(kind) < KINDS.index(self.found[zero][0]):

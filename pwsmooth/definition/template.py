@@ -5,7 +5,7 @@
 A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the sizes;
 in a `Model` with loops the copies look as if they were written out, but are made only when somebody asks for one.
 Arrays are blocks in the order of the template's symbols: a number each, or n numbers for what belongs to elements.
-Chain: family.py -> looping.py -> **template** -> codegen/looped_*.py.
+Chain: family.py -> looping.py -> **template** -> codegen/families/*.py.
 """
 
 from __future__ import annotations
@@ -140,14 +140,14 @@ class Loops:
     def expression(self, e: sp.Basic, k: int | None) -> sp.Basic:
         """An expression of the template for element k, sums written out."""
         sums = {s: (family, inner) for s, family, inner in self.template.sums}
-        made = {}
+        values = {}
         for s in e.free_symbols:
             if s in sums:
                 family, inner = sums[s]
-                made[s] = sp.Add(*(self.expression(inner, j) for j in range(self.sizes[family])))
+                values[s] = sp.Add(*(self.expression(inner, j) for j in range(self.sizes[family])))
             elif s in self.template.place:
-                made[s] = self.symbol(s, k)
-        return e.xreplace(made) if made else e
+                values[s] = self.symbol(s, k)
+        return e.xreplace(values) if values else e
 
     def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
         """All states or parameters."""

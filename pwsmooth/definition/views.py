@@ -14,9 +14,22 @@ from math import isnan
 
 import sympy as sp
 
+from . import sigmoids
 from .model import LayerState, Select
 from .pointwise import draw, value
 from .regularity import affine_in, classify, residual_of
+
+
+def substitutes(system):
+    """Name -> expression of what left the equations of a view: slaved states, and smoothed switches Lambda(h/eps)."""
+    model = system.model
+    named = {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
+    widths = dict(model.smoothing)
+    for switch in system.switches if widths else ():
+        if switch.surface in widths:
+            smooth = sigmoids.sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])
+            named[str(switch)] = sp.sympify(smooth, strict=True)
+    return named
 
 
 def smoothed(field, sigmoid, eps):
@@ -88,7 +101,7 @@ def _one_sided(field, select, h):
             point[lam] = 1.0 if value(surface, point) > 0 else -1.0
         active = 0 if value(h, point) > 0 else 1
         for branch in (0, 1):
-            # An argument out of range on both sides (sqrt(1 - x**2)) is no matter of this surface.
+            # An argument that is out of range on both sides (sqrt(1 - x**2)) does not concern this surface.
             missing = isnan(value(select.args[1 + branch], point))
             (own if branch == active else lost)[branch] |= missing
     return any(gone and not at_home for gone, at_home in zip(lost, own, strict=True))
@@ -140,14 +153,14 @@ def unlayered(field, layer, eps):
 
 def without(field, gone):
     """The field without the states `gone`, which stay free symbols of the expressions."""
-    kept = [x for x in (*field.states, *field.memories) if x not in gone]
+    remaining = [x for x in (*field.states, *field.memories) if x not in gone]
     before = (*field.states, *field.memories)
     return replace(
         field,
         states=tuple(x for x in field.states if x not in gone),
         rates=tuple(f for x, f in zip(field.states, field.rates, strict=True) if x not in gone),
         events=tuple(
-            replace(event, update=tuple((kept.index(before[i]), e) for i, e in event.update))
+            replace(event, update=tuple((remaining.index(before[i]), e) for i, e in event.update))
             for event in field.events
         ),
     )
@@ -162,20 +175,14 @@ def _cancelled(rate, beta):
 
 
 def time_constant(z, rate, parameters):
-    """beta with beta*rate free of beta: a parameter, else the number -1/(d rate/dz).
-
-    Raises
-    ------
-    ValueError
-        No such constant, or several.
-    """
+    """beta with beta*rate free of beta: a parameter, else the number -1/(d rate/dz); ValueError for none or several."""
     candidates = sorted((p for p in parameters if p in rate.free_symbols), key=lambda p: p.name)
-    found = [p for p in candidates if sp.expand((rate * p).expand().diff(p)) == 0]
-    if len(found) == 1:
-        return found[0]
-    if found:
+    constants = [p for p in candidates if sp.expand((rate * p).expand().diff(p)) == 0]
+    if len(constants) == 1:
+        return constants[0]
+    if constants:
         raise ValueError(
-            f"the time constant of {z} is not unique: {', '.join(map(str, found))} all divide its rate {rate}. "
+            f"the time constant of {z} is not unique: {', '.join(map(str, constants))} all divide its rate {rate}. "
             f"Choose with time_constant={{{z}: ...}}, or write their product as one parameter."
         )
     slope = sp.expand(rate.diff(z))

@@ -12,42 +12,7 @@ class Outcome(IntEnum):
 
     Attributes
     ----------
-    FINISHED
-        The end of the span was reached.
-    TERMINATED
-        A terminal event stopped the run.
-    AMBIGUITY
-        `strict=True`, and the solution is not unique from here.
-    NOT_FINITE
-        The right-hand side became nan or infinite.
-    STEP_UNDERFLOW
-        The step fell below the spacing of numbers.
-    TOO_MANY_STEPS
-        The bound on steps was reached.
-    EVENTS_ACCUMULATE
-        An event resets the state so that it fires ever sooner.
-    CHATTERING
-        Switchings accumulate without a limit time that converges, or go on for ever below `atol`.
-    EVENT_LOOP
-        Events at one instant keep firing each other.
-    NO_ROOT
-        The layer has no attracting root, and no direction leads out of it.
-    SINGULAR
-        The equations of the solved multipliers are singular.
-    LAYER_UNSETTLED
-        The layer system neither settled nor left.
-    DETERMINACY_LOST
-        A two-fold, from which many solutions leave.
-    OUT_OF_MEMORY
-        The steps that are kept no longer fit into memory.
-    TIME_LIMIT
-        `max_seconds` are over.
-    SINGULAR_POINT
-        A function of the field has come to a pole, or to the end of where it is defined.
-
-    Notes
-    -----
-    Source: defined here.
+    {members}
 
     Examples
     --------
@@ -121,3 +86,7 @@ _TEXTS = {
     Outcome.SINGULAR_POINT: "A function of the field has come to a point where it is infinite, has no limit or ceases "
     "to be defined; the last event names it and says what to do.",
 }
+if Outcome.__doc__:
+    Outcome.__doc__ = Outcome.__doc__.replace(
+        "{members}", "\n    ".join(f"{outcome.name}\n        {text}" for outcome, text in _TEXTS.items())
+    )

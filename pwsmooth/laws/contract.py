@@ -54,10 +54,6 @@ def law(declared: Any) -> Any:
     type
         The same class.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.laws import Law, law, parameter
@@ -107,15 +103,6 @@ def parameter(
     dataclasses.Field
         With all this as its metadata.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.laws import parameter
@@ -154,10 +141,6 @@ class Pieces:
     fastest_rate : Expr
         Of its internal states, 1/s, away from switchings: what makes it stiff.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -193,10 +176,6 @@ class Law:
     ------
     ValueError, TypeError
         Of every law: a value of the wrong sign, not finite, or no number.
-
-    Notes
-    -----
-    Source: defined here; `source` of a law names its own.
 
     Examples
     --------
@@ -308,9 +287,9 @@ class Law:
         ValueError
             An input that the law needs is missing.
         """
-        given = {"position": position, "acceleration": acceleration}
+        inputs = {"position": position, "acceleration": acceleration}
         for what in self.needs:
-            if given[what] is None:
+            if inputs[what] is None:
                 raise ValueError(
                     f"{type(self).__name__} needs the {what} of its joint; give attach({what}=...)."
                 )
@@ -348,8 +327,8 @@ class Law:
             The force depends on the position: there is no such curve.
         """
         v = sp.Symbol("v", real=True)
-        p = SimpleNamespace(**{name: value for name, value in self.values.items()})
-        return numpy_function(v, sp.sympify(self.steady(v, p), strict=True))(velocity)
+        steady = self.steady(v, SimpleNamespace(**self.values))
+        return numpy_function(v, sp.sympify(steady, strict=True))(velocity)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -394,11 +373,10 @@ class Law:
         if about["choices"]:
             checks.one_of(*about["choices"])(value, f"`{field.name}` of {type(self).__name__}")
             return
-        if about["each"] and isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-            value = tuple(value)
-        elif about["each"] and hasattr(value, "tolist"):
-            value = value.tolist()
-            value = tuple(value) if isinstance(value, list) else value
+        if about["each"]:
+            value = value.tolist() if hasattr(value, "tolist") else value
+            if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+                value = tuple(value)
         test, words = _SIGNS[about["sign"]]
         owner = f"`{field.name}` of {type(self).__name__}"
         if isinstance(value, tuple):
@@ -469,12 +447,12 @@ def _ends_of(load, when):
 
 def _symbols_of(pieces):
     """Names of all symbols that stand in the pieces, those in surfaces of switches too."""
-    found: set[str] = set()
+    names: set[str] = set()
 
     def visit(e):
         for s in getattr(e, "free_symbols", ()):
-            if s.name not in found:
-                found.add(s.name)
+            if s.name not in names:
+                names.add(s.name)
                 for part in ("surface", "gap", "restitution", "outside"):
                     visit(getattr(s, part, None))
 
@@ -483,9 +461,7 @@ def _symbols_of(pieces):
     for event in pieces.events:
         for e in (event.surface, event.every, *event.at, event.when, *(e for _, e in event.update)):
             visit(e)
-    for contact in pieces.contacts:
-        visit(contact.gap)
-        visit(contact.restitution)
-    for item in pieces.algebraic:
-        visit(item.residual)
-    return found
+    contacts = (e for contact in pieces.contacts for e in (contact.gap, contact.restitution))
+    for e in (*contacts, *(item.residual for item in pieces.algebraic)):
+        visit(e)
+    return names

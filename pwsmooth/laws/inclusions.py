@@ -31,11 +31,6 @@ def clip(x, limit):
     Expr
         A Piecewise, in the unit of x.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: the projection onto [-limit, limit].
@@ -64,11 +59,6 @@ def sat_of_sgn(x, limit, sigma):
     -------
     Expr
         y = clip(sigma x, limit), in the unit of `limit`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -101,11 +91,6 @@ def max_of_dio(A, B, c):
     (Expr, Expr)
         a' = max(A, B) and y = c max(0, B - A).
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
     Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem dio
@@ -136,14 +121,9 @@ def sgn_defect(y, w, limit):
     float
         Distance of y from its projection of y + w, in the unit of y.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
     Notes
     -----
-    Source: the projection theorem; defined here.
+    Source: the projection theorem.
 
     Examples
     --------
@@ -167,11 +147,6 @@ def dio_defect(y, w):
     -------
     float
         abs(min(w, y)), in the unit of both.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----

@@ -43,10 +43,6 @@ class Joint:
     scales : dict of state to float
         Usual sizes, in the state's unit.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -106,11 +102,6 @@ class Joint:
         -------
         Symbol
             To stand in rates and force.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         symbol = sp.Symbol(self.label(name), **({"real": True} | assumptions))
         return self._known(symbol, start, scale)
@@ -136,11 +127,6 @@ class Joint:
         -------
         Memory
             To stand in rates, surfaces and updates.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return Memory(self.label(name), initial, **assumptions)
 
@@ -159,11 +145,6 @@ class Joint:
         -------
         Expr
             A Switch; of a constant its sign.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
 

@@ -18,6 +18,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.model import Model
+from ..definition.views import substitutes
 
 _BENT = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 
@@ -211,14 +212,7 @@ def meaning(system: Any, own: Mapping[str, sp.Symbol]) -> dict[str, sp.Expr]:
     model = system.model
     named: dict[str, sp.Expr] = {str(s): s for s in (model.time, *model.states, *model.parameters)}
     named |= {str(m.symbol): m.symbol for m in model.multipliers}
-    named |= {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
-    widths = dict(model.smoothing)
-    if widths:
-        from ..definition.sigmoids import sigmoid
-
-        for switch in system.switches:
-            if switch.surface in widths:
-                named[str(switch)] = sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])
+    named |= substitutes(system)
     return named | {name: symbol for name, symbol in own.items() if name not in named}
 
 
@@ -252,11 +246,8 @@ def split(entries, named, values, lift):
 def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowered:
     """The model with the quantities of its noise as outputs.
 
-    Raises
-    ------
-    ValueError
-        Amplitudes that cannot be differentiated, columns that do not commute, a curved surface along which the
-        noise acts.
+    ValueError for amplitudes that cannot be differentiated, columns that do not commute, and noise along a curved
+    surface.
     """
     states, n = list(model.states), len(model.states)
     sources = list(dict.fromkeys(source for _, source, _ in entries))

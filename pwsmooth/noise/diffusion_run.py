@@ -23,13 +23,7 @@ _LONGEST_GRID = 2**31  # intervals
 
 
 class DiffusionRun:
-    """A diffusion on one view, checked and compiled: what solve() and ensemble() run.
-
-    Raises
-    ------
-    ValueError
-        What `Diffusion` says about solve().
-    """
+    """A diffusion on one view, checked and compiled: what solve() and ensemble() run."""
 
     def __init__(self, system: Any, noise: Diffusion) -> None:
         self.system, self.noise = system, noise
@@ -70,7 +64,7 @@ class DiffusionRun:
         except ValueError:
             fits = False
         if not fits:
-            # What cancels between its numbers cancels only with the numbers in place.
+            # Keep the numbers in place: terms may cancel only with their values.
             entries, numbers = split(noise.entries(states), named, values, lift=False)
             lowered = lower(model, entries, used, noise.convention)
         self.lowered = lowered
@@ -94,13 +88,7 @@ class DiffusionRun:
             )
 
     def interval(self, t: float, what: str) -> int:
-        """Number of the interval that begins at t.
-
-        Raises
-        ------
-        ValueError
-            t is no multiple of the step.
-        """
+        """Number of the interval that begins at t; ValueError if t is no multiple of the step."""
         t, step = float(t), self.noise.step
         number = round(t / step)
         if abs(t / step - number) > 1e-6 or abs(number) > _LONGEST_GRID:

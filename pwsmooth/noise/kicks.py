@@ -8,7 +8,7 @@ between them and forgets them one by one, so that leaving a layer is an event of
 kappa/eps. A diffusion acts all the time: in the layer's own variables u = h/eps, tau = t/eps it has the intensity
 D**2/eps, and the layer is left by accumulation (Kramers).
 
-Chain: solve -> **this file** -> kernels/noise_*.py. The random numbers are addressed, not drawn in sequence
+Chain: solve -> **this file** -> kernels/noise/*.py. The random numbers are addressed, not drawn in sequence
 (kernels/noise/random.py): a kick is a function of (seed, trajectory, its number), whatever the span, the chunks or
 the workers.
 """
@@ -91,22 +91,22 @@ class Kicks:
         object.__setattr__(self, "every", every)
         if isinstance(self.size, Mapping):
             names = _names(self.on) if self.on is not None else tuple(str(key) for key in self.size)
-            given = {str(key): value for key, value in self.size.items()}
-            if set(given) != set(names):
+            sizes_of = {str(key): value for key, value in self.size.items()}
+            if set(sizes_of) != set(names):
                 raise ValueError(
-                    f"`size` has values for {checks.listing(given)}, `on` names {checks.listing(names)}; leave `on` "
+                    f"`size` has values for {checks.listing(sizes_of)}, `on` names {checks.listing(names)}; leave `on` "
                     "out, or name the same states."
                 )
         elif self.on is None:
             raise ValueError("`on` is not given; name the states that are kicked, such as on=('y', 'v').")
         else:
             names = _names(self.on)
-            given = dict.fromkeys(names, self.size)
+            sizes_of = dict.fromkeys(names, self.size)
         if not names:
             raise ValueError("`on` is empty; name the states that are kicked, such as on=('y', 'v').")
         if len(set(names)) < len(names):
             raise ValueError(f"`on` names a state twice: {checks.listing(names)}.")
-        sizes = tuple(_size(given[name], name) for name in names)
+        sizes = tuple(_size(sizes_of[name], name) for name in names)
         object.__setattr__(self, "on", names)
         object.__setattr__(self, "size", sizes[0] if len(set(sizes)) == 1 else dict(zip(names, sizes)))
 
@@ -155,10 +155,7 @@ def _with_kicks(model: Model) -> tuple[Model, sp.Symbol]:
 class KickedRun:
     """A system with kicks, ready to run: its model, and the compiled functions that kick in place of its own.
 
-    Raises
-    ------
-    ValueError
-        `on` names no state of this view, or a memory.
+    ValueError where `on` names no state of this view, or a memory.
     """
 
     def __init__(self, system: Any, kicks: Kicks) -> None:
@@ -181,7 +178,7 @@ class KickedRun:
         self.index = len(model.events) - 1
         self._kept: list[Any] = []  # what the kernels reach by address
 
-    def _headed(self, act: int, p: np.ndarray, trajectory: int | None = None) -> np.ndarray:
+    def _headed(self, act: int, p: np.ndarray) -> np.ndarray:
         """Parameters with the address of a Kick in the word before them."""
         from ..kernels.noise.state import Kick
 
@@ -192,7 +189,7 @@ class KickedRun:
             every=kicks.every,
             normal=int(kicks.law == "normal"),
             seed=kicks.seed,
-            trajectory=kicks.trajectory if trajectory is None else trajectory,
+            trajectory=kicks.trajectory,
             where=self.where,
             size=self.size,
         )

@@ -14,10 +14,7 @@ from .kicks import KickedRun, Kicks
 def prepared(system: Any, noise: Any, method: str) -> Any:
     """The run of a system with noise: a KickedRun or DiffusionRun; None where the noise changes nothing.
 
-    Raises
-    ------
-    ValueError, TypeError
-        `noise` is none, it names what does not exist, or the method cannot run with it.
+    ValueError or TypeError where `noise` is none, names what does not exist, or the method cannot run with it.
     """
     from ..paths.stiff_steps import SCIPY_METHODS
     from .diffusion import Diffusion

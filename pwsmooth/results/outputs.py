@@ -21,12 +21,12 @@ from ..definition.template import Loops, named
 @functools.lru_cache(maxsize=64)
 def names(loops: Loops) -> dict[str, tuple[int, int | None]]:
     """Name of every output -> (block, element or None)."""
-    found: dict[str, tuple[int, int | None]] = {}
+    places: dict[str, tuple[int, int | None]] = {}
     for b, (name, _) in enumerate(loops.template.model.outputs):
         family = loops.template.output_families[b]
         for k in range(loops.sizes[family]) if family is not None else [None]:
-            found[named(name, k)] = b, k
-    return found
+            places[named(name, k)] = b, k
+    return places
 
 
 def evaluate(

@@ -37,10 +37,6 @@ class EventRecord:
     note : str
         What else is to be said.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -73,10 +69,6 @@ class EventLog(Sequence):
         What the kernels recorded of each, dimensionless.
     words : callable
         (time, codes of the event) -> EventRecord.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -114,7 +106,7 @@ class EventLog(Sequence):
         """
         if not len(self):
             return np.empty(0)
-        # One number for surface and kind: rows sort ten times slower.
+        # Combine surface and kind into one number: sorting rows is ten times slower.
         key = self.codes[:, 0] * (1 + self.codes[:, 1].max()) + self.codes[:, 1]
         _, first, which = np.unique(key, return_index=True, return_inverse=True)
         accepted = np.array([wanted(self[int(i)]) for i in first])
@@ -124,7 +116,7 @@ class EventLog(Sequence):
         return repr(list(self))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The words belong to the kernels of this process: another one gets the records themselves.
+        # The functions that make the words exist in this process only: pickle the records themselves.
         return list, (list(self),)
 
 
@@ -156,7 +148,7 @@ class Ambiguity:
 
     Notes
     -----
-    Source: defined here; two-folds and repelling sliding as in Filippov 1988.
+    Source: Filippov 1988 for two-folds and repelling sliding.
 
     Examples
     --------
@@ -172,7 +164,7 @@ class Ambiguity:
 
     time: float
     switch: str
-    kind: str  # "two-fold", "repelling sliding", "grazing", "corner", ...
+    kind: str
     taken: str
     continuations: tuple[str, ...] = ()
 
@@ -196,10 +188,6 @@ class Segment:
     first, last : int
         The columns of the solution that bound the segment, both included; last is first - 1 where `t_eval` asked
         for none within it.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -249,10 +237,6 @@ class Dense:
         Of t(s), in units of time over powers of that of s.
     length : ndarray, shape (ns,), optional
         End of s, in its own unit.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

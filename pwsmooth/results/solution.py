@@ -16,6 +16,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model, Select
+from ..definition.views import substitutes
 from . import outputs as looped_outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
@@ -63,8 +64,7 @@ class Solution:
     """A solved trajectory.
 
     Indexing gives a state, multiplier or output by name at the solution's times, `solution["v"]`; calling it
-    evaluates
-    the dense output, `solution(t, "v")`.
+    evaluates the dense output, `solution(t, "v")`.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Solution:
 
     Notes
     -----
-    Source: defined here; `t`, `y`, `success` and `message` are SciPy's names.
+    `t`, `y`, `success` and `message` are SciPy's names.
 
     Examples
     --------
@@ -194,20 +194,8 @@ class Solution:
         """Name -> expression; with families that are looped over, its place among the template's."""
         if self.model.loops is not None:
             return looped_outputs.names(self.model.loops)
-        named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
-        if self.model.smoothing:
-            # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
-            from ..definition.sigmoids import sigmoid
-
-            widths = dict(self.model.smoothing)
-            for switch in self.system.switches:
-                if switch.surface in widths:
-                    smooth = sigmoid(self.model.sigmoid).smooth(switch.surface, widths[switch.surface])
-                    named[str(switch)] = sp.sympify(smooth, strict=True)
-        named.update(
-            {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
-        )
-        return named
+        outputs = {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        return substitutes(self.system) | outputs
 
     def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
         name = str(name)
@@ -224,10 +212,12 @@ class Solution:
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
-        raise KeyError(
-            f"{name!r} is no state, multiplier or output of this solution; "
-            f"they are {', '.join((*self.states, *self.multipliers, *self.outputs))}."
-        )
+        raise KeyError(f"{name!r} is {self._none_of_these}")
+
+    @property
+    def _none_of_these(self) -> str:
+        names = ", ".join((*self.states, *self.multipliers, *self.outputs))
+        return f"no state, multiplier or output of this solution; they are {names}."
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
@@ -267,10 +257,7 @@ class Solution:
             *self.multipliers,
             *self.outputs,
         ):
-            raise ValueError(
-                f"`name` is {str(name)!r}, which is no state, multiplier or output of this solution; they are "
-                f"{', '.join((*self.states, *self.multipliers, *self.outputs))}."
-            )
+            raise ValueError(f"`name` is {str(name)!r}, which is {self._none_of_these}")
         flat = at.ravel()
         slack = 4 * np.spacing(max(abs(self.t[0]), abs(self.t[-1])))
         if flat.size and not (flat.min() >= self.t[0] - slack and flat.max() <= self.t[-1] + slack):
@@ -306,7 +293,7 @@ class Solution:
         starts, ends = (t[list(columns)].tolist() for columns in zip(*merged))
         statuses = [tuple(status[:, i].tolist()) for i, _ in merged]
         if self._course:
-            # At an event an asked-for column is that of the side after it.
+            # A column of `t_eval` at an event is that of the side after it.
             firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
             merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
         return [self._segment(*piece) for piece in zip(starts, ends, statuses, merged)]
@@ -339,11 +326,6 @@ class Solution:
         -------
         ndarray, shape (ne,)
             In the unit of the model's time.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
 
         def wanted(e: EventRecord) -> bool:
@@ -450,7 +432,7 @@ def _is_slip_velocity(model: Model, j: int) -> bool:
         return False
     unknowns = {*model.states, *(m.symbol for m in model.multipliers)}
     moving = h.as_independent(*unknowns, as_Add=True)[1]
-    # By form, not by algebra: the rates of a mechanism take minutes to expand.
+    # Compare the form, without expanding: the rates of a mechanism take minutes to expand.
     return moving != 0 and any(
         rate.as_independent(*unknowns, as_Add=True)[1] in (moving, -moving) for rate in model.rhs
     )

@@ -33,24 +33,13 @@ def door(*shared: str, **tests: checks.Check) -> Any:
 
 
 def expression(value: Any, what: str) -> sp.Expr:
-    """A drive as an expression of `scenes.t`; any symbol of that name means time.
-
-    Raises
-    ------
-    TypeError
-        No expression and no number.
-    """
+    """A drive as an expression of `scenes.t`; any symbol of that name means time."""
     e = checks.expression(value, f"`{what}`")
     return e.xreplace({s: t for s in e.free_symbols if s.name == "t"})
 
 
 def check_continuous(e: sp.Expr, what: str, t_span: Any, parameters: Mapping[Any, Any]) -> None:
-    """A ValueError for a jump of the drive inside the span: its derivative would be infinite there.
-
-    Raises
-    ------
-    ValueError
-    """
+    """A ValueError for a jump of the drive inside the span: its derivative would be infinite there."""
     remedy = f"`{what}` jumps{{where}}, so that its velocity is infinite; let it rise within a finite time."
     if e.diff(t).has(sp.DiracDelta) or e.has(sp.sign, sp.Heaviside, sp.floor, sp.ceiling, sp.Mod):
         inside = e.diff(t)

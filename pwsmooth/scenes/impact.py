@@ -52,14 +52,9 @@ def free_impact(
     Scene
         States p (indentation), v; outputs `force` and `energy` (kinetic and stored).
 
-    Raises
-    ------
-    ValueError
-        A speed or mass that is not positive, a gap below 0.
-
     Notes
     -----
-    Source: defined here, m dv/dt = -F; the law has its own.
+    m dv/dt = -F.
 
     Examples
     --------
@@ -92,9 +87,9 @@ def falling_ball(
     height : float, m
         Gap at the start, > 0.
     m : float, kg
-        Mass.
+        Mass, > 0.
     g : float, m/s^2
-        Gravity.
+        Gravity, > 0.
     t_span : (float, float), s
         Suggested span.
 
@@ -103,14 +98,9 @@ def falling_ball(
     Scene
         Outputs `force`, `energy`, `height` (-p); observable `apexes`, the heights at which the ball turns.
 
-    Raises
-    ------
-    ValueError
-        A height, mass or gravity that is not positive.
-
     Notes
     -----
-    Source: defined here, m dv/dt = m g - F; the law has its own.
+    m dv/dt = m g - F.
 
     Examples
     --------
@@ -163,7 +153,7 @@ def impact_oscillator(
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     amplitude : float, N
         Of the drive.
     omega : float, rad/s
@@ -226,7 +216,7 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     omega : float, rad/s
         Of the drive.
 
@@ -234,11 +224,6 @@ def grazing_amplitude(d: float, k: float, c: float, m: float, omega: float) -> f
     -------
     float
         Amplitude d sqrt((k - m omega^2)^2 + (c omega)^2), N.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
 
     Notes
     -----
@@ -272,7 +257,7 @@ def pressed_block(
     force : Expr of t
         u(t), N; > 0 presses.
     m : float, kg
-        Mass.
+        Mass, > 0.
     p0 : float, m
         Indentation at the start, at rest there.
     t_span : (float, float), s
@@ -284,11 +269,6 @@ def pressed_block(
     -------
     Scene
         States p, v; outputs `force`, `energy`, `pull`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        A mass that is not positive, a force that is no expression.
 
     Notes
     -----
@@ -317,7 +297,7 @@ def apexes(solution: Any) -> Any:
 
     if solution.dense is None:
         raise ValueError("apexes need the motion between steps: solve with `dense_output=True`.")
-    found = []
+    heights = []
     offs = [e.time for e in solution.events if e.switch.startswith("lift-off") or e.kind == "impact"]
     ons = [e.time for e in solution.events if e.switch.startswith("touch-down") or e.kind == "impact"]
     for off in offs:
@@ -328,8 +308,8 @@ def apexes(solution: Any) -> Any:
             height = -solution(grid, "p")
             i = int(np.clip(np.argmax(height), 1, 31))
             a, b, _ = np.polyfit(grid[i - 1 : i + 2] - grid[i], height[i - 1 : i + 2], 2)
-            found.append(height[i] - b**2 / (4 * a))
-    return np.array(found)
+            heights.append(height[i] - b**2 / (4 * a))
+    return np.array(heights)
 
 
 def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential=sp.S.Zero, outputs=None,

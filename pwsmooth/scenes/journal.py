@@ -69,10 +69,10 @@ class ClearanceJoint(NamedTuple):
 
 
 def _two(value: Any, what: str) -> tuple[sp.Expr, ...]:
-    found = tuple(checks.expression(e, what) for e in checks.several(value, what))
-    if len(found) != 2:
-        raise ValueError(f"{what} has {len(found)} parts; give two.")
-    return found
+    parts = tuple(checks.expression(e, what) for e in checks.several(value, what))
+    if len(parts) != 2:
+        raise ValueError(f"{what} has {len(parts)} parts; give two.")
+    return parts
 
 
 @checks.door(
@@ -121,9 +121,8 @@ def clearance_joint(
 
     Notes
     -----
-    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is
-    regular at the
-    bearing's centre is defined here.
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, for the kinematics; the form that is regular at the
+    bearing's centre is derived here.
 
     Examples
     --------

@@ -61,10 +61,6 @@ def prescribed_motion(
     ValueError, TypeError
         Both or none of `position` and `velocity`; a position that jumps; a drive that is no expression.
 
-    Notes
-    -----
-    Source: defined here; the law has its own.
-
     Examples
     --------
     >>> import sympy as sp
@@ -85,7 +81,7 @@ def prescribed_motion(
     tables = {name: drive for name, drive in tables.items() if isinstance(drive, Table)}
     t_span = within(t_span, tables.values())
     extra = [table.pieces(name) for name, table in tables.items()]
-    # The constant becomes a state that keeps its value: what never changes can be no surface.
+    # The constant becomes a state of rate 0: an expression without states can be no surface.
     own: dict[Any, Any] = {}
     begins: dict[Any, float] = {}
     place, speed, acceleration = _motion(position, velocity, t_span, values)

@@ -47,15 +47,6 @@ class Scene:
         Absolute tolerances, in the unit of the state, of states whose usual size is far from 1; `solve` takes them
         unless it is given others.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-
-    Notes
-    -----
-    Source: defined here; `note` has that of the model.
-
     Examples
     --------
     >>> import sympy as sp
@@ -122,11 +113,6 @@ class Scene:
         -------
         dict of str to ndarray
             Arrays over the solution's times, shape (nt,), in the scene's `units`, or what the functions return.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         return {
             name: what(solution) if callable(what) else solution[what]
@@ -163,9 +149,8 @@ def assemble(
     time : Symbol, optional
         Needed if time stands in an expression.
     start : mapping of state to float
-        Initial values of the mechanism's states, in their units; laws bring their own, which may be
-        expressions of the
-        motion at the time `begin`.
+        Initial values of the mechanism's states, in their units; laws bring their own, which may be expressions of
+        the motion at the time `begin`.
     parameters : mapping of Symbol to float, optional
         The mechanism's, in its units.
     outputs : mapping of str to Expr, optional
@@ -184,10 +169,6 @@ def assemble(
     ------
     ValueError
         Two of them use one name; `attach(name=...)` tells laws apart.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -112,9 +112,8 @@ def slider_crank(
 
     Notes
     -----
-    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4, for masses and lengths. Assumed,
-    as not printed
-    there: rod's centre of mass, 200 rpm, radii, joint length, steel, friction coefficient 0.01, no gravity.
+    Source: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4, for masses and lengths. Assumed, as not
+    printed there: rod's centre of mass, 200 rpm, radii, joint length, steel, friction coefficient 0.01, no gravity.
 
     Examples
     --------

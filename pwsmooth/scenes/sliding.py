@@ -24,16 +24,14 @@ x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=Tru
 mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 
 
-def _scene(name, law, drive, rates, start, t_span, *, position=x, velocity=v, normal=None, parameters,
-           period=None, outputs=None, pull=1, extra=()):  # fmt: skip
-    """The scene of one body: `drive` is the force on it without friction, `pull` the sign of v in dv/dt."""
+def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, parameters, period=None, outputs=None,
+           extra=()):  # fmt: skip
+    """The scene of one body: `drive` is the force on it without friction."""
     checks.positive(parameters.get("mass", parameters.get(mass, 1.0)), "`mass`")
     load = None if normal is None else expression(normal, "normal")
     needs = "acceleration" in law.needs
-    pieces = law.attach(
-        position=position, velocity=velocity, acceleration=a if needs else None, normal=load, time=t
-    )
-    rates = {**rates, v: a if needs else (drive - pull * pieces.force) / mass}
+    pieces = law.attach(position=position, velocity=v, acceleration=a if needs else None, normal=load, time=t)
+    rates = {**rates, v: a if needs else (drive - pieces.force) / mass}
     unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     system, begin, atol = assemble(
@@ -59,7 +57,7 @@ def force_driven(
     force : Expr of t or Table
         u, N.
     m : float, kg
-        Mass.
+        Mass, > 0.
     normal : Expr of t, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
@@ -81,7 +79,7 @@ def force_driven(
 
     Notes
     -----
-    Source: defined here, m dv/dt = u - f; the law has its own.
+    m dv/dt = u - f.
 
     Examples
     --------
@@ -120,7 +118,7 @@ def block_on_belt(
     pull : float, m/s
         Speed of the spring's end or of the belt.
     m : float, kg
-        Mass.
+        Mass, > 0.
     c : float, N s/m
         Damper, of the elongation's rate.
     normal : Expr of t, optional
@@ -133,16 +131,10 @@ def block_on_belt(
     Scene
         States `elongation`, v and the law's; outputs `x`, `friction`, `drive`, and those of the law.
 
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
-
     Notes
     -----
-    Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky,
-    IEEE TAC 40
-    (1995) 419-425; the law has its own.
+    Source: the stick-slip test of the friction laws' papers, as of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE
+    TAC 40 (1995) 419-425; the law has its own.
 
     Examples
     --------
@@ -180,7 +172,7 @@ def friction_oscillator(
     c : float, N s/m
         Damper.
     m : float, kg
-        Mass.
+        Mass, > 0.
     amplitude : float, N
         Of the drive.
     omega : float, rad/s
@@ -197,16 +189,10 @@ def friction_oscillator(
     Scene
         States y, v and the law's; outputs `friction`, `drive`, and those of the law.
 
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
-
     Notes
     -----
-    Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults;
-    the law has
-    its own.
+    Source: Jeffrey, On the mathematical basis of solid friction, sec. 2, whose parameters are the defaults; the law
+    has its own.
 
     Examples
     --------
@@ -245,7 +231,7 @@ def position_control(
     integral : float, units of N/(m s)
         Gain k_i.
     m : float, kg
-        Mass.
+        Mass, > 0.
     normal : Expr of t, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s
@@ -255,11 +241,6 @@ def position_control(
     -------
     Scene
         States x, `integral`, v and the law's; outputs `friction`, `drive`, and those of the law.
-
-    Raises
-    ------
-    ValueError
-        A mass that is not positive.
 
     Notes
     -----

@@ -45,7 +45,7 @@ class Table:
     -----
     The spline is a state with its derivatives; its third derivative is a Memory that one Event sets at the knots.
 
-    Source: defined here; the spline is SciPy's CubicSpline, not-a-knot.
+    The spline is SciPy's CubicSpline, not-a-knot.
 
     Examples
     --------
@@ -86,11 +86,6 @@ class Table:
         -------
         Pieces
             For `assemble`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         from scipy.interpolate import CubicSpline
 
@@ -127,11 +122,6 @@ class Table:
         -------
         (Symbol, Symbol)
             In the unit of the values over s and over s^2.
-
-        Raises
-        ------
-        ValueError, TypeError
-            Bad input, with the argument, its value and the remedy.
         """
         first, second = sp.symbols(f"{name}_1 {name}_2", real=True)
         return first, second
@@ -156,10 +146,6 @@ def within(t_span: Any, tables: Any) -> tuple[float, float]:
     ------
     ValueError
         It does not begin with the tables, or goes beyond them.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

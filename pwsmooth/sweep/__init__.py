@@ -5,6 +5,7 @@ plan.py      a checked sweep          chunk.py     what a worker does with a chu
 running.py   executors, progress      store.py     chunks on disk, resumed after a kill
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
+periodicity.py, quantities.py, functions.py        measures, by subject
 """
 
 from __future__ import annotations
@@ -85,13 +86,11 @@ def sweep(
     system : System or Scene
         A scene brings its start, period and units.
     axes : mapping of name to sequence of float, any length
-        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of
-        the noise;
-        in the units of the model.
+        A grid: parameters, initial values of states, the time symbol (start time), "seed" or "trajectory" of the
+        noise; in the units of the model.
     points : mapping of name to sequence of float, all of one length
-        A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at
-        every point
-        of the list.
+        A list of points, one of each sequence, in the units of the model; with `axes` too, the whole grid at every
+        point of the list.
     start : mapping of state to float, or sequence of float, length n
         Initial values of the states that are not swept, in their units.
     measures : sequence of Measure, str or callable
@@ -140,10 +139,6 @@ def sweep(
         Bad input, with the argument, its value and the remedy.
     RuntimeError
         A worker process was lost.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -199,15 +194,15 @@ def sweep(
     if store is not None:
         from .store import Store
 
-        kept = Store(store, plan, where, target)
+        chunk_store = Store(store, plan, where, target)
 
         def complete(first: int, stop: int, result: dict[str, Any]) -> None:
-            # What ran out of time has not run: the same call goes on there.
+            # A chunk that ran out of time is not stored: the same call runs it again.
             if not (result["outcome"] == Outcome.TIME_LIMIT).any():
-                kept.keep(first, stop, result)
+                chunk_store.keep(first, stop, result)
 
-        run_chunks(plan, where, kept.todo, executor, workers, complete, progress, deadline)
-        return kept.dataset()
+        run_chunks(plan, where, chunk_store.todo, executor, workers, complete, progress, deadline)
+        return chunk_store.dataset()
     arrays = empty_arrays(plan, where)
 
     def keep(first: int, stop: int, result: dict[str, Any]) -> None:

@@ -25,9 +25,8 @@ class Axes:
 
     Attributes
     ----------
-    dims : tuple of str
+    dims, shape : tuple of str, tuple of int
         Dimensions of the Dataset: "point" first if there is a list, then the axes of the grid.
-    shape : tuple of int
     values : dict
         Name -> (dimension, 1-D array).
     kinds : dict
@@ -73,11 +72,8 @@ class Axes:
 def read_axes(system: Any, grid: Any, points: Any) -> Axes:
     """Axes of a sweep over `system`.
 
-    Raises
-    ------
-    ValueError, TypeError
-        A name that the system does not have; values that are no finite numbers, do not fit the symbol, or are empty;
-        columns of a list of unequal lengths; one name twice.
+    ValueError or TypeError for a name that the system does not have; values that are no finite numbers, do not fit the
+    symbol, or are empty; columns of a list of unequal lengths; one name twice.
     """
     for what, given in (("axes", grid), ("points", points)):
         if given is not None and not isinstance(given, Mapping):
@@ -148,7 +144,7 @@ def _numbers(system, name, kind, symbol, numbers, what):
         return array
     if not np.isfinite(array).all():
         raise ValueError(f"`{what}` of {name!r} contains {array[~np.isfinite(array)][0]}; give finite numbers.")
-    # What a value may violate is a bound or a division by zero: the ends and the value nearest 0 tell.
+    # A value can violate a bound or divide by zero: checking both ends and the value nearest 0 is enough.
     telling = {float(array.min()), float(array.max()), float(array[np.argmin(np.abs(array))])}
     if kind == "parameter":
         for value in telling:

@@ -36,15 +36,10 @@ class Basins:
     axes : dict of str to ndarray, shape (number of values,)
         Name of a state -> its values, in its unit.
     labels : ndarray of int
-        Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not
-        become periodic,
-        -2 where it failed.
+        Index into `attractors`, dimensionless, of the shape of the axes; -1 where the trajectory had not become
+        periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -142,14 +137,9 @@ def basins(
     Basins
         Labels of the starts, and the attractors as orbits with multipliers.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, as `sweep` says it.
-
     Notes
     -----
-    Source: defined here, a sweep of the stroboscopic map whose ends are refined by Newton's method.
+    A sweep of the stroboscopic map, whose ends are refined by Newton's method.
 
     Examples
     --------
@@ -165,17 +155,17 @@ def basins(
 
     period = checks.period(period, system.parameters)
     names = [s.name for s in system.model.states]
-    found = sweep(
+    data = sweep(
         system, axes, start=start, period=period, transient=transient, periods=2 * longest,
         measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options},
     )  # fmt: skip
-    kept = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
-    shape = tuple(len(values) for values in kept.values())
-    points = np.stack([found[f"{name}_points"].values for name in names], axis=-1).reshape(
+    axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
+    shape = tuple(len(values) for values in axis_values.values())
+    points = np.stack([data[f"{name}_points"].values for name in names], axis=-1).reshape(
         -1, longest, len(names)
     )
-    cycle = found["period"].values.reshape(-1)
-    labels = np.where(found["outcome"].values.reshape(-1) >= 0, UNSETTLED, FAILED)
+    cycle = data["period"].values.reshape(-1)
+    labels = np.where(data["outcome"].values.reshape(-1) >= 0, UNSETTLED, FAILED)
     # The same section as the sweep's strobes: whole periods after its start time.
     base = Stroboscopic(system, period)
     attractors: list[PeriodicOrbit] = []
@@ -183,8 +173,8 @@ def basins(
     tried: list[tuple[int, np.ndarray]] = []
     for i in np.flatnonzero((cycle > 0) & (labels == UNSETTLED)):
         count, at = int(cycle[i]), points[i, -1]
-        known = [k for k, points_of in enumerate(strobes) if any(_near(at, x, 10 * tol) for x in points_of)]
-        if not known:
+        near = [k for k, points_of in enumerate(strobes) if any(_near(at, x, 10 * tol) for x in points_of)]
+        if not near:
             if any(n == count and _near(at, x, tol) for n, x in tried):
                 continue
             orbit = refine(replace(base, count=count), at)
@@ -192,18 +182,18 @@ def basins(
                 tried.append((count, at))
                 continue
             # It may be one of them that this start, still on its way to it, took for a longer one.
-            known = [k for k, points_of in enumerate(strobes) if any(_near(orbit.x, x, tol) for x in points_of)]
-            if not known:
-                known = [len(attractors)]
+            near = [k for k, points_of in enumerate(strobes) if any(_near(orbit.x, x, tol) for x in points_of)]
+            if not near:
+                near = [len(attractors)]
                 attractors.append(orbit)
                 strobes.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
-        labels[i] = known[0]
+        labels[i] = near[0]
     order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
     place = np.empty(len(order), int)
     place[order] = np.arange(len(order))
     settled = labels >= 0
     labels[settled] = place[labels[settled]]
-    return Basins(kept, labels.reshape(shape), [attractors[k] for k in order])
+    return Basins(axis_values, labels.reshape(shape), [attractors[k] for k in order])
 
 
 def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
@@ -228,10 +218,6 @@ class OrbitDiagram:
         In the units of the states; nan where a run failed.
     reasons : tuple of str
         For each value why its run ended before its time, in words; empty where it did not.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -334,10 +320,6 @@ def orbit_diagram(
     ValueError, TypeError
         No parameter of that name; bad input, as `sweep` says it.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     The logistic map, before and after its first period doubling:
@@ -379,5 +361,5 @@ def _reason(outcome: int) -> str:
     """Why a point of a sweep did not finish, from its code; empty if it did."""
     if outcome == Outcome.FINISHED:
         return ""
-    known = {int(o): str(o) for o in Outcome}
-    return known.get(outcome, "the system refuses this value of the parameter or start.")
+    texts = {int(o): str(o) for o in Outcome}
+    return texts.get(outcome, "the system refuses this value of the parameter or start.")

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..definition import checks
 from ..results.solution import Solution, _is_slip_velocity
 
 NOT_RUN = -128  # outcome of a point that has not run
@@ -30,10 +29,6 @@ class Window(NamedTuple):
         Their number; a sweep without a drive has one, as long as the window.
     forced : bool
         Whether there is a drive.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -64,13 +59,8 @@ class Variable(NamedTuple):
 class Measure:
     """Base of all measures; one of one's own defines `variables` and `of`.
 
-    The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers
-    of its
+    The class attribute `compiled` says whether the compiled ensemble knows it (`gather`), `bits` which numbers of its
     quantities the ensemble has to keep (1 extremes, 2 integrals).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -189,35 +179,6 @@ class Setting:
     @property
     def time_unit(self) -> str:
         return self.unit(self.time)
-
-
-@dataclass(frozen=True)
-class OfQuantities(Measure):
-    """Base of measures of named quantities.
-
-    Parameters
-    ----------
-    *names : str or Symbol
-        States, multipliers or outputs.
-
-    Raises
-    ------
-    ValueError
-        No name.
-    """
-
-    names: tuple[str, ...]
-
-    def __init__(self, *names: Any) -> None:
-        for name in names:
-            checks.key(name, f"`names` of {type(self).__name__}")
-        if not names:
-            raise ValueError(f"{type(self).__name__} needs the name of a state, multiplier or output.")
-        object.__setattr__(self, "names", tuple(str(name) for name in names))
-
-    @property
-    def quantities(self):
-        return self.names
 
 
 def alphabet(model: Any, j: int) -> dict[int, str]:

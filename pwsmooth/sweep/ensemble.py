@@ -44,10 +44,6 @@ class Ensemble:
     states : tuple of str
         Names of the states.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp
@@ -131,10 +127,6 @@ def ensemble(
     ValueError, TypeError
         As `solve`; starts of a wrong shape.
 
-    Notes
-    -----
-    Source: defined here; the noise has its own.
-
     Examples
     --------
     The stationary variance of dx = -x dt + dW is 1/2:
@@ -213,7 +205,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
         since = time.monotonic()
         loop(one, row, min(row + rows, count), *(bundle.address for bundle in bundles))
         row += rows
-        # Between two visits Ctrl-C and the clock are heard.
+        # Between two calls of the kernel Ctrl-C and the deadline take effect.
         rows = 2 * rows if time.monotonic() - since < _VISIT else max(1, rows // 2)
     return Ensemble(
         grid * step,

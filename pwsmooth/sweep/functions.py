@@ -29,15 +29,6 @@ class Function(Measure):
     units : mapping of str to str, optional
         Of the variables.
 
-    Raises
-    ------
-    TypeError
-        No callable.
-
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import sympy as sp

@@ -25,7 +25,7 @@ from ..codegen.machine.cache import fingerprint
 from ..system import System
 
 UNKNOWN = "holds what cannot be compared"
-# What a class says of itself beyond its code.
+# Attributes of a class that are not its code.
 _ABOUT = ("__dict__", "__weakref__", "__doc__", "__module__", "__annotations__", "__annotate__", "__abstractmethods__",
           "__annotations_cache__", "__dataclass_fields__", "__dataclass_params__", "__firstlineno__", "_abc_impl",
           "__static_attributes__", "__orig_bases__", "__parameters__")  # fmt: skip
@@ -87,7 +87,7 @@ class _Teller:
         if isinstance(item, types.CodeType):
             code = item.co_code, item.co_names, item.co_varnames, item.co_freevars, item.co_exceptiontable
             return f"code {tell(code)} {tell(item.co_consts)}"
-        # Of partials, methods, properties, numba, caches; a class of the user's may hold more beside.
+        # The function inside partials, methods, properties, numba dispatchers and caches; a user's class may hold more.
         for inner in ("func", "__func__", "fget", "py_func", "__wrapped__") * bool(
             installed(type(item).__module__)
         ):
@@ -120,16 +120,16 @@ def installed(module: str) -> str:
     return version and f"{module} {version}"
 
 
-def _inside(item: Any, known: bool) -> Any:
+def _inside(item: Any, packaged: bool) -> Any:
     """What a function or a class consists of; where its code is known, what is not in the code."""
     if isinstance(item, type):
-        if known:
+        if packaged:
             return None
         held = {k: v for k, v in vars(item).items() if k not in _ABOUT and not inspect.isdatadescriptor(v)
                 or isinstance(v, property)}  # fmt: skip
         return [item.__bases__, held]
     cells = [cell.cell_contents if cell != types.CellType() else None for cell in item.__closure__ or ()]
-    if known:
+    if packaged:
         return item.__code__.co_firstlineno, cells
     read = {name: item.__globals__[name] for name in sorted(_read(item.__code__)) if name in item.__globals__}
     return [item.__code__, item.__defaults__, item.__kwdefaults__, cells, read, item.__dict__]

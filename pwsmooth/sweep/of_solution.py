@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..results.maximum import refined_maximum
 from ..results.solution import Solution
 
 
@@ -31,7 +32,7 @@ def strobes(solution: Solution, window) -> np.ndarray:
     if solution.dense is not None and reached.any():
         x[reached] = solution(times[reached]).T
     for k in np.flatnonzero(reached):
-        # A column at the very time is better than its polynomial by a rounding, and all there is without one.
+        # Prefer the column at exactly that time: the polynomial is off by a rounding, or was not kept.
         column = np.searchsorted(solution.t, times[k], side="right" if k == window.periods else "left")
         column -= k == window.periods
         if solution.t[column] == times[k]:
@@ -66,14 +67,13 @@ def _peak(solution, name, times, sampled, sign):
     samples = sign * sampled
     best = float(samples.max())
     rise = np.abs(np.diff(samples, axis=1)).max(axis=1)
-    for row in np.flatnonzero(samples.max(axis=1) + rise >= best):
-        t, values = times[row], samples[row]
-        for _ in range(8):
-            k = int(np.argmax(values))
-            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, 16)], 17)
-            values = sign * solution(t, name)
-            best = max(best, float(values.max()))
-    return best
+    return max(
+        (
+            refined_maximum(lambda t: sign * solution(t, name), times[row], samples[row], 17, 8)
+            for row in np.flatnonzero(samples.max(axis=1) + rise >= best)
+        ),
+        default=best,
+    )
 
 
 def moments(solution: Solution, name: str, window) -> tuple[float, float]:

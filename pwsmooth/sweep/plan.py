@@ -174,13 +174,7 @@ def make_plan(
     system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
     transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
 ) -> tuple[Plan, Axes]:  # fmt: skip
-    """The checked plan and axes; `system` is a System or a scene.
-
-    Raises
-    ------
-    ValueError, TypeError
-        Bad input, with the argument, its value and the remedy.
-    """
+    """The checked plan and axes; `system` is a System or a scene."""
     if hasattr(system, "system") and hasattr(system, "start"):
         scene, system = system, system.system
         start, units = (

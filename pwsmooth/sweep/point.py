@@ -14,13 +14,7 @@ from .plan import Plan, with_number
 
 
 def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool) -> tuple[Any, Any]:
-    """Solution and window of point i of a chunk.
-
-    Raises
-    ------
-    ValueError, TypeError
-        What solve() refuses: a combination of values that no single axis shows.
-    """
+    """Solution and window of point i of a chunk; raises what solve() refuses: no single axis shows a combination."""
     from ..solve import solve
 
     t0, begin, end, period = (a[i] for a in plan.windows(columns, len(next(iter(columns.values())))))

@@ -69,18 +69,15 @@ def run_chunks(
 ) -> None:
     """Run the chunks (start, stop) of `todo` and hand each result to `keep`, in the order in which they finish.
 
-    Raises
-    ------
-    RuntimeError
-        A worker was lost; chunks handed to `keep` before are complete.
+    RuntimeError where a worker was lost; chunks handed to `keep` before are complete.
     """
     own = executor is None
     workers = workers or (cores() if own else getattr(executor, "_max_workers", None) or 64)
     pool: Executor = ThreadPoolExecutor(workers) if executor is None else executor
     if own and todo:
-        # Once, before the threads: else each would compile the model for itself.
+        # Compile once, before the threads start: otherwise each would.
         _apart(plan, axes.columns(todo[0][0], todo[0][0] + 1), deadline)
-    # Compiled orbits of this process hear it; other processes end their chunks first.
+    # Compiled orbits of this process stop at once; other processes end their chunks first.
     stop = Stop() if own else None
     waiting = iter(todo)
     running: dict[Any, tuple[int, int]] = {}
@@ -92,7 +89,7 @@ def run_chunks(
                     running[pool.submit(run_chunk, plan, axes.columns(*chunk), deadline, stop)] = chunk
                 if not running:
                     break
-                # A time limit, so that Ctrl-C is heard.
+                # Wait with a time limit, so that Ctrl-C takes effect.
                 done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
                 for future in done:
                     chunk = running.pop(future)

@@ -156,7 +156,7 @@ class Store:
         before = "sha256" not in there
         old, new = json.loads(there["identity"]), json.loads(self.attrs["identity"])
         unknown = [key for key in new if UNKNOWN in new[key]]
-        # A store of before tells less: no last digits, no code behind a measure, another hash of the system.
+        # Stores of earlier versions record less: no last digits, no code behind a measure, another hash of the system.
         keys = [k for k in old if k != "system"] if before else list({**old, **new})
         differing = [
             k for k in keys if old.get(k) != new.get(k) and not (before and new.get(k, "").startswith(old[k]))
@@ -190,7 +190,7 @@ class Store:
                 with explained(
                     self.path, f"be mended in {name}", "restore it from a copy, or give another path"
                 ):
-                    # The chunks stay: their sums tell what they are worth.
+                    # The chunks stay: their checksums show whether they are whole.
                     (self.path / name / "zarr.json").unlink(missing_ok=True)
                     _describe(self.group, name, array, values)
         return mended
@@ -217,10 +217,10 @@ class Store:
 
 def _describe(group: Any, name: str, array: dict[str, Any], values: Any) -> str:
     """Make an array, with the values of a coordinate; its sum."""
-    made = group.create_array(name, **array)
+    stored = group.create_array(name, **array)
     if values is not None:
-        made[...] = values
-    return sum_of_array(made, values)
+        stored[...] = values
+    return sum_of_array(stored, values)
 
 
 def _stored(dtype: Any) -> Any:

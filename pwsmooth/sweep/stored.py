@@ -51,10 +51,6 @@ def read_store(path: Any) -> xarray.Dataset:
     UserWarning
         A chunk is damaged; or the store was made before stores had checksums, so that damage would not be noticed.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import tempfile

@@ -125,11 +125,8 @@ class Study(_Table):
 def read_study(path: Any) -> Study:
     """The checked study of a TOML file.
 
-    Raises
-    ------
-    StudyError
-        No such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with its key
-        and line.
+    StudyError for no such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with
+    its key and line.
     """
     path = checks.path(path, "`path`")
     try:
@@ -145,7 +142,7 @@ def read_study(path: Any) -> Study:
     except ValidationError as error:
         lines = []
         for item in error.errors():
-            # Beside the keys pydantic names the member of a union that it tried.
+            # Drop the members of a union that pydantic lists among the keys.
             keys = [str(k) for k in item["loc"] if k not in ("<spaced>", "<list>", "float", "str")]
             known = ""
             if item["type"] == "extra_forbidden":
@@ -218,13 +215,7 @@ class Names(NamedTuple):
 
 
 def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[str, Any]]:
-    """System (or scene) and keyword arguments of sweep().
-
-    Raises
-    ------
-    StudyError
-        An object, scene, law or function that does not exist or is of no use.
-    """
+    """System (or scene) and keyword arguments of sweep(); StudyError for what does not exist or is of no use."""
     checks.instance(Study, "what read_study() gives")(study, "`study`")
     names = checks.optional(checks.instance(Names, "Names(...)"))(names, "`names`") or Names()
     system = _system(study.system, names)
@@ -335,13 +326,7 @@ def run_study(
 
     `names` registers what the study may name as `object` or in `measures`; `allow_code` lets it name, and so run, code
     in files beside it.
-
-    Raises
-    ------
-    StudyError
-        As `read_study`; or the store exists and `resume` was not asked for.
-    ValueError, TypeError
-        What sweep() refuses.
+    StudyError as `read_study`, or if the store exists and `resume` was not asked for; otherwise what sweep() refuses.
     """
     from . import sweep
 

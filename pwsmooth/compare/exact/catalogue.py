@@ -35,9 +35,9 @@ def problem(name, statement, source="closed form"):
     return listed
 
 
-def count(quantity, found, expected):
+def count(quantity, number, expected):
     """A number of events, which has to be right."""
-    return Check(quantity, float(found), float(expected), 0.0)
+    return Check(quantity, float(number), float(expected), 0.0)
 
 
 # ---- crossing and sliding
@@ -65,8 +65,8 @@ def _spirals():
     solution = solve(spirals(), (0, math.pi / 2), {x1: math.exp(-1), x2: 0}, **TIGHT)
     yield count("events", len(solution.events), 1)
     yield Check("time of the crossing", solution.events[0].time, 1.0, FLOW)
-    for name, found, exact in zip(("x1", "x2"), solution.x[:, -1], spiral_end()):
-        yield Check(f"{name}(pi/2)", found, exact, FLOW)
+    for name, end, exact in zip(("x1", "x2"), solution.x[:, -1], spiral_end()):
+        yield Check(f"{name}(pi/2)", end, exact, FLOW)
 
 
 def relays() -> System:
@@ -288,5 +288,5 @@ def _den_hartog():
         return end[0] + a, end[1]
 
     begin = (math.pi / w, math.sqrt(V * V - F * F * U * U) * 1.01)
-    found = root(half_turn, begin, tol=1e-13)
-    yield Check("amplitude", abs(found.x[1]), math.sqrt(V * V - F * F * U * U), FLOW)
+    orbit = root(half_turn, begin, tol=1e-13)
+    yield Check("amplitude", abs(orbit.x[1]), math.sqrt(V * V - F * F * U * U), FLOW)

@@ -24,10 +24,6 @@ class Check:
     tolerance : float, in the unit of the quantity
         Largest abs(computed - exact) that agrees; 0 for counts.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.exact import Check
@@ -66,10 +62,6 @@ class ExactProblem:
     answer : callable
         () -> iterable of Check; solves the problem.
 
-    Notes
-    -----
-    Source: defined here; each problem has its own.
-
     Examples
     --------
     >>> import math
@@ -105,10 +97,6 @@ class Verdict:
         Wall time, compilation included.
     failure : str
         The exception that ended it, in words; empty without one.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

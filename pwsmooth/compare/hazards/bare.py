@@ -42,7 +42,7 @@ def judged(case: Case, state: np.ndarray, rtol: float) -> Finding:
         return Finding("blow-up")
     if off > 0.1:
         return Finding("wrong itinerary", off)
-    # A thousand tolerances, of events that are met without being located.
+    # A thousand tolerances: the events are met without being located.
     return Finding("inaccurate" if off > max(1e3 * rtol, 1e-6) else "right", off)
 
 

@@ -17,55 +17,47 @@ if TYPE_CHECKING:
 GAP = 0.18  # between two bands, in bands
 
 
-def plot_map(found: StabilityMap, axes: Any = None, *, small: bool = False) -> Any:
+def plot_map(map_: StabilityMap, axes: Any = None, *, small: bool = False) -> Any:
     """Draw a map; returns the Axes.
 
     Every method is a band, the first on top. Inside it the rows of the map go upwards. A cell has the colour of the
     most frequent failure there, paler where some of its runs are right. The black line is the border that theory
-    draws.
-
-    Parameters
-    ----------
-    found : StabilityMap
-    axes : matplotlib Axes, optional
-        A new figure of its own without.
-    small : bool
-        For a page of many: no second axis, fewer words.
+    draws. Without `axes` on a figure of its own; `small`, for a page of many, has no second axis and fewer words.
     """
     if axes is None:
-        figure = new_figure(7.0, 1.3 + 0.55 * len(found.methods))
+        figure = new_figure(7.0, 1.3 + 0.55 * len(map_.methods))
         axes = figure.subplots()
-        legend(figure, [found])
-    edges = _edges(np.array(found.x.values))
-    n_rows = len(found.rows)
+        legend(figure, [map_])
+    edges = _edges(np.array(map_.x.values))
+    n_rows = len(map_.rows)
     places = []
-    for band, method in enumerate(reversed(found.methods)):
+    for band, method in enumerate(reversed(map_.methods)):
         low = band * (1 + GAP)
         heights = low + np.linspace(0.0, 1.0, n_rows + 1)
-        axes.pcolormesh(edges, heights, _colours(found, method), linewidth=0, rasterized=True)
-        _border(axes, found.border[method], heights, edges)
+        axes.pcolormesh(edges, heights, _colours(map_, method), linewidth=0, rasterized=True)
+        _border(axes, map_.border[method], heights, edges)
         places.append(low + 0.5)
         if not small and n_rows > 1:
             for row in (0, n_rows - 1):
-                name = found.rows.words[row] if found.rows.words else f"{found.rows.values[row]:.5g}"
+                name = map_.rows.words[row] if map_.rows.words else f"{map_.rows.values[row]:.5g}"
                 axes.annotate(
                     name, (1.0, low + (row + 0.5) / n_rows), xycoords=("axes fraction", "data"), va="center",
                     xytext=(3, 0), textcoords="offset points", fontsize=6.5, color="#555555",
                 )  # fmt: skip
-    axes.set_xscale("log" if np.all(np.array(found.x.values) > 0) and _is_log(found.x.values) else "linear")
+    axes.set_xscale("log" if np.all(np.array(map_.x.values) > 0) and _is_log(map_.x.values) else "linear")
     axes.set_xlim(edges.min(), edges.max())
-    axes.set_ylim(-GAP, len(found.methods) * (1 + GAP))
-    axes.set_yticks(places, list(reversed(found.methods)))
+    axes.set_ylim(-GAP, len(map_.methods) * (1 + GAP))
+    axes.set_yticks(places, list(reversed(map_.methods)))
     axes.tick_params(axis="y", length=0, labelsize=6 if small else 8)
     axes.tick_params(axis="x", labelsize=6 if small else 8)
     size = 6 if small else 8.5
-    axes.set_xlabel(found.x.name, fontsize=size)
-    axes.set_title(found.title, fontsize=7.5 if small else 9.5)
-    if found.x.words:
-        axes.set_xticks(found.x.values, found.x.words)
+    axes.set_xlabel(map_.x.name, fontsize=size)
+    axes.set_title(map_.title, fontsize=7.5 if small else 9.5)
+    if map_.x.words:
+        axes.set_xticks(map_.x.values, map_.x.words)
     if n_rows > 1:
-        names = found.rows.words or tuple(f"{v:.5g}" for v in found.rows.values)
-        told = f"{found.x.name};  up, {found.rows.name}: {names[0]} … {names[-1]}"
+        names = map_.rows.words or tuple(f"{v:.5g}" for v in map_.rows.values)
+        told = f"{map_.x.name};  up, {map_.rows.name}: {names[0]} … {names[-1]}"
         axes.set_xlabel(textwrap.fill(told, 56 if small else 64), fontsize=size)
     for side in ("left", "bottom"):
         axes.spines[side].set_visible(False)
@@ -106,13 +98,13 @@ def page(maps: Sequence[StabilityMap], columns: int = 3) -> Any:
     return figure
 
 
-def _colours(found: StabilityMap, method: str) -> np.ndarray:
+def _colours(map_: StabilityMap, method: str) -> np.ndarray:
     """RGB of every cell."""
     from matplotlib.colors import to_rgb
 
-    shape = len(found.rows), len(found.x)
-    counts = {kind: found.counts[method].get(kind, np.zeros(shape, int)) for kind in KINDS}
-    total, failed = found.total(method), found.failed(method)
+    shape = len(map_.rows), len(map_.x)
+    counts = {kind: map_.counts[method].get(kind, np.zeros(shape, int)) for kind in KINDS}
+    total, failed = map_.total(method), map_.failed(method)
     picture = np.ones((*shape, 3))
     for i, k in np.ndindex(shape):
         if not total[i, k]:

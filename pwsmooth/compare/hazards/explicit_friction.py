@@ -54,7 +54,7 @@ def lugre(fast: bool) -> Hazard:
             broken = held(z**2, bound**2)  # an energy but for a factor
         if broken:
             return broken
-        # The start's 10 % have to be gone: a tenth of them counts as not.
+        # The 10 % of the start must decay: more than a tenth of it left counts as not decayed.
         off = abs(z[-1] * law.sigma0 / strength(v[-1]) - 1)
         return Finding("inaccurate" if off > 1e-2 else "right", off)
 
@@ -85,7 +85,7 @@ def lugre(fast: bool) -> Hazard:
     def ours(h: float, V: float) -> Finding:
         scene = force_driven(law, sp.Float(strength(V) + law.sigma2 * V))
         start = {**scene.start, "v": V, "z": 1.1 * strength(V) / law.sigma0}
-        # Its steps are the bristles' own: h is only what it is allowed. A thousand relaxations are enough.
+        # The step follows the bristles' own relaxation, and h is only its bound. A thousand relaxations are enough.
         span = min(h * number(h, V), 1000 * strength(V) / (law.sigma0 * V))
         return attempt(lambda: scene.solve((0.0, span), start, max_step=h), lambda s: judged(s["z"], s["v"], V))
 

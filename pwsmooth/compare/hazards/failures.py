@@ -59,10 +59,6 @@ class Finding:
     ValueError
         `kind` is none of `KINDS`.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.hazards import Finding

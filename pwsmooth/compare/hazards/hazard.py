@@ -58,10 +58,6 @@ class Axis:
     words : tuple of str
         Names of the values where they are cases and no numbers.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.hazards import Axis
@@ -99,10 +95,6 @@ class Hazard:
         What the size of a finding is.
     truth : str
         Where the right answer comes from.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -119,14 +119,14 @@ def noise(fast: bool) -> Hazard:
 
     def runner(which: System) -> Any:
         def trial(ratio: float, force: float) -> list[Finding]:
-            found = []
+            findings = []
             for seed in range(2 if fast else 4):
                 hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
                 run = functools.partial(
                     solve, which, (0.0, every * kicks), [0.0], parameters={F: force}, noise=hits, rtol=1e-6
                 )
-                found.append(attempt(run, lambda s: judged(s, force)))
-            return found
+                findings.append(attempt(run, lambda s: judged(s, force)))
+            return findings
 
         return trial
 

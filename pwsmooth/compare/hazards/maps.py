@@ -39,13 +39,7 @@ HAZARDS = {
 
 
 def built_in(name: str, fast: bool = False) -> Hazard:
-    """The built-in hazard of that name; `fast` is a coarser map.
-
-    Raises
-    ------
-    ValueError
-        No such hazard.
-    """
+    """The built-in hazard of that name, or a ValueError; `fast` is a coarser map."""
     if name not in HAZARDS:
         raise ValueError(f"`hazard` is {name!r}, which is none of {', '.join(HAZARDS)}.")
     home = importlib.import_module(f".{HAZARDS[name]}", __package__)
@@ -84,7 +78,7 @@ def stability(
 
     Notes
     -----
-    Source: defined here; each hazard's file says where its border comes from.
+    Each hazard's file says where its border comes from.
 
     Examples
     --------

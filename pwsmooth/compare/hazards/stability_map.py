@@ -45,10 +45,6 @@ class StabilityMap:
     seconds : float
         Processor time, in units of s.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import stability
@@ -138,14 +134,14 @@ class StabilityMap:
             Share of the runs on whose side of the border theory is right, dimensionless; nan without a border.
         """
         edge = self.border[method]
-        known = np.isfinite(edge) | np.isinf(edge)
-        if not known.any():
+        bordered = np.isfinite(edge) | np.isinf(edge)
+        if not bordered.any():
             return float("nan")
         x = np.array(self.x.values)
         beyond = x[None, :] > edge[:, None] if self.worse == "right" else x[None, :] < edge[:, None]
         total, failed = self.total(method), self.failed(method)
-        agreed = np.where(beyond, failed, total - failed)[known]
-        return float(agreed.sum() / max(1, total[known].sum()))
+        agreed = np.where(beyond, failed, total - failed)[bordered]
+        return float(agreed.sum() / max(1, total[bordered].sum()))
 
     @property
     def data(self) -> xarray.Dataset:

@@ -18,15 +18,7 @@ from .unguarded import quiet
 
 
 class Motion:
-    """x' = rates(t, x) with a surface h(t, x), in Python and for heyoka.
-
-    Parameters
-    ----------
-    rates, surface : callable (t, x) -> array, float
-    equations : callable (heyoka module) -> (system, surface expression)
-        The surface may use hy.par[0].
-    parameter : float
-    """
+    """x' = rates(t, x) with a surface h(t, x); `equations(hy)` is (system, surface with hy.par[0]) for heyoka."""
 
     def __init__(
         self, rates: Callable[..., Any], surface: Callable[..., float], equations: Any, parameter: float

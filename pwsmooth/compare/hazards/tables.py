@@ -23,26 +23,18 @@ def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
     """Rows {"hazard": title, group: "method: what happens; ..."} of the records of a data file."""
     rows = []
     for record in records:
-        found = StabilityMap.from_record(record)
+        map_ = StabilityMap.from_record(record)
         cells: dict[str, list[str]] = {group: [] for group in COLUMNS}
-        for method in found.methods:
-            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(found, method)}")
-        rows.append({"hazard": found.title} | {g: "; ".join(c) for g, c in cells.items()})
+        for method in map_.methods:
+            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(map_, method)}")
+        rows.append({"hazard": map_.title} | {g: "; ".join(c) for g, c in cells.items()})
     return rows
 
 
 def markdown(content: Mapping[str, Any]) -> str:
     """The table of a data file (experiments/results/stability.json) as markdown.
 
-    Parameters
-    ----------
-    content : mapping
-        What the file holds: `content["data"]["maps"]` are the records.
-
-    Returns
-    -------
-    str
-        A table with a row a hazard and a column a group of methods; shares are of all runs of the map.
+    A row a hazard, a column a group of methods; shares are of all runs of the map, content["data"]["maps"].
     """
     rows = table(content["data"]["maps"])
     used = [g for g in COLUMNS if any(row[g] for row in rows)]

@@ -59,12 +59,12 @@ def _own(wave: bool, level: float, span: tuple[float, float], **options: Any) ->
     return solve(_system(wave), span, start, rtol=RTOL, atol=1e-14, parameters={"level": level}, **options)
 
 
-def _judged(found: int, expected: int, recorded: bool) -> Finding:
+def _judged(events: int, expected: int, recorded: bool) -> Finding:
     if recorded:
-        return Finding("recorded", found)
-    if found == expected:
-        return Finding("right", found)
-    return Finding("missed event" if found < expected else "wrong itinerary", found)
+        return Finding("recorded", events)
+    if events == expected:
+        return Finding("right", events)
+    return Finding("missed event" if events < expected else "wrong itinerary", events)
 
 
 def _own_trial(situation: Any, **options: Any) -> Any:

@@ -38,19 +38,17 @@ def counted(rates: Callable[..., Any], most: int) -> Callable[..., Any]:
 
 def scipy_end(
     method: str, rates: Callable[..., Any], span: tuple[float, float], x0: Any, rtol: float, atol: float,
-    most: int = MOST, t_eval: Any = None,
+    most: int = MOST,
 ) -> np.ndarray:  # fmt: skip
-    """State at the end of the span, or states (n, nt) at `t_eval`."""
+    """State at the end of the span."""
     from scipy.integrate import solve_ivp
 
     with warnings.catch_warnings(), quiet():
         warnings.simplefilter("ignore")
-        run = solve_ivp(
-            counted(rates, most), span, np.array(x0, float), method, rtol=rtol, atol=atol, t_eval=t_eval
-        )
+        run = solve_ivp(counted(rates, most), span, np.array(x0, float), method, rtol=rtol, atol=atol)
     if run.status < 0:
         raise Collapsed(run.message)
-    return run.y[:, -1] if t_eval is None else run.y
+    return run.y[:, -1]
 
 
 def cvode(
@@ -59,7 +57,7 @@ def cvode(
     """State at the end, by CVODE's BDF."""
     from sksundae.cvode import CVODE
 
-    # A step limit of its own makes it start anew where it stands: the count of evaluations is what ends a run.
+    # At its own step limit it restarts where it stands; the count of evaluations is what ends a run.
     bounded = counted(rates, most)
 
     def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
@@ -119,10 +117,7 @@ def heyoka_taylor(
 ) -> Any:
     """State at the end by heyoka's adaptive Taylor method, as its users call it.
 
-    Parameters
-    ----------
-    equations : hashable function
-        (heyoka module) -> its system of (variable, expression), with parameters hy.par[i].
+    `equations(hy)`, hashable, is its system of (variable, expression), with parameters hy.par[i].
     """
     stepper = _taylor(equations, rtol)
     stepper.time = span[0]

@@ -9,14 +9,14 @@ import numpy as np
 from .failures import HARMLESS
 
 
-def what_happens(found: Any, method: str) -> str:
+def what_happens(map_: Any, method: str) -> str:
     """ "right", "right or recorded", or the ways of failing with their shares of all runs, of a StabilityMap."""
-    tally, total = found.tally(method), int(found.total(method).sum())
+    tally, total = map_.tally(method), int(map_.total(method).sum())
     failures = [(kind, n) for kind, n in tally.items() if kind not in HARMLESS]
     if not failures:
         return "right or recorded" if tally.get("recorded") else "right"
     words = [f"{kind} {_share(n, total)}" for kind, n in failures[:3]]
-    agreement = found.agreement(method)
+    agreement = map_.agreement(method)
     beyond = "" if not np.isfinite(agreement) or agreement < 0.95 else ", at theory's border"
     return ", ".join(words) + beyond
 

@@ -31,10 +31,6 @@ def scenes() -> tuple[str, ...]:
     tuple of str
         As `ladder` takes them.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.ladders import scenes
@@ -68,10 +64,6 @@ def setting_of(scene: str | Setting) -> Setting:
     ------
     ValueError, TypeError
         An unknown name; something that is neither.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -23,11 +23,7 @@ VERDICT_COLOUR = {
 def plot_ladder(ladder: Any, axes: Any = None) -> Any:
     """Draw a Ladder on two Axes, poorest rung at the bottom; returns them.
 
-    Parameters
-    ----------
-    ladder : Ladder
-    axes : sequence of two Axes, optional
-        A new figure without; its rows then carry the rungs' names once.
+    Without `axes` on a new figure, whose rows carry the rungs' names once.
     """
     from matplotlib.ticker import NullFormatter
 

@@ -73,10 +73,6 @@ def ladder(
     ValueError, TypeError
         An unknown scene or observable, a tolerance that is not positive.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import ladder
@@ -127,13 +123,13 @@ class _Climb:
         try:
             coarse: list[Any] = []
             fine: list[Any] = []
-            kept: Any = None
+            first: Any = None
             for k in range(count):
                 noise = None if rung.noise is None else rung.noise(k)
                 coarse.append(self._measured(self._solve(model, APART, noise), 1))
                 motion = self._solve(model, 1.0, noise)
                 fine.append(self._measured(motion, 2))
-                kept = kept or motion
+                first = first or motion
         except _Failed as reason:
             return self._failed(rung, str(reason)), None
         value = np.mean(fine, axis=0)
@@ -145,8 +141,8 @@ class _Climb:
             deviation = float(np.max(np.std(fine, axis=0, ddof=1)))
             spread = float(student.ppf(0.975, count - 1)) * deviation / math.sqrt(count)
         return Step(
-            rung.name, rung.matched, value, error, spread, self._seconds(model, rung), kept.cost.get("steps", 0),
-        ), kept  # fmt: skip
+            rung.name, rung.matched, value, error, spread, self._seconds(model, rung), first.cost.get("steps", 0),
+        ), first  # fmt: skip
 
     def _closed(self, rung, motion):
         value, coarse = self._measured(motion, 2), self._measured(motion, 1)

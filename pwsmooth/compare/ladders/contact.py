@@ -46,10 +46,7 @@ class Impact:
 def first_impact(law: Law, speed: float, mass: float) -> Impact:
     """What a law does to a mass that meets it at `speed` with nothing else acting.
 
-    Raises
-    ------
-    ValueError
-        The mass does not come off: the law sticks, or takes longer than a thousand of its own periods.
+    ValueError if it does not come off: the law sticks, or takes longer than a thousand of its own periods.
     """
     # The elastic impact on the same stiffness sets the time scale.
     values = law.values
@@ -61,12 +58,8 @@ def first_impact(law: Law, speed: float, mass: float) -> Impact:
         raise ValueError(
             f"`richest` holds on to a mass that meets it at {speed:g} m/s; give a law that lets it go."
         )
-    depth = _extreme(run, (on[0], off[0]), "p")
+    depth = float(peak("", "p", "").measure(run, (on[0], off[0]), 4001))
     return Impact(-float(run["v"][-1]) / speed, depth, float(off[0] - on[0]))
-
-
-def _extreme(run, window, name):
-    return float(peak("", name, "").measure(run, window, 4001))
 
 
 def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mass: float) -> list[Rung]:
@@ -95,7 +88,7 @@ def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mas
 
     Notes
     -----
-    Source: defined here: restitution and work of slow loading are those of a free impact of the richest law.
+    Restitution and work of slow loading are those of a free impact of the richest law.
 
     Examples
     --------
@@ -163,10 +156,6 @@ def contact_setting(
     -------
     Setting
         For `ladder`.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def _LuGre(r):
 
 
 def _Elastoplastic(r):
-    # Where the first element yields as its motion begins, at F_s; below what the law itself allows.
+    # Where the first element yields at the level F_s, kept below the bound F_c/stiffness of the law.
     first = float(np.min(r.share * r.F_s / r.kappa))
     z_ba = min(first, 0.999 * r.F_c / r.stiffness)
     return laws.Elastoplastic(**_bristle(r), z_ba=z_ba), (
@@ -168,7 +168,7 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
 
     Notes
     -----
-    Source: defined here: levels, stiffness and damping are those of the richest law's steady and virgin curves.
+    Levels, stiffness and damping are those of the richest law's steady and virgin curves.
 
     Examples
     --------
@@ -230,10 +230,6 @@ def friction_setting(
     -------
     Setting
         For `ladder`.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -42,10 +42,6 @@ class Step:
     verdict : str
         "within", "outside", "undecided", "failed", or "richest".
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -80,10 +76,6 @@ def judge(distance: float, bar: float, tolerance: float) -> str:
     str
         "within", "outside" or "undecided".
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.ladders import judge
@@ -112,8 +104,7 @@ def recommend(steps: Sequence[Step], tolerance: float) -> tuple[str | None, str]
 
     Notes
     -----
-    Source: defined here: the cheapest rung that is surely within the tolerance; of rungs that cost the same
-    the poorer one.
+    The cheapest rung that is surely within the tolerance; of rungs that cost the same the poorer one.
 
     Examples
     --------

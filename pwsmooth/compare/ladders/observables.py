@@ -1,18 +1,63 @@
 """Observables: numbers of a motion over a window, each a function that makes one for a named quantity.
 
-Extremes are looked at closer twice around the largest sample, instants found by bisection; what is left of the sampling
-is part of the error that the ladder reports.
+Extremes are looked at three times closer around the largest sample, instants found by bisection; what is left of the
+sampling is part of the error that the ladder reports.
 """
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ...results.maximum import refined_maximum
 from .rungs import Observable
 
 __all__ = ["amplitude", "centre", "curve", "end_value", "least", "peak", "period", "share_below"]
+
+_DOC = """{summary}
+
+Parameters
+----------
+name : str
+    Of the observable.
+of : str
+    Name of the quantity in the motion.
+unit : str
+    Of its value.
+
+Returns
+-------
+Observable
+    {value}
+
+Examples
+--------
+>>> import numpy as np
+>>> from pwsmooth.compare.ladders import {function}
+{example}
+"""
+
+
+def _observable(text: str, value: str) -> Callable[..., Callable[[str, str, str], Observable]]:
+    """Turns a measure (motion, window, points, of) -> float into a function (name, of, unit) -> Observable.
+
+    `text` describes the observable of a quantity `of`, `value` its value; the measure's docstring is a sentence and an
+    example.
+    """
+
+    def turn(measure: Callable[[Any, tuple[float, float], int, str], float]) -> Any:
+        def make(name: str, of: str, unit: str) -> Observable:
+            return Observable(name, unit, text.format(of=of), lambda m, w, n: measure(m, w, n, of))
+
+        make.__name__ = make.__qualname__ = measure.__name__
+        summary, _, example = inspect.cleandoc(measure.__doc__ or "").partition("\n\n")
+        make.__doc__ = _DOC.format(summary=summary, value=value, function=measure.__name__, example=example)
+        return make
+
+    return turn
 
 
 def _samples(motion, window, points, name):
@@ -21,174 +66,62 @@ def _samples(motion, window, points, name):
 
 
 def _top(motion: Any, window: tuple[float, float], points: int, name: str, sign: int = 1) -> float:
-    """Maximum of a quantity (of its negative with sign -1): the largest sample, then twice a closer look around it.
-
-    Only values that occur: a parabola through the samples would overshoot where a switching force jumps.
-    """
+    """Maximum of a quantity (of its negative with sign -1), by samples and a closer look around the largest."""
     times, values = _samples(motion, window, points, name)
-    best = -np.inf
-    for _ in range(3):
-        i = int(np.argmax(sign * values))
-        best = max(best, float(sign * values[i]))
-        near = times[max(i - 1, 0)], times[min(i + 1, len(times) - 1)]
-        times, values = _samples(motion, near, 129, name)
-    return max(best, float(np.max(sign * values)))
+    return refined_maximum(lambda t: sign * np.asarray(motion(t, name), float), times, sign * values, 129, 3)
 
 
-def peak(name: str, of: str, unit: str) -> Observable:
+_BETWEEN = "Between samples it looks closer three times, at values that occur."
+
+
+@_observable("largest {of}", _BETWEEN)
+def peak(motion, window, points, of):
     """Largest value of a quantity.
 
-    Parameters
-    ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
-    unit : str
-        Of its value.
-
-    Returns
-    -------
-    Observable
-        Between samples it looks closer twice, at values that occur.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import peak
     >>> round(peak("top", "x", "m").measure(lambda t, name: np.sin(t), (0.0, 3.0), 11), 6)
     1.0
     """
-    return Observable(name, unit, f"largest {of}", lambda m, w, n: _top(m, w, n, of))
+    return _top(motion, window, points, of)
 
 
-def least(name: str, of: str, unit: str) -> Observable:
+@_observable("smallest {of}", _BETWEEN)
+def least(motion, window, points, of):
     """Smallest value of a quantity.
 
-    Parameters
-    ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
-    unit : str
-        Of its value.
-
-    Returns
-    -------
-    Observable
-        Between samples it looks closer twice, at values that occur.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import least
     >>> round(least("lowest", "x", "m").measure(lambda t, name: np.sin(t), (3.0, 6.0), 11), 6)
     -1.0
     """
-    return Observable(name, unit, f"smallest {of}", lambda m, w, n: -_top(m, w, n, of, -1))
+    return -_top(motion, window, points, of, -1)
 
 
-def amplitude(name: str, of: str, unit: str) -> Observable:
+@_observable("half the range of {of}", "(largest - smallest)/2.")
+def amplitude(motion, window, points, of):
     """Half the range of a quantity.
 
-    Parameters
-    ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
-    unit : str
-        Of its value.
-
-    Returns
-    -------
-    Observable
-        (largest - smallest)/2.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import amplitude
     >>> round(amplitude("size", "x", "m").measure(lambda t, name: 3 + np.sin(t), (0.0, 6.0), 101), 6)
     1.0
     """
-    return Observable(name, unit, f"half the range of {of}",
-                      lambda m, w, n: (_top(m, w, n, of) + _top(m, w, n, of, -1)) / 2)  # fmt: skip
+    return (_top(motion, window, points, of) + _top(motion, window, points, of, -1)) / 2
 
 
-def centre(name: str, of: str, unit: str) -> Observable:
+@_observable("distance of the middle of {of}'s range from 0", "Half the absolute value of largest + smallest.")
+def centre(motion, window, points, of):
     """Distance of the middle of a quantity's range from 0, which it is of a symmetric orbit.
 
-    Parameters
-    ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
-    unit : str
-        Of its value.
-
-    Returns
-    -------
-    Observable
-        Half the absolute value of largest + smallest.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwsmooth.compare.ladders import centre
     >>> round(centre("offset", "x", "m").measure(lambda t, name: 3 + np.sin(t), (0.0, 6.0), 101), 6)
     3.0
     """
-    return Observable(name, unit, f"distance of the middle of {of}'s range from 0",
-                      lambda m, w, n: abs(_top(m, w, n, of) - _top(m, w, n, of, -1)) / 2)  # fmt: skip
+    return abs(_top(motion, window, points, of) - _top(motion, window, points, of, -1)) / 2
 
 
-def end_value(name: str, of: str, unit: str) -> Observable:
+@_observable("{of} at the end", "One value.")
+def end_value(motion, window, points, of):
     """A quantity at the end of the window.
 
-    Parameters
-    ----------
-    name : str
-        Of the observable.
-    of : str
-        Name of the quantity in the motion.
-    unit : str
-        Of its value.
-
-    Returns
-    -------
-    Observable
-        One value.
-
-    Notes
-    -----
-    Source: defined here.
-
-    Examples
-    --------
-    >>> from pwsmooth.compare.ladders import end_value
     >>> end_value("end", "x", "m").measure(lambda t, name: 2 * t, (0.0, 3.0), 11)
     6.0
     """
-    return Observable(name, unit, f"{of} at the end", lambda m, w, n: float(m(w[1], of)))
+    return float(motion(window[1], of))
 
 
 def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
@@ -209,10 +142,6 @@ def curve(name: str, of: str, unit: str, points: int = 400) -> Observable:
     -------
     Observable
         Its value has shape (points,).
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -260,10 +189,6 @@ def period(name: str, of: str, level: float, unit: str = "s") -> Observable:
     Observable
         The instants are found by bisection.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> import numpy as np
@@ -295,10 +220,6 @@ def share_below(name: str, of: str, level: float) -> Observable:
     -------
     Observable
         Between 0 and 1.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -32,7 +32,7 @@ def run(scene: str, observable: str, tolerance: str, out: Path | None) -> Ladder
         raise ValueError(f"no observable is named; choose one of {names} with --observable.")
     from rich.console import Console
 
-    # Shown on a terminal only, and gone afterwards.
+    # The status line is shown on a terminal only, and disappears afterwards.
     with Console(stderr=True).status(f"running every model of {scene!r} at two tolerances, and timing it ..."):
         found = ladder(scene, observable, tolerance)
     print(found)
@@ -41,7 +41,7 @@ def run(scene: str, observable: str, tolerance: str, out: Path | None) -> Ladder
     return found
 
 
-def write(found: Ladder, out: Path) -> tuple[Path, Path]:
+def write(ladder: Ladder, out: Path) -> tuple[Path, Path]:
     """The data file and the chart of a ladder; returns their paths."""
     import io
 
@@ -49,12 +49,16 @@ def write(found: Ladder, out: Path) -> tuple[Path, Path]:
     from ...figures import write_whole
 
     out.mkdir(parents=True, exist_ok=True)
-    stem = f"ladder {found.scene} {found.observable.name}".replace(" ", "_")
+    stem = f"ladder {ladder.scene} {ladder.observable.name}".replace(" ", "_")
     data, chart = out / f"{stem}.json", out / f"{stem}.png"
-    made = {"pwsmooth": version("pwsmooth"), "python": platform.python_version(), "machine": platform.machine()}
-    write_whole(data, json.dumps({**found.records(), "provenance": made}, indent=1).encode())
+    versions = {
+        "pwsmooth": version("pwsmooth"),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }
+    write_whole(data, json.dumps({**ladder.records(), "provenance": versions}, indent=1).encode())
     with plotting.style():
         buffer = io.BytesIO()
-        found.chart()[0].figure.savefig(buffer, format="png")
+        ladder.chart()[0].figure.savefig(buffer, format="png")
     write_whole(chart, buffer.getvalue())
     return data, chart

@@ -42,10 +42,6 @@ class Ladder:
     reason : str
         The recommendation in words.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import ladder

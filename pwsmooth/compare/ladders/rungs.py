@@ -25,10 +25,6 @@ class Motion(Protocol):
 
     A `Solution` with dense output is one; so is a model in closed form.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     A closed form as the motion of an observable:
@@ -63,10 +59,6 @@ class Rung:
     samples : int
         Trajectories of a noisy rung.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.ladders import Rung
@@ -92,13 +84,8 @@ class Observable:
     name, unit, meaning : str
         For the command line, of its value, and in words.
     measure : callable
-        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of
-        samples that
-        it may take of the window; the ladder asks for twice as many where it wants the error.
-
-    Notes
-    -----
-    Source: defined here.
+        (motion, window, points) -> float, or ndarray of fixed shape for a curve. `points` is the number of samples
+        that it may take of the window; the ladder asks for twice as many where it wants the error.
 
     Examples
     --------
@@ -125,19 +112,14 @@ class Setting:
     richest : Rung
         The most complete model.
     coarser : callable
-        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths,
-        at which
-        the laws are matched, are read off that motion.
+        Motion of the richest rung -> the other rungs, poorest first: typical speeds, restitutions and depths, at
+        which the laws are matched, are read off that motion.
     observables : sequence of Observable
         What can be asked for by name.
     window : (float, float), s
         Span that the observables look at.
     points : int
         Samples of the window for the coarse measurement.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -175,10 +157,10 @@ class Setting:
         """
         if isinstance(name, Observable):
             return name
-        known = {o.name: o for o in self.observables}
-        if name not in known:
+        by_name = {o.name: o for o in self.observables}
+        if name not in by_name:
             raise ValueError(
-                f"`observable` is {name!r}, which {self.name} does not have; choose one of {', '.join(known)}, or give "
-                "an Observable."
+                f"`observable` is {name!r}, which {self.name} does not have; choose one of {', '.join(by_name)}, "
+                "or give an Observable."
             )
-        return known[name]
+        return by_name[name]

@@ -70,17 +70,11 @@ def solver(system: Any, steps: int, t_end: float, stages: int, tolerance: float)
 
 
 def simulate(system: Any, x0: np.ndarray, t_end: float, steps: int, stages: int, tolerance: float) -> Any:
-    """(state at the end, times of switches, stages computed).
-
-    Raises
-    ------
-    RuntimeError
-        A step's programme has no solution that was found.
-    """
+    """(state at the end, times of switches, stages computed); RuntimeError where a step's programme is not solved."""
     import nosnoc
 
-    made = solver(system, steps, t_end, stages, tolerance)
-    loop = nosnoc.NosnocSimLooper(made, np.append(x0, 0.0), steps)
+    steps_solver = solver(system, steps, t_end, stages, tolerance)
+    loop = nosnoc.NosnocSimLooper(steps_solver, np.append(x0, 0.0), steps)
     with contextlib.redirect_stdout(io.StringIO()):  # it prints a line for each programme that fails
         loop.run()
     failed = sum(status != nosnoc.nosnoc_types.Status.SUCCESS for status in loop.status)

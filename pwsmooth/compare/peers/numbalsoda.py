@@ -52,7 +52,7 @@ def with_events(functions: Plain) -> Any:
     n, nw = functions.n, functions.n_walls
     field, margins, strike, begin = rules.field, rules.margins, rules.strike, rules.begin
 
-    # The data are the status and the time of the last event: the start lies on a surface to rounding.
+    # The data are the status and the time of the last event: the start may lie on a surface, up to rounding.
     @cfunc(lsoda_sig)
     def rhs(t, u, du, data):
         status = np.empty(nw, np.int64)
@@ -101,13 +101,7 @@ def with_events(functions: Plain) -> Any:
 def solve_ignoring(
     functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int
 ) -> Any:
-    """(state at the end, evaluations).
-
-    Raises
-    ------
-    RuntimeError
-        LSODA gave up.
-    """
+    """(state at the end, evaluations); RuntimeError where LSODA gave up."""
     x, ok, calls = ignoring(functions)[0](x0, t_end, rtol, float(atol.min()), most)
     if not ok:
         raise RuntimeError(f"LSODA gave up within {most} steps")

@@ -18,11 +18,7 @@ def simulate(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: 
     """(state at the end, evaluations).
 
     The unknowns are (x, h, w): h = surface(t, x) by an algebraic row, w by the projection.
-
-    Raises
-    ------
-    RuntimeError
-        The steps fail, or more than `most` evaluations.
+    RuntimeError where the steps fail or need more than `most` evaluations.
     """
     from solve_nivp import solve_ivp_ns
 

@@ -18,13 +18,7 @@ from ..work_precision.plain import Plain
 class Cvode:
     """CVODE, stopped at every event and started anew.
 
-    Parameters
-    ----------
-    functions : Plain
-    options : dict
-        Of CVODE: method, rtol, atol, max_step.
-    most : int
-        Evaluations.
+    `options` are CVODE's (method, rtol, atol, max_step), `most` bounds the evaluations.
     """
 
     def __init__(self, functions: Plain, most: int, **options: Any) -> None:
@@ -64,7 +58,7 @@ class Cvode:
         if not out.success and out.t_events is None:
             raise RuntimeError(str(out.message))
         spent = self.calls - before
-        # The record of events keeps that of the run before, when this one has none.
+        # Without an event the record still holds that of the run before.
         if out.t[-1] >= end or out.i_events is None or len(out.i_events) == 0:
             return Strike(float(out.t[-1]), np.array(out.y[-1]), None, spent)
         hit = next((k for k in watched if out.i_events[-1][k] != 0), None)
@@ -79,10 +73,7 @@ class Cvode:
 def ignoring(functions: Plain, x0: np.ndarray, t_end: float, most: int, **options: Any) -> Any:
     """(state at the end, evaluations) on the right-hand side with its bare sign.
 
-    Raises
-    ------
-    RuntimeError
-        CVODE gave up, or needed more than `most` evaluations.
+    RuntimeError where CVODE gave up, or needed more than `most` evaluations.
     """
     from sksundae.cvode import CVODE
 

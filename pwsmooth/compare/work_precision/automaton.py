@@ -233,16 +233,8 @@ def follow(
 ) -> tuple[np.ndarray, list[tuple[float, str]], int]:
     """The whole motion, mode after mode: (state at the end, events as (time, kind), evaluations).
 
-    Parameters
-    ----------
-    advance : callable
-        (t, end, x, status, watched) -> Strike at the first margin that falls through zero; `watched` are the walls
-        that matter in this mode.
-
-    Raises
-    ------
-    RuntimeError
-        More than `most` events or `most_evaluations`.
+    `advance(t, end, x, status, watched)` gives the Strike at the first margin that falls through zero; `watched` are
+    the walls that matter in this mode. RuntimeError after more than `most` events or `most_evaluations`.
     """
     functions = rules.functions
     (t, end), x = t_span, np.array(x0, float)
@@ -270,10 +262,10 @@ def follow(
         now = watch(functions, status)
         if set(now) - set(watched):
             # Walls that come into play have a side of their own; the others must keep theirs.
-            kept = [j for j in range(functions.n_walls) if j in watched or status[j] == 0]
+            standing = [j for j in range(functions.n_walls) if j in watched or status[j] == 0]
             fresh = status.copy()
             rules.sides(t, x, fresh)
-            fresh[kept] = status[kept]
+            fresh[standing] = status[standing]
             status[:] = fresh
             now = watch(functions, status)
         watched = now

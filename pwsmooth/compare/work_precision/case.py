@@ -45,10 +45,6 @@ class Reference:
     uncertainty : float, dimensionless
         Of states and times, in units of their sizes.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import CASES
@@ -90,10 +86,6 @@ class Case:
         t -> exact state; without it two methods have to agree.
     counted : tuple of str
         Kinds of events that make the itinerary.
-
-    Notes
-    -----
-    Source: defined here; what is known of a built-in case stands in its `reference`.
 
     Examples
     --------
@@ -221,8 +213,7 @@ def case_of(
     scene : Scene
         Its span begins at 0.
     exact : callable, optional
-        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two
-        methods that
+        t -> exact state, in the order of `scene.system.states`. Without it the reference is made of two methods that
         agree, see `Case.reference`.
     sizes : sequence of float, length n, optional
         Of the states, in their units; by default the largest values on the motion.
@@ -246,10 +237,6 @@ def case_of(
     ------
     ValueError
         A span that does not begin at 0.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

@@ -61,7 +61,7 @@ def plot_work(
 
     Notes
     -----
-    Source: defined here; open marks are wrong itineraries.
+    Open marks are wrong itineraries.
 
     Examples
     --------
@@ -138,11 +138,11 @@ def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
     True
     """
     good = sorted((p for p in line if p.good), key=lambda p: (getattr(p, work), p.error))
-    kept: list[Point] = []
+    best: list[Point] = []
     for p in good:
-        if not kept or p.error < kept[-1].error:
-            kept.append(p)
-    return kept or [min(line, key=lambda p: p.error)]
+        if not best or p.error < best[-1].error:
+            best.append(p)
+    return best or [min(line, key=lambda p: p.error)]
 
 
 def _colour(group: str) -> str:
@@ -169,12 +169,12 @@ def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
                 continue
             taken = any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed)
             inside = (np.abs(drawn[1] - at) < 0.4 * height) & (across < drawn[0]) & (drawn[0] < across + long)
-            # A name on a name is not read at all; on a line it is, so that it stays within a few lines of its own.
+            # Names must not overlap; a name may lie on a line, so that it stays near its own.
             cost = 1e3 * taken + abs(shift) + min(6.0, 0.5 * int(inside.sum()))
             if cost < least:
                 best, least = at, cost
         placed.append((across, best, long))
-        # Over the lines and under the marks: no point is hidden.
+        # Draw names over the lines and under the marks: no point is hidden.
         axes.annotate(
             text, (x, y), (10**across, 10**best), color=colour, fontsize=6.2, va="center", zorder=3.5,
             path_effects=[withStroke(linewidth=1.6, foreground="white")],
@@ -183,15 +183,15 @@ def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
 
 def _traced(lines: Iterable[Any]) -> np.ndarray:
     """log10 of points along all lines, shape (2, points)."""
-    found = [np.empty((2, 0))]
+    pieces = [np.empty((2, 0))]
     for line in lines:
         x, y = (np.log10(np.asarray(values, float)) for values in line.get_data())
         if line.get_linestyle() == "None":
-            found.append(np.array([x, y]))
+            pieces.append(np.array([x, y]))
         elif len(x) > 1:
             steps = np.linspace(0, len(x) - 1, 12 * len(x))
-            found.append(np.array([np.interp(steps, np.arange(len(x)), values) for values in (x, y)]))
-    return np.concatenate(found, axis=1)
+            pieces.append(np.array([np.interp(steps, np.arange(len(x)), values) for values in (x, y)]))
+    return np.concatenate(pieces, axis=1)
 
 
 def plot_orders(points: Sequence[Point], axes: Any) -> Any:
@@ -208,10 +208,6 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     -------
     Axes
         The same.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -272,10 +268,6 @@ def best_width(points: Iterable[Point], error: float) -> Point | None:
     Point or None
         None if no run is so good.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.work_precision.charts import best_width
@@ -307,10 +299,6 @@ def plot_widths(
     Axes
         The same.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare.work_precision.charts import plot_widths
@@ -325,11 +313,11 @@ def plot_widths(
         exact = [p for p in here if p.method == "event-driven" and p.good]
         x, y = [], []
         for error in errors:
-            found = best_width((p for p in here if p.method == method), error)
+            cheapest = best_width((p for p in here if p.method == method), error)
             least = min((p.seconds for p in exact if p.error <= error), default=None)
-            if found and (what == "eps" or least):
+            if cheapest and (what == "eps" or least):
                 x.append(error)
-                y.append(found.setting[0] if what == "eps" or not least else found.seconds / least)
+                y.append(cheapest.setting[0] if what == "eps" or not least else cheapest.seconds / least)
         title = CASES[case].title if case in CASES else case
         axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=title)
     axes.set_xscale("log")

@@ -20,10 +20,6 @@ from .case import Case
 class CannotDo(Exception):
     """The method has no form for this case; the text says why.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import CASES, METHODS
@@ -47,10 +43,6 @@ class Run:
         no events. What has to be read out of a run's record is read after the clock has stopped.
     evaluations : int
         Of the right-hand side; a Taylor polynomial of order K counts K + 1.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------
@@ -100,10 +92,6 @@ class Method:
         The package that it needs besides the core.
     options : str
         How it is tuned, in words.
-
-    Notes
-    -----
-    Source: defined here; `options` says how a rival is used.
 
     Examples
     --------

@@ -70,10 +70,6 @@ def work_precision(
     RuntimeError
         The two methods of a reference disagree.
 
-    Notes
-    -----
-    Source: defined here; every case names the source of its answer.
-
     Examples
     --------
     >>> from pwsmooth.compare import work_precision
@@ -89,10 +85,10 @@ def work_precision(
             raise ValueError(f"`tolerances` contains {rtol!r}; give numbers between 0 and 1.")
     data = WorkPrecision()
     for case in _cases(scene, reference, sizes):
-        known = case.reference
+        answer = case.reference
         data.references[case.name] = {
-            "title": case.title, "source": known.source, "uncertainty": known.uncertainty,
-            "events": len(known.kinds), "t_end": case.t_end,
+            "title": case.title, "source": answer.source, "uncertainty": answer.uncertainty,
+            "events": len(answer.kinds), "t_end": case.t_end,
         }  # fmt: skip
         data += _measure(case, chosen, tolerances, repeats, longest, tell)
     return data
@@ -110,12 +106,12 @@ def _cases(scene, reference, sizes) -> list[Case]:
     return [_named(c, CASES, "scene") for c in scene] or list(CASES.values())
 
 
-def _named(item, known, argument):
+def _named(item, by_name, argument):
     if not isinstance(item, str):
         return item
-    if item not in known:
-        raise ValueError(f"`{argument}` contains {item!r}, which is none of {', '.join(known)}.")
-    return known[item]
+    if item not in by_name:
+        raise ValueError(f"`{argument}` contains {item!r}, which is none of {', '.join(by_name)}.")
+    return by_name[item]
 
 
 def _measure(case, methods: Sequence[Method], tolerances, repeats, longest, tell):

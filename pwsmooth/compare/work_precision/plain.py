@@ -62,17 +62,8 @@ class Plain:
 def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
     """The functions of a system; compiled once for each model and its values.
 
-    Parameters
-    ----------
-    system : System
-        Whose parameters become numbers.
-    varied : tuple of str
-        Parameters that stay open, for many values of one compiled model: states of rate 0, after all others.
-
-    Raises
-    ------
-    ValueError
-        A model with algebraic unknowns or events at given instants, which no plain function of (t, x) can hold.
+    Parameters become numbers, except those `varied`, which are states of rate 0 after all others: many values of one
+    compiled model. ValueError for algebraic unknowns and events at instants, which no function of (t, x) can hold.
     """
     model = system.model
     names = [str(p) for p in model.parameters]
@@ -126,7 +117,7 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     rhs = [*model.rhs, *[sp.S.Zero] * (n - len(model.rhs))]
     lams = [mu.symbol for mu in model.multipliers]
     surfaces = [mu.surface for mu in model.multipliers]
-    # Nobody solves for the multiplier of a kink.
+    # The multiplier of a kink is never solved for.
     residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
     impacts = [e for mu in model.multipliers if mu.impact for e in (*mu.impact, *varied)]
     walls, events = _walls(happenings, surfaces, numbers)

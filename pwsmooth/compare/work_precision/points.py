@@ -42,10 +42,6 @@ class Point:
     note : str
         Why there is no result: "cannot do: ...", "not installed: ...", or the failure.
 
-    Notes
-    -----
-    Source: defined here.
-
     Examples
     --------
     >>> from pwsmooth.compare import work_precision
@@ -91,10 +87,6 @@ class WorkPrecision(list[Point]):
         Measured ones.
     references : dict of str to dict
         Of every case the source of its reference, its uncertainty and its number of events.
-
-    Notes
-    -----
-    Source: defined here.
 
     Examples
     --------

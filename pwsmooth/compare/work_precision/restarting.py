@@ -26,10 +26,7 @@ def restarted(
 ) -> tuple[np.ndarray, list[tuple[float, str]], int]:
     """(state at the end, events as (time, kind), evaluations of the right-hand side).
 
-    Raises
-    ------
-    RuntimeError
-        The integrator fails, or there are more than `most` events or `most_evaluations`.
+    RuntimeError where the integrator fails, or after more than `most` events or `most_evaluations`.
     """
     from scipy.integrate import solve_ivp
 

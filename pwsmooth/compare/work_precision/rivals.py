@@ -55,17 +55,16 @@ def event_ignoring(method: str) -> Callable[[Case, float], Runner]:
     return runner
 
 
-def restarting(method: str, careful: bool = True) -> Callable[[Case, float], Runner]:
-    """SciPy with terminal events, restarted at each; `careful` bounds the step so that none is stepped over."""
+def restarting(method: str) -> Callable[[Case, float], Runner]:
+    """SciPy with terminal events, restarted at each; its step is bounded, so that none is stepped over."""
 
     def runner(case: Case, rtol: float) -> Runner:
         functions = plain(case.system)
-        longest = case.longest if careful else np.inf
 
         def run(t_end: float) -> Run:
             x, log, work = restarted(
                 functions, (0.0, t_end), np.array(case.start), method=method, **case.tolerances(rtol),
-                max_step=longest, most=2000, most_evaluations=MOST,
+                max_step=case.longest, most=2000, most_evaluations=MOST,
             )  # fmt: skip
             return Run(x, log, work)
 
@@ -130,10 +129,10 @@ def heyoka_events(case: Case, rtol: float) -> Runner:
     """heyoka with terminal events."""
     from ..peers.heyoka import integrators
 
-    made = integrators(case.system, plain(case.system), rtol)
+    integrator = integrators(case.system, plain(case.system), rtol)
 
     def run(t_end: float) -> Run:
-        return Run(*made.run(t_end, np.array(case.start, float)))
+        return Run(*integrator.run(t_end, np.array(case.start, float)))
 
     return run
 
@@ -144,10 +143,10 @@ def heyoka_smoothed(case: Case, setting: tuple[float, float]) -> Runner:
     from ..peers.heyoka import Smooth
 
     eps, rtol = setting
-    made = Smooth(case.system.smoothed(eps), rtol)
+    integrator = Smooth(case.system.smoothed(eps), rtol)
 
     def run(t_end: float) -> Run:
-        x, work = made.run(t_end, np.array(case.start, float), MANY)
+        x, work = integrator.run(t_end, np.array(case.start, float), MANY)
         return Run(x, None, work)
 
     return run
@@ -159,10 +158,12 @@ def cvode_events(method: str) -> Callable[[Case, float], Runner]:
     def runner(case: Case, rtol: float) -> Runner:
         from ..peers.sundae import Cvode
 
-        made = Cvode(plain(case.system), MOST, method=method, max_step=case.longest, **case.tolerances(rtol))
+        integrator = Cvode(
+            plain(case.system), MOST, method=method, max_step=case.longest, **case.tolerances(rtol)
+        )
 
         def run(t_end: float) -> Run:
-            return Run(*made.run(t_end, np.array(case.start, float)))
+            return Run(*integrator.run(t_end, np.array(case.start, float)))
 
         return run
 
@@ -225,10 +226,10 @@ def diffrax_events(case: Case, rtol: float) -> Runner:
     from ..peers.diffrax import modes
 
     options = case.tolerances(rtol)
-    made = modes(case.system, plain(case.system), case.longest, MANY // 13)
+    integrator = modes(case.system, plain(case.system), case.longest, MANY // 13)
 
     def run(t_end: float) -> Run:
-        return Run(*made.run(t_end, np.array(case.start, float), **options))
+        return Run(*integrator.run(t_end, np.array(case.start, float), **options))
 
     return run
 

@@ -132,7 +132,7 @@ def effective_restitution(name: str, c_r: float) -> float:
 
     Notes
     -----
-    Source: defined here, by the closed form of `restitution`.
+    Source: derived here, by the closed form of `restitution`.
 
     Examples
     --------

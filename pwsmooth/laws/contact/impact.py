@@ -43,37 +43,11 @@ class ImpactLaw(Law):
         check_c_r(self.c_r, f"`c_r` of {type(self).__name__}")
 
     def elastic(self, d: Any, p: Any) -> Any:
-        """Elastic force g(delta).
-
-        Parameters
-        ----------
-        d : Expr
-            Indentation delta, > 0, m.
-        p : namespace
-            The parameters' symbols or values.
-
-        Returns
-        -------
-        Expr
-            N.
-        """
+        """Elastic force g(delta), N, at an indentation d > 0, m; `p` holds the parameters' symbols or values."""
         raise NotImplementedError
 
     def potential(self, d: Any, p: Any) -> Any:
-        """Work of the elastic force, G(delta).
-
-        Parameters
-        ----------
-        d : Expr
-            Indentation delta, > 0, m.
-        p : namespace
-            The parameters' symbols or values.
-
-        Returns
-        -------
-        Expr
-            J.
-        """
+        """Work of the elastic force, G(delta), J; arguments as of `elastic`."""
         raise NotImplementedError
 
     def pieces(self, at, p):

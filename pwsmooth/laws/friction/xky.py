@@ -94,7 +94,7 @@ class MultistateXKY(Law):
 
     def pieces(self, at, p):
         elements, v = at.family(self.elements), at.v
-        # It stays between F_c and F_s; were it negative the clip would jump and its surfaces slide.
+        # The level stays between F_c and F_s: with a negative one the clip would jump and its surfaces would slide.
         s = at.state("s", stribeck(v, p), self.F_c, positive=True)
         a = at.member(elements, "a", scale=self.F_c / max(k for k, _ in self.pairs()))
         limit = p.share * s
