@@ -1,6 +1,7 @@
-"""The layers of the package, as [tool.importlinter] of pyproject.toml has them; nothing is imported for it, only read."""
+"""The layers of the package, as [tool.importlinter] of pyproject.toml has them. Nothing is imported, only read."""
 
 import graphlib
+import re
 import shutil
 import subprocess
 import sys
@@ -18,7 +19,7 @@ def lint(folder):
     done = subprocess.run(
         [sys.executable, "-c", LINT, "--no-cache"], cwd=folder, capture_output=True, text=True, encoding="utf-8"
     )
-    return done.returncode, done.stdout + done.stderr
+    return done.returncode, re.sub(r"\x1b\[[\d;]*m", "", done.stdout + done.stderr)
 
 
 def test_imports_keep_to_the_layers():
