@@ -5,6 +5,7 @@ from pathlib import Path
 import api_pages
 import docstring_rules
 import figure_pages
+import layer_pages
 import study_pages
 from page import AUTO, ROOT, forget_old_pages, write
 from sphinx.errors import ExtensionError
@@ -19,6 +20,7 @@ def generate(app):
         logger.warning("%s", text, type="docstring")
     api_pages.write_pages()
     study_pages.write_pages()
+    layer_pages.write_pages()
     try:
         figure_pages.write_pages(Path(app.config.pwsmooth_figures))
     except FileNotFoundError as error:
@@ -27,7 +29,9 @@ def generate(app):
     for name in ("CHANGELOG", "CONTRIBUTING"):
         source = ROOT / f"{name}.md"
         if source.is_file():
-            write(AUTO / f"{name.lower()}.md", source.read_text(encoding="utf-8"))
+            # Links that lead from the root of the repository to these pages.
+            text = source.read_text(encoding="utf-8").replace("](docs/", "](../")
+            write(AUTO / f"{name.lower()}.md", text)
 
 
 def setup(app):
