@@ -18,6 +18,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.model import Model
+from ..definition.sigmoids import sigmoid
 
 _BENT = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
 
@@ -214,8 +215,6 @@ def meaning(system: Any, own: Mapping[str, sp.Symbol]) -> dict[str, sp.Expr]:
     named |= {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
     widths = dict(model.smoothing)
     if widths:
-        from ..definition.sigmoids import sigmoid
-
         for switch in system.switches:
             if switch.surface in widths:
                 named[str(switch)] = sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])

@@ -16,6 +16,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model, Select
+from ..definition.sigmoids import sigmoid
 from . import outputs as looped_outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
@@ -197,8 +198,6 @@ class Solution:
         named = {str(layer.symbol): layer.equilibrium for layer in self.model.layer_states}
         if self.model.smoothing:
             # A smoothed switch keeps its name: lam is Lambda(h/eps) there.
-            from ..definition.sigmoids import sigmoid
-
             widths = dict(self.model.smoothing)
             for switch in self.system.switches:
                 if switch.surface in widths:
