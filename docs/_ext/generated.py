@@ -1,5 +1,6 @@
 """Writes the pages that are made from the code, the figures and the data, before Sphinx looks for sources."""
 
+import re
 from pathlib import Path
 
 import api_pages
@@ -7,11 +8,12 @@ import docstring_rules
 import figure_pages
 import layer_pages
 import study_pages
-from page import AUTO, ROOT, forget_old_pages, write
+from page import AUTO, ROOT, forget_old_pages, plain, write
 from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
 logger = logging.getLogger(__name__)
+_TEST = re.compile(r"^- `(\w+\.py)::test_(\w+)`$", re.MULTILINE)
 
 
 def generate(app):
@@ -34,8 +36,15 @@ def generate(app):
             write(AUTO / f"{name.lower()}.md", text)
 
 
+def name_tests(app, name, content):
+    """Names of tests are sentences: set as such, their file behind them."""
+    if name == "event_contract":
+        content[0] = _TEST.sub(lambda m: f"- {plain(m[2].replace('_', ' '))} (`{m[1]}`)", content[0])
+
+
 def setup(app):
     app.add_config_value("pwsmooth_figures", "", "env", str)
     # Before sphinx-gallery (priority 500), which reads what is there.
     app.connect("builder-inited", generate, priority=100)
+    app.connect("source-read", name_tests)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import grimp
-from page import AUTO, ROOT, Raw, table, write
+from page import AUTO, ROOT, Raw, plain, table, write
 
 LAYERS = AUTO / "layers"
 PICTURES = {
@@ -70,19 +70,16 @@ def _forbidden(rules: Iterable[dict[str, Any]], package: str, name: str) -> set[
 
 def _table(rule: dict[str, Any], rules: list[dict[str, Any]], found: set[Arrow]) -> str:
     """For every member of a package what it imports, and what it might."""
-    rows, all_layers = [], layers(rule)
+    rows: list[tuple[Any, ...]] = []
+    all_layers = layers(rule)
     for i, layer in enumerate(all_layers):
         for name in layer:
             below = list(itertools.chain.from_iterable(all_layers[i + 1 :]))
             kept_off = _forbidden(rules, rule["containers"][0], name)
-            does = [_code(b) for b in below if (name, b) in found]
-            might = [_code(b) for b in below if (name, b) not in found and b not in kept_off]
-            rows.append((Raw(_code(name)), Raw(", ".join(does) or "nobody"), Raw(", ".join(might))))
-    return table(("", "imports", "might as well"), rows)
-
-
-def _code(name: str) -> str:
-    return f"`{name}`"
+            does = [b for b in below if (name, b) in found]
+            might = [b for b in below if (name, b) not in found and b not in kept_off]
+            rows.append((Raw(f"**{plain(name)}**"), *(Raw(plain(", ".join(names))) for names in (does, might))))
+    return table(("", "imports", "could import too"), rows)
 
 
 def unimplied(arrows: set[Arrow]) -> set[Arrow]:
