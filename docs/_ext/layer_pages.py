@@ -74,6 +74,8 @@ def _table(rule: dict[str, Any], rules: list[dict[str, Any]], found: set[Arrow])
     all_layers = layers(rule)
     for i, layer in enumerate(all_layers):
         for name in layer:
+            if name == "__main__":
+                continue
             below = list(itertools.chain.from_iterable(all_layers[i + 1 :]))
             kept_off = _forbidden(rules, rule["containers"][0], name)
             does = [b for b in below if (name, b) in found]
