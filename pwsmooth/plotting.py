@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from .results.solution import Solution
 
 __all__ = [
     "COLOUR",
@@ -286,7 +284,23 @@ def direction_arrows(
     return ax
 
 
-def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
+class _Run(Protocol):
+    """What is drawn of a Solution, which itself calls `plot_solution`."""
+
+    t: np.ndarray
+    dense: Any
+
+    @property
+    def states(self) -> Any: ...
+    @property
+    def segments(self) -> Any: ...
+    @property
+    def model(self) -> Any: ...
+    def __getitem__(self, name: Any) -> np.ndarray: ...
+    def __call__(self, t: Any, name: Any = None) -> np.ndarray: ...
+
+
+def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
     """Draw states (or `names`) against time, one Axes each, with the intervals shaded in which a multiplier is solved.
 
     With dense output the curves are smooth; without, straight lines join the ends of the steps, which are long
@@ -341,7 +355,7 @@ def plot_solution(sol: Solution, names: Sequence[Any] | None = None, axes: Any =
     return panels
 
 
-def _curve(sol: Solution, name: Any, each: int = 16) -> tuple[np.ndarray, np.ndarray]:
+def _curve(sol: _Run, name: Any, each: int = 16) -> tuple[np.ndarray, np.ndarray]:
     """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
     if sol.dense is None or len(sol.t) < 2:
         return sol.t, sol[name]

@@ -1,5 +1,6 @@
 """The documentation's own machinery: text that shows as it stands, tables from data, links, missing figures."""
 
+import ast
 import importlib.util
 import json
 import re
@@ -135,3 +136,24 @@ def test_code_in_a_docstring_is_set_as_code(page):
 def test_modules_with_public_names_keep_those_of_earlier_versions():
     for old, new in pwsmooth._MOVED.items():
         assert importlib.import_module(f"pwsmooth.{old}") is importlib.import_module(f"pwsmooth.{new}")
+
+
+def test_the_tests_that_hold_the_event_contract_are_there():
+    text = (DOCS / "event_contract.md").read_text(encoding="utf-8")
+    named = re.findall(r"^- `(\w+\.py)::(\w+)`$", text, flags=re.MULTILINE)
+    assert len(named) == text.count("\n- ") == text.count("::test_")
+    for file in {file for file, _ in named}:
+        tree = ast.parse((ROOT / "tests" / file).read_text(encoding="utf-8"))
+        there = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert {name for where, name in named if where == file} <= there
+    # Every statement has one.
+    for statement in re.split(r"\n\n(?=\*\*)", text)[1:]:
+        assert "\n- `" in statement.split("\n## ")[0], statement
+
+
+@pytest.mark.parametrize("page_of", ["CONTRIBUTING.md", "docs/architecture.md", "docs/event_contract.md"])
+def test_files_and_folders_that_a_page_names_are_there(page_of):
+    named = re.findall(
+        r"`((?:pwsmooth|tests|docs|experiments)/[\w./]*)`", (ROOT / page_of).read_text(encoding="utf-8")
+    )
+    assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []

@@ -439,3 +439,28 @@ def test_an_event_that_records_at_the_surface_of_a_reset_does_not_double_it(meth
     solution = solve(System({x: sp.Rational(1, 10)}, events=events), (0, 1.5), {x: 0.8}, method=method)
     assert (solution["n"][-1], solution["seen"][-1]) == (1, 1)
     assert solution["x"][-1] == pytest.approx(0.8 + 0.15 + 0.25 - 0.2, abs=1e-9)
+
+
+# ---- switches after the events
+
+
+@pytest.mark.parametrize(("own", "pull"), [(0.1, 1), (1, 0.25)])
+def test_a_corner_whose_outcome_changes_with_the_ratio_of_the_layers_is_recorded(own, pull):
+    # x and y fall to 0 together at t = 1. Where its own multiplier does not hold each of them, the one that is through
+    # its layer first pushes the other one back, and the ratio of the layers decides.
+    l1, l2 = Switch("l1", x), Switch("l2", y)
+    system = System({x: 0.1 - own * l1 - pull * l2, y: 0.2 - own * l2 - pull * l1})
+    solution = solve(system, (0, 2), {x: own + pull - 0.1, y: own + pull - 0.2})
+    assert [a.kind for a in solution.ambiguities] == (["corner"] if pull > own else [])
+    assert solution.event_times() == pytest.approx([1] * len(solution.events))
+
+
+def test_a_surface_that_jumps_with_the_switch_inside_it_lets_go_of_its_slide():
+    # y slides on sign(x)/2 = 1/2 until x crosses at t = 1; then its surface is y = -1/2, to which it falls at 1/4.
+    system = System({x: -1, y: -sp.sign(y - sp.sign(x) / 2) / 4})
+    solution = solve(system, (0, 6), {x: 1, y: 0.4})
+    assert [(e.kind, e.time) for e in solution.events] == [
+        ("stick", pytest.approx(0.4)), ("crossing", pytest.approx(1)),
+        ("slip by reset", pytest.approx(1)), ("stick", pytest.approx(5)),
+    ]  # fmt: skip
+    assert solution["y"][-1] == pytest.approx(-0.5, abs=1e-12)

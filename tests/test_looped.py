@@ -1,6 +1,7 @@
 """Families are lowered as one element: the looped code gives what the written-out copies give, and does not grow."""
 
 import ctypes
+import pickle
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.families.fields import LoopedFields
 from pwsmooth.codegen.families.writing import write_looped_jets
 from pwsmooth.codegen.layout import Layout
+from pwsmooth.definition.model import Model
 
 EPS = np.finfo(float).eps
 
@@ -221,6 +223,18 @@ def test_a_changed_model_is_written_out():
     changed = replace(looped.model, outputs=())
     assert changed.loops is None and changed.rhs == copies.model.rhs and changed.events == copies.model.events
     assert changed.multipliers == copies.model.multipliers
+    plain = replace(copies.model, outputs=(), eps_ratio=())
+    assert type(changed) is Model and changed == plain and hash(changed) == hash(plain)
+
+
+def test_an_equal_looped_model_stays_one():
+    from dataclasses import replace
+
+    looped, _, _, _ = both("slip_stick", 9)
+    same, read = replace(looped.model), pickle.loads(pickle.dumps(looped.model))
+    for model in (same, read):
+        assert model.loops == looped.model.loops and model == looped.model and hash(model) == hash(looped.model)
+    assert both("slip_stick", 8)[0].model != looped.model
 
 
 def test_what_has_no_looped_form_is_written_out():

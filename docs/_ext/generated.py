@@ -1,16 +1,19 @@
 """Writes the pages that are made from the code, the figures and the data, before Sphinx looks for sources."""
 
+import re
 from pathlib import Path
 
 import api_pages
 import docstring_rules
 import figure_pages
+import layer_pages
 import study_pages
-from page import AUTO, ROOT, forget_old_pages, write
+from page import AUTO, ROOT, forget_old_pages, plain, write
 from sphinx.errors import ExtensionError
 from sphinx.util import logging
 
 logger = logging.getLogger(__name__)
+_TEST = re.compile(r"^- `(\w+\.py)::test_(\w+)`$", re.MULTILINE)
 
 
 def generate(app):
@@ -19,6 +22,7 @@ def generate(app):
         logger.warning("%s", text, type="docstring")
     api_pages.write_pages()
     study_pages.write_pages()
+    layer_pages.write_pages()
     try:
         figure_pages.write_pages(Path(app.config.pwsmooth_figures))
     except FileNotFoundError as error:
@@ -27,11 +31,20 @@ def generate(app):
     for name in ("CHANGELOG", "CONTRIBUTING"):
         source = ROOT / f"{name}.md"
         if source.is_file():
-            write(AUTO / f"{name.lower()}.md", source.read_text(encoding="utf-8"))
+            # Links that lead from the root of the repository to these pages.
+            text = source.read_text(encoding="utf-8").replace("](docs/", "](../")
+            write(AUTO / f"{name.lower()}.md", text)
+
+
+def name_tests(app, name, content):
+    """Names of tests are sentences: set as such, their file behind them."""
+    if name == "event_contract":
+        content[0] = _TEST.sub(lambda m: f"- {plain(m[2].replace('_', ' '))} (`{m[1]}`)", content[0])
 
 
 def setup(app):
     app.add_config_value("pwsmooth_figures", "", "env", str)
     # Before sphinx-gallery (priority 500), which reads what is there.
     app.connect("builder-inited", generate, priority=100)
+    app.connect("source-read", name_tests)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

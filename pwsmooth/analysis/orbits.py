@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ..definition import checks
+from ..definition import checks, pointwise
 from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
@@ -437,11 +437,9 @@ def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple
 
 def onto_section(section: Section, x: np.ndarray) -> np.ndarray:
     """x moved onto the section along its gradient, shape (n,)."""
-    from ..definition.pointwise import value
-
     states = section.system.model.states
     for _ in range(3):
         point = {**section.system.parameters, **dict(zip(states, map(float, x)))}
         gradient = section.gradient(x)
-        x = x - gradient * value(section.surface, point) / (gradient @ gradient)
+        x = x - gradient * pointwise.value(section.surface, point) / (gradient @ gradient)
     return x

@@ -18,12 +18,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import sympy as sp
-
-if TYPE_CHECKING:
-    from .template import Loops
 
 
 def core(e):
@@ -179,15 +176,8 @@ class Model:
     eps_ratio: tuple[float, ...] = ()  # of every multiplier: eps_j relative to the first switch's
     sigmoid: str = "algebraic"
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
-    loops: Loops | None = None  # of a model with families whose copies are not written out
-
-    def __post_init__(self) -> None:
-        if self.loops is not None:
-            from .template import written_out
-
-            # A model that was changed (`dataclasses.replace`) is no longer what its template says.
-            for name, value in written_out(self).items():
-                object.__setattr__(self, name, value)
+    # No field: only a model with families whose copies are not written out has loops (template.LoopedModel).
+    loops = cast(Any, None)
 
     @functools.cached_property
     def _hash(self) -> int:

@@ -2,8 +2,8 @@
 
     dx/dt = f(t, x, lambda, S; p),   dz_i/dt = q(t, z_i, z_(i+1), lambda_i, x, S; p, kappa_i),   S = sum e(z_i, ...)
 
-A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the sizes;
-in a `Model` with loops the copies look as if they were written out, but are made only when somebody asks for one.
+A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the
+sizes; in a `LoopedModel` the copies look as if they were written out, but are made only when somebody asks for one.
 Arrays are blocks in the order of the template's symbols: a number each, or n numbers for what belongs to elements.
 Chain: family.py -> looping.py -> **template** -> codegen/families/*.py.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import accumulate
 from typing import Any
@@ -219,23 +219,33 @@ class Copies(Sequence):
         return hash((self.kind, self.loops))
 
 
-def written_out(model: Model) -> dict[str, Any]:
-    """The fields of a model that differs from its template, all copies written out; nothing for one that does not."""
-    kinds = ("rhs", "multipliers", "events", "outputs")
-    loops = model.loops
-    same = all(isinstance(getattr(model, kind), Copies) for kind in kinds)
-    if loops is None or same and len(model.parameters) == loops.starts("parameters")[-1]:
-        return {}
-    changed: dict[str, Any] = {}
-    for kind in kinds:
-        items = [item.plain() if isinstance(item, Copy) else item for item in getattr(model, kind)]
-        changed[kind] = tuple(items)
-    return changed | {"loops": None}
+@dataclass(frozen=True)
+class LoopedModel(Model):
+    """The model that `loops` stand for: its rates, multipliers, events and outputs are Copies."""
+
+    loops: Loops = field(kw_only=True)
+
+    __hash__ = Model.__hash__  # the one that is kept: `dataclass` would write another one
+
+    def __post_init__(self) -> None:
+        kinds = ("rhs", "multipliers", "events", "outputs")
+        if (
+            all(isinstance(getattr(self, kind), Copies) for kind in kinds)
+            and len(self.parameters) == self.loops.starts("parameters")[-1]
+        ):
+            return
+        # One that was changed (`dataclasses.replace`) is no longer what its template says: it becomes a plain Model
+        # with these copies written out.
+        for kind in kinds:
+            items = [item.plain() if isinstance(item, Copy) else item for item in getattr(self, kind)]
+            object.__setattr__(self, kind, tuple(items))
+        object.__delattr__(self, "loops")
+        object.__setattr__(self, "__class__", Model)
 
 
-def with_loops(loops: Loops) -> Model:
+def with_loops(loops: Loops) -> LoopedModel:
     """The model that a template and sizes stand for."""
-    return Model(
+    return LoopedModel(
         time=loops.template.model.time,
         states=loops.symbols("states"),
         parameters=loops.symbols("parameters"),

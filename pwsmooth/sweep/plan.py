@@ -24,6 +24,7 @@ from ..paths import memory
 from ..paths.event_driven import LOOSEST
 from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
+from ..results.records import Outcome
 from .axes import Axes, read_axes
 from .contract import NOT_RUN, Measure, Setting, Variable, Window, alphabet
 from .measures import Function, Period, measure_from_text
@@ -159,8 +160,6 @@ def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
 
 
 def _flags() -> dict[str, Any]:
-    from ..results.records import Outcome
-
     meanings = {o.value: o.name.lower() for o in Outcome}
     meanings |= {REFUSED: "refused_at_the_door", FUNCTION_FAILED: "function_failed", NOT_RUN: "not_run"}
     return {

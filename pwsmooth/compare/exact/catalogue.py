@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ...analysis.capture import capture_threshold
 from ...definition.primitives import Switch, Unilateral
 from ...solve import solve
 from ...system import System
@@ -254,8 +255,6 @@ def _slaved_orbit():
     "two independent computations that agree to the digits given",
 )
 def _capture():
-    from ...analysis.capture import capture_threshold
-
     # Two independent computations of the separatrix agree to these digits (algebraic sigmoid, rho = 3).
     for ratio, threshold in (
         (0.001, 1.029986),

@@ -4,20 +4,37 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...plotting import new_figure
 from .failures import HARMLESS, KINDS
-
-if TYPE_CHECKING:
-    from .stability_map import StabilityMap
+from .hazard import Axis
 
 GAP = 0.18  # between two bands, in bands
 
 
-def plot_map(map_: StabilityMap, axes: Any = None, *, small: bool = False) -> Any:
+class _Map(Protocol):
+    """What is drawn of a StabilityMap, which itself calls `plot_map`."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def x(self) -> Axis: ...
+    @property
+    def rows(self) -> Axis: ...
+    @property
+    def methods(self) -> tuple[str, ...]: ...
+    @property
+    def counts(self) -> dict[str, dict[str, np.ndarray]]: ...
+    @property
+    def border(self) -> dict[str, np.ndarray]: ...
+    def total(self, method: str) -> np.ndarray: ...
+    def failed(self, method: str) -> np.ndarray: ...
+
+
+def plot_map(map_: _Map, axes: Any = None, *, small: bool = False) -> Any:
     """Draw a map; returns the Axes.
 
     Every method is a band, the first on top. Inside it the rows of the map go upwards. A cell has the colour of the
@@ -64,7 +81,7 @@ def plot_map(map_: StabilityMap, axes: Any = None, *, small: bool = False) -> An
     return axes
 
 
-def legend(figure: Any, maps: Sequence[StabilityMap]) -> None:
+def legend(figure: Any, maps: Sequence[_Map]) -> None:
     """One entry for every way of failing that occurs in the maps, one for what was not run, and one for the border."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -82,7 +99,7 @@ def legend(figure: Any, maps: Sequence[StabilityMap]) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7.5)
 
 
-def page(maps: Sequence[StabilityMap], columns: int = 3) -> Any:
+def page(maps: Sequence[_Map], columns: int = 3) -> Any:
     """All maps on one page; returns the Figure."""
     rows = -(-len(maps) // columns)
     heights = [
@@ -98,7 +115,7 @@ def page(maps: Sequence[StabilityMap], columns: int = 3) -> Any:
     return figure
 
 
-def _colours(map_: StabilityMap, method: str) -> np.ndarray:
+def _colours(map_: _Map, method: str) -> np.ndarray:
     """RGB of every cell."""
     from matplotlib.colors import to_rgb
 

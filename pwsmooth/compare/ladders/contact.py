@@ -21,6 +21,7 @@ import numpy as np
 from ...laws import Law
 from ...laws import contact as laws
 from ...scenes import Scene, falling_ball, free_impact
+from ...scenes.impact import apexes
 from .observables import end_value, peak
 from .rungs import Observable, Rung, Setting
 
@@ -195,8 +196,6 @@ def forces(observable: Observable) -> Observable:
 
 def _apex(number):
     def measure(motion, window, points):
-        from ...scenes.impact import apexes
-
         heights = apexes(motion)
         return float(heights[number]) if len(heights) > number else math.nan
 

@@ -14,6 +14,7 @@ import sympy as sp
 
 from ...laws import Law
 from ...laws.friction import Coulomb, HiddenStatic, MultistateXKY
+from ...noise.kicks import Kicks
 from ...scenes import block_on_belt, force_driven, friction_oscillator, prescribed_motion, t
 from .friction import friction_setting
 from .observables import amplitude, centre, curve, end_value, peak, period, share_below
@@ -125,8 +126,6 @@ EPS, KAPPA = 1e-3, 2e-4
 
 def hidden_oscillator() -> Setting:
     """The oscillator of the solid-friction paper: rho = 3, beta = 0.1, eps = 0.001, kicks of kappa = 2e-4."""
-    from ...noise.kicks import Kicks
-
     turn = 2 * math.pi
     law = HiddenStatic()
     whole = friction_oscillator(law, t_span=(0.0, 20 * turn), start=(0.6, -1.07))

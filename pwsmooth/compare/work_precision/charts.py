@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...plotting import COLOUR
 from .cases import CASES
-
-if TYPE_CHECKING:
-    from .points import Point
+from .point import Point
 
 __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
 

@@ -127,7 +127,7 @@ def _switches_only(case: Case) -> None:
 
 def heyoka_events(case: Case, rtol: float) -> Runner:
     """heyoka with terminal events."""
-    from ..peers.heyoka import integrators
+    from .peers.heyoka import integrators
 
     integrator = integrators(case.system, plain(case.system), rtol)
 
@@ -140,7 +140,7 @@ def heyoka_events(case: Case, rtol: float) -> Runner:
 def heyoka_smoothed(case: Case, setting: tuple[float, float]) -> Runner:
     """heyoka on the smoothed view."""
     _switches_only(case)
-    from ..peers.heyoka import Smooth
+    from .peers.heyoka import Smooth
 
     eps, rtol = setting
     integrator = Smooth(case.system.smoothed(eps), rtol)
@@ -156,7 +156,7 @@ def cvode_events(method: str) -> Callable[[Case, float], Runner]:
     """CVODE, restarted at the roots that it finds."""
 
     def runner(case: Case, rtol: float) -> Runner:
-        from ..peers.sundae import Cvode
+        from .peers.sundae import Cvode
 
         integrator = Cvode(
             plain(case.system), MOST, method=method, max_step=case.longest, **case.tolerances(rtol)
@@ -175,7 +175,7 @@ def cvode_ignoring(method: str) -> Callable[[Case, float], Runner]:
 
     def runner(case: Case, rtol: float) -> Runner:
         _switches_only(case)
-        from ..peers.sundae import ignoring
+        from .peers.sundae import ignoring
 
         def run(t_end: float) -> Run:
             x, work = ignoring(
@@ -196,7 +196,7 @@ def cvode_ignoring(method: str) -> Callable[[Case, float], Runner]:
 def lsoda_ignoring(case: Case, rtol: float) -> Runner:
     """Compiled LSODA on the right-hand side with its bare sign."""
     _switches_only(case)
-    from ..peers.numbalsoda import solve_ignoring
+    from .peers.numbalsoda import solve_ignoring
 
     options = case.tolerances(rtol)
 
@@ -209,7 +209,7 @@ def lsoda_ignoring(case: Case, rtol: float) -> Runner:
 
 def compiled_events(case: Case, rtol: float) -> Runner:
     """Compiled DOP853, restarted at events by a compiled loop."""
-    from ..peers.numbalsoda import in_words, solve_events
+    from .peers.numbalsoda import in_words, solve_events
 
     options = case.tolerances(max(rtol, 3e-14))
 
@@ -223,7 +223,7 @@ def compiled_events(case: Case, rtol: float) -> Runner:
 
 def diffrax_events(case: Case, rtol: float) -> Runner:
     """diffrax's Dopri8, restarted at its events."""
-    from ..peers.diffrax import modes
+    from .peers.diffrax import modes
 
     options = case.tolerances(rtol)
     integrator = modes(case.system, plain(case.system), case.longest, MANY // 13)
@@ -237,7 +237,7 @@ def diffrax_events(case: Case, rtol: float) -> Runner:
 def diffrax_ignoring(case: Case, rtol: float) -> Runner:
     """diffrax's Dopri8 on the right-hand side with its bare sign."""
     _switches_only(case)
-    from ..peers.diffrax import solve_ignoring
+    from .peers.diffrax import solve_ignoring
 
     def run(t_end: float) -> Run:
         x, work = solve_ignoring(
@@ -259,7 +259,7 @@ def nosnoc_steps(stages: int) -> Callable[[Case, int], Runner]:
         lams = {mu.symbol for mu in case.system.model.multipliers}
         if any(e.diff(lam, 2) != 0 for e in case.system.model.rhs for lam in lams & e.free_symbols):
             raise CannotDo("what is nonlinear in the multiplier is lost in a convex combination")
-        from ..peers.nosnoc import simulate
+        from .peers.nosnoc import simulate
 
         def run(t_end: float) -> Run:
             count = max(1, round(steps * t_end / case.t_end))
@@ -277,7 +277,7 @@ def nivp(case: Case, rtol: float) -> Runner:
     functions = plain(case.system)
     if any(functions.kinks):
         raise CannotDo("its projection is that of a switch, not of a kink")
-    from ..peers.solve_nivp import simulate
+    from .peers.solve_nivp import simulate
 
     def run(t_end: float) -> Run:
         x, work = simulate(functions, np.array(case.start, float), t_end, rtol, rtol * min(case.sizes), MOST)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition.model import Model
-from ..work_precision.automaton import Strike, automaton, follow
-from ..work_precision.plain import Plain, ordinary, real
+from ....definition.model import Model
+from ..automaton import Strike, automaton, follow
+from ..plain import Plain, ordinary, real
 
 
 def _jnp() -> Any:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition.model import Model, Select
-from ..work_precision.automaton import Strike, automaton, follow
-from ..work_precision.plain import Plain
+from ....definition.model import Model, Select
+from ..automaton import Strike, automaton, follow
+from ..plain import Plain
 
 COOLDOWN = 1e-6  # s
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ...definition.model import Select
+from ....definition.model import Select
 
 ELEMENTS = 2  # in each step of the simulation: one switch in each
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..work_precision.automaton import Strike, automaton, follow
-from ..work_precision.plain import Plain
+from ..automaton import Strike, automaton, follow
+from ..plain import Plain
 
 
 class Cvode:

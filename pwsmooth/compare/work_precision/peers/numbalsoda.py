@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..work_precision.automaton import KINDS, automaton
-from ..work_precision.plain import Plain
+from ..automaton import KINDS, automaton
+from ..plain import Plain
 
 
 @functools.lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..work_precision.plain import Plain
+from ..plain import Plain
 
 
 def simulate(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: float, most: int) -> Any:
