@@ -9,7 +9,7 @@ import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,8 @@ from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve
 
-if TYPE_CHECKING:
-    from .sections import Word
-
+#: (switch, kind, from and to) of every event: an itinerary in letters.
+Word = tuple[tuple[str, str, str], ...]
 RETURN = "pws_return"  # name of the event that ends a return map's run
 _COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
 

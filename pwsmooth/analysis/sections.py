@@ -22,14 +22,12 @@ from ..definition.pointwise import value
 from ..results.records import Outcome
 from ..results.solution import Solution
 from .linearised import linearise
-from .poincare import RETURN, Image, _Map, lost, why_stopped, word_of
+from .poincare import RETURN, Image, Word, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
 from .variations import variations
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
-#: (switch, kind, from and to) of every event: an itinerary in letters.
-Word = tuple[tuple[str, str, str], ...]
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
