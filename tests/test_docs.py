@@ -151,7 +151,9 @@ def test_the_tests_that_hold_the_event_contract_are_there():
         assert "\n- `" in statement.split("\n## ")[0], statement
 
 
-@pytest.mark.parametrize("page_of", ["CONTRIBUTING.md", "docs/architecture.md", "docs/event_contract.md"])
+@pytest.mark.parametrize(
+    "page_of", ["CONTRIBUTING.md", "docs/architecture.md", "docs/event_contract.md", "docs/extending.md"]
+)
 def test_files_and_folders_that_a_page_names_are_there(page_of):
     named = re.findall(
         r"`((?:pwsmooth|tests|docs|experiments)/[\w./]*)`", (ROOT / page_of).read_text(encoding="utf-8")

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import sympy as sp
 
 from . import checks
+from .model import Model
 
 __all__ = ["SIGMOIDS", "Sigmoid", "sigmoid"]
 
 # Lambda(u) and its inverse.
 _FUNCTIONS = {
-    "algebraic": (lambda u: u / sp.sqrt(1 + u**2), lambda lam: lam / sp.sqrt(1 - lam**2)),
+    "algebraic": (lambda u: u / sp.sqrt(1 + u**2), lambda lam: lam / sp.sqrt((1 - lam) * (1 + lam))),
     "tanh": (sp.tanh, sp.atanh),
     "erf": (sp.erf, sp.erfinv),
 }
@@ -101,6 +102,20 @@ class Sigmoid:
             Dimensionless.
         """
         return _FUNCTIONS[self.name][1](lam)
+
+    def model(self) -> Model:
+        """The sigmoid as the kernels take it, in generated code: rates (Lambda(u), inverse(lambda)) at the states.
+
+        The second is nan where the inverse is no elementary function: the kernels then invert the first.
+
+        Returns
+        -------
+        Model
+            Of two states and no parameters.
+        """
+        t, u, lam = sp.symbols("t u lam", real=True)
+        inverse = self.inverse(lam)
+        return Model(t, (u, lam), (), (self.function(u), sp.nan if inverse.has(sp.erfinv) else inverse))
 
     def smooth(self, h, eps):
         """The switch Lambda(h/eps), in the form that neither overflows nor divides by a small eps twice.

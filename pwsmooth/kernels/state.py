@@ -125,7 +125,7 @@ class Problem(Bundle):
     flat_fold: "i8[:]"
     mult_row: "int"
     fold_bias: "f8[:]"  # parameters of the fold program: p, then the m entries of c
-    sigmoid: "int"
+    sigmoid: "int"  # fields of Sigmoid.model()
     weight: "f8[m]"  # eps_1 / eps_j
     ratio: "f8[nz]"  # eps / time constant of the layered states; 0 = two-stage
 

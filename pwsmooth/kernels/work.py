@@ -136,6 +136,8 @@ class Layer(Bundle):
 
     masked: "int"  # whether it solves the multipliers of every instant along
     pace: "float"  # factor of its time, in which its fastest rate is of size 1
+    pair: "f8[2]"  # u and lambda, of the sigmoid and its inverse
+    value: "f8[2]"
     z: "f8[nz]"
     q: "f8[nz]"
     y: "f8[m + nz]"  # its state

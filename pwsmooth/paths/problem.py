@@ -18,12 +18,11 @@ from ..definition.folds import fold_model
 from ..definition.model import EventSpec, Model, Multiplier
 from ..definition.pointwise import fingerprint
 from ..definition.regularity import may_skip_orders
+from ..definition.sigmoids import sigmoid
 from ..definition.singular import KINDS
 from ..kernels import state, work
 from ..kernels.machine.block import on_cache_lines
 from ..kernels.step.tables import bernstein_tables, halving_tables, short_tables
-
-_SIGMOIDS = {"algebraic": 0, "tanh": 1, "erf": 2}
 
 
 class CompiledProblem:
@@ -47,6 +46,7 @@ class CompiledProblem:
         hidden = numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
         folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
+        self.sigmoid = compile_model(sigmoid(model.sigmoid).model())
         g_row, g_col = code.pattern("G")
         dh_row, dh_col = code.pattern("DH")
         link_row, link_col = _both_ways(g_row, g_col)
@@ -143,7 +143,7 @@ class CompiledProblem:
             # The Runge-Kutta pair's polynomials stand in a fixed order: states, multipliers, surfaces.
             rows_pair=np.where(has_surface, n + m + np.arange(m + ne), -1),
             mult_row=code.mult_row0,
-            sigmoid=_SIGMOIDS[model.sigmoid],
+            sigmoid=self.sigmoid.fields,
         )
         # The rows of all programs, one over the other, and behind them what each keeps for itself.
         programs = {"slip": code.nrows_slip, "general": code.nrows_general if slides else (0, 0),

@@ -22,29 +22,35 @@ from .sparse import link
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
 SETTLED, OSCILLATES, LOST = range(3)
 _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
+_FARTHEST = 1e150  # of u, whose square is finite
 _SCAN = 48  # intervals over [-1, 1] in which the first zero of a hidden g is sought
 
 
 @kernel
-def sigmoid(kind, u):
-    """Lambda(u): algebraic u/sqrt(1+u^2), tanh u, erf u."""
-    if kind == 0:
-        return u / math.sqrt(1.0 + u * u) if abs(u) < 1e150 else math.copysign(1.0, u)
-    return math.tanh(u) if kind == 1 else math.erf(u)
+def _sigmoid(P, W, u):
+    """Lambda(u)."""
+    pair, value = W.layer.pair, W.layer.value
+    pair[0] = min(max(u, -_FARTHEST), _FARTHEST)
+    call_fields(P.sigmoid, 0.0, pair, value, value, value, value, value)
+    return value[0]
 
 
 @kernel
-def sigmoid_inverse(kind, lam):
+def _sigmoid_inverse(P, W, lam):
     """u with Lambda(u) = lam; lam = +-1 counts as the last number before it."""
     lam = max(min(lam, 1.0 - 1e-15), -1.0 + 1e-15)
-    if kind == 0:
-        return lam / math.sqrt((1.0 - lam) * (1.0 + lam))
-    if kind == 1:
-        return math.atanh(lam)
-    lo, hi = -6.0, 6.0
+    W.layer.pair[1] = lam
+    _sigmoid(P, W, 0.0)
+    u = W.layer.value[1]
+    if u == u:
+        return u
+    hi = 6.0
+    while _sigmoid(P, W, hi) < abs(lam):
+        hi *= 2.0
+    lo = -hi
     for _ in range(60):
         mid = 0.5 * (lo + hi)
-        if math.erf(mid) < lam:
+        if _sigmoid(P, W, mid) < lam:
             lo = mid
         else:
             hi = mid
@@ -165,7 +171,7 @@ def _rates(P, S, W, size, y, out, stage):
     instant = W.instant
     mult = S.mult
     for i in range(size):
-        mult[instant.group[i]] = sigmoid(P.sigmoid, y[i])
+        mult[instant.group[i]] = _sigmoid(P, W, y[i])
     if P.nz > 0:
         for i in range(P.nz):
             W.layer.z[i] = y[size + i]
@@ -433,12 +439,12 @@ def _arrive(P, S, W, size):
     for i in range(size):
         j = instant.group[i]
         if instant.arrival[i] == 0:
-            W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[j])
+            W.layer.y[i] = _sigmoid_inverse(P, W, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
             share = abs(W.g[j]) * P.weight[j] / top
             W.layer.y[i] = instant.arrival[i] * tail * max(share, 1e-6)
-            S.mult[j] = sigmoid(P.sigmoid, W.layer.y[i])
+            S.mult[j] = _sigmoid(P, W, W.layer.y[i])
     if P.nz > 0:
         _relax_from_zero(P, S, W, instant.group[0])
     return _integrate(P, S, W, size)
@@ -478,7 +484,7 @@ def _leave_fold(P, S, W, j, toward):
                 S.mult[j] = float(left)
             return _close(P, S, W)
     for i in range(size):
-        W.layer.y[i] = sigmoid_inverse(P.sigmoid, S.mult[instant.group[i]])
+        W.layer.y[i] = _sigmoid_inverse(P, W, S.mult[instant.group[i]])
     return _integrate(P, S, W, size)
 
 
