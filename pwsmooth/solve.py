@@ -14,7 +14,7 @@ import numpy as np
 
 from .definition import checks
 from .paths.budget import MOST_STEPS, opened
-from .paths.event_driven import LOOSEST, Options, ready
+from .paths.event_driven import LOOSEST, Options, prepared_run
 from .results.solution import Solution
 
 
@@ -125,7 +125,7 @@ def solve(
     spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict)
-        solution = ready(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
+        solution = prepared_run(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         return solution
     initial = np.array(start)

@@ -86,7 +86,7 @@ class Options(NamedTuple):
         )
 
 
-def ready(model: Model, options: Options) -> EventDriven:
+def prepared_run(model: Model, options: Options) -> EventDriven:
     """This thread's EventDriven of a model with these options, made at their first use.
 
     A short run would spend most of its time on arrays and checks that are the same in the next one.

@@ -284,7 +284,7 @@ def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, i
     for j, mu in enumerate(model.multipliers):
         if key is not None and mu.kind == "switch" and fingerprint(mu.surface, frozenset(fixed))[0] == key:
             factor = sp.cancel(event.surface / mu.surface)
-            # One whose sign depends on the parameters' values tells no side.
+            # A factor of unknown sign does not say which side is which.
             if factor.free_symbols <= fixed and (factor.is_positive or factor.is_negative):
                 return j, 1 if factor.is_positive else -1
     return -1, 0

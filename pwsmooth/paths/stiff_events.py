@@ -21,7 +21,7 @@ from ..definition.model import EventSpec, Model, Select
 from ..results.records import course
 from ..results.solution import Solution
 from .budget import Budget
-from .event_driven import Options, ready
+from .event_driven import Options, prepared_run
 
 _FLAT = tuple(function for function, name in UNARY.items() if name in FLAT)
 WIDTH = sp.Float(1e-6)  # of the strip around a surface that is looked at where nothing tells its width
@@ -41,7 +41,7 @@ def strip(mu: Any, model: Model) -> sp.Expr | None:
         base, exponent = power.as_base_exp()
         if base == h:
             found.add(sp.Abs(factor) ** (-1 / exponent))
-    # In the parameters alone, or it is no width.
+    # Keep widths that depend on parameters only.
     found = {w for w in found if w.free_symbols <= set(model.parameters)}
     return (sp.Min(*found) if found else WIDTH) if atoms else None
 
@@ -129,9 +129,9 @@ def solve_stiff(
     model = system.model
     n, m = len(model.states), len(model.multipliers)
     view = switched_by_events(model)
-    # On which side a start on a surface goes on is for the kernels to say, which know all its derivatives.
+    # The event-driven kernels decide the side of a start on a surface: they know all its derivatives.
     first_step = Options("auto", rtol, tuple(atol.tolist()), False, max_step, 1, None, False)
-    begun = ready(model, first_step).solve(system, p, *t_span, start, None, Budget())
+    begun = prepared_run(model, first_step).solve(system, p, *t_span, start, None, Budget())
     moved = np.flatnonzero(begun.t > t_span[0])
     if not moved.size:
         return begun  # it stopped where it began, and says why

@@ -23,7 +23,7 @@ from ..surface.sparse import solve_masked
 HOPPED, PASSED, LEFT = range(1, 4)
 SHARE_TO_A_FOLD = 0.8  # of the way: five times nearer with every step
 SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
-# Of lambda: its square is what stays undecided of g, and what of a state's way is on the wrong root.
+# Of lambda: the errors that it leaves in g and in the states are of size HOP^2, below rounding.
 HOP = 3e-7
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
@@ -67,15 +67,15 @@ def _bend(P, S, W, t, x, mult, j, slope, way):
 
 
 @kernel
-def _way(lam):
-    """The direction in which there is room for a difference."""
+def _inward(lam):
+    """Sign of a small step that stays in [-1, 1]."""
     return 1.0 if lam < 0.0 else -1.0
 
 
 @kernel
 def _is_near(P, S, W, t, x, mult, j, slope):
     """Whether lambda_j stands within rounding of its fold."""
-    return abs(slope) <= _NEAR * abs(_bend(P, S, W, t, x, mult, j, slope, _way(mult[j])))
+    return abs(slope) <= _NEAR * abs(_bend(P, S, W, t, x, mult, j, slope, _inward(mult[j])))
 
 
 @kernel
@@ -98,7 +98,7 @@ def where_attraction_ends(P, C, S, s_end, W):
             call_fields(P.fields, t + s_end, arc.there, arc.mult_there, P.p, W.dx, W.h, W.g)
             if abs(W.g[j]) > 1e-11 * abs(last):
                 # Off its root, which is not far from the fold: what is small among all lambda is not small there.
-                bend = _bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j]))
+                bend = _bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _inward(arc.mult_there[j]))
                 rounding = _NEAR * _NEAR * abs(bend)
                 if abs(W.g[j] * bend) > 0.1 * last * last and abs(W.g[j]) > rounding:
                     arc.hop = min(arc.hop, 0.1 * s_end)
@@ -110,7 +110,7 @@ def where_attraction_ends(P, C, S, s_end, W):
                     arc.touched = j
                     found = -1.0
             continue
-        bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _way(arc.mult_there[j])))
+        bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _inward(arc.mult_there[j])))
         first = _slope_at(P, C, S, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
@@ -127,7 +127,7 @@ def where_attraction_ends(P, C, S, s_end, W):
                 hi = s
         if abs(middle) > abs(first) > 0.0:
             continue  # a pole: the others have their fold there
-        # Where two branches cross, and neither turns back, they part at another rate.
+        # Two branches that cross (transcritical) are no fold: they separate linearly in time.
         arc.hop = HOP / max(speed, min(abs(last - first) / (bend * s_end + 1e-300), 1.0 / h))
         arc.touched = j
         return hi
@@ -218,7 +218,7 @@ def lost_at_a_fold(P, C, S, R, W):
         if S.status[j] != SOLVED or not P.hidden[j] or P.kind[j] != SLIDING:
             continue
         slope = _slope(P, S, W, S.t, S.x, S.mult, j)
-        bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _way(S.mult[j]))
+        bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
         if abs(slope) <= _NEAR * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend

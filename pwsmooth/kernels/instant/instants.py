@@ -37,7 +37,8 @@ from ..state import (
     State,
 )
 from ..step.recording import record_ambiguity, record_event, record_point
-from ..surface.layer import LEAVE_FOLD, SETTLED
+from ..surface.fast import SETTLED
+from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
@@ -304,7 +305,7 @@ def at_instant(P, C, S, R, W):
         instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
             abs(t), elapsed
         )
-        # Not of events: a latch at its own threshold is left and met again within rounding.
+        # Only switches: an event at its own threshold (a latch) leaves it and meets it again within rounding.
         if (
             not instant.hit[i]
             and S.deflate[i] != 0

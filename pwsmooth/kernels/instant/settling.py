@@ -16,7 +16,8 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_ambiguity, record_event
-from ..surface.layer import ARRIVE, FIRST_ZERO, LOST, OSCILLATES, SETTLED
+from ..surface.fast import LOST, OSCILLATES, SETTLED
+from ..surface.layer import ARRIVE, FIRST_ZERO
 from ..surface.sliding import follow, mask_instant, mask_solved
 from ..surface.sparse import link
 from ..surface.unknowns import solve_unknowns
@@ -126,7 +127,7 @@ def settle_at_rest(P, C, S, R, W, size):
         code = settle_arrivals(P, S, R, W, size)
         still = code == GO_ON
         for a in range(size):
-            # A layer run that never moved: at rest, but nothing says that it stays so.
+            # The layer run did not move: an equilibrium whose stability is not yet known.
             still = still and S.status[instant.active[a]] == SOLVED and abs(S.mult[instant.active[a]]) < 1e-9
         if still and _rest_repels(P, S, W, size):
             record_ambiguity(S, R, instant.active[0], AMB_REPELLING, 0)

@@ -54,8 +54,8 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
         if drop == 0:
             poly[0] += 1.0
         else:
-            # At its bound and staying there, as at rest under exactly the largest friction: no exit. What moves it
-            # by less than the tolerance may be the rounding of its series, which the step lets grow to rtol/100.
+            # lambda stands at its bound and moves by less than rtol, as at rest under exactly the largest friction: no
+            # exit. So small a motion may be rounding of the series, which a step lets grow to rtol/100.
             size = 0.0
             for k in range(degree):
                 size += abs(poly[k])
@@ -96,8 +96,8 @@ def _note_size(P, C, W, i, row, drop):
 def _kink_met(P, C, S, row, power, j, met, W):
     """Where in the step kink j is met, if a series says at `met`.
 
-    The field is continuous there, and so are, one after the other, the derivatives of h that follow one that is zero:
-    where both sides lead back, what they say is rounding. A kink that stays well within the tolerance of 0 is no event.
+    The field is continuous there, so the first nonzero derivative of h agrees on both sides: where both lead back to
+    the surface it is rounding. A kink that stays well within the tolerance of 0 is no event.
     """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance = max(0.01 * C.rtol, 1e-13) * surface_size(P, S, j, W)

@@ -1,4 +1,4 @@
-"""When a surface is expected to be met: at the interval since the last instant that it was met after before.
+"""A guess for the next root: the same interval as the last one between these two instants.
 
 A periodic motion meets its surfaces at regular intervals: started there, the search of a root takes one step, and it
 need not wait for a first guess. Where the intervals differ the expectation is not followed, and it never decides

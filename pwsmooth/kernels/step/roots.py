@@ -140,7 +140,7 @@ def _polish(roots, degree, lo, hi, s):
             square, was = step * step, before * before
             if square * square * step < 1e-17 * s * (was * was):
                 break
-            # So it would be from a start that near, unless the root has another one beside it.
+            # A start this close converges in one step unless the root is nearly double.
             if before == 0.0 and step <= 1e-5 * s and abs(c) * step <= 1e-3 * abs(d) * s:
                 break
             before = step

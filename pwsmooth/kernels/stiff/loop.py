@@ -194,7 +194,7 @@ def _after_step(s, t, mode):
         _write_point(s, 0.0, -1)  # the jump
         if code != GO_ON:
             return code
-        # Nothing of the old motion is used, and not even its step if an instant is a rounding behind another.
+        # Start afresh after the jump; where two instants lie within rounding the old step is no guide either.
         s.h = length if length > 64.0 * np.finfo(np.float64).eps * abs(s.t) else 0.0
         _begin(s)
         if set_sides(s, s.t, s.x, s.f, length):

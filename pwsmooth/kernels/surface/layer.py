@@ -8,69 +8,19 @@ moves monotonically in lambda, so the first zero of g on its way decides. Otherw
 
 import math
 
-import numpy as np
 from numba import types
 
 from ..machine.compiling import kernel, unit
-from ..machine.pointers import call_fields, call_layer, call_newton
+from ..machine.pointers import call_fields
 from ..state import SLIDING, SOLVED, Problem, State
 from ..work import Work
+from .fast import LOST, SETTLED, integrate, push_toward, relax, relax_from_zero, sigmoid, sigmoid_inverse
 from .sliding import follow, mask_instant, mask_solved
 from .sparse import link
 
 # Tasks of the layer unit: j and toward are a switch and a direction; ARRIVE takes j = size of W.instant.group.
 ARRIVE, LEAVE_FOLD, FIRST_ZERO = range(3)
-SETTLED, OSCILLATES, LOST = range(3)
-_SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
-_FARTHEST = 1e150  # of u, whose square is finite
 _SCAN = 48  # intervals over [-1, 1] in which the first zero of a hidden g is sought
-
-
-@kernel
-def _sigmoid(P, W, u):
-    """Lambda(u)."""
-    pair, value = W.layer.pair, W.layer.value
-    pair[0] = min(max(u, -_FARTHEST), _FARTHEST)
-    call_fields(P.sigmoid, 0.0, pair, value, value, value, value, value)
-    return value[0]
-
-
-@kernel
-def _sigmoid_inverse(P, W, lam):
-    """u with Lambda(u) = lam; lam = +-1 counts as the last number before it."""
-    lam = max(min(lam, 1.0 - 1e-15), -1.0 + 1e-15)
-    W.layer.pair[1] = lam
-    _sigmoid(P, W, 0.0)
-    u = W.layer.value[1]
-    if u == u:
-        return u
-    hi = 6.0
-    while _sigmoid(P, W, hi) < abs(lam):
-        hi *= 2.0
-    lo = -hi
-    for _ in range(60):
-        mid = 0.5 * (lo + hi)
-        if _sigmoid(P, W, mid) < lam:
-            lo = mid
-        else:
-            hi = mid
-    return 0.5 * (lo + hi)
-
-
-@kernel
-def _push(P, S, W, j, lam, toward, frozen):
-    """toward * g_j at lambda_j = lam, the multipliers of every instant (W.mask) solved along.
-
-    `frozen`: with the layered states held at W.layer.z.
-    """
-    S.mult[j] = lam
-    if frozen:
-        call_layer(P.layer, S.t, S.x, S.mult, W.layer.z, P.p, W.g, W.layer.q)
-        return toward * W.g[j]
-    if W.layer.masked:
-        call_newton(P.newton_unit, P, S, W)
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    return toward * W.g[j]
 
 
 @kernel
@@ -88,11 +38,11 @@ def _first_zero(P, S, W, j, start, toward, frozen):
     """
     _prepare(P, S, W, j)
     end = float(toward)
-    push = _push(P, S, W, j, start, toward, frozen)
+    push = push_toward(P, S, W, j, start, toward, frozen)
     if push <= 0.0:
         return True
     if not P.hidden[j] and not frozen:
-        last = _push(P, S, W, j, end, toward, frozen)
+        last = push_toward(P, S, W, j, end, toward, frozen)
         if last > 0.0:
             return False
         S.mult[j] = start + (end - start) * push / (push - last)
@@ -101,14 +51,14 @@ def _first_zero(P, S, W, j, start, toward, frozen):
     a, before, push_before = start, start, push
     for i in range(1, steps + 1):
         b = start + (end - start) * i / steps if i < steps else end
-        ahead = _push(P, S, W, j, b, toward, frozen)
+        ahead = push_toward(P, S, W, j, b, toward, frozen)
         if ahead <= 0.0:
             _bisect(P, S, W, j, a, b, toward, frozen)
             return True
         if i > 1 and push <= push_before and push <= ahead:
             # An interior minimum: the pair of zeros beside a fold may hide in it.
             c = _lowest(P, S, W, j, before, b, toward, frozen)
-            if _push(P, S, W, j, c, toward, frozen) <= 0.0:
+            if push_toward(P, S, W, j, c, toward, frozen) <= 0.0:
                 _bisect(P, S, W, j, before, c, toward, frozen)
                 return True
         before, push_before = a, push
@@ -124,7 +74,7 @@ def _bisect(P, S, W, j, a, b, toward, frozen):
         c = 0.5 * (a + b)
         if c == a or c == b:
             break
-        if _push(P, S, W, j, c, toward, frozen) > 0.0:
+        if push_toward(P, S, W, j, c, toward, frozen) > 0.0:
             a = c
         else:
             b = c
@@ -137,10 +87,10 @@ def _lowest(P, S, W, j, a, b, toward, frozen):
     ratio = 0.6180339887498949
     for _ in range(50):
         c, d = b - ratio * (b - a), a + ratio * (b - a)
-        push_c = _push(P, S, W, j, c, toward, frozen)
+        push_c = push_toward(P, S, W, j, c, toward, frozen)
         if push_c <= 0.0:
             return c
-        push_d = _push(P, S, W, j, d, toward, frozen)
+        push_d = push_toward(P, S, W, j, d, toward, frozen)
         if push_d <= 0.0:
             return d
         if push_c < push_d:
@@ -148,245 +98,6 @@ def _lowest(P, S, W, j, a, b, toward, frozen):
         else:
             a = c
     return 0.5 * (a + b)
-
-
-# Dormand-Prince 5(4).
-_A = np.array(
-    [
-        [0, 0, 0, 0, 0, 0],
-        [1 / 5, 0, 0, 0, 0, 0],
-        [3 / 40, 9 / 40, 0, 0, 0, 0],
-        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
-        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ]
-)
-_E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-
-
-@kernel
-def _rates(P, S, W, size, y, out, stage):
-    """Overwrites out[stage] with the rates of the layer system at y = (u of W.instant.group, z)."""
-    instant = W.instant
-    mult = S.mult
-    for i in range(size):
-        mult[instant.group[i]] = _sigmoid(P, W, y[i])
-    if P.nz > 0:
-        for i in range(P.nz):
-            W.layer.z[i] = y[size + i]
-        call_layer(P.layer, S.t, S.x, mult, W.layer.z, P.p, W.g, W.layer.q)
-        for i in range(P.nz):
-            out[stage, size + i] = W.layer.pace * P.ratio[i] * W.layer.q[i]
-    else:
-        if W.layer.masked:
-            call_newton(P.newton_unit, P, S, W)
-        call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
-    for i in range(size):
-        out[stage, i] = W.layer.pace * P.weight[instant.group[i]] * W.g[instant.group[i]]
-
-
-@kernel
-def _rest_is_near(P, S, W, size):
-    """Solves for the rest state beside a layer run that has become slow; False (S as before) if it is elsewhere."""
-    instant = W.instant
-    for i in range(size):
-        W.layer.status[i] = S.status[instant.group[i]]
-        W.layer.mult[i] = S.mult[instant.group[i]]
-        S.status[instant.group[i]] = SOLVED
-    mask_solved(P, S, W)
-    near = call_newton(P.newton_unit, P, S, W) != 0
-    for i in range(size):
-        near = near and abs(S.mult[instant.group[i]] - W.layer.mult[i]) < 1e-3
-    if not near:
-        for i in range(size):
-            S.status[instant.group[i]] = W.layer.status[i]
-            S.mult[instant.group[i]] = W.layer.mult[i]
-    return near
-
-
-@kernel
-def _set_pace(P, S, W, size):
-    """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
-    fastest = 0.0
-    for i in range(size):
-        j = W.instant.group[i]
-        keep = S.mult[j]
-        for side in range(-1, 2):
-            S.mult[j] = float(side)
-            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-            fastest = max(fastest, abs(P.weight[j] * W.g[j]))
-        S.mult[j] = keep
-    W.layer.pace = 1.0
-    if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
-        W.layer.pace = 2.0 ** -math.floor(math.log2(fastest))
-
-
-@kernel
-def _integrate(P, S, W, size):
-    """Runs the layer system of the switches group[:size] from u = W.layer.y (and z) until all are settled.
-
-    Overwrites S.mult, S.status, z, group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
-    A switch that runs out to u = +-inf gets that side; the rest goes on without it.
-    """
-    instant = W.instant
-    nz, y, new, k = P.nz, W.layer.y, W.layer.new, W.layer.k
-    W.layer.masked = 1 if mask_instant(P, S, W) else 0
-    reach = 1e3
-    for i in range(size):
-        W.mask[instant.group[i]] = 0
-        reach = max(reach, 10.0 * abs(y[i]))
-    for i in range(nz):
-        y[size + i] = W.layer.z[i]
-    _set_pace(P, S, W, size)
-    tau, step, scale = 0.0, 1e-3, 0.0
-    _rates(P, S, W, size, y, k, 0)
-    quiet, small = 0, 1e-7
-    for _ in range(200000):
-        dim = size + nz
-        for s in range(1, 7):
-            for i in range(dim):
-                total = 0.0
-                for r in range(s):
-                    total += _A[s, r] * k[r, i]
-                new[i] = y[i] + step * total
-            _rates(P, S, W, size, new, k, s)
-        error = 0.0
-        for i in range(dim):
-            total = 0.0
-            for r in range(7):
-                total += _E[r] * k[r, i]
-            error = max(error, abs(step * total) / (1e-10 + 1e-10 * abs(new[i])))
-        if not error < math.inf:
-            step *= 0.1
-            if step < 1e-14:
-                return LOST
-            continue
-        factor = 0.9 * (error + 1e-12) ** -0.2
-        if error > 1.0:
-            step *= max(0.2, factor)
-            continue
-        tau += step
-        step *= min(5.0, factor)
-        speed, gone = 0.0, -1
-        for i in range(dim):
-            y[i] = new[i]
-            k[0, i] = k[6, i]
-            speed = max(speed, abs(k[0, i]))
-            if i < size and abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
-                gone = i
-        scale = max(scale, speed)
-        if gone >= 0:
-            j = instant.group[gone]
-            S.status[j] = 1 if y[gone] > 0.0 else -1
-            S.mult[j] = float(S.status[j])
-            for i in range(gone, dim - 1):
-                y[i] = y[i + 1]
-            for i in range(gone, size - 1):
-                instant.group[i] = instant.group[i + 1]
-            size -= 1
-            if size == 0:
-                return SETTLED
-            _rates(P, S, W, size, y, k, 0)
-            step = min(step, 0.1)
-            continue
-        quiet = quiet + 1 if speed <= small * scale else 0
-        if quiet >= 3:
-            if _rest_is_near(P, S, W, size):
-                return SETTLED
-            # The ghost of a root behind a fold: slow, but no rest. Go on, and believe it later.
-            quiet = 0
-            small *= 0.1
-            for i in range(size):
-                W.mask[instant.group[i]] = 0
-    return OSCILLATES
-
-
-@kernel
-def _root_along(P, S, W, j):
-    """Moves lambda_j onto the zero of g_j at frozen z by secant steps; False when there is none beside it."""
-    a = S.mult[j]
-    b = a + 1e-7
-    push_a = _push(P, S, W, j, a, 1, True)
-    for _ in range(30):
-        push_b = _push(P, S, W, j, b, 1, True)
-        if push_b == push_a:
-            return push_b == 0.0
-        c = b - push_b * (b - a) / (push_b - push_a)
-        a, push_a, b = b, push_b, c
-        if abs(b - a) < 1e-14:
-            S.mult[j] = b
-            return True
-    return False
-
-
-@kernel
-def _relax(P, S, W, j, along):
-    """Lets the layered states run to rest at fixed lambda_j, or along the root of g_j (two-stage layer).
-
-    Overwrites W.layer.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest. The pair
-    5(4), so that rest is reached in some sixty steps; a root is lost only on a step so short that a stage does not
-    jump over it.
-    """
-    z, q, z0, k, nz = W.layer.z, W.layer.q, W.layer.new, W.layer.k, P.nz
-    dt, lam = _SURE_STEP, S.mult[j]
-    for i in range(nz):
-        z0[i] = z[i]
-    for _ in range(100000):
-        left, error, speed = 0, 0.0, 0.0
-        for s in range(7):
-            for i in range(nz):
-                total = 0.0
-                for r in range(s):
-                    total += _A[s, r] * k[r, i]
-                z[i] = z0[i] + dt * total
-            if along:
-                was = S.mult[j]
-                if not _root_along(P, S, W, j):
-                    left = 1 if was > 0.0 else -1
-                elif abs(S.mult[j]) >= 1.0:
-                    left = 1 if S.mult[j] > 0.0 else -1
-                if left != 0:
-                    break
-            call_layer(P.layer, S.t, S.x, S.mult, z, P.p, W.g, q)
-            for i in range(nz):
-                k[s, i] = q[i]
-                if s == 0:
-                    speed = max(speed, abs(q[i]))
-        if left != 0:
-            if dt <= _SURE_STEP:
-                return left
-            dt = max(0.25 * dt, _SURE_STEP)
-            S.mult[j] = lam
-            continue
-        for i in range(nz):
-            total = 0.0
-            for r in range(7):
-                total += _E[r] * k[r, i]
-            # Relative to what is left to go as well: at rest nothing must keep it moving.
-            error = max(error, abs(dt * total) / (min(1e-10, 1e-4 * dt * speed) + 1e-18))
-        if not error < math.inf:
-            error = math.inf
-        factor = 0.9 * (error + 1e-12) ** -0.2
-        if error > 1.0 and dt > _SURE_STEP:
-            dt = max(dt * max(0.2, factor), _SURE_STEP)
-            S.mult[j] = lam
-            continue
-        # The last stage stands at the step's end.
-        for i in range(nz):
-            z0[i] = z[i]
-        lam = S.mult[j]
-        if speed < 1e-14:
-            break
-        dt = max(dt * min(5.0, factor), _SURE_STEP)
-    return 0
-
-
-@kernel
-def _relax_from_zero(P, S, W, j):
-    for i in range(P.nz):
-        W.layer.z[i] = 0.0
-    _relax(P, S, W, j, False)
 
 
 @kernel
@@ -402,7 +113,7 @@ def _settle_one(P, S, W, j, start, toward):
     two_stage = P.nz > 0
     found = _first_zero(P, S, W, j, start, toward, two_stage)
     if found and two_stage:
-        left = _relax(P, S, W, j, True)
+        left = relax(P, S, W, j, True)
         if left != 0:
             found, toward = False, left
     S.status[j] = SOLVED if found else toward
@@ -421,11 +132,11 @@ def _arrive(P, S, W, size):
         side = instant.arrival[0]
         S.mult[j] = float(side)
         if P.nz > 0:
-            _relax_from_zero(P, S, W, j)
+            relax_from_zero(P, S, W, j)
         toward = -side
         if side == 0:
             _prepare(P, S, W, j)
-            toward = 1 if _push(P, S, W, j, 0.0, 1, P.nz > 0) > 0.0 else -1
+            toward = 1 if push_toward(P, S, W, j, 0.0, 1, P.nz > 0) > 0.0 else -1
         return _settle_one(P, S, W, j, float(side), toward)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     top, slowest = 1e-300, 1.0
@@ -439,15 +150,15 @@ def _arrive(P, S, W, size):
     for i in range(size):
         j = instant.group[i]
         if instant.arrival[i] == 0:
-            W.layer.y[i] = _sigmoid_inverse(P, W, S.mult[j])
+            W.layer.y[i] = sigmoid_inverse(P, W, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
             share = abs(W.g[j]) * P.weight[j] / top
             W.layer.y[i] = instant.arrival[i] * tail * max(share, 1e-6)
-            S.mult[j] = _sigmoid(P, W, W.layer.y[i])
+            S.mult[j] = sigmoid(P, W, W.layer.y[i])
     if P.nz > 0:
-        _relax_from_zero(P, S, W, instant.group[0])
-    return _integrate(P, S, W, size)
+        relax_from_zero(P, S, W, instant.group[0])
+    return integrate(P, S, W, size)
 
 
 @kernel
@@ -471,21 +182,21 @@ def _leave_fold(P, S, W, j, toward):
         _prepare(P, S, W, j)
         # g vanishes to second order here: start where it pushes clearly.
         ahead = fold + 1e-6 * toward
-        if _push(P, S, W, j, ahead, toward, False) <= 0.0:
+        if push_toward(P, S, W, j, ahead, toward, False) <= 0.0:
             ahead = fold + 1e-3 * toward
         return _settle_one(P, S, W, j, ahead, toward)
     S.mult[j] = fold + 1e-3 * toward
     if P.nz > 0:
-        _relax_from_zero(P, S, W, j)
+        relax_from_zero(P, S, W, j)
         if size == 1 and P.ratio[0] == 0.0:
-            left = _relax(P, S, W, j, True)
+            left = relax(P, S, W, j, True)
             if left != 0:
                 S.status[j] = left
                 S.mult[j] = float(left)
             return _close(P, S, W)
     for i in range(size):
-        W.layer.y[i] = _sigmoid_inverse(P, W, S.mult[instant.group[i]])
-    return _integrate(P, S, W, size)
+        W.layer.y[i] = sigmoid_inverse(P, W, S.mult[instant.group[i]])
+    return integrate(P, S, W, size)
 
 
 @unit(types.int64, Problem, State, Work, types.int64, types.int64, types.int64, types.float64)

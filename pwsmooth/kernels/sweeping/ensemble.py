@@ -71,7 +71,7 @@ def _piece(P, E, i, t_from, t_to):
         for j in range(P.m):
             code += (E.was[j] + 1) * E.word_digits[j]
             E.before[j] = E.was[j]
-        # A change of a multiplier that makes no word is none of the word.
+        # Multipliers outside the itinerary start no new segment.
         count, ring = E.segments, len(E.segment)
         if count == 0 or E.segment[(count - 1) % ring] != code:
             E.segment[count % ring] = code

@@ -1,0 +1,311 @@
+"""The layer system run in its fast time, for several switches at once or with layered states.
+
+    du_j/dtau = w_j g_j(t, x, Lambda(u), z),   dz_i/dtau = r_i Q_i(t, x, Lambda(u), z)
+
+Chain: **this file** -> layer.py, which says when a run is needed.
+"""
+
+import math
+
+import numpy as np
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_fields, call_layer, call_newton
+from ..state import SOLVED
+from .sliding import mask_instant, mask_solved
+
+SETTLED, OSCILLATES, LOST = range(3)
+_SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
+_FARTHEST = 1e150  # of u, whose square is finite
+
+
+@kernel
+def sigmoid(P, W, u):
+    """Lambda(u)."""
+    pair, value = W.layer.pair, W.layer.value
+    pair[0] = min(max(u, -_FARTHEST), _FARTHEST)
+    call_fields(P.sigmoid, 0.0, pair, value, value, value, value, value)
+    return value[0]
+
+
+@kernel
+def sigmoid_inverse(P, W, lam):
+    """u with Lambda(u) = lam; lam = +-1 counts as the last number before it."""
+    lam = max(min(lam, 1.0 - 1e-15), -1.0 + 1e-15)
+    W.layer.pair[1] = lam
+    sigmoid(P, W, 0.0)
+    u = W.layer.value[1]
+    if u == u:
+        return u
+    hi = 6.0
+    while sigmoid(P, W, hi) < abs(lam):
+        hi *= 2.0
+    lo = -hi
+    for _ in range(60):
+        mid = 0.5 * (lo + hi)
+        if sigmoid(P, W, mid) < lam:
+            lo = mid
+        else:
+            hi = mid
+    return 0.5 * (lo + hi)
+
+
+@kernel
+def push_toward(P, S, W, j, lam, toward, frozen):
+    """toward * g_j at lambda_j = lam, the multipliers of every instant (W.mask) solved along.
+
+    `frozen`: with the layered states held at W.layer.z.
+    """
+    S.mult[j] = lam
+    if frozen:
+        call_layer(P.layer, S.t, S.x, S.mult, W.layer.z, P.p, W.g, W.layer.q)
+        return toward * W.g[j]
+    if W.layer.masked:
+        call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    return toward * W.g[j]
+
+
+# Dormand-Prince 5(4).
+_A = np.array(
+    [
+        [0, 0, 0, 0, 0, 0],
+        [1 / 5, 0, 0, 0, 0, 0],
+        [3 / 40, 9 / 40, 0, 0, 0, 0],
+        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
+        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
+_E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+
+
+@kernel
+def _stage(y, k, s, i, step):
+    """Component i of the point at which stage s is taken."""
+    total = 0.0
+    for r in range(s):
+        total += _A[s, r] * k[r, i]
+    return y[i] + step * total
+
+
+@kernel
+def _defect(k, i):
+    """Component i of the error of a step, over its length."""
+    total = 0.0
+    for r in range(7):
+        total += _E[r] * k[r, i]
+    return total
+
+
+@kernel
+def _rates(P, S, W, size, y, out, stage):
+    """Overwrites out[stage] with the rates of the layer system at y = (u of W.instant.group, z)."""
+    instant = W.instant
+    mult = S.mult
+    for i in range(size):
+        mult[instant.group[i]] = sigmoid(P, W, y[i])
+    if P.nz > 0:
+        for i in range(P.nz):
+            W.layer.z[i] = y[size + i]
+        call_layer(P.layer, S.t, S.x, mult, W.layer.z, P.p, W.g, W.layer.q)
+        for i in range(P.nz):
+            out[stage, size + i] = W.layer.pace * P.ratio[i] * W.layer.q[i]
+    else:
+        if W.layer.masked:
+            call_newton(P.newton_unit, P, S, W)
+        call_fields(P.fields, S.t, S.x, mult, P.p, W.dx, W.h, W.g)
+    for i in range(size):
+        out[stage, i] = W.layer.pace * P.weight[instant.group[i]] * W.g[instant.group[i]]
+
+
+@kernel
+def _rest_is_near(P, S, W, size):
+    """Solves for the rest state beside a layer run that has become slow; False (S as before) if it is elsewhere."""
+    instant = W.instant
+    for i in range(size):
+        W.layer.status[i] = S.status[instant.group[i]]
+        W.layer.mult[i] = S.mult[instant.group[i]]
+        S.status[instant.group[i]] = SOLVED
+    mask_solved(P, S, W)
+    near = call_newton(P.newton_unit, P, S, W) != 0
+    for i in range(size):
+        near = near and abs(S.mult[instant.group[i]] - W.layer.mult[i]) < 1e-3
+    if not near:
+        for i in range(size):
+            S.status[instant.group[i]] = W.layer.status[i]
+            S.mult[instant.group[i]] = W.layer.mult[i]
+    return near
+
+
+@kernel
+def _set_pace(P, S, W, size):
+    """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
+    fastest = 0.0
+    for i in range(size):
+        j = W.instant.group[i]
+        keep = S.mult[j]
+        for side in range(-1, 2):
+            S.mult[j] = float(side)
+            call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+            fastest = max(fastest, abs(P.weight[j] * W.g[j]))
+        S.mult[j] = keep
+    W.layer.pace = 1.0
+    if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
+        W.layer.pace = 2.0 ** -math.floor(math.log2(fastest))
+
+
+@kernel
+def integrate(P, S, W, size):
+    """Runs the layer system of the switches group[:size] from u = W.layer.y (and z) until all are settled.
+
+    Overwrites S.mult, S.status, z, group. Returns SETTLED, OSCILLATES (no rest within the time allowed) or LOST.
+    A switch that runs out to u = +-inf gets that side; the rest goes on without it.
+    """
+    instant = W.instant
+    nz, y, new, k = P.nz, W.layer.y, W.layer.new, W.layer.k
+    W.layer.masked = 1 if mask_instant(P, S, W) else 0
+    reach = 1e3
+    for i in range(size):
+        W.mask[instant.group[i]] = 0
+        reach = max(reach, 10.0 * abs(y[i]))
+    for i in range(nz):
+        y[size + i] = W.layer.z[i]
+    _set_pace(P, S, W, size)
+    tau, step, scale = 0.0, 1e-3, 0.0
+    _rates(P, S, W, size, y, k, 0)
+    quiet, small = 0, 1e-7
+    for _ in range(200000):
+        dim = size + nz
+        for s in range(1, 7):
+            for i in range(dim):
+                new[i] = _stage(y, k, s, i, step)
+            _rates(P, S, W, size, new, k, s)
+        error = 0.0
+        for i in range(dim):
+            error = max(error, abs(step * _defect(k, i)) / (1e-10 + 1e-10 * abs(new[i])))
+        if not error < math.inf:
+            step *= 0.1
+            if step < 1e-14:
+                return LOST
+            continue
+        factor = 0.9 * (error + 1e-12) ** -0.2
+        if error > 1.0:
+            step *= max(0.2, factor)
+            continue
+        tau += step
+        step *= min(5.0, factor)
+        speed, gone = 0.0, -1
+        for i in range(dim):
+            y[i] = new[i]
+            k[0, i] = k[6, i]
+            speed = max(speed, abs(k[0, i]))
+            if i < size and abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
+                gone = i
+        scale = max(scale, speed)
+        if gone >= 0:
+            j = instant.group[gone]
+            S.status[j] = 1 if y[gone] > 0.0 else -1
+            S.mult[j] = float(S.status[j])
+            for i in range(gone, dim - 1):
+                y[i] = y[i + 1]
+            for i in range(gone, size - 1):
+                instant.group[i] = instant.group[i + 1]
+            size -= 1
+            if size == 0:
+                return SETTLED
+            _rates(P, S, W, size, y, k, 0)
+            step = min(step, 0.1)
+            continue
+        quiet = quiet + 1 if speed <= small * scale else 0
+        if quiet >= 3:
+            if _rest_is_near(P, S, W, size):
+                return SETTLED
+            # A bottleneck near a fold, not an equilibrium: continue with a stricter test of rest.
+            quiet = 0
+            small *= 0.1
+            for i in range(size):
+                W.mask[instant.group[i]] = 0
+    return OSCILLATES
+
+
+@kernel
+def _root_along(P, S, W, j):
+    """Moves lambda_j onto the zero of g_j at frozen z by secant steps; False when there is none beside it."""
+    a = S.mult[j]
+    b = a + 1e-7
+    push_a = push_toward(P, S, W, j, a, 1, True)
+    for _ in range(30):
+        push_b = push_toward(P, S, W, j, b, 1, True)
+        if push_b == push_a:
+            return push_b == 0.0
+        c = b - push_b * (b - a) / (push_b - push_a)
+        a, push_a, b = b, push_b, c
+        if abs(b - a) < 1e-14:
+            S.mult[j] = b
+            return True
+    return False
+
+
+@kernel
+def relax(P, S, W, j, along):
+    """Lets the layered states run to rest at fixed lambda_j, or along the root of g_j (two-stage layer).
+
+    Overwrites W.layer.z and S.mult. Returns the side that lambda_j left by, or 0 when everything came to rest. The pair
+    5(4), so that rest is reached in some sixty steps; a root is lost only on a step so short that a stage does not
+    jump over it.
+    """
+    z, q, z0, k, nz = W.layer.z, W.layer.q, W.layer.new, W.layer.k, P.nz
+    dt, lam = _SURE_STEP, S.mult[j]
+    for i in range(nz):
+        z0[i] = z[i]
+    for _ in range(100000):
+        left, error, speed = 0, 0.0, 0.0
+        for s in range(7):
+            for i in range(nz):
+                z[i] = _stage(z0, k, s, i, dt)
+            if along:
+                was = S.mult[j]
+                if not _root_along(P, S, W, j):
+                    left = 1 if was > 0.0 else -1
+                elif abs(S.mult[j]) >= 1.0:
+                    left = 1 if S.mult[j] > 0.0 else -1
+                if left != 0:
+                    break
+            call_layer(P.layer, S.t, S.x, S.mult, z, P.p, W.g, q)
+            for i in range(nz):
+                k[s, i] = q[i]
+                if s == 0:
+                    speed = max(speed, abs(q[i]))
+        if left != 0:
+            if dt <= _SURE_STEP:
+                return left
+            dt = max(0.25 * dt, _SURE_STEP)
+            S.mult[j] = lam
+            continue
+        for i in range(nz):
+            # Relative to what is left to go as well: at rest nothing must keep it moving.
+            error = max(error, abs(dt * _defect(k, i)) / (min(1e-10, 1e-4 * dt * speed) + 1e-18))
+        if not error < math.inf:
+            error = math.inf
+        factor = 0.9 * (error + 1e-12) ** -0.2
+        if error > 1.0 and dt > _SURE_STEP:
+            dt = max(dt * max(0.2, factor), _SURE_STEP)
+            S.mult[j] = lam
+            continue
+        # The last stage stands at the step's end.
+        for i in range(nz):
+            z0[i] = z[i]
+        lam = S.mult[j]
+        if speed < 1e-14:
+            break
+        dt = max(dt * min(5.0, factor), _SURE_STEP)
+    return 0
+
+
+@kernel
+def relax_from_zero(P, S, W, j):
+    for i in range(P.nz):
+        W.layer.z[i] = 0.0
+    relax(P, S, W, j, False)
