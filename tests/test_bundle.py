@@ -33,7 +33,7 @@ def test_kernels_read_and_write_numbers_arrays_and_pointers_by_name():
     two = Mixed.in_one_block(Mixed.planned({"k": 3}), flag=[True, False])
     two.pointer[:] = pointer
     for bundle in (one, two):
-        ctypes.CFUNCTYPE(None, ctypes.c_void_p)(double.address)(bundle.address)
+        ctypes.CFUNCTYPE(None, ctypes.c_void_p)(double.compiled.address)(bundle.address)
     assert (one.count, one.size, one.last) == (5, 1.5, 1)
     assert (two.count, two.size, two.last) == (1, 0.0, 2)
     assert np.array_equal(one.table, table + pointer)
@@ -61,9 +61,9 @@ def test_a_bundle_inside_another_one_stands_on_its_memory():
     outer.inner.squares[:] = np.arange(7.0) ** 2
     outer.last[0] = 2.0
     assert outer.inner.squares.ctypes.data % 64 == 0
-    ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(sum_of_squares.address)(outer.address)
+    ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(sum_of_squares.compiled.address)(outer.address)
     assert (outer.first, outer.inner.sum) == (8, 182.0)
-    part = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(add.address)
+    part = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(add.compiled.address)
     assert part(outer.inner.address, 6) == outer.inner.sum == 218.0
 
 

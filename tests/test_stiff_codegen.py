@@ -142,8 +142,8 @@ def test_the_elimination_solves_the_real_and_the_complex_systems(model):
     else:
         dense = load_kernels("stiff.dense")
         pointers = [ctypes.cast(v.ctypes.data, ctypes.POINTER(ctypes.c_double)) for v in (J, mu, lu, solved)]
-        dense.dense_factor.ctypes(n, *pointers[:3])
-        dense.dense_solve.ctypes(n, *pointers[2:])
+        dense.dense_factor.compiled.ctypes(n, *pointers[:3])
+        dense.dense_solve.compiled.ctypes(n, *pointers[2:])
     for lane in range(4):
         matrix = (mu[lane] + 1j * mu[4 + lane]) * np.eye(n) - J
         expected = np.linalg.solve(matrix, right[:, lane] + 1j * right[:, 4 + lane])
