@@ -26,7 +26,7 @@ from .instant.invariants import CHECK, broken_by
 from .instant.settling import release_held
 from .instant.surface_rates import any_is, keep_sliding
 from .instant.twofolds import two_fold
-from .machine.compiling import inlined_kernel, kernel, unit
+from .machine.compiling import inlined_kernel, kernel, loop_kernel, unit
 from .machine.pointers import at, call_unit
 from .outcome import Outcome
 from .state import (
@@ -114,7 +114,7 @@ def _settle_again(P, C, S, R, W):
     return call_unit(P.instant_unit, P, C, S, R, W)
 
 
-@kernel
+@loop_kernel
 def find_multipliers(P, C, S, R, W):
     """Solves for the multipliers at the present state; AGAIN where a root is lost and an instant has settled that."""
     if any_is(P, S, HELD):
@@ -167,7 +167,7 @@ def _leave_by_a_fold(P, C, S, R, W):
     return call_unit(P.instant_unit, P, C, S, R, W) if code == NOTHING else code
 
 
-@kernel
+@loop_kernel
 def propose(P, C, S, R, W):
     """Overwrites W.step by polynomials of states, surfaces and solved multipliers, and how far they hold; a code.
 
@@ -251,7 +251,7 @@ def after_event(P, S):
     return False
 
 
-@kernel
+@loop_kernel
 def find_end(P, C, S, R, W):
     """Overwrites W.end: what is met first on the step, and where it therefore ends."""
     step, end, power = W.step, W.end, W.step.power
@@ -312,7 +312,7 @@ def find_end(P, C, S, R, W):
     end.happened, end.folded, end.grazes = int(happened), int(folded), int(grazes)
 
 
-@kernel
+@loop_kernel
 def advance(P, C, S, R, W):
     """Moves S to the end of the step, on its polynomials; keeps what is asked for on the way. A code."""
     n, K, x, rows = P.n, C.order, S.x, W.step.rows
@@ -364,7 +364,7 @@ def advance(P, C, S, R, W):
     return GO_ON
 
 
-@kernel
+@loop_kernel
 def act(P, C, S, R, W):
     """What happens at the end of the step; a code."""
     step, end = W.step, W.end

@@ -14,6 +14,8 @@ from numba.extending import register_jitable
 from .bundle import bundle_type
 
 kernel = register_jitable(error_model="numpy")
+# Parts of a loop that are called once in it: without the cost of a call, and with the bits of `kernel`.
+loop_kernel = register_jitable(error_model="numpy", forceinline=True)
 # A few lines each, called every step: as calls they would cost more in passing arrays than in work.
 inlined_kernel = register_jitable(error_model="numpy", forceinline=True, fastmath={"reassoc", "contract"})
 
