@@ -69,8 +69,7 @@ def test_a_bundle_inside_another_one_stands_on_its_memory():
 
 def test_a_block_is_zero_where_it_is_asked_to_be():
     plan = Mixed.planned({"k": 3}, undefined=["table"])
-    old = np.full(plan.size, 255, np.uint8)
-    bundle = Mixed.in_one_block(plan, lambda size: old, flag=[True])
+    bundle = Mixed.in_one_block(plan, lambda size: np.full(size, 255, np.uint8), flag=[True])
     assert np.all(bundle.pointer == 0) and np.all(np.isnan(bundle.table))
 
 

@@ -78,12 +78,12 @@ class Roots(Bundle):
     pairing: "f8[width]"
     tripling: "f8[width]"
     bernstein: "f8[48*width]"
-    bernstein_table: "f8[:]"  # see tables.py
-    short_table: "f8[:]"
-    short_error: "f8[:]"
-    short_powers: "f8[:]"
-    left_half: "f8[:]"
-    right_half: "f8[:]"
+    bernstein_table: "f8[5*width*width]"  # see tables.py
+    short_table: "f8[16*width]"
+    short_error: "f8[width]"
+    short_powers: "f8[16*width]"
+    left_half: "f8[width*width]"
+    right_half: "f8[5*width*width]"
     near: "f8[width]"  # the polynomial on a part of the step
 
 

@@ -5,7 +5,6 @@ Chain: solve -> **this file** -> kernels/trajectory.py, the loop that reads like
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -111,12 +110,6 @@ def prepared_run(model: Model, options: Options) -> EventDriven:
             kept.pop(next(iter(kept)))
         kept[key] = run
     return run
-
-
-@functools.lru_cache(maxsize=64)
-def _record_plan(n: int, m: int, order: int, room: int, pieces: int) -> Any:
-    sizes = dict(n=n, m=m, order=order, room=room, pieces=pieces)
-    return names.Record.planned(sizes, undefined=names.Record.members)
 
 
 class EventDriven:
@@ -246,7 +239,9 @@ class EventDriven:
 
     def _plan(self, room: int) -> Any:
         """Of the buffers for `room` points and events."""
-        return _record_plan(self.sizes.n, self.sizes.m, self.order, room, room if self.dense else 0)
+        pieces = room if self.dense else 0
+        sizes = dict(n=self.sizes.n, m=self.sizes.m, order=self.order, room=room, pieces=pieces)
+        return names.Record.planned(sizes, undefined=names.Record.members)
 
     def _bytes(self, room: int) -> int:
         return self._plan(room).size

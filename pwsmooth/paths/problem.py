@@ -21,7 +21,6 @@ from ..definition.regularity import may_skip_orders
 from ..definition.sigmoids import sigmoid
 from ..definition.singular import KINDS
 from ..kernels import state, work
-from ..kernels.machine.block import on_cache_lines
 from ..kernels.step.tables import bernstein_tables, halving_tables, short_tables
 
 
@@ -207,14 +206,12 @@ class CompiledProblem:
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
             contacts=len(fixed["contact"]),
         )  # fmt: skip
+        roots = work.Roots.zeros(sizes, order=order)
         k = np.arange(float(width))
-        tables = (k, k * (k - 1), k * (k - 1) * (k - 2), bernstein_tables(order, width), *short_tables(order, width),
-                  *halving_tables(order, width))  # fmt: skip
-        names = ("counting", "pairing", "tripling", "bernstein_table", "short_table", "short_error", "short_powers",
-                 "left_half", "right_half")  # fmt: skip
-        roots = work.Roots.zeros(
-            sizes, order=order, **dict(zip(names, map(on_cache_lines, tables), strict=True))
-        )
+        roots.counting[:], roots.pairing[:], roots.tripling[:] = k, k * (k - 1), k * (k - 1) * (k - 2)
+        roots.bernstein_table[:] = bernstein_tables(order, width)
+        roots.short_table[:], roots.short_error[:], roots.short_powers[:] = short_tables(order, width)
+        roots.left_half[:], roots.right_half[:] = halving_tables(order, width)
         step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
         firing = work.Firing.zeros(sizes, carried=self.carried)
         return work.Work.zeros(sizes, roots=roots, step=step, firing=firing)

@@ -6,7 +6,6 @@ caller keeps is copied out of the block (stiff.py).
 
 from __future__ import annotations
 
-import functools
 import threading
 from typing import Any
 
@@ -28,7 +27,6 @@ def _memory(size: int) -> np.ndarray:
     return block
 
 
-@functools.lru_cache(maxsize=64)
 def _plan(n: int, q: int, e: int, capacity: int, room: int, hoisted: int, slots: int, dense: bool):
     sizes = dict(n=n, q=q, e=e, capacity=capacity, room=room, hoisted=hoisted, stride=STRIDE, most=max(q, e),
                  elimination=8 * (slots or n * n + n), kept=capacity if dense else 1)  # fmt: skip

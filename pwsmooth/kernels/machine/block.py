@@ -9,6 +9,7 @@ array, or a pointer (bundle.py); the Python object keeps the memory alive.
 from __future__ import annotations
 
 import ctypes
+import functools
 import math
 from typing import NamedTuple
 
@@ -144,27 +145,20 @@ class Bundle:
         self._begin(self.plain, self.plain.cells.copy(), values)
 
     @classmethod
-    def planned(cls, sizes, undefined=()):
-        """The Plan for all arrays whose shapes these sizes tell; they begin at 0, or undefined."""
-        cells, places, size, zeros = cls.blank.copy(), {}, 0, 0
-        arrays = [(name, m) for name, m in cls.members.items() if isinstance(m, Array)]
-        for late in (False, True):
-            zeros = size
-            for name, array in arrays:
-                shape = array.extents(sizes)
-                if shape is not None and late == (name in undefined):
-                    array.write(cells, size, shape)
-                    places[name] = shape, size
-                    size += -(-math.prod(shape) * array.dtype.itemsize // 8) * 8
-        addresses = np.array([cls.members[name].at for name in places], np.int64)
-        others = {name for name, m in cls.members.items() if not isinstance(m, Number) and name not in places}
-        return Plan(places, cells, addresses, zeros, size, others)
+    def planned(cls, sizes, undefined=(), given=()):
+        """The Plan for all arrays whose shapes these sizes tell, each on cache lines; they begin at 0, or undefined.
+
+        What is `given` has memory of its own.
+        """
+        return _planned(cls, tuple(sizes.items()), tuple(undefined), tuple(given))
 
     @classmethod
     def in_one_block(cls, plan, memory=None, **values):
         """With the planned arrays in one `block` of `memory(bytes)`, new by default, and other fields."""
         made = cls.__new__(cls)
-        block = made.block = memory(plan.size) if memory else np.empty(plan.size, np.uint8)
+        room = memory(plan.size + _LINE) if memory else np.empty(plan.size + _LINE, np.uint8)
+        begin = -_address(room) % _LINE
+        block = made.block = room[begin : begin + plan.size]
         block[: plan.zeros] = 0
         cells = plan.cells.copy()
         cells[plan.addresses] += _address(block)
@@ -173,15 +167,12 @@ class Bundle:
 
     @classmethod
     def zeros(cls, sizes, **values):
-        """With arrays of zeros where none is given, each beginning on a cache line."""
-        for name, member in cls.members.items():
-            if name in values or isinstance(member, Number):
-                continue
-            if isinstance(member, Part):
-                values[name] = member.struct.zeros(sizes)
-            else:
-                values[name] = on_cache_lines(np.zeros(member.extents({":": 0, **sizes}), member.dtype))
-        return cls(**values)
+        """With zeros where nothing is given, in the Bundles inside as well."""
+        sizes = {":": 0, **sizes}
+        plan = cls.planned(sizes, given=values)
+        for name in plan.others - values.keys():
+            values[name] = cls.members[name].struct.zeros(sizes)
+        return cls.in_one_block(plan, **values)
 
     def _begin(self, plan, cells, values):
         self.places = plan.places
@@ -206,10 +197,19 @@ class Bundle:
         return self.members[name].cell(self)
 
 
-def on_cache_lines(values):
-    """A copy that begins on a cache line."""
-    room = np.empty(values.nbytes + _LINE, np.uint8)
-    begin = -room.ctypes.data % _LINE
-    copy = room[begin : begin + values.nbytes].view(values.dtype).reshape(values.shape)
-    copy[...] = values
-    return copy
+@functools.lru_cache(maxsize=256)
+def _planned(cls, sizes, undefined, given):
+    sizes = dict(sizes)
+    cells, places, size, zeros = cls.blank.copy(), {}, 0, 0
+    arrays = [(name, m) for name, m in cls.members.items() if isinstance(m, Array) and name not in given]
+    for late in (False, True):
+        zeros = size
+        for name, array in arrays:
+            shape = array.extents(sizes)
+            if shape is not None and late == (name in undefined):
+                array.write(cells, size, shape)
+                places[name] = shape, size
+                size += -(-math.prod(shape) * array.dtype.itemsize // _LINE) * _LINE
+    addresses = np.array([cls.members[name].at for name in places], np.int64)
+    others = {name for name, m in cls.members.items() if not isinstance(m, Number) and name not in places}
+    return Plan(places, cells, addresses, zeros, size, others)
