@@ -54,8 +54,8 @@ RECIPROCAL = {
 class Graph(Nodes):
     """The nodes of one model; `expression` gives that of any sympy expression in its symbols."""
 
-    def __init__(self, model: Model):
-        self.template = template = model.loops.template if model.loops else None
+    def __init__(self, model: Model, looped: bool = True):
+        self.template = template = model.loops.template if model.loops and looped else None
         self.model = model = template.model if template else model
         families: dict[str, tuple[int | None, ...]] = {}
         if template:
@@ -153,21 +153,22 @@ class Graph(Nodes):
             else:
                 above.append(self.expression(factor))
 
-        def chain(factors):
-            node = self.one
-            for f in sorted(factors, key=lambda f: (self._rank(f), f)):
-                node = self.mul(node, f)
-            return node
-
         fixed = [f for f in above if not self.depends[f] and self.value(f) is None]
         if fixed and below:
             fixed_below = [f for f in below if not self.depends[f]]
-            fixed_part = self.div(chain(fixed), chain(fixed_below))
+            fixed_part = self.div(self._chain(fixed), self._chain(fixed_below))
             moving = self.div(
-                chain([f for f in above if f not in fixed]), chain([f for f in below if f not in fixed_below])
+                self._chain([f for f in above if f not in fixed]),
+                self._chain([f for f in below if f not in fixed_below]),
             )
             return self.mul(fixed_part, moving)
-        return self.div(chain(above), chain(below)) if below else chain(above)
+        return self.div(self._chain(above), self._chain(below)) if below else self._chain(above)
+
+    def _chain(self, factors) -> int:
+        node = self.one
+        for f in sorted(factors, key=lambda f: (self._rank(f), f)):
+            node = self.mul(node, f)
+        return node
 
     def _rank(self, node: int) -> int:
         depends = self.depends[node]

@@ -108,7 +108,7 @@ class Nodes:
             node = self.nodes[a]
             if node.op == "num":
                 constant += c * node.data
-            elif node.op == "sum" and len(node.args) <= SHARED_SUM:
+            elif node.op == "sum" and self.opens(a):
                 for inner, b in zip(node.data, node.args, strict=True):
                     if self.nodes[b].op == "num":
                         constant += c * inner * self.nodes[b].data
@@ -125,6 +125,10 @@ class Nodes:
             return next(iter(merged))
         args = tuple(sorted(merged))
         return self.make("sum", args, tuple(merged[a] for a in args))
+
+    def opens(self, a: int) -> bool:
+        """Whether a sum gives its terms to a sum that it stands in."""
+        return len(self.nodes[a].args) <= SHARED_SUM
 
     def add(self, a: int, b: int) -> int:
         return self.sum(((1.0, a), (1.0, b)))
@@ -226,15 +230,15 @@ class Nodes:
                 found.add(data)
         return sorted(found)
 
-    def reach(self, roots, lazy: bool = False, through: bool = False) -> list[int]:
+    def reach(self, roots, lazy: bool = False, through: bool = False, without=()) -> list[int]:
         """Nodes needed for `roots`, in order of evaluation; with `lazy`, without entering branches.
 
-        Sums over families are entered only with `through`.
+        Sums over families are entered only with `through`; what is already there is `without`.
         """
         seen, stack = set(), list(roots)
         while stack:
             a = stack.pop()
-            if a in seen:
+            if a in seen or a in without:
                 continue
             seen.add(a)
             op, args, _ = self.nodes[a]

@@ -74,7 +74,8 @@ class ScalarCode:
 
     def emit(self, roots) -> None:
         """Emit everything that `roots` need into the current scope."""
-        needed = set(self.graph.reach(roots, lazy=True))
+        there = set().union(*self.scopes)
+        needed = set(self.graph.reach(roots, lazy=True, without=there))
         for node in sorted(needed):
             self._ensure(node, needed)
 
@@ -181,8 +182,8 @@ class ScalarCode:
             exponent = self.graph.value(args[1])
             if data == "above" and self.clamps:
                 names[0] = f"max({names[0]}, 0.0)"
-            if exponent == 0.5:
-                return f"math.sqrt({names[0]})"
+            if exponent in (0.5, -0.5):
+                return f"{'' if exponent > 0 else '1.0 / '}math.sqrt({names[0]})"
             if exponent in (1.5, 2.5):
                 # Half the cost of pow, and as exact.
                 return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"

@@ -8,7 +8,7 @@ is a constant; total8 and largest8 fold; vsqrt, vabs, vmax, vfma, vfloor, vrint 
 like call the C library lane by lane, vsin and vcos are polynomials. vmax and largest8 are for lanes that are not
 negative, where a nan wins; of negative lanes only that they are less than the others is kept.
 
-Chain: codegen/stiff*.py -> text -> cache.cached_texts -> `load` (this file) -> addresses.
+Chain: codegen/stiff -> text -> cache.cached_texts -> `load` (this file) -> addresses.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from .native import DOUBLE, LANE
 KINDS = native.KINDS | {"V": ir.VectorType(DOUBLE, 8), "H": ir.VectorType(DOUBLE, 4)}
 _INSTRUCTIONS = {"vsqrt": "sqrt", "vabs": "fabs", "vfloor": "floor", "vrint": "rint", "vfma": "fma"}
 _LIBRARY = "exp log tan sinh cosh tanh atan asin acos asinh acosh atanh erf erfc".split()
+
+# Functions of one argument that act lane by lane.
+LANE_BY_LANE = {*_LIBRARY, "sin", "cos", "sqrt", "fabs", "floor"}
 
 # Beyond FAR quarter turns the two-part pi/2 runs out of digits. Polynomials of fdlibm (k_sin.c, k_cos.c).
 PRELUDE = """\
@@ -125,6 +128,8 @@ class Function(native.Function):
     # ---- calls ----
 
     def _Call(self, node):
+        if isinstance(node.func, ast.Attribute):
+            return super()._Call(node)
         name = node.func.id
         special = getattr(self, f"call_{name}", None)
         if special:

@@ -10,16 +10,11 @@ overwrites the same arrays and numbers of the Core.
 
 from __future__ import annotations
 
-from pwsmooth.codegen.stiff.linear import (
-    Elimination,
-    elimination_lines,
-    real_substitution_lines,
-    substitution_lines,
-)
-from pwsmooth.codegen.stiff.text import Writer
-from pwsmooth.kernels.stiff import tables as T
-from pwsmooth.kernels.stiff.rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON, REACH, THETA
-from pwsmooth.kernels.stiff.state import Core
+from ...kernels.stiff import tables as T
+from ...kernels.stiff.rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWTON, REACH, THETA
+from ...kernels.stiff.state import Core
+from .linear import Elimination, elimination_lines, real_substitution_lines, substitution_lines
+from .text import StiffCode
 
 # Beyond this many states the vectors no longer fit into registers.
 MOST_STATES = 6
@@ -29,23 +24,23 @@ ARGUMENTS = (
 )
 
 
-def possible(writer: Writer, rates, surfaces, elimination: Elimination, n: int) -> bool:
+def possible(code: StiffCode, rates, surfaces, elimination: Elimination, n: int) -> bool:
     """Whether the model allows it: few states, and no branches that differ from lane to lane."""
-    return n <= MOST_STATES and elimination.worthwhile and writer.vectors([*rates, *surfaces], {})
+    return n <= MOST_STATES and elimination.worthwhile and code.vectors([*rates, *surfaces])
 
 
 class Attempt:
     """Text of one order; `surface_state[j]` is the state that surface j is, or -1."""
 
-    def __init__(self, writer, m, rates, jacobian, pattern, surfaces, surface_state, elimination, n):
-        self.writer, self.m, self.stages, self.n = writer, m, 3 + 2 * m, n
+    def __init__(self, code: StiffCode, m, rates, jacobian, pattern, surfaces, surface_state, elimination, n):
+        self.code, self.m, self.stages, self.n = code, m, 3 + 2 * m, n
         self.rates, self.jacobian, self.pattern = rates, jacobian, sorted(pattern)
         self.surfaces, self.surface_state, self.elimination = surfaces, surface_state, elimination
-        self.lines = writer.lines
+        self.lines = code.writer.lines
 
     def write(self) -> None:
         """Append the function."""
-        self.writer.function("radau", ARGUMENTS, "I")
+        self.code.function("radau", ARGUMENTS, "I")
         self._setting()
         self._prediction()
         self._matrix()
@@ -54,17 +49,16 @@ class Attempt:
         self._gate()
         self._acceptance()
 
-    def _add(self, *lines: str, indent: int = 1) -> None:
-        self.lines += ["    " * indent + line for line in lines]
-
     def _each(self, *lines: str, indent: int = 1) -> None:
         """The lines for every state, with @ replaced by its index."""
         for i in range(self.n):
-            self._add(*(line.replace("@", str(i)) for line in lines), indent=indent)
+            self.code.write(*(line.replace("@", str(i)) for line in lines), indent=indent)
 
     def _report(self, indent: int = 1, **values: str) -> None:
         """Write fields of the Core."""
-        self._add(*(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent)
+        self.code.write(
+            *(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent
+        )
 
     def _sum(self, table, source: str, lanes) -> str:
         """sum_l table[l] * (lane lanes[l] of source), as two sums that do not wait for each other."""
@@ -76,64 +70,66 @@ class Attempt:
 
     def _setting(self) -> None:
         """Everything of parameters and of time alone."""
-        w, graph = self.writer, self.writer.graph
-        self._add("inverse = 1.0 / h", f"times = {_constant(T.NODES[self.m])} * h + t")
+        code, graph = self.code, self.code.graph
+        self.code.write("inverse = 1.0 / h", f"times = {_constant(T.NODES[self.m])} * h + t")
         self._each("x@ = x[@]")
-        w.parameter_operations([*self.rates, *self.jacobian, *self.surfaces])
-        self.of_time = {a for a in graph.reachable([*self.rates, *self.surfaces]) if graph.level[a] == 1}
+        code.parameter_operations([*self.rates, *self.jacobian, *self.surfaces])
+        self.of_time = {a for a in graph.reach([*self.rates, *self.surfaces]) if graph.grade(a) == 1}
         if self.of_time:
-            w.vector_operations(sorted(self.of_time), {}, "times", "")
+            code.vector_operations(sorted(self.of_time), {}, "times", "")
 
     def _prediction(self) -> None:
         """The last collocation polynomial beyond its end, Z and W = V^-1 Z; zero where it would reach too far."""
         s, m = self.stages, self.m
-        self._add(f"if ratio < {LONGEST_PREDICTION[m]!r}:", f"    tau = {_constant(T.NODES[m])} * ratio")
+        self.code.write(f"if ratio < {LONGEST_PREDICTION[m]!r}:", f"    tau = {_constant(T.NODES[m])} * ratio")
         for i in range(self.n):
             text = f"tau * poly[{8 * i + s - 1}]"
             for j in range(s - 2, -1, -1):
                 text = f"tau * (poly[{8 * i + j}] + {text})"
-            self._add(f"Z{i} = {text}", indent=2)
-            self._add(f"W{i} = {self._sum(T.TO_W[m], f'Z{i}', range(s))}", indent=2)
-        self._add("else:")
+            self.code.write(f"Z{i} = {text}", indent=2)
+            self.code.write(f"W{i} = {self._sum(T.TO_W[m], f'Z{i}', range(s))}", indent=2)
+        self.code.write("else:")
         self._each("Z@ = splat8(0.0)", "W@ = splat8(0.0)", indent=2)
 
     def _matrix(self) -> None:
         """J at the predicted middle stage, and the elimination of (mu/h) I - J."""
-        w, m, middle = self.writer, self.m, 1 + self.m
-        self._add(f"middle = t + {float(T.NODES[m, middle])!r} * h")
+        code, m, middle = self.code, self.m, 1 + self.m
+        self.code.write(f"middle = t + {float(T.NODES[m, middle])!r} * h")
         self._each(f"y@ = x@ + lane(Z@, {middle})")
-        level = w.graph.level
-        constants = {a for a in w.graph.reachable(self.jacobian) if level[a] == 0}
-        w.prefix = "j_"
-        w.point(self.jacobian, [f"j{i}_{j}" for i, j in self.pattern], time="middle", states="y%d",
+        graph = code.graph
+        constants = {a for a in code.graph.reach(self.jacobian) if graph.grade(a) == 0}
+        code.prefix = "j_"
+        code.point(self.jacobian, [f"j{i}_{j}" for i, j in self.pattern], time="middle", states="y%d",
                 known=constants)  # fmt: skip
-        w.prefix = "n"
-        self._add(*(f"J[{i * self.n + j}] = j{i}_{j}" for i, j in self.pattern))
-        self._add(f"mr = {_constant(T.MU[m, :4])} * inverse", f"mi = {_constant(T.MU[m, 4:])} * inverse")
+        code.prefix = "n"
+        self.code.write(*(f"J[{i * self.n + j}] = j{i}_{j}" for i, j in self.pattern))
+        self.code.write(f"mr = {_constant(T.MU[m, :4])} * inverse", f"mi = {_constant(T.MU[m, 4:])} * inverse")
         lines, self.entries = elimination_lines(self.n, set(self.pattern), self.elimination)
         self.lines += lines
 
     def _newton(self) -> None:
-        m, n, w = self.m, self.n, self.writer
-        self._add("before = 0.0", "theta = 0.0", "iterations = 0", "failed = 1",
+        m, n, code = self.m, self.n, self.code
+        self.code.write("before = 0.0", "theta = 0.0", "iterations = 0", "failed = 1",
                   f"for it in range({MAX_NEWTON}):")  # fmt: skip
-        self._add("iterations = it + 1", indent=2)
+        self.code.write("iterations = it + 1", indent=2)
         self._each("X@ = Z@ + x@", indent=2)
-        w.vector_operations(self.rates, self.of_time, "times", "X%d", indent=" " * 8)
+        code.vector_operations(self.rates, self.of_time, "times", "X%d", indent=2)
         for i, a in enumerate(self.rates):
-            self._add(f"F{i} = {w.vector(a)}", f"b{i} = {self._sum(T.TO_W[m], f'F{i}', range(8))}", indent=2)
+            self.code.write(
+                f"F{i} = {code.vector(a)}", f"b{i} = {self._sum(T.TO_W[m], f'F{i}', range(8))}", indent=2
+            )
         self._each("wr = low4(W@)", "wi = high4(W@)", "r@ = low4(b@) - (mr * wr - mi * wi)",
                    "q@ = high4(b@) - (mr * wi + mi * wr)", indent=2)  # fmt: skip
         self.lines += substitution_lines(self.elimination, self.entries, " " * 8)
         for i in range(n):
-            self._add(f"c{i} = join8(r{i}, q{i})", f"W{i} = W{i} + c{i}",
+            self.code.write(f"c{i} = join8(r{i}, q{i})", f"W{i} = W{i} + c{i}",
                       f"s{i} = {self._sum(T.TO_Z[m], f'c{i}', T.WLANE[m])}", f"Z{i} = Z{i} + s{i}",
                       indent=2)  # fmt: skip
         norm = "vabs(s0) * nweight[0]"
         for i in range(1, n):
             norm = f"vmax({norm}, vabs(s{i}) * nweight[{i}])"
-        self._add(f"norm = largest8({norm})", indent=2)
-        self._add(
+        self.code.write(f"norm = largest8({norm})", indent=2)
+        self.code.write(
             "if not norm < 1e300:",
             "    theta = 2.0",
             "    break",
@@ -159,29 +155,29 @@ class Attempt:
             "before = norm",
             indent=2,
         )
-        self._add("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
+        self.code.write("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
         self._report(iterations="iterations", eta="eta", theta="theta", again="0.0")
-        self._add("if failed == 1:", "    return 1")
+        self.code.write("if failed == 1:", "    return 1")
 
     def _error(self) -> None:
         """The embedded estimate and its size; where asked for, filtered once more."""
-        w, graph = self.writer, self.writer.graph
+        code, graph = self.code, self.code.graph
         self._each(f"e@ = total8({_constant(T.ERROR[self.m])} * Z@) * inverse", "g@ = f[@] + e@")
         self.lines += real_substitution_lines(self.elimination, self.entries, "    ")
         self._size("    ")
-        self._add("if not size < 1.0:", "    if again == 1:")
+        self.code.write("if not size < 1.0:", "    if again == 1:")
         self._each("y@ = x@ + g@", indent=3)
-        w.prefix = "m_"
-        constants = {a for a in graph.reachable(self.rates) if graph.level[a] == 0}
+        code.prefix = "m_"
+        constants = {a for a in graph.reach(self.rates) if graph.grade(a) == 0}
         targets = [f"g{i}" for i in range(self.n)]
-        w.point(self.rates, targets, states="y%d", indent=" " * 12, known=constants)
-        w.prefix = "n"
+        code.point(self.rates, targets, states="y%d", indent=3, known=constants)
+        code.prefix = "n"
         self._each("g@ = g@ + e@", indent=3)
         self.lines += real_substitution_lines(self.elimination, self.entries, " " * 12)
         self._size(" " * 12)
         self._report(again="1.0", indent=3)
         self._report(error="size")
-        self._add("if not size < 1.0:", "    return 2")
+        self.code.write("if not size < 1.0:", "    return 2")
 
     def _size(self, indent: str) -> None:
         """Largest error in units of its tolerance, rule R1 included; nan if any is."""
@@ -198,20 +194,20 @@ class Attempt:
 
     def _gate(self) -> None:
         """Rule R3 at every stage."""
-        w, width = self.writer, self.n + 3
-        self._add("gate = 0.0")
+        code, width = self.code, self.n + 3
+        self.code.write("gate = 0.0")
         self._each("X@ = Z@ + x@")
-        w.prefix = "h_"
+        code.prefix = "h_"
         for j, (root, state) in enumerate(zip(self.surfaces, self.surface_state, strict=True)):
             if state < 0:
                 # Nodes of the parameters and of time alone were computed for all.
-                w.prefix = "n"
-                times = [a for a in w.graph.reachable([root]) if w.graph.level[a] == 1]
-                w.prefix = f"h{j}_"
-                self._add(*(f"h{j}_{a} = n{a}" for a in times))
-                w.vector_operations([root], self.of_time, "times", "X%d")
-            value = w.vector(root) if state < 0 else f"X{state}"
-            self._add(
+                code.prefix = "n"
+                times = [a for a in code.graph.reach([root]) if code.graph.grade(a) == 1]
+                code.prefix = f"h{j}_"
+                self.code.write(*(f"h{j}_{a} = n{a}" for a in times))
+                code.vector_operations([root], self.of_time, "times", "X%d")
+            value = code.vector(root) if state < 0 else f"X{state}"
+            self.code.write(
                 f"distance = surf[{j * width}]",
                 "side = 1.0 if distance > 0.0 else -1.0",
                 # Lanes without a stage stand at the start of the step.
@@ -222,22 +218,22 @@ class Attempt:
                 "    if gate == 0.0 or part < gate:",
                 "        gate = part",
             )
-        w.prefix = "n"
+        code.prefix = "n"
         self._report(gate="gate")
-        self._add("if gate > 0.0:", "    return 3")
+        self.code.write("if gate > 0.0:", "    return 3")
 
     def _acceptance(self) -> None:
         """The end of the step, its polynomial and the slope of that there, which serves as the next f."""
         m, s = self.m, self.stages
         for i in range(self.n):
-            self._add(
+            self.code.write(
                 f"b{i} = {self._sum(T.PREDICT[m], f'Z{i}', range(s))}",
                 f"store8(poly, {8 * i}, b{i})",
                 f"f[{i}] = lane(b{i}, 0) * inverse",
                 f"x[{i}] = x{i} + lane(Z{i}, {s - 1})",
                 f"store8(Z, {8 * i}, Z{i})",
             )
-        self._add("return 0")
+        self.code.write("return 0")
 
 
 def _constant(values) -> str:

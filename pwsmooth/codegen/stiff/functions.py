@@ -23,14 +23,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy as sp
 
-from pwsmooth.codegen.graph.scalar import write_update
-from pwsmooth.codegen.machine import cache
-from pwsmooth.codegen.stiff.attempt import Attempt, possible
-from pwsmooth.codegen.stiff.graph import Graph, operands
-from pwsmooth.codegen.stiff.linear import Elimination, factor_lines, solve_lines
-from pwsmooth.codegen.stiff.taylor import MOST_PRODUCTS, Series
-from pwsmooth.codegen.stiff.text import Writer
-from pwsmooth.definition.model import Model
+from ...definition.model import Model
+from ..graph.scalar import write_update
+from ..machine import cache
+from .attempt import Attempt, possible
+from .graph import GradedGraph
+from .linear import Elimination, factor_lines, solve_lines
+from .taylor import taylor_lines
+from .text import StiffCode
 
 NAMES = (
     "rates1", "hoist", "rates8", "jacobian", "factor", "solve", "surfaces", "surfaces8", "taylor",
@@ -82,7 +82,7 @@ def compile_stiff(model: Model) -> CompiledStiff:
 
     Raises
     ------
-    ValueError
+    ValueError, TypeError
         The model still has multipliers, or an expression has no compiled form.
     """
     if model.multipliers:
@@ -116,134 +116,119 @@ class _Parts:
 
     def __init__(self, model: Model):
         n, states = len(model.states), list(model.states)
-        graph = Graph(model.time, states, model.parameters)
-        self.rates = graph.add_expressions(model.rhs)
+        self.graph = graph = GradedGraph(model)
+        self.rates = graph.expressions(model.rhs)
         surfaces = [h for h, _ in model.smoothing]
         self.surface_state = [states.index(h) if h in states else -1 for h in surfaces]
-        # A gradient is wanted of the tidied expressions: the ones that are evaluated.
         derivative = [[sp.diff(f, s) for s in states] for f in model.rhs]
         self.pattern = {(i, j) for i in range(n) for j in range(n) if derivative[i][j] != 0}
-        self.jacobian = graph.add_expressions([derivative[i][j] for i, j in sorted(self.pattern)])
-        self.surfaces = graph.add_expressions(surfaces)
+        self.jacobian = graph.expressions([derivative[i][j] for i, j in sorted(self.pattern)])
+        self.surfaces = graph.expressions(surfaces)
         self.elimination = Elimination(n, self.pattern)
-        self.graph, self.writer = graph, Writer(graph)
-        self.written_out = possible(self.writer, self.rates, self.surfaces, self.elimination, n)
+        self.code = StiffCode(graph)
+        self.written_out = possible(self.code, self.rates, self.surfaces, self.elimination, n)
+
+    def text(self, **constants) -> str:
+        """What was written, with its helpers and constants."""
+        heads = [f"{name} = {value!r}" for name, value in constants.items()]
+        return "\n".join([*heads, self.code.helper_text(), *self.code.writer.lines]) + "\n"
 
 
 def attempt_text(model: Model, order: int) -> str:
     """Source text of the attempt at a Radau step."""
     parts = _Parts(model)
     Attempt(
-        parts.writer, order, parts.rates, parts.jacobian, parts.pattern, parts.surfaces, parts.surface_state,
+        parts.code, order, parts.rates, parts.jacobian, parts.pattern, parts.surfaces, parts.surface_state,
         parts.elimination, len(model.states),
     ).write()  # fmt: skip
-    return "\n".join(parts.writer.lines) + "\n"
+    return parts.text()
 
 
 def stiff_text(model: Model) -> str:
     """Source text of every other generated function of the stiff path."""
     n, parts = len(model.states), _Parts(model)
-    graph, writer, rates, elimination = parts.graph, parts.writer, parts.rates, parts.elimination
+    code, rates, elimination = parts.code, parts.rates, parts.elimination
 
-    writer.function("rates1", "t: D, x: P, p: P, f: P")
-    writer.point(rates, [f"f[{i}]" for i in range(n)])
+    code.function("rates1", "t: D, x: P, p: P, f: P")
+    code.point(rates, [f"f[{i}]" for i in range(n)])
 
-    hoisted = _hoist(writer, graph, rates)
-    writer.function("rates8", "t: P, c: P, x: P, p: P, f: P")
-    writer.lanes(rates, range(n), "f", hoisted=hoisted)
+    hoisted = _hoist(code, rates)
+    code.function("rates8", "t: P, c: P, x: P, p: P, f: P")
+    code.lanes(rates, range(n), "f", hoisted=hoisted)
 
-    writer.function("jacobian", "t: D, x: P, p: P, J: P")
-    writer.point(parts.jacobian, [f"J[{i * n + j}]" for i, j in sorted(parts.pattern)])
+    code.function("jacobian", "t: D, x: P, p: P, J: P")
+    code.point(parts.jacobian, [f"J[{i * n + j}]" for i, j in sorted(parts.pattern)])
 
     if elimination.worthwhile:
-        writer.function("factor", "J: P, m: P, lu: P")
-        writer.lines += factor_lines(n, parts.pattern, elimination)
-        writer.function("solve", "lu: P, r: P")
-        writer.lines += solve_lines(n, elimination)
+        code.function("factor", "J: P, m: P, lu: P")
+        code.writer.lines += factor_lines(n, parts.pattern, elimination)
+        code.function("solve", "lu: P, r: P")
+        code.writer.lines += solve_lines(n, elimination)
 
-    surface_row = _surfaces(writer, graph, model, parts.surfaces, parts.surface_state)
-    _taylor(writer, graph, rates, parts.surfaces, surface_row, n)
-    _events(writer, graph, model)
-    constants = [
-        f"N_HOISTED = {len(hoisted)}",
-        f"N_SLOTS = {len(elimination.slots) if elimination.worthwhile else 0}",
-        f"SURFACE_STATE = {parts.surface_state!r}",
-        f"SURFACE_ROW = {surface_row!r}",
-        f"WRITTEN_OUT = {int(parts.written_out)}",
-        f"SMOOTH = {int(graph.smooth(rates))}",
-    ]
-    return "\n".join(constants + writer.lines) + "\n"
+    surface_row = _surfaces(code, model, parts.surfaces, parts.surface_state)
+    extra = [a for a, row in zip(parts.surfaces, surface_row, strict=True) if row >= n]
+    if lines := taylor_lines(code, rates, extra):
+        code.function("taylor", "t: D, x: P, p: P, K: I, stride: I, rows: P")
+        code.writer.lines += lines
+    _events(code, model)
+    return parts.text(
+        N_HOISTED=len(hoisted),
+        N_SLOTS=len(elimination.slots) if elimination.worthwhile else 0,
+        SURFACE_STATE=parts.surface_state,
+        SURFACE_ROW=surface_row,
+        WRITTEN_OUT=int(parts.written_out),
+        SMOOTH=int(parts.graph.smooth(rates)),
+    )
 
 
-def _hoist(writer: Writer, graph: Graph, rates) -> dict[int, int]:
+def _hoist(code: StiffCode, rates) -> dict[int, int]:
     """Write `hoist`; returns the row of every node of time alone that a node of the states uses."""
-    wanted = {a for a in rates if graph.level[a] == 1}
-    for a in graph.reachable(rates):
-        if graph.level[a] == 2:
-            wanted |= {b for b in operands(graph.ops[a]) if graph.level[b] == 1}
+    graph = code.graph
+    wanted = {a for a in rates if graph.grade(a) == 1}
+    for a in graph.reach(rates):
+        if graph.grade(a) == 2:
+            wanted |= {b for b in graph.nodes[a].args if graph.grade(b) == 1}
     hoisted = {a: row for row, a in enumerate(sorted(wanted))}
     if hoisted:
-        writer.function("hoist", "t: P, p: P, c: P")
-        writer.lanes(list(hoisted), hoisted.values(), "c")
+        code.function("hoist", "t: P, p: P, c: P")
+        code.lanes(list(hoisted), hoisted.values(), "c")
     return hoisted
 
 
-def _surfaces(writer: Writer, graph: Graph, model: Model, h, surface_state) -> list[int]:
+def _surfaces(code: StiffCode, model: Model, h, surface_state) -> list[int]:
     """Write `surfaces` and `surfaces8`; returns the Taylor row of every surface."""
     n, width = len(model.states), len(model.states) + 3
     roots, targets = [], []
     for j, (expression, eps) in enumerate(model.smoothing):
         gradient = [sp.diff(expression, s) for s in (model.time, *model.states)]
-        roots += graph.add_expressions([expression, gradient[0], eps, *gradient[1:]])
+        roots += code.graph.expressions([expression, gradient[0], eps, *gradient[1:]])
         targets += [f"s[{j * width + i}]" for i in range(width)]
     row, surface_row = n, []
     for state in surface_state:
         surface_row.append(state if state >= 0 else row)
         row += state < 0
     if roots:
-        writer.function("surfaces", "t: D, x: P, p: P, s: P")
-        writer.point(roots, targets)
-        writer.function("surfaces8", "t: P, x: P, p: P, s: P")
-        writer.lanes(h, range(len(h)), "s")
+        code.function("surfaces", "t: D, x: P, p: P, s: P")
+        code.point(roots, targets)
+        code.function("surfaces8", "t: P, x: P, p: P, s: P")
+        code.lanes(h, range(len(h)), "s")
     return surface_row
 
 
-def _taylor(writer: Writer, graph: Graph, rates, h, surface_row, n) -> None:
-    """Write `taylor`, where every operation has a recurrence and the text stays short enough."""
-    extra = [a for a, row in zip(h, surface_row, strict=True) if row >= n]
-    series = Series(graph, rates + extra, n)
-    if not series.supported():
-        return
-    places = {"time": "t", "state": "x[%d]", "par": "p[%d]"}
-
-    def constant(a):
-        lines = Writer(graph)
-        lines.assign(a, "    ", places)
-        return lines.lines
-
-    body = series.write(constant)
-    if series.products <= MOST_PRODUCTS:
-        writer.function("taylor", "t: D, x: P, p: P, K: I, stride: I, rows: P")
-        writer.lines += body
-
-
-def _events(writer: Writer, graph: Graph, model: Model) -> None:
+def _events(code: StiffCode, model: Model) -> None:
     """Write `watch8` (surfaces of the events; time events have none and stay 1) and `act`."""
     if not model.events:
         return
-    watch = graph.add_expressions([1 if e.surface is None else e.surface for e in model.events])
-    writer.function("watch8", "t: P, x: P, p: P, e: P")
-    writer.lanes(watch, range(len(watch)), "e")
-    writer.function("act", "i: I, t: D, x: P, p: P, xnew: P", "I")
+    watch = code.graph.expressions([1 if e.surface is None else e.surface for e in model.events])
+    code.function("watch8", "t: P, x: P, p: P, e: P")
+    code.lanes(watch, range(len(watch)), "e")
+    code.function("act", "i: I, t: D, x: P, p: P, xnew: P", "I")
     for i, event in enumerate(model.events):
-        condition = [graph.condition(event.when)]
         writes = event.writes(model.states)
-        values = graph.add_expressions([e for _, e, _ in writes])
-        body = Writer(graph)
-        body.point(condition + values, ["_when"] + [f"_v{j}" for j, _, _ in writes])
-        writer.lines.append(f"    if i == {i}:")
-        writer.lines += ["    " + line for line in body.lines]
-        writer.lines += ["        if not _when:", "            return 0"]
-        writer.lines += ["        " + write_update(f"xnew[{j}]", f"_v{j}", adds) for j, _, adds in writes]
-        writer.lines.append("        return 1")
-    writer.lines.append("    return 0")
+        values = code.graph.expressions([event.when, *(e for _, e, _ in writes)])
+        code.write(f"if i == {i}:")
+        code.point(values, ["_when"] + [f"_v{j}" for j, _, _ in writes], indent=2)
+        code.write("if not _when:", "    return 0", indent=2)
+        code.write(*(write_update(f"xnew[{j}]", f"_v{j}", adds) for j, _, adds in writes), indent=2)
+        code.write("return 1", indent=2)
+    code.write("return 0")

@@ -1,257 +1,138 @@
 """Taylor coefficients of a smoothed model, written out order by order: the explicit half of the stiff path.
 
-x_(k+1) = f_k / (k+1), and f_k from the coefficients of order <= k of every operation. Written out in scalars,
-so that nothing is loaded or looped over: this, and not the method, is what beats a general Taylor code.
+x_(k+1) = f_k / (k+1), and f_k by the recurrences of codegen/taylor. Written out in scalars, so that nothing is loaded
+or looped over: this, and not the method, is what beats a general Taylor code.
 """
 
 from __future__ import annotations
 
-from pwsmooth.codegen.stiff.graph import Graph, operands
+from ..graph.scalar import Writer
+from ..graph.slopes import function_slope
+from ..taylor.recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, plain, rewrite
 
 LOW, HIGH = 12, 16  # the orders that the step loop asks for
 # Beyond this many products of the HIGH order the text takes longer to compile than it will ever save.
 MOST_PRODUCTS = 4000
-_KINDS = {"num", "par", "time", "state", "add", "mul", "div", "sqrt", "rsqrt", "pow"}
-_FUNCTIONS = {"exp", "log", "sin", "cos", "sinh", "cosh", "tanh", "erf", "atan"}
 
 
-def _sum(terms: list[str], late: int) -> str:
-    """Text of a sum: two running sums of the early terms, then the last `late` ones, which wait for new
-    values."""
-    early, rest = terms[: len(terms) - late], terms[len(terms) - late :]
-    if len(early) < 4:
-        return " + ".join(terms)
-    half = len(early) // 2
-    return " + ".join([f"(({' + '.join(early[:half])}) + ({' + '.join(early[half:])}))", *rest])
+class _Values(OrderZero):
+    """Order 0, with the slopes of tanh in full."""
+
+    def formula(self, node):
+        if node in self.slopes_of_tanh:
+            # 1 - tanh**2 has lost every digit where the layer is left behind.
+            return f"1.0 / math.cosh(v{self.slopes_of_tanh[node]}) ** 2"
+        return super().formula(node)
 
 
-def _newest_last(k: int) -> list[int]:
-    return [*range(2, k), *([1, k] if k > 1 else [1])]
+class _Unrolled(OrderK):
+    """Orders k >= 1, each with names of its own: u_k is k<node>_<k>, j u_j is d<node>_<j>."""
+
+    def __init__(self, graph, degrees):
+        super().__init__(graph, Writer(), degrees, None)
+        self.k, self.count, self.scaled = 0, 0, set()
+
+    def at(self, node: int, j: int) -> str | None:
+        """Text of coefficient j >= 0 of a node; None where it is 0."""
+        degree = self.degrees.of(node)
+        if j == 0:
+            return self.value(node)
+        if degree in (CONSTANT, AFFINE):
+            return f"s{node}" if degree == AFFINE and j == 1 else None
+        return f"k{node}_{j}"
+
+    def coefficient(self, node):
+        return None if self.degrees.of(node) == CONSTANT else self.at(node, self.k) or "0.0"
+
+    def name(self, node):
+        return self.coefficient(node) or "0.0"
+
+    def last(self, node):
+        return self.at(node, self.k - 1) or "0.0"
+
+    def _product(self, a, b):
+        late, early = sorted((a, b), key=self.lateness, reverse=True)
+        return super()._product(late, early)  # its newest coefficient is added last
+
+    def _factor(self, operand: int, j: int) -> str | None:
+        node = plain(operand)
+        text = self.at(node, j)
+        if operand >= 0 or text is None or j == 1:
+            return text
+        if (node, j) not in self.scaled:
+            self.scaled.add((node, j))
+            self.writer.line(f"d{node}_{j} = {j}.0 * {text}")
+        return f"d{node}_{j}"
+
+    def _sum(self, a, b):
+        """Text of sum over 0 < j < k of a_j b_(k-j): two running sums, and last the terms that wait for new values."""
+        k = self.k
+        if a == b:
+            pairs = [(j, k - j) for j in [*range(2, (k + 1) // 2), 1] if 2 * j < k]
+            text = f"2.0 * ({self._terms(a, b, pairs)})" if pairs else "0.0"
+            return f"({text} + {self._terms(a, b, [(k // 2, k // 2)])})" if k % 2 == 0 else text
+        return (
+            f"({self._terms(a, b, [*((j, k - j) for j in range(2, k - 1)), (1, k - 1), (k - 1, 1)][: k - 1])})"
+        )
+
+    def _terms(self, a, b, pairs):
+        factors = [(self._factor(a, i), self._factor(b, j)) for i, j in pairs]
+        terms = [f"{x} * {y}" for x, y in factors if x and y]
+        self.count += len(terms)
+        early, late = terms[:-2], terms[-2:]
+        if len(early) < 4:
+            return " + ".join(terms) or "0.0"
+        half = len(early) // 2
+        return " + ".join([f"(({' + '.join(early[:half])}) + ({' + '.join(early[half:])}))", *late])
 
 
-class Series:
-    """Text of the coefficients of every node; `None` stands for a coefficient known to be zero."""
+def taylor_lines(code, rates: list[int], extra: list[int]) -> list[str]:
+    """Body of taylor(t, x, p, K, stride, rows); empty with branches and long texts, and where a recurrence is missing.
 
-    def __init__(self, graph: Graph, roots: list[int], n: int):
-        self.graph, self.roots, self.n = graph, roots, n
-        self.order = graph.reachable(roots)
-        self.affine = self._affine_nodes()
-        self.zero: dict[tuple, bool] = {}
-        self.lines: list[str] = []
-        self.products = 0
+    Orders 0..K of the states, K = LOW or HIGH, and of each further root (surfaces that are no states) in the rows after
+    them.
+    """
+    graph, n = code.graph, len(rates)
+    if any(graph.nodes[a].op == "ite" for a in graph.reach([*rates, *extra])):
+        return []
+    try:
+        nodes = rewrite(graph, [*rates, *extra])
+        rates, extra = nodes[:n], nodes[n:]
+        degrees = Degrees(graph, rates, general=False)
+        orders = _Unrolled(graph, degrees)
+        _write_orders(orders, rates, extra)
+    except NoRecurrence:
+        return []
+    if orders.count > MOST_PRODUCTS:
+        return []
+    values = _Values(graph, Writer(), degrees, None, orders.reciprocals)
+    values.slopes_of_tanh = {
+        graph.split(function_slope(graph, a))[1]: graph.nodes[a].args[0]
+        for a in values.needed(nodes)
+        if graph.nodes[a].data == "tanh"
+    }
+    values.places = {"x": "x", "p": "p"}
+    values.emit([*(graph.var("x", i) for i in range(n)), *nodes])
+    code.helpers |= values.helpers
+    return values.writer.lines + orders.writer.lines
 
-    def supported(self) -> bool:
-        ops = (self.graph.ops[a] for a in self.order)
-        return all(op[0] in _KINDS or (op[0] == "fun" and op[1] in _FUNCTIONS) for op in ops)
 
-    def _affine_nodes(self) -> set[int]:
-        """Nodes of degree one in t: t itself, times and plus constants."""
-        found = set()
-        for a in self.order:
-            op = self.graph.ops[a]
-            if op[0] == "time":
-                found.add(a)
-            elif op[0] == "add" and all(self._constant(b) or b in found for b in operands(op)):
-                found.add(a)
-            elif op[0] == "mul" and {self._constant(b) or b in found for b in op[1:]} == {True}:
-                if self._constant(op[1]) or self._constant(op[2]):
-                    found.add(a)
-        return {a for a in found if not self._constant(a)}
-
-    def _constant(self, a) -> bool:
-        return self.graph.level[a] == 0
-
-    def c(self, a: int, k: int) -> str | None:
-        """Name of coefficient k of node a."""
-        if self._constant(a):
-            op = self.graph.ops[a]
-            if k > 0:
-                return None
-            return f"({op[1]!r})" if op[0] == "num" else f"n{a}"
-        if a in self.affine and k > 1:
-            return None
-        return f"n{a}_{k}"
-
-    def _convolution(self, a, b, k, start=0, stop=None) -> list[str]:
-        """Terms a_j b_(k-j), j = start..stop."""
-        terms = []
-        for j in range(start, (k if stop is None else stop) + 1):
-            x, y = self.c(a, j), self.c(b, k - j)
-            if x and y:
-                terms.append(f"{x} * {y}")
-        self.products += len(terms)
-        # The newest coefficients come last: all other terms are then under way before these are known.
-        return terms[1:-1] + [terms[0], terms[-1]] if len(terms) > 2 else terms
-
-    def _set(self, a, k, text) -> None:
-        self.lines.append(f"    n{a}_{k} = {text or '0.0'}")
-
-    def coefficient(self, a: int, k: int) -> None:
-        """Append the lines that compute coefficient k of node a."""
-        op = self.graph.ops[a]
-        kind = op[0]
-        if self._constant(a) or kind == "state" or (a in self.affine and k > 1):
-            return
-        if kind == "time":
-            self._set(a, k, "t" if k == 0 else "1.0")
-        elif kind == "add":
-            terms = [(c, self.c(b, k)) for c, b in op[1] if self.c(b, k)]
-            self.products += sum(abs(c) != 1.0 for c, _ in terms)
-            text = " + ".join(x if c == 1.0 else f"{c!r} * {x}" for c, x in terms)
-            self._set(a, k, text)
-        elif kind == "mul":
-            self._set(a, k, self._product(op[1], op[2], k))
-        elif kind == "div":
-            terms = self._convolution(a, op[2], k, 0, k - 1)
-            if k == 0:
-                self._set(a, 0, f"{self.c(op[1], 0)} / {self.c(op[2], 0)}")
-                self.lines.append(f"    i{a} = 1.0 / {self.c(op[2], 0)}")
-            else:
-                known = f" - ({_sum(terms, 2)})" if terms else ""
-                self._set(a, k, f"({self.c(op[1], k) or '0.0'}{known}) * i{a}")
-        elif kind in ("sqrt", "rsqrt", "pow"):
-            self._power(a, op, k)
-        else:
-            getattr(self, f"_{op[1]}")(a, op[2], k)
-
-    def _product(self, a, b, k) -> str:
-        if a != b:
-            return _sum(self._convolution(a, b, k), 2)
-        both = [(self.c(a, j), self.c(a, k - j)) for j in [*range(1, (k + 1) // 2), 0] if k > 0]
-        pairs = [f"{x} * {y}" for x, y in both if x and y]
-        self.products += len(pairs)
-        text = f"2.0 * ({_sum(pairs, 1)})" if pairs else ""
-        if k % 2 == 0 and self.c(a, k // 2):
-            middle = f"{self.c(a, k // 2)} * {self.c(a, k // 2)}"
-            text = f"{text} + {middle}" if text else middle
-        return text
-
-    def _power(self, a, op, k) -> None:
-        """k b_0 y_k = sum_(j=1..k) (r j - (k - j)) b_j y_(k-j) for y = b^r."""
-        b, r = op[1], {"sqrt": 0.5, "rsqrt": -0.5}.get(op[0])
-        r = op[2] if r is None else r
-        b0 = self.c(b, 0)
-        if k == 0:
-            text = {"sqrt": f"sqrt({b0})", "rsqrt": f"1.0 / sqrt({b0})"}.get(op[0], f"{b0} ** {r!r}")
-            self._set(a, 0, text)
-            self.lines.append(f"    i{a} = 1.0 / {b0}")
-            return
-        terms = []
-        for j in _newest_last(k):
-            if self.c(b, j):
-                terms.append(f"{(r * j - (k - j)) / k!r} * {self.c(b, j)} * {self.c(a, k - j)}")
-        self.products += 2 * len(terms)
-        self._set(a, k, f"({_sum(terms, 2)}) * i{a}")
-
-    def _chain(self, a, b, k, helper) -> str:
-        """y_k = (1/k) sum_j j b_j w_(k-j) where y' = b' w; `helper(j)` names w_j."""
-        terms = []
-        for j in _newest_last(k):
-            if self.c(b, j):
-                factor = "" if j == k else f"{j / k!r} * "
-                terms.append(f"{factor}{self.c(b, j)} * {helper(k - j)}")
-        self.products += 2 * len(terms)
-        return _sum(terms, 2)
-
-    def _exp(self, a, b, k):
-        self._set(a, k, f"exp({self.c(b, 0)})" if k == 0 else self._chain(a, b, k, lambda j: f"n{a}_{j}"))
-
-    def _log(self, a, b, k):
-        b0 = self.c(b, 0)
-        if k == 0:
-            self._set(a, 0, f"log({b0})")
-            self.lines.append(f"    i{a} = 1.0 / {b0}")
-            return
-        terms = [f" - {j / k!r} * n{a}_{j} * {self.c(b, k - j)}" for j in range(1, k) if self.c(b, k - j)]
-        self.products += 2 * len(terms)
-        self._set(a, k, f"({self.c(b, k) or '0.0'}{''.join(terms)}) * i{a}")
-
-    def _pair(self, a, b, k, own, other, sign):
-        """Functions with y' = b' w, w' = sign b' y: sin and cos, sinh and cosh; w is kept as w<a>_k."""
-        if k == 0:
-            self._set(a, 0, f"{own}({self.c(b, 0)})")
-            self.lines.append(f"    w{a}_0 = {'-' if own == 'cos' else ''}{other}({self.c(b, 0)})")
-            return
-        self._set(a, k, self._chain(a, b, k, lambda j: f"w{a}_{j}"))
-        back = self._chain(a, b, k, lambda j: f"n{a}_{j}")
-        self.lines.append(f"    w{a}_{k} = {sign}({back})")
-
-    def _sin(self, a, b, k):
-        self._pair(a, b, k, "sin", "cos", "-")
-
-    def _cos(self, a, b, k):
-        self._pair(a, b, k, "cos", "sin", "-")  # w = -sin b, w' = -b' cos b
-
-    def _sinh(self, a, b, k):
-        self._pair(a, b, k, "sinh", "cosh", "")
-
-    def _cosh(self, a, b, k):
-        self._pair(a, b, k, "cosh", "sinh", "")
-
-    def _derivative_known(self, a, b, k, value, slope):
-        """y' = b' w with w computed here: slope(j) appends w<a>_j."""
-        self._set(a, k, f"{value}({self.c(b, 0)})" if k == 0 else self._chain(a, b, k, lambda j: f"w{a}_{j}"))
-        slope(k)
-
-    def _tanh(self, a, b, k):
-        def slope(j):  # w = 1 - y^2
-            # At order 0 from cosh: 1 - y*y has lost every digit where the layer is left behind.
-            text = f"1.0 / cosh({self.c(b, 0)}) ** 2" if j == 0 else f"-({self._product(a, a, j)})"
-            self.lines.append(f"    w{a}_{j} = {text}")
-
-        self._derivative_known(a, b, k, "tanh", slope)
-
-    def _erf(self, a, b, k):
-        def slope(j):  # w = 2/sqrt(pi) exp(-b^2), w' = -(b^2)' w
-            self.lines.append(f"    s{a}_{j} = {self._product(b, b, j) or '0.0'}")
-            if j == 0:
-                self.lines.append(f"    w{a}_0 = 1.1283791670955126 * exp(-s{a}_0)")
-                return
-            terms = " + ".join(f"{i / j!r} * s{a}_{i} * w{a}_{j - i}" for i in range(1, j + 1))
-            self.products += 2 * j
-            self.lines.append(f"    w{a}_{j} = -({terms})")
-
-        self._derivative_known(a, b, k, "erf", slope)
-
-    def _atan(self, a, b, k):
-        def slope(j):  # w = 1/(1 + b^2)
-            square = self._product(b, b, j) or "0.0"
-            self.lines.append(f"    s{a}_{j} = {'1.0 + ' if j == 0 else ''}{square}")
-            if j == 0:
-                self.lines.append(f"    w{a}_0 = 1.0 / s{a}_0")
-                return
-            terms = " + ".join(f"s{a}_{i} * w{a}_{j - i}" for i in range(1, j + 1))
-            self.products += j
-            self.lines.append(f"    w{a}_{j} = -({terms}) * w{a}_0")
-
-        self._derivative_known(a, b, k, "atan", slope)
-
-    def write(self, constants) -> list[str]:
-        """Body of taylor(t, x, p, K, stride, rows): orders 0..K of the states, K = LOW or HIGH, and of each
-        further root (surfaces that are no states) in the rows after them. `constants(a)` is the line of a
-        node of level 0.
-        """
-        state = {self.graph.node("state", i): i for i in range(self.n)}
-        for a in self.order:
-            if self._constant(a) and self.graph.ops[a][0] != "num":
-                self.lines += constants(a)
-        for a, i in state.items():
-            self.lines.append(f"    n{a}_0 = x[{i}]")
-        rates, extra = self.roots[: self.n], self.roots[self.n :]
-        for k in range(HIGH + 1):
-            for a in self.order:
-                self.coefficient(a, k)
-            if k < HIGH:
-                for a, i in state.items():
-                    rate = self.c(rates[i], k)
-                    factor = "" if k == 0 else f" * {1.0 / (k + 1)!r}"
-                    self.lines.append(f"    n{a}_{k + 1} = {rate + factor if rate else '0.0'}")
-            if k == LOW or k == HIGH:
-                first = 0 if k == LOW else LOW + 1
-                for j in range(first, k + 1):
-                    self.lines += [f"    rows[{i} * stride + {j}] = n{a}_{j}" for a, i in state.items()]
-                    for q, b in enumerate(extra):
-                        self.lines.append(f"    rows[{self.n + q} * stride + {j}] = {self.c(b, j) or '0.0'}")
-            if k == LOW:
-                self.lines += [f"    if K <= {LOW}:", "        return"]
-        return self.lines
+def _write_orders(orders: _Unrolled, rates, extra) -> None:
+    states = [orders.graph.var("x", i) for i in range(len(rates))]
+    line = orders.writer.line
+    for k in range(HIGH + 1):
+        orders.k, orders.scopes = k, [set(states)]
+        if k > 0:
+            line(f"inv = {1.0 / k!r}")
+            for x, rate in zip(states, rates, strict=True):
+                if orders.degrees.of(x) not in (CONSTANT, AFFINE):
+                    line(f"k{x}_{k} = {orders.at(rate, k - 1) or '0.0'} * inv")
+            if k < HIGH or extra:
+                orders.emit([*rates, *extra] if k < HIGH else extra)
+        if k in (LOW, HIGH):
+            for j in range(0 if k == LOW else LOW + 1, k + 1):
+                for row, a in enumerate([*states, *extra]):
+                    line(f"rows[{row} * stride + {j}] = {orders.at(a, j) or '0.0'}")
+        if k == LOW:
+            line(f"if K <= {LOW}:")
+            line("    return")

@@ -359,8 +359,9 @@ class OrderK(JetCode):
             line, other = (a, b) if da == AFFINE else (b, a)
             return f"{self.value(line)} * {self.coefficient(other)} + s{line} * {self.last(other)}"
         if a == b:
-            return f"2.0 * {self.value(a)} * k{a} + {self._sum(a, a)}"
-        return f"{self._sum(a, b)} + {self.value(a)} * k{b} + {self.value(b)} * k{a}"
+            return f"2.0 * {self.value(a)} * {self.coefficient(a)} + {self._sum(a, a)}"
+        ends = f"{self.value(a)} * {self.coefficient(b)} + {self.value(b)} * {self.coefficient(a)}"
+        return f"{self._sum(a, b)} + {ends}"
 
     def _quotient(self, w: int, a: int, b: int) -> str:
         above = self.coefficient(a)
@@ -370,7 +371,7 @@ class OrderK(JetCode):
         if degree == AFFINE:
             subtract = f"s{b} * {self.last(w)}"
         else:
-            subtract = f"{self._sum(w, b)} - {self.value(w)} * k{b}"
+            subtract = f"{self._sum(w, b)} - {self.value(w)} * {self.coefficient(b)}"
         return f"({above or ''} - {subtract}) * {self.reciprocal(b)}"
 
     def _power(self, w: int, u: int, exponent: int) -> str:
