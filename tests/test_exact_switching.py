@@ -1,12 +1,13 @@
 """What surrounds the exact answers: kinds of events, cost, orders, reports. The numbers: test_verify.py."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Switch, System, solve
+from pwsmooth import Event, Switch, System, solve
 from pwsmooth.compare.exact.catalogue import (
     TIGHT,
     dry_oscillator,
@@ -153,6 +154,45 @@ def test_repelling_sliding_at_the_start_is_reported():
     stopped = solve(System({x: sp.sign(x)}), (0, 1), {x: 0}, strict=True)
     assert stopped.t[-1] == 0.0
     assert not stopped.success
+
+
+@pytest.mark.parametrize("h", [x + x**2 / 10, sp.sinh(x), x * (1 + y**2)])
+def test_a_start_on_two_switches_of_one_zero_that_repels_is_reported(h):
+    lam = Switch("lam", h)
+    rate = sp.Rational(1, 4) + sp.Rational(3, 10) * lam + sp.sign(x) / 10  # 0.65 beyond it, -0.15 before it
+    solution = solve(System({x: rate, y: 1 - y}), (0, 1), {x: 0, y: 0.5})
+    assert [(a.kind, a.taken) for a in solution.ambiguities] == [("repelling sliding", "leave to +1")]
+
+
+@pytest.mark.parametrize("reset", [False, True])
+def test_a_start_on_coupled_switches_is_reported_just_where_several_motions_begin_there(reset):
+    """x' = b + A sgn(x) from x = 0: each quadrant whose own field points into it is left into; with -A definite, one."""
+    n, rng = 3, np.random.default_rng(11)
+    states = sp.symbols("x0:3", real=True)
+    A = sp.Matrix(n, n, sp.symbols("a0:9", real=True))
+    b = sp.Matrix(sp.symbols("b0:3", real=True))
+    rates = b + A * sp.Matrix([sp.sign(s) for s in states])
+    events = [Event(at=sp.Rational(1, 100), update=dict.fromkeys(states, 0))] if reset else []
+    system = System(
+        dict(zip(states, rates, strict=True)), parameters=dict.fromkeys([*A, *b], 1.0), events=events
+    )
+    corners = np.array(list(itertools.product((1.0, -1.0), repeat=n)))
+    reported = []
+    for k in range(120):
+        a_k, b_k = rng.uniform(-1, 1, (n, n)), rng.uniform(-0.6, 0.6, n)
+        if k % 2:
+            a_k = -(a_k @ a_k.T + 0.1 * np.eye(n)) + (a_k - a_k.T) / 2
+        into = int(np.all(corners * (b_k + corners @ a_k.T) > 0, axis=1).sum())
+        values = dict(zip([*A, *b], [*a_k.ravel(), *b_k], strict=True))
+        start = rng.uniform(1, 2, n) * rng.choice([-1, 1], n) if reset else np.zeros(n)
+        solution = solve(system, (0, 0.02), start, parameters=values)
+        several = any(a.kind == "repelling sliding" for a in solution.ambiguities)
+        if into > 1:
+            assert several, (k, a_k, b_k)
+            reported.append(k)
+        elif k % 2:
+            assert not solution.ambiguities, (k, a_k, b_k)
+    assert len(reported) > 10
 
 
 def test_a_start_beside_the_repelling_surface_is_no_ambiguity():

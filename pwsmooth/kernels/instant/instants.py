@@ -56,7 +56,7 @@ from .holding import (
     some_second_order,
 )
 from .plain import cross_stick_or_leave, only_one
-from .settling import layer_code, resettle, settle_arrivals, settle_at_rest
+from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
@@ -101,9 +101,12 @@ def _arrivals(P, C, S, R, W, size, jumped):
             instant.arrival[a] = 0 if S.status[j] == SOLVED or jumped else S.status[j]
             if jumped and S.status[j] != SOLVED:
                 S.mult[j] = 0.0
-        code = settle_arrivals(P, S, R, W, joint)
-        if code == GO_ON and size > 1 and not jumped:
-            _try_other_ratio(P, S, R, W, size)
+        if jumped:
+            code = settle_together(P, S, R, W, size, joint)
+        else:
+            code = settle_arrivals(P, S, R, W, joint)
+            if code == GO_ON and size > 1:
+                _try_other_ratio(P, S, R, W, size)
     elif jumped:
         code = settle_at_rest(P, C, S, R, W, size)
     else:

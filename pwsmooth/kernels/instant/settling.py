@@ -1,7 +1,7 @@
 """Settling switches and contacts that are on their surfaces: what the start, resets and accumulation points share."""
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_layer_unit, call_newton
+from ..machine.pointers import call_fields, call_layer_unit, call_newton
 from ..outcome import Outcome
 from ..state import (
     AMB_HIDDEN_OSCILLATION,
@@ -30,6 +30,8 @@ from .holding import (
     some_second_order,
 )
 from .surface_rates import any_is, evaluate_surfaces, leading_order, residual
+
+_MOST_CORNERS, _BESIDE_CORNER = 8, 0.999
 
 
 @kernel
@@ -76,34 +78,97 @@ def _one_at_rest(P, S, R, W, j):
 
 
 @kernel
-def _rest_repels(P, S, W, size):
-    """Whether the joint rest state on which the switches active[:size] stand is left when lambda is moved a bit.
+def _one_motion(P, S, W, size):
+    """Whether g is affine in the switches active[:size], with a definite slope: then one motion begins here.
 
-    The layer is run from beside it, along two directions that no stable manifold contains for long. S is kept.
+    So it is with Coulomb friction between bodies. Overwrites S.mult.
+    """
+    active, M, value = W.instant.active, W.linear.matrix, W.linear.rhs
+    if size > M.shape[0] or mask_instant(P, S, W):
+        return False
+    for a in range(size):
+        S.mult[active[a]] = 0.0
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for a in range(size):
+        value[a] = W.g[active[a]]
+    for b in range(size):
+        S.mult[active[b]] = 1.0
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        S.mult[active[b]] = 0.0
+        for a in range(size):
+            M[a, b] = value[a] - W.g[active[a]]
+    for b in range(size):
+        lam = 0.9 * (-0.7) ** b  # anywhere
+        S.mult[active[b]] = lam
+        for a in range(size):
+            value[a] -= M[a, b] * lam
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for a in range(size):
+        if abs(W.g[active[a]] - value[a]) > 1e-9 * (abs(value[a]) + abs(M[a, a])):
+            return False
+    for a in range(size):
+        for b in range(a):
+            M[a, b] = M[b, a] = 0.5 * (M[a, b] + M[b, a])
+    for c in range(size):  # definite if all pivots are positive
+        if not M[c, c] > 1e-9 * abs(M[0, 0]):
+            return False
+        for a in range(c + 1, size):
+            share = M[a, c] / M[c, c]
+            for b in range(c + 1, size):
+                M[a, b] -= share * M[c, b]
+    return True
+
+
+@kernel
+def settled_otherwise(P, S, W, size, joint):
+    """A switch of active[:joint], settled from u = 0, that settles otherwise if active[:size] come from a corner; or -1.
+
+    Where there is one, several motions begin in this point, and the equations do not say which is taken. S is kept.
     """
     instant = W.instant
     for j in range(P.m):
         instant.status[j] = S.status[j]
         instant.mult[j] = S.mult[j]
-    repels = False
-    for sign in range(-1, 2, 2):
+    other, confirmed = -1, _one_motion(P, S, W, joint)
+    corners = 0 if confirmed else min(1 << size, _MOST_CORNERS)
+    for corner in range(corners):
         for j in range(P.m):
             S.status[j] = instant.status[j]
             S.mult[j] = instant.mult[j]
-        shift = 1e-3
-        for a in range(size):
-            instant.group[a] = instant.active[a]
+        for a in range(joint):
+            j = instant.active[a]
+            instant.group[a] = j
             instant.arrival[a] = 0
-            S.mult[instant.active[a]] += shift
-            shift *= 0.7 * sign
-        settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, size, 0, 0.0) == SETTLED
-        for j in range(P.m):
-            same = S.status[j] == instant.status[j] and abs(S.mult[j] - instant.mult[j]) < 1e-6
-            repels = repels or not (settled and same)
+            if a < size:
+                # A corner and then the one opposite: those count most where there are more than are tried.
+                S.mult[j] = _BESIDE_CORNER if ((corner >> 1) >> a & 1) == (corner & 1) else -_BESIDE_CORNER
+        settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, joint, 0, 0.0) == SETTLED
+        changed = -1
+        for a in range(joint):
+            j = instant.active[a]
+            same = abs(S.mult[j] - instant.mult[j]) <= (1e-6 if settled else 1e-3)
+            if not same or (settled and S.status[j] != instant.status[j]):
+                changed = j
+        if changed < 0:
+            confirmed = True
+        elif settled:
+            other = changed
     for j in range(P.m):
         S.status[j] = instant.status[j]
         S.mult[j] = instant.mult[j]
-    return repels
+    # An equilibrium to which the layer comes from nowhere: it stays there only if it begins there.
+    return other if other >= 0 or confirmed else instant.active[0]
+
+
+@kernel
+def settle_together(P, S, R, W, size, joint):
+    """Runs the layer of the coupled switches group[:joint] from u = 0, of which the first `size` are new; a code."""
+    code = settle_arrivals(P, S, R, W, joint)
+    if code == GO_ON:
+        other = settled_otherwise(P, S, W, size, joint)
+        if other >= 0:
+            record_ambiguity(S, R, other, AMB_REPELLING, S.status[other])
+    return code
 
 
 @kernel
@@ -124,13 +189,7 @@ def settle_at_rest(P, C, S, R, W, size):
         for a in range(size):
             instant.group[a] = instant.active[a]
             instant.arrival[a] = 0
-        code = settle_arrivals(P, S, R, W, size)
-        still = code == GO_ON
-        for a in range(size):
-            # The layer run did not move: an equilibrium whose stability is not yet known.
-            still = still and S.status[instant.active[a]] == SOLVED and abs(S.mult[instant.active[a]]) < 1e-9
-        if still and _rest_repels(P, S, W, size):
-            record_ambiguity(S, R, instant.active[0], AMB_REPELLING, 0)
+        code = settle_together(P, S, R, W, size, size)
     else:
         for a in range(size):
             one = _one_at_rest(P, S, R, W, instant.active[a])
