@@ -166,7 +166,7 @@ def test_a_start_on_two_switches_of_one_zero_that_repels_is_reported(h):
 
 @pytest.mark.parametrize("reset", [False, True])
 def test_a_start_on_coupled_switches_is_reported_just_where_several_motions_begin_there(reset):
-    """x' = b + A sgn(x) from x = 0: each quadrant whose own field points into it is left into; with -A definite, one."""
+    """x' = b + A sgn(x) from x = 0: into each quadrant whose own field points into it; one motion if -A is definite."""
     n, rng = 3, np.random.default_rng(11)
     states = sp.symbols("x0:3", real=True)
     A = sp.Matrix(n, n, sp.symbols("a0:9", real=True))

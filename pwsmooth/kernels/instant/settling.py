@@ -121,7 +121,7 @@ def _one_motion(P, S, W, size):
 
 @kernel
 def settled_otherwise(P, S, W, size, joint):
-    """A switch of active[:joint], settled from u = 0, that settles otherwise if active[:size] come from a corner; or -1.
+    """One of active[:joint], settled from u = 0, that settles otherwise if active[:size] come from a corner; else -1.
 
     Where there is one, several motions begin in this point, and the equations do not say which is taken. S is kept.
     """

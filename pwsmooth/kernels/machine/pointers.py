@@ -4,6 +4,8 @@ Each `call_*` takes the int64 address of a cfunc and passes arrays as plain data
 argument would compile the core anew for every model and never hit the disk cache.
 """
 
+from inspect import Parameter, Signature
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -14,100 +16,68 @@ from .lanes import LanesType
 _DOUBLE, _INT64 = ir.DoubleType(), ir.IntType(64)
 
 
-def _caller(types_in, restype):
-    """Signature and code generator of a call through an address; arrays become pointers to their first element."""
-    signature = restype(*types_in)
+def caller(arguments, result=types.void):
+    """A kernel function of an address and these arguments that calls what stands there; arrays become pointers."""
 
-    def codegen(context, builder, sig, args):
-        values = []
-        for ty, value in zip(sig.args[1:], args[1:], strict=True):
-            if isinstance(ty, types.Array):
-                value = context.make_array(ty)(context, builder, value=value).data
-            values.append(value)
-        result = {types.void: ir.VoidType(), types.int64: _INT64, types.float64: _DOUBLE}[restype]
-        pointer = builder.inttoptr(args[0], ir.FunctionType(result, [v.type for v in values]).as_pointer())
-        out = builder.call(pointer, values)
-        return context.get_dummy_value() if restype is types.void else out
+    def call(typingctx, *kinds):
+        def codegen(context, builder, sig, args):
+            values = []
+            for ty, value in zip(sig.args[1:], args[1:], strict=True):
+                if isinstance(ty, types.Array):
+                    value = context.make_array(ty)(context, builder, value=value).data
+                values.append(value)
+            returned = {types.void: ir.VoidType(), types.int64: _INT64, types.float64: _DOUBLE}[result]
+            pointer = builder.inttoptr(
+                args[0], ir.FunctionType(returned, [v.type for v in values]).as_pointer()
+            )
+            out = builder.call(pointer, values)
+            return context.get_dummy_value() if result is types.void else out
 
-    return signature, codegen
+        return result(*kinds), codegen
 
-
-@intrinsic
-def call_fields(typingctx, address, t, x, mult, p, dx, h, g):
-    """fields(t, x, mult, p, dx, h, g): overwrites the rates dx, surfaces h and residuals g."""
-    return _caller((address, t, x, mult, p, dx, h, g), types.void)
-
-
-@intrinsic
-def call_linear(typingctx, address, t, x, mult, p, G, dh):
-    """linear(t, x, mult, p, G, dh): overwrites dg/dmult and the gradients of the surfaces."""
-    return _caller((address, t, x, mult, p, G, dh), types.void)
+    names = ["typingctx", "address", *arguments.split(", ")]
+    call.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_OR_KEYWORD) for name in names])
+    return intrinsic(call)
 
 
-@intrinsic
-def call_outputs(typingctx, address, t, x, mult, p, out):
-    """outputs(t, x, mult, p, out): overwrites the model's outputs."""
-    return _caller((address, t, x, mult, p, out), types.void)
+# fields: overwrites the rates dx, surfaces h and residuals g.
+call_fields = caller("t, x, mult, p, dx, h, g")
 
+# linear: overwrites dg/dmult and the gradients of the surfaces.
+call_linear = caller("t, x, mult, p, G, dh")
 
-@intrinsic
-def call_act(typingctx, address, i, t, x, mult, p, xnew):
-    """act(i, t, x, mult, p, xnew): fires event i; overwrites the entries of xnew that it sets; 0 if `when` fails."""
-    return _caller((address, i, t, x, mult, p, xnew), types.int64)
+# outputs: overwrites the model's outputs.
+call_outputs = caller("t, x, mult, p, out")
 
+# act: fires event i; overwrites the entries of xnew that it sets; 0 if `when` fails.
+call_act = caller("i, t, x, mult, p, xnew", types.int64)
 
-@intrinsic
-def call_layer(typingctx, address, t, x, mult, z, p, g, q):
-    """layer(t, x, mult, z, p, g, q): overwrites the residuals g with the layered states free, and their rates q."""
-    return _caller((address, t, x, mult, z, p, g, q), types.void)
+# layer: overwrites the residuals g with the layered states free, and their rates q.
+call_layer = caller("t, x, mult, z, p, g, q")
 
+# jet_slip: overwrites the Taylor rows, all multipliers constant.
+call_jet_slip = caller("t, x, mult, p, K, stride, rows, scratch", types.int64)
 
-@intrinsic
-def call_jet_slip(typingctx, address, t, x, mult, p, K, stride, rows, scratch):
-    """jet_slip(t, x, mult, p, K, stride, rows, scratch): overwrites the Taylor rows, all multipliers constant."""
-    return _caller((address, t, x, mult, p, K, stride, rows, scratch), types.int64)
+# jet_general: the same, masked multipliers solved.
+call_jet_general = caller("t, x, mult, p, mask, K, stride, rows, scratch", types.int64)
 
+# unit
+call_unit = caller("P, C, S, R, W", types.int64)
 
-@intrinsic
-def call_jet_general(typingctx, address, t, x, mult, p, mask, K, stride, rows, scratch):
-    """jet_general(t, x, mult, p, mask, K, stride, rows, scratch): the same, masked multipliers solved."""
-    return _caller((address, t, x, mult, p, mask, K, stride, rows, scratch), types.int64)
+# newton: solves the multipliers of W.mask, 0 when it did not converge.
+call_newton = caller("P, S, W", types.int64)
 
+# layer; see layer.py for the tasks.
+call_layer_unit = caller("P, S, W, task, j, toward, start", types.int64)
 
-@intrinsic
-def call_unit(typingctx, address, P, C, S, R, W):
-    """unit(P, C, S, R, W) -> int64."""
-    return _caller((address, P, C, S, R, W), types.int64)
+# fold jet: overwrites W.step.rows, 0 where it is singular.
+call_fold = caller("P, C, S, W, j, toward", types.int64)
 
+# isolate; see roots.py.
+call_root = caller("roots, degree", types.float64)
 
-@intrinsic
-def call_newton(typingctx, address, P, S, W):
-    """newton(P, S, W) -> int64: solves the multipliers of W.mask, 0 when it did not converge."""
-    return _caller((address, P, S, W), types.int64)
-
-
-@intrinsic
-def call_layer_unit(typingctx, address, P, S, W, task, j, toward, start):
-    """layer(P, S, W, task, j or size, toward, start) -> int64; see layer.py for the tasks."""
-    return _caller((address, P, S, W, task, j, toward, start), types.int64)
-
-
-@intrinsic
-def call_fold(typingctx, address, P, C, S, W, j, toward):
-    """fold jet(P, C, S, W, j, toward) -> int64: overwrites W.step.rows, 0 where it is singular."""
-    return _caller((address, P, C, S, W, j, toward), types.int64)
-
-
-@intrinsic
-def call_root(typingctx, address, roots, degree):
-    """isolate(roots, degree) -> float64; see roots.py."""
-    return _caller((address, roots, degree), types.float64)
-
-
-@intrinsic
-def call_rk(typingctx, address, P, C, S, W, h, refine):
-    """rk_step(P, C, S, W, h, refine) -> float64: the step's size, its polynomials in W.step.rows."""
-    return _caller((address, P, C, S, W, h, refine), types.float64)
+# rk_step: the step's size, its polynomials in W.step.rows.
+call_rk = caller("P, C, S, W, h, refine", types.float64)
 
 
 @intrinsic

@@ -3,22 +3,18 @@
 import math
 
 from numba import types
-from numba.extending import intrinsic
 
 from ..fresh import restart_counts, restart_flags
 from ..intervals import forget_intervals
 from ..machine.compiling import unit
-from ..machine.pointers import _caller
+from ..machine.pointers import caller
 from ..outcome import Outcome
 from ..state import Control, Problem, Record, State
 from ..work import Work
 from .state import Diffused
 
-
-@intrinsic
-def call_diffuse(typingctx, address, P, C, S, R, W, N):
-    """diffuse(P, C, S, R, W, N) -> int64."""
-    return _caller((address, P, C, S, R, W, N), types.int64)
+# diffuse
+call_diffuse = caller("P, C, S, R, W, N", types.int64)
 
 
 @unit(types.int64, types.int64, types.int64, types.int64, Problem, Control, State, Record, Work, Diffused)
