@@ -4,6 +4,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer_unit, call_newton
 from ..outcome import Outcome
 from ..state import (
+    AMB_CORNER,
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
@@ -120,18 +121,18 @@ def _one_motion(P, S, W, size):
 
 
 @kernel
-def settled_otherwise(P, S, W, size, joint):
-    """One of active[:joint], settled from u = 0, that settles otherwise if active[:size] come from a corner; else -1.
+def _report_other_motions(P, S, R, W, size, joint):
+    """Says so where active[:joint], settled from u = 0, settle otherwise with active[:size] coming from some corner.
 
-    Where there is one, several motions begin in this point, and the equations do not say which is taken. S is kept.
+    Then several motions begin in this point, and the equations do not say which is taken. S is kept.
     """
     instant = W.instant
     for j in range(P.m):
         instant.status[j] = S.status[j]
         instant.mult[j] = S.mult[j]
-    other, confirmed = -1, _one_motion(P, S, W, joint)
-    corners = 0 if confirmed else min(1 << size, _MOST_CORNERS)
-    for corner in range(corners):
+    confirmed = _one_motion(P, S, W, joint)
+    flipped, other = -1, -1
+    for corner in range(0 if confirmed else min(1 << size, _MOST_CORNERS)):
         for j in range(P.m):
             S.status[j] = instant.status[j]
             S.mult[j] = instant.mult[j]
@@ -142,22 +143,28 @@ def settled_otherwise(P, S, W, size, joint):
             if a < size:
                 # A corner and then the one opposite: those count most where there are more than are tried.
                 S.mult[j] = _BESIDE_CORNER if ((corner >> 1) >> a & 1) == (corner & 1) else -_BESIDE_CORNER
-        settled = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, joint, 0, 0.0) == SETTLED
-        changed = -1
+        outcome = call_layer_unit(P.layer_unit, P, S, W, ARRIVE, joint, 0, 0.0)
+        same = True
         for a in range(joint):
             j = instant.active[a]
-            same = abs(S.mult[j] - instant.mult[j]) <= (1e-6 if settled else 1e-3)
-            if not same or (settled and S.status[j] != instant.status[j]):
-                changed = j
-        if changed < 0:
-            confirmed = True
-        elif settled:
-            other = changed
+            near = abs(S.mult[j] - instant.mult[j]) <= (1e-6 if outcome == SETTLED else 1e-3)
+            here = near and (S.status[j] == instant.status[j] or outcome == OSCILLATES)
+            same = same and here
+            if not here:
+                other = j
+                leaves = S.status[j] != SOLVED and S.status[j] != instant.status[j]
+                flipped = j if leaves and outcome != OSCILLATES else flipped
+        confirmed = confirmed or same
     for j in range(P.m):
         S.status[j] = instant.status[j]
         S.mult[j] = instant.mult[j]
-    # An equilibrium to which the layer comes from nowhere: it stays there only if it begins there.
-    return other if other >= 0 or confirmed else instant.active[0]
+    if flipped >= 0:
+        record_ambiguity(S, R, flipped, AMB_REPELLING, S.status[flipped])
+    elif other >= 0:
+        record_ambiguity(S, R, other, AMB_CORNER, 0)
+    elif not confirmed:
+        # An equilibrium to which the layer comes from nowhere: it stays there only if it begins there.
+        record_ambiguity(S, R, instant.active[0], AMB_REPELLING, 0)
 
 
 @kernel
@@ -165,9 +172,7 @@ def settle_together(P, S, R, W, size, joint):
     """Runs the layer of the coupled switches group[:joint] from u = 0, of which the first `size` are new; a code."""
     code = settle_arrivals(P, S, R, W, joint)
     if code == GO_ON:
-        other = settled_otherwise(P, S, W, size, joint)
-        if other >= 0:
-            record_ambiguity(S, R, other, AMB_REPELLING, S.status[other])
+        _report_other_motions(P, S, R, W, size, joint)
     return code
 
 
