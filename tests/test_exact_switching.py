@@ -195,6 +195,27 @@ def test_a_start_on_coupled_switches_is_reported_just_where_several_motions_begi
     assert len(reported) > 10
 
 
+def test_a_start_on_a_hidden_term_is_reported_just_where_several_motions_begin_there():
+    """x' = g(lambda): to the sides whose field points there, and along every attracting root between."""
+    rng, c = np.random.default_rng(3), sp.symbols("c0:5", real=True)
+    lam = Switch("lam", x)
+    rate = sum(ck * lam**k for k, ck in enumerate(c))
+    system = System({x: rate, y: lam}, parameters=dict.fromkeys(c, 1.0))
+    seen = {True: 0, False: 0}
+    for _ in range(300):
+        values = rng.uniform(-1, 1, 5) * [0.5, 1, 1, 1, 1]
+        g = np.polynomial.Polynomial(values)
+        roots = [r.real for r in g.roots() if abs(r.imag) < 1e-9 and abs(r.real) < 1]
+        critical = [g(1.0), g(-1.0), *(g(r.real) for r in g.deriv().roots())]
+        if min(map(abs, critical)) < 1e-2:
+            continue  # too close to a change of what there is
+        motions = sum([g(1.0) > 0, g(-1.0) < 0, *(g.deriv()(r) < 0 for r in roots)])
+        solution = solve(system, (0, 0.01), {x: 0, y: 0}, parameters=dict(zip(c, values, strict=True)))
+        assert bool(solution.ambiguities) == (motions > 1), values
+        seen[motions > 1] += 1
+    assert min(seen.values()) > 30
+
+
 def test_a_start_beside_the_repelling_surface_is_no_ambiguity():
     solution = solve(System({x: sp.sign(x)}), (0, 1), {x: 1e-9}, **TIGHT)
     assert not solution.ambiguities

@@ -67,10 +67,14 @@ def _one_at_rest(P, S, R, W, j):
     if plus > 0.0 and minus < 0.0:
         record_ambiguity(S, R, j, AMB_REPELLING, 1 if middle > 0.0 else -1)
     elif P.hidden[j]:
-        up = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, -1.0)
-        high = S.mult[j]
-        down = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, -1, 1.0)
-        if up != down or abs(high - S.mult[j]) > 1e-9:
+        from_below, from_above = -1.0, 1.0
+        if minus >= 0.0:
+            found = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, 1, -1.0)
+            from_below = S.mult[j] if found else 1.0
+        if plus <= 0.0:
+            found = call_layer_unit(P.layer_unit, P, S, W, FIRST_ZERO, j, -1, 1.0)
+            from_above = S.mult[j] if found else -1.0
+        if abs(from_below - from_above) > 1e-9:
             record_ambiguity(S, R, j, AMB_SEVERAL_ROOTS, 0)
     S.mult[j] = 0.0
     W.instant.group[0] = j
