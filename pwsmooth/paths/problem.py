@@ -28,73 +28,111 @@ class CompiledProblem:
     """What of a Problem does not depend on parameter values; made once a model and process."""
 
     def __init__(self, model: Model):
-        self.model = model
+        self.model, self._scratch = model, threading.local()
         code = self.code = compile_model(model)
-        self._scratch = threading.local()
         self.has_jets = code.has_jets
-        n, m, ne = code.n, code.m, code.ne
-        # With families this is the model of one element, and `numbers` writes what holds for it out.
-        loops = model.loops
-        text = loops.template.model if loops else model
-
-        def numbers(kind, values):
-            return np.array(loops.spread(kind, values) if loops else values, np.int64)
-
-        self.kind = numbers("multipliers", [_kind(mu) for mu in text.multipliers])
-        slides = bool(m) and bool(np.any((self.kind != state.KINK) & (self.kind != state.CROSSING)))
-        hidden = numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
+        # With families the text is that of one element, and `_numbers` writes what holds for it out.
+        self._loops = loops = model.loops
+        self._text = text = loops.template.model if loops else model
+        self._fixed_symbols = set(text.parameters) | (loops.template.constants if loops else set())
+        self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
+        hidden = self._numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
         folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
         self.sigmoid = compile_model(sigmoid(model.sigmoid).model())
-        g_row, g_col = code.pattern("G")
-        dh_row, dh_col = code.pattern("DH")
-        link_row, link_col = _both_ways(g_row, g_col)
-        # What is solved for and belongs to the whole system may couple all elements.
-        families = loops.template.families("multipliers") if loops else ()
-        hub = np.flatnonzero(numbers("multipliers", [f is None for f in families]) * (self.kind != state.KINK)
-                             * (self.kind != state.CROSSING)) if loops else np.zeros(0, np.int64)  # fmt: skip
-        block_row, block_member = _groups(g_row, g_col, hub)
-        fixed = set(text.parameters) | (loops.template.constants if loops else set())
-        slope_moves = numbers("multipliers", [_slope_moves(mu, fixed) for mu in text.multipliers])
-        lams = {mu.symbol for mu in text.multipliers}
-        nested = numbers("multipliers", [_nested(mu, lams) for mu in text.multipliers])
-        surface_state = numbers("multipliers", [_surface_state(text, mu) for mu in text.multipliers])
-        watch_state = numbers("events", [_surface_state(text, e) for e in text.events])
-        if loops:
-            watch_state = loops.numbered("events", "states", watch_state)
-            surface_state = loops.numbered("multipliers", "states", surface_state)
-        twins = [_twin(text, e, fixed) for e in text.events]
-        twin = numbers("events", [j for j, _ in twins])
-        twin_sign = numbers("events", [sign for _, sign in twins])
-        if loops:
-            twin = loops.numbered("events", "multipliers", twin)
+        finite = any(layer.ratio != sp.oo for layer in model.layer_states)
+        self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
         holders = (("multipliers", text.multipliers), ("events", text.events))
-        has_surface = [numbers(kind, [part.surface is not None for part in parts]) for kind, parts in holders]
+        has_surface = [self._numbers(kind, [x.surface is not None for x in parts]) for kind, parts in holders]
         has_surface = np.concatenate(has_surface) != 0
-        expressions = (*text.rhs, *(mu.condition for mu in text.multipliers))
-        if loops:
-            expressions += tuple(e for _, _, e in loops.template.sums)
+        expressions = [*text.rhs, *(mu.condition for mu in text.multipliers)]
+        expressions += [e for _, _, e in loops.template.sums] if loops else []
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
-        self.carried = np.where(has_surface[m:], numbers("events", carried), state.TIMED)
-        surfaces = [part.surface for _, parts in holders for part in parts if part.surface is not None]
+        self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
+        expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
+        self.fixed = dict(
+            **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
+            rk_unit=0,
+            pair=0,
+            n=code.n,
+            m=code.m,
+            ne=code.ne,
+            nz=len(self.ratios),
+            kind=self.kind,
+            hidden=hidden,
+            **self._of_multipliers(),
+            **self._couplings(),
+            **self._of_events(),
+            **self._programs(expressions, has_surface),
+        )
+
+    def _numbers(self, kind, values):
+        """One integer a multiplier or event, whatever it belongs to."""
+        return np.array(self._loops.spread(kind, values) if self._loops else values, np.int64)
+
+    def _of_multipliers(self) -> dict:
+        multipliers, fixed = self._text.multipliers, self._fixed_symbols
+        lams = {mu.symbol for mu in multipliers}
+        surface_state = self._numbers("multipliers", [_surface_state(self._text, mu) for mu in multipliers])
+        if self._loops:
+            surface_state = self._loops.numbered("multipliers", "states", surface_state)
+        return dict(
+            contact=np.flatnonzero(self.kind == state.CONTACT),
+            slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
+            nested=self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),
+            surface_state=surface_state,
+        )
+
+    def _couplings(self) -> dict:
+        """Which residuals multipliers act on, and the groups of multipliers that are solved for together."""
+        g_row, g_col = self.code.pattern("G")
+        dh_row, dh_col = self.code.pattern("DH")
+        link_row, link_col = _both_ways(g_row, g_col)
+        hub = np.zeros(0, np.int64)
+        if self._loops:
+            # What is solved for and belongs to the whole system may couple all elements.
+            families = self._loops.template.families("multipliers")
+            whole = self._numbers("multipliers", [f is None for f in families])
+            hub = np.flatnonzero(whole * (self.kind != state.KINK) * (self.kind != state.CROSSING))
+        block_row, block_member = _groups(g_row, g_col, hub)
+        empty = np.zeros(0, np.int64)
+        fold_row, fold_col = self.fold.pattern("G") if self.fold else (empty, empty)
+        return dict(
+            g_row=g_row, g_col=g_col, g_diagonal=_diagonal(g_row, g_col), dh_row=dh_row, dh_col=dh_col,
+            link_row=link_row, link_col=link_col, block_row=block_row, block_member=block_member, hub=hub,
+            fold_row=fold_row, fold_col=fold_col,
+        )  # fmt: skip
+
+    def _of_events(self) -> dict:
+        events, loops = self._text.events, self._loops
+        watch_state = self._numbers("events", [_surface_state(self._text, e) for e in events])
+        twins = [_twin(self._text, e, self._fixed_symbols) for e in events]
+        twin = self._numbers("events", [j for j, _ in twins])
+        if loops:
+            watch_state = loops.numbered("events", "states", watch_state)
+            twin = loops.numbered("events", "multipliers", twin)
+        return dict(
+            direction=self._numbers("events", [e.direction for e in events]),
+            terminal=self._numbers("events", [int(e.terminal) for e in events]),
+            watches=int(any(e.singular for e in events)),
+            watch=self._numbers("events", [KINDS.index(e.singular) for e in events]),
+            watch_state=watch_state,
+            twin=self._numbers("events", [sign for _, sign in twins]) * (twin + 1),
+        )
+
+    def _programs(self, expressions, has_surface) -> dict:
+        """Addresses of the generated functions, and the rows of their polynomials."""
+        code, fold, text = self.code, self.fold, self._text
+        n, m, ne = code.n, code.m, code.ne
+        slides = bool(m) and bool(np.any((self.kind != state.KINK) & (self.kind != state.CROSSING)))
+        empty = np.zeros(0, np.int64)
+        flat_general = code.flat_rows_general if slides else empty
 
         def looks(moving, flat):
-            gaps = any(may_skip_orders(e, text.time, moving) for e in (*expressions, *surfaces))
-            return int(gaps or len(flat) > 0)
+            return int(len(flat) > 0 or any(may_skip_orders(e, text.time, moving) for e in expressions))
 
-        finite = [layer for layer in model.layer_states if layer.ratio != sp.oo]
-        self.ratios = tuple(layer.ratio for layer in model.layer_states) if finite else ()
-        fold = self.fold
-        empty = np.zeros(0, np.int64)
-        flat_rows = [code.flat_rows_slip, code.flat_rows_general if slides else empty]
-        fold_row, fold_col = fold.pattern("G") if fold else (empty, empty)
-        self.fixed = dict(
-            rk_unit=0,
-            look_slip=looks(set(text.states), flat_rows[0]),
-            look_general=looks({*text.states, *lams}, flat_rows[1]),
-            pair=0,
-            **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
+        result = dict(
             fields=code.fields,
             linear=code.linear,
             act=code.act if ne or np.any(self.kind == state.CONTACT) else 0,
@@ -104,38 +142,12 @@ class CompiledProblem:
             jet_fold=fold.jet_general if fold else 0,
             fields_fold=fold.fields if fold else 0,
             linear_fold=fold.linear if fold else 0,
-            fold_row=fold_row,
-            fold_col=fold_col,
-            n=n,
-            m=m,
-            ne=ne,
-            nz=len(self.ratios),
-            kind=self.kind,
-            hidden=hidden,
-            g_row=g_row,
-            g_col=g_col,
-            g_diagonal=_diagonal(g_row, g_col),
-            link_row=link_row,
-            link_col=link_col,
-            contact=np.flatnonzero(self.kind == state.CONTACT),
-            block_row=block_row,
-            block_member=block_member,
-            hub=hub,
-            dh_row=dh_row,
-            dh_col=dh_col,
-            slope_moves=slope_moves,
-            nested=nested,
-            surface_state=surface_state,
-            direction=numbers("events", [e.direction for e in text.events]),
-            terminal=numbers("events", [int(e.terminal) for e in text.events]),
-            watches=int(any(e.singular for e in text.events)),
-            watch=numbers("events", [KINDS.index(e.singular) for e in text.events]),
-            watch_state=watch_state,
-            twin=twin_sign * (twin + 1),
+            look_slip=looks(set(text.states), code.flat_rows_slip),
+            look_general=looks({*text.states, *(mu.symbol for mu in text.multipliers)}, flat_general),
             rows_slip=code.surface_rows_slip if self.has_jets else np.where(has_surface, 0, -1),
             rows_general=code.surface_rows_general if slides else empty,
-            flat_slip=flat_rows[0],
-            flat_general=flat_rows[1],
+            flat_slip=code.flat_rows_slip,
+            flat_general=flat_general,
             flat_fold=fold.flat_rows_general if fold else empty,
             # The fold program's first multiplier is dt/ds; the model's own surfaces follow.
             rows_fold=fold.surface_rows_general[1:] if fold else empty,
@@ -149,8 +161,9 @@ class CompiledProblem:
                     "fold": fold.nrows_general if fold else (0, 0)}  # fmt: skip
         self.nrows = max(n + 2 * m + ne, *(count for count, _ in programs.values()))
         for name, (_, own) in programs.items():
-            self.fixed[f"own_{name}"] = self.nrows
+            result[f"own_{name}"] = self.nrows
             self.nrows += own
+        return result
 
     def kept(self, what: str) -> dict:
         """What this thread keeps for its next run."""
