@@ -292,27 +292,19 @@ def _sides_of_events(P, S, W):
                 S.side[i] = 1 if speed > 0.0 else -1
 
 
-@unit(types.int64, Problem, Control, State, Record, Work)
-def at_instant(P, C, S, R, W):
-    """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
-
-    Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
-    """
+@kernel
+def _note_what_is_met(P, S, W):
+    """Overwrites instant.hit, known zeros of S and instant.came; states that are surfaces are put on them."""
     instant = W.instant
-    m, ne, t, status = P.m, P.ne, S.t, S.status
-    best, h, elapsed = instant.met, W.step.length, instant.elapsed
-    fold, fold_way = instant.fold, instant.way
-    instant.jumped = 0
-    instant.together = 0
+    m, ne, status, elapsed = P.m, P.ne, S.status, instant.elapsed
     for i in range(m + ne):
-        instant.hit[i] = W.meeting.tau[i] <= 1.0 and (W.meeting.tau[i] - best) * h <= AT_ONCE * max(
-            abs(t), elapsed
-        )
+        later = (W.meeting.tau[i] - instant.met) * W.step.length
+        instant.hit[i] = W.meeting.tau[i] <= 1.0 and later <= AT_ONCE * max(abs(S.t), elapsed)
         # Only switches: an event at its own threshold (a latch) leaves it and meets it again within rounding.
         if (
             not instant.hit[i]
             and S.deflate[i] != 0
-            and (elapsed > 1e-12 * (1.0 + abs(t)) or (i < m and _left_behind(P, S, W, i)))
+            and (elapsed > 1e-12 * (1.0 + abs(S.t)) or (i < m and _left_behind(P, S, W, i)))
         ):
             S.deflate[i] = 0
     for i in range(ne):
@@ -320,8 +312,8 @@ def at_instant(P, C, S, R, W):
         j = abs(P.twin[i]) - 1
         if j >= 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
             instant.hit[m + i] = instant.hit[j] = True
-    if fold >= 0:
-        instant.hit[fold] = False
+    if instant.fold >= 0:
+        instant.hit[instant.fold] = False
     for j in range(m):
         instant.came[j] = status[j]
         W.firing.switch_level[j] = math.nan
@@ -329,8 +321,21 @@ def at_instant(P, C, S, R, W):
             S.x[P.surface_state[j]] = 0.0
         elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
+
+
+@unit(types.int64, Problem, Control, State, Record, Work)
+def at_instant(P, C, S, R, W):
+    """Acts on everything that happens at the present instant, at which S already stands. Returns a code.
+
+    Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
+    """
+    instant = W.instant
+    fold, elapsed = instant.fold, instant.elapsed
+    instant.jumped = 0
+    instant.together = 0
+    _note_what_is_met(P, S, W)
     record_point(P, S, R)
-    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(t)) else 0
+    S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0
     if S.stalled > MOST_AT_ONCE:
         return Outcome.CHATTERING
     events_before = S.events
@@ -344,7 +349,7 @@ def at_instant(P, C, S, R, W):
             only = -1
         instant.solved_there = 0
     stop, jumped = GO_ON, False
-    if only < 0 and ne > 0:
+    if only < 0 and P.ne > 0:
         stop = events(P, C, S, R, W)
         jumped = instant.jumped != 0
         if stop == Outcome.EVENTS_ACCUMULATE:
@@ -366,7 +371,7 @@ def at_instant(P, C, S, R, W):
                 break
         code, switched = NOTHING, True
         if only < 0 or turn > 0:
-            code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, fold_way)
+            code, switched = _settle_switches(P, C, S, R, W, fold if turn == 0 else -1, instant.way)
             if code != GO_ON:
                 return code
         code = pass_accumulation(P, C, S, R, W) if turn == 0 else NOTHING
