@@ -41,7 +41,7 @@ def scenes():
     falling = sp.sign(1 - v) * (0.3 + 0.7 / (1 + 3 * sp.Abs(1 - v)))
     belt = System({y: v, v: -y + falling}, time=t)
     bouncing = System({x: q, q: -x - q / 20 + sp.cos(2 * t) + wall.reaction}, time=t)
-    view = System(hidden, time=t).smoothed(eps=1e-3)
+    view, stiffer = (System(hidden, time=t).smoothed(eps=eps) for eps in (1e-3, 1e-4))
     tight = {"rtol": 1e-11, "atol": 1e-13}
 
     def run(system, end, start, **options):
@@ -69,6 +69,9 @@ def scenes():
         "smoothed 1e-4": run(view, 3000, [0.5, 0.3, 0], rtol=1e-4, atol=1e-4),
         "smoothed 1e-8": run(view, 1500, [0.5, 0.3, 0], rtol=1e-8, atol=1e-8),
         "smoothed 1e-12": run(view, 600, [0.5, 0.3, 0], rtol=1e-12, atol=1e-12),
+        "stiffer 1e-4": run(stiffer, 1500, [0.5, 0.3, 0], rtol=1e-4, atol=1e-4),
+        "stiffer 1e-8": run(stiffer, 600, [0.5, 0.3, 0], rtol=1e-8, atol=1e-8),
+        "stiffer 1e-12": run(stiffer, 200, [0.5, 0.3, 0], rtol=1e-12, atol=1e-12),
         "sweep": swept,
     }
 
