@@ -20,6 +20,7 @@ RECURRENCES = [
         (sp.sin(a * t) * sp.exp(-x) + sp.log(2 + y) / (1 + z**2), sp.sqrt(1 + x**2) * sp.tanh(y),
          (2 + y) ** b - z),
     ),
+    Model(t, (x, y, z), (a, b), (a / b, x * sp.tan(z / 3) + b, sp.asin(x / 4) * y)),  # x moves with constant speed
     Model(
         t, (x, y, z), (a, b),
         (sp.atan(x * y) - sp.cos(x + b * t), sp.erf(z - y) - sp.Rational(1, 2), (3 + z) ** sp.Rational(-3, 2)),
@@ -96,6 +97,23 @@ def test_rates_and_jacobian_are_those_of_sympy(model):
         assert np.allclose(out, expected, rtol=1e-13, atol=1e-13)
         assert np.allclose(lanes[:, k], expected, rtol=1e-13, atol=1e-13)
         assert np.allclose(out8, J(times[k], state, p), rtol=1e-12, atol=1e-12)
+
+
+def test_every_function_of_lanes_is_that_of_one_point():
+    rates = (sp.floor(3 * t), *(f(y + 2) for f in (sp.Abs, sp.asinh, sp.erfc, sp.sinh, sp.tan, sp.sqrt)))
+    states = (x, y, *sp.symbols("u0:5", real=True))
+    compiled = codegen.compile_stiff(Model(t, states, (), rates))
+    points = np.random.default_rng(2).uniform(-1.5, 1.5, (7, 8))
+    times, hoisted = np.linspace(0.1, 2, 8), np.zeros((compiled.n_hoisted, 8))
+    lanes, empty, out = np.zeros((7, 8)), np.zeros(0), np.zeros(7)
+    call(compiled, "hoist", times, empty, hoisted)
+    call(compiled, "rates8", times, hoisted, points, empty, lanes)
+    for k in range(8):
+        call(compiled, "rates1", float(times[k]), points[:, k].copy(), empty, out)
+        assert np.allclose(lanes[:, k], out, rtol=1e-14, atol=0)
+        assert np.allclose(
+            out, [float(rate.subs({y: points[1, k], t: times[k]})) for rate in rates], rtol=1e-13
+        )
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e3, 1e17])

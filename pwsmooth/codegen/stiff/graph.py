@@ -82,13 +82,11 @@ class GradedGraph(Graph):
         a = self.expression(base)
         if not exponent.is_number:
             return self.fun("exp", self.mul(self.expression(exponent), self.fun("log", a)))
-        root = self.make("pow", (a, self.num(-0.5)))
-        if exponent.is_Integer and exponent < 0 and base in self._under_roots:
-            return self._integer_power(root, -2 * int(exponent))
-        if exponent.is_Rational and exponent.q == 2:
-            if exponent < 0:
-                return self._integer_power(root, -int(exponent.p))
-            return self.mul(self.fun("sqrt", a), self._integer_power(a, int(exponent.p) // 2))
+        halves = 2 * exponent
+        if halves.is_Integer and halves < 0 and (exponent.q == 2 or base in self._under_roots):
+            return self._integer_power(self.make("pow", (a, self.num(-0.5))), -int(halves))
+        if halves.is_Integer and exponent.q == 2:
+            return self.mul(self.fun("sqrt", a), self._integer_power(a, int(halves) // 2))
         return self.power(a, self.num(float(exponent)))
 
     def _selection(self, e: Select):

@@ -71,9 +71,8 @@ class _Unrolled(OrderK):
             pairs = [(j, k - j) for j in [*range(2, (k + 1) // 2), 1] if 2 * j < k]
             text = f"2.0 * ({self._terms(a, b, pairs)})" if pairs else "0.0"
             return f"({text} + {self._terms(a, b, [(k // 2, k // 2)])})" if k % 2 == 0 else text
-        return (
-            f"({self._terms(a, b, [*((j, k - j) for j in range(2, k - 1)), (1, k - 1), (k - 1, 1)][: k - 1])})"
-        )
+        pairs = [*((j, k - j) for j in range(2, k - 1)), (1, k - 1), (k - 1, 1)]
+        return f"({self._terms(a, b, pairs[: k - 1])})"
 
     def _terms(self, a, b, pairs):
         factors = [(self._factor(a, i), self._factor(b, j)) for i, j in pairs]
@@ -111,8 +110,10 @@ def taylor_lines(code, rates: list[int], extra: list[int]) -> list[str]:
         for a in values.needed(nodes)
         if graph.nodes[a].data == "tanh"
     }
-    values.places = {"x": "x", "p": "p"}
-    values.emit([*(graph.var("x", i) for i in range(n)), *nodes])
+    states = [graph.var("x", i) for i in range(n)]
+    # The constant rates are the slopes of affine states.
+    values.emit([rate for x, rate in zip(states, rates, strict=True) if degrees.of(x) == AFFINE])
+    values.emit([*states, *nodes])
     code.helpers |= values.helpers
     return values.writer.lines + orders.writer.lines
 

@@ -12,9 +12,7 @@ class StiffCode(ScalarCode):
     """Functions of one graph, one after the other."""
 
     def __init__(self, graph):
-        super().__init__(
-            graph, Writer(), "n"
-        )  # prefix: of nodes that change, where a function looks at several points
+        super().__init__(graph, Writer(), "n")  # the prefix changes where a function looks at several points
         self.lanewise = False
         self.open_at("t", "x[%d]")
 
@@ -45,7 +43,7 @@ class StiffCode(ScalarCode):
             root = self.graph.value(args[1]) == -0.5
             return f"1.0 / vsqrt({names[0]})" if root else f"vpow({names[0]}, {names[1]})"
         if v and op == "fun":
-            return f"v{data.removeprefix('f')}({names[0]})"
+            return f"v{'abs' if data == 'fabs' else data}({names[0]})"
         return super().formula(node)
 
     # ---- functions ----
