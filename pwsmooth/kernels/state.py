@@ -79,6 +79,7 @@ class Problem(Bundle):
     root_unit: "int"  # addresses of the compiled units (compiling.py)
     newton_unit: "int"
     layer_unit: "int"
+    others_unit: "int"
     fold_unit: "int"
     rk_unit: "int"  # 0 where no step can need the Runge-Kutta pair
     look_slip: (

@@ -21,6 +21,7 @@ UNITS = {
     "newton_unit": ("surface.sliding", "newton"),
     "layer_unit": ("surface.layer", "layer"),
     "fold_unit": ("step.arc", "fold_jet"),
+    "others_unit": ("instant.other_motions", "report_other_motions"),
     "start_unit": ("instant.starting", "start"),
     "instant_unit": ("instant.instants", "at_instant"),
     "rk_unit": ("step.rungekutta", "rk_step"),

@@ -70,6 +70,9 @@ call_newton = caller("P, S, W", types.int64)
 # layer; see layer.py for the tasks.
 call_layer_unit = caller("P, S, W, task, j, toward, start", types.int64)
 
+# other_motions: records where several motions begin; see other_motions.py.
+call_others = caller("P, S, R, W, size, joint", types.int64)
+
 # fold jet: overwrites W.step.rows, 0 where it is singular.
 call_fold = caller("P, C, S, W, j, toward", types.int64)
 
