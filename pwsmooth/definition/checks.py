@@ -167,9 +167,8 @@ def number(value, what):
 
 def fits(symbol, value):
     """Whether a finite number has the properties that the symbol is declared to have."""
-    for holds, wanted in _declared(
-        symbol
-    ):  # all() of a generator takes thrice as long, which short runs notice
+    # all() of a generator takes thrice as long, which short runs notice.
+    for holds, wanted in _declared(symbol):
         if holds(value) != wanted:
             return False
     return True

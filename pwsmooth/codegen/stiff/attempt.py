@@ -36,7 +36,7 @@ class Attempt:
         self.code, self.m, self.stages, self.n = code, m, 3 + 2 * m, n
         self.rates, self.jacobian, self.pattern = rates, jacobian, sorted(pattern)
         self.surfaces, self.surface_state, self.elimination = surfaces, surface_state, elimination
-        self.lines = code.writer.lines
+        self.lines, self._add = code.writer.lines, code.write
 
     def write(self) -> None:
         """Append the function."""
@@ -52,13 +52,11 @@ class Attempt:
     def _each(self, *lines: str, indent: int = 1) -> None:
         """The lines for every state, with @ replaced by its index."""
         for i in range(self.n):
-            self.code.write(*(line.replace("@", str(i)) for line in lines), indent=indent)
+            self._add(*(line.replace("@", str(i)) for line in lines), indent=indent)
 
     def _report(self, indent: int = 1, **values: str) -> None:
         """Write fields of the Core."""
-        self.code.write(
-            *(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent
-        )
+        self._add(*(f"core[{Core.members[name].at}] = {text}" for name, text in values.items()), indent=indent)
 
     def _sum(self, table, source: str, lanes) -> str:
         """sum_l table[l] * (lane lanes[l] of source), as two sums that do not wait for each other."""
@@ -71,7 +69,7 @@ class Attempt:
     def _setting(self) -> None:
         """Everything of parameters and of time alone."""
         code, graph = self.code, self.code.graph
-        self.code.write("inverse = 1.0 / h", f"times = {_constant(T.NODES[self.m])} * h + t")
+        self._add("inverse = 1.0 / h", f"times = {_constant(T.NODES[self.m])} * h + t")
         self._each("x@ = x[@]")
         code.parameter_operations([*self.rates, *self.jacobian, *self.surfaces])
         self.of_time = {a for a in graph.reach([*self.rates, *self.surfaces]) if graph.grade(a) == 1}
@@ -81,55 +79,53 @@ class Attempt:
     def _prediction(self) -> None:
         """The last collocation polynomial beyond its end, Z and W = V^-1 Z; zero where it would reach too far."""
         s, m = self.stages, self.m
-        self.code.write(f"if ratio < {LONGEST_PREDICTION[m]!r}:", f"    tau = {_constant(T.NODES[m])} * ratio")
+        self._add(f"if ratio < {LONGEST_PREDICTION[m]!r}:", f"    tau = {_constant(T.NODES[m])} * ratio")
         for i in range(self.n):
             text = f"tau * poly[{8 * i + s - 1}]"
             for j in range(s - 2, -1, -1):
                 text = f"tau * (poly[{8 * i + j}] + {text})"
-            self.code.write(f"Z{i} = {text}", indent=2)
-            self.code.write(f"W{i} = {self._sum(T.TO_W[m], f'Z{i}', range(s))}", indent=2)
-        self.code.write("else:")
+            self._add(f"Z{i} = {text}", indent=2)
+            self._add(f"W{i} = {self._sum(T.TO_W[m], f'Z{i}', range(s))}", indent=2)
+        self._add("else:")
         self._each("Z@ = splat8(0.0)", "W@ = splat8(0.0)", indent=2)
 
     def _matrix(self) -> None:
         """J at the predicted middle stage, and the elimination of (mu/h) I - J."""
         code, m, middle = self.code, self.m, 1 + self.m
-        self.code.write(f"middle = t + {float(T.NODES[m, middle])!r} * h")
+        self._add(f"middle = t + {float(T.NODES[m, middle])!r} * h")
         self._each(f"y@ = x@ + lane(Z@, {middle})")
         graph = code.graph
-        constants = {a for a in code.graph.reach(self.jacobian) if graph.grade(a) == 0}
+        constants = {a for a in graph.reach(self.jacobian) if graph.grade(a) == 0}
         code.prefix = "j_"
         code.point(self.jacobian, [f"j{i}_{j}" for i, j in self.pattern], time="middle", states="y%d",
                 known=constants)  # fmt: skip
         code.prefix = "n"
-        self.code.write(*(f"J[{i * self.n + j}] = j{i}_{j}" for i, j in self.pattern))
-        self.code.write(f"mr = {_constant(T.MU[m, :4])} * inverse", f"mi = {_constant(T.MU[m, 4:])} * inverse")
+        self._add(*(f"J[{i * self.n + j}] = j{i}_{j}" for i, j in self.pattern))
+        self._add(f"mr = {_constant(T.MU[m, :4])} * inverse", f"mi = {_constant(T.MU[m, 4:])} * inverse")
         lines, self.entries = elimination_lines(self.n, set(self.pattern), self.elimination)
         self.lines += lines
 
     def _newton(self) -> None:
         m, n, code = self.m, self.n, self.code
-        self.code.write("before = 0.0", "theta = 0.0", "iterations = 0", "failed = 1",
+        self._add("before = 0.0", "theta = 0.0", "iterations = 0", "failed = 1",
                   f"for it in range({MAX_NEWTON}):")  # fmt: skip
-        self.code.write("iterations = it + 1", indent=2)
+        self._add("iterations = it + 1", indent=2)
         self._each("X@ = Z@ + x@", indent=2)
         code.vector_operations(self.rates, self.of_time, "times", "X%d", indent=2)
         for i, a in enumerate(self.rates):
-            self.code.write(
-                f"F{i} = {code.vector(a)}", f"b{i} = {self._sum(T.TO_W[m], f'F{i}', range(8))}", indent=2
-            )
+            self._add(f"F{i} = {code.vector(a)}", f"b{i} = {self._sum(T.TO_W[m], f'F{i}', range(8))}", indent=2)
         self._each("wr = low4(W@)", "wi = high4(W@)", "r@ = low4(b@) - (mr * wr - mi * wi)",
                    "q@ = high4(b@) - (mr * wi + mi * wr)", indent=2)  # fmt: skip
         self.lines += substitution_lines(self.elimination, self.entries, " " * 8)
         for i in range(n):
-            self.code.write(f"c{i} = join8(r{i}, q{i})", f"W{i} = W{i} + c{i}",
+            self._add(f"c{i} = join8(r{i}, q{i})", f"W{i} = W{i} + c{i}",
                       f"s{i} = {self._sum(T.TO_Z[m], f'c{i}', T.WLANE[m])}", f"Z{i} = Z{i} + s{i}",
                       indent=2)  # fmt: skip
         norm = "vabs(s0) * nweight[0]"
         for i in range(1, n):
             norm = f"vmax({norm}, vabs(s{i}) * nweight[{i}])"
-        self.code.write(f"norm = largest8({norm})", indent=2)
-        self.code.write(
+        self._add(f"norm = largest8({norm})", indent=2)
+        self._add(
             "if not norm < 1e300:",
             "    theta = 2.0",
             "    break",
@@ -155,9 +151,9 @@ class Attempt:
             "before = norm",
             indent=2,
         )
-        self.code.write("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
+        self._add("if iterations > 1 and theta < 0.99:", "    eta = theta / (1.0 - theta)")
         self._report(iterations="iterations", eta="eta", theta="theta", again="0.0")
-        self.code.write("if failed == 1:", "    return 1")
+        self._add("if failed == 1:", "    return 1")
 
     def _error(self) -> None:
         """The embedded estimate and its size; where asked for, filtered once more."""
@@ -165,7 +161,7 @@ class Attempt:
         self._each(f"e@ = total8({_constant(T.ERROR[self.m])} * Z@) * inverse", "g@ = f[@] + e@")
         self.lines += real_substitution_lines(self.elimination, self.entries, "    ")
         self._size("    ")
-        self.code.write("if not size < 1.0:", "    if again == 1:")
+        self._add("if not size < 1.0:", "    if again == 1:")
         self._each("y@ = x@ + g@", indent=3)
         code.prefix = "m_"
         constants = {a for a in graph.reach(self.rates) if graph.grade(a) == 0}
@@ -177,7 +173,7 @@ class Attempt:
         self._size(" " * 12)
         self._report(again="1.0", indent=3)
         self._report(error="size")
-        self.code.write("if not size < 1.0:", "    return 2")
+        self._add("if not size < 1.0:", "    return 2")
 
     def _size(self, indent: str) -> None:
         """Largest error in units of its tolerance, rule R1 included; nan if any is."""
@@ -195,7 +191,7 @@ class Attempt:
     def _gate(self) -> None:
         """Rule R3 at every stage."""
         code, width = self.code, self.n + 3
-        self.code.write("gate = 0.0")
+        self._add("gate = 0.0")
         self._each("X@ = Z@ + x@")
         code.prefix = "h_"
         for j, (root, state) in enumerate(zip(self.surfaces, self.surface_state, strict=True)):
@@ -204,10 +200,10 @@ class Attempt:
                 code.prefix = "n"
                 times = [a for a in code.graph.reach([root]) if code.graph.grade(a) == 1]
                 code.prefix = f"h{j}_"
-                self.code.write(*(f"h{j}_{a} = n{a}" for a in times))
+                self._add(*(f"h{j}_{a} = n{a}" for a in times))
                 code.vector_operations([root], self.of_time, "times", "X%d")
             value = code.vector(root) if state < 0 else f"X{state}"
-            self.code.write(
+            self._add(
                 f"distance = surf[{j * width}]",
                 "side = 1.0 if distance > 0.0 else -1.0",
                 # Lanes without a stage stand at the start of the step.
@@ -220,20 +216,20 @@ class Attempt:
             )
         code.prefix = "n"
         self._report(gate="gate")
-        self.code.write("if gate > 0.0:", "    return 3")
+        self._add("if gate > 0.0:", "    return 3")
 
     def _acceptance(self) -> None:
         """The end of the step, its polynomial and the slope of that there, which serves as the next f."""
         m, s = self.m, self.stages
         for i in range(self.n):
-            self.code.write(
+            self._add(
                 f"b{i} = {self._sum(T.PREDICT[m], f'Z{i}', range(s))}",
                 f"store8(poly, {8 * i}, b{i})",
                 f"f[{i}] = lane(b{i}, 0) * inverse",
                 f"x[{i}] = x{i} + lane(Z{i}, {s - 1})",
                 f"store8(Z, {8 * i}, Z{i})",
             )
-        self.code.write("return 0")
+        self._add("return 0")
 
 
 def _constant(values) -> str:

@@ -61,7 +61,7 @@ call_jet_slip = caller("t, x, mult, p, K, stride, rows, scratch", types.int64)
 # jet_general: the same, masked multipliers solved.
 call_jet_general = caller("t, x, mult, p, mask, K, stride, rows, scratch", types.int64)
 
-# unit
+# Any unit of these arguments.
 call_unit = caller("P, C, S, R, W", types.int64)
 
 # newton: solves the multipliers of W.mask, 0 when it did not converge.

@@ -24,8 +24,7 @@ call_factor = caller("J, m, lu")
 # solve: overwrites r with the solutions.
 call_solve = caller("lu, r")
 
-# radau: one attempt, see radau.py; overwrites x, f, poly, Z, J and what the Core says
-# of an attempt.
+# radau: one attempt, see radau.py; overwrites x, f, poly, Z, J and what the Core says of an attempt.
 call_radau = caller(
     "t, h, ratio, eta, kappa, rtol, again, p, x, f, weight, newton_weight, surf, poly, Z, J, core", types.int64
 )
