@@ -78,6 +78,28 @@ def test_a_series_without_its_last_orders_is_not_believed_beyond_its_radius(rate
     assert solution["x"][-1] == pytest.approx(expected, abs=4e-8)
 
 
+@pytest.mark.parametrize("rtol", [4e-8, 1e-10, 1e-12])
+def test_a_dip_of_a_flat_function_whose_argument_turns_back_before_0_is_met(rtol):
+    # Far from the dips the rate is 1 to rounding, and x a line: nothing but the argument limits a step.
+    inner = (x + sp.sin(t) + x**2) * sp.cos(x * sp.sin(t))
+    rate = sp.tanh(sp.sqrt(1 + inner**2))
+    f = sp.lambdify((t, x), [rate])
+    span = (0, 4.329701016603277)
+    reference = solve_ivp(f, span, [1.13296605], method="DOP853", rtol=1e-13, atol=1e-14, max_step=1e-2)
+    solution = solve(System({x: rate}, time=t), span, [1.13296605], rtol=rtol)
+    # Errors of some 50 steps; the dips multiply them by less than 2.
+    assert solution["x"][-1] == pytest.approx(reference.y[0, -1], abs=1e-11 + 100 * rtol)
+
+
+@pytest.mark.parametrize("order", [12, 20, 24, None])
+@pytest.mark.parametrize("span", [1e9, 1e12, 1e14])
+def test_straight_lines_over_long_spans_end_where_they_should(order, span):
+    solution = solve(System({x: v, v: 0}, events=[Event(x - span / 3)]), (0, span), [0, 1], order=order)
+    assert solution.success
+    assert solution["x"][-1] == pytest.approx(span, rel=1e-12)
+    assert solution.event_times() == pytest.approx([span / 3], rel=1e-12)
+
+
 @pytest.mark.parametrize("of_neighbours", [False, True])
 def test_the_pulses_of_a_family_are_seen_by_each_element(of_neighbours):
     ring = Family(10, periodic=True)

@@ -212,8 +212,10 @@ def propose(P, C, S, R, W):
         flat_rows = P.flat_slip
         if step.time_row >= 0:
             flat_rows = P.flat_fold
-        elif step.sliding:
-            flat_rows = P.flat_general
+        else:
+            h = min(h, step.stop - S.t)
+            if step.sliding:
+                flat_rows = P.flat_general
         h = keep_in_sight(C, step.rows, flat_rows, h, W)
     W.end.stopped = 0
     if step.time_row < 0:

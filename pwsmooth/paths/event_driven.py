@@ -19,7 +19,7 @@ from ..results.solution import Solution
 from . import memory
 from .budget import SLICE, Budget
 from .clock import instants_of_time
-from .problem import compiled_problem
+from .problem import compiled_problem, longest_step
 from .words import ambiguities_in_words, event_words, singular_cause
 
 _BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW
@@ -140,7 +140,8 @@ class EventDriven:
         self.max_steps = options.max_steps
         self.first_step = min(1e-3, options.max_step)
         self.limits = dict(
-            order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), max_step=options.max_step, t_end=0.0,
+            order=self.order, rtol=rtol, atol=np.maximum(atol, 1e-300), t_end=0.0,
+            max_step=min(options.max_step, longest_step(self.order)),
             max_steps=options.max_steps, strict=int(options.strict),
         )  # fmt: skip
         self.clocked = any(event.every is not None or event.at for event in model.events)

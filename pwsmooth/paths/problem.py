@@ -210,7 +210,7 @@ class CompiledProblem:
     def new_work(self, order: int):
         """Scratch arrays that nobody else has."""
         n, m, ne, fixed, fold = self.code.n, self.code.m, self.code.ne, self.fixed, self.fold
-        width = -(-(order + 1) // 8) * 8 + state.PAD  # loops run in blocks of eight
+        width = _terms(order) + state.PAD
         sizes = dict(
             n=n, m=m, ne=ne, nz=len(self.ratios), width=width, rows=self.nrows,
             fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]), gradients=len(fixed["dh_col"]) + m + ne,
@@ -228,6 +228,16 @@ class CompiledProblem:
         step = work.Step.zeros(sizes, per_order=1.0 / order, per_order_before=1.0 / (order - 1))
         firing = work.Firing.zeros(sizes, carried=self.carried)
         return work.Work.zeros(sizes, roots=roots, step=step, firing=firing)
+
+
+def _terms(order: int) -> int:
+    """Coefficients of a row: loops run in blocks of eight."""
+    return -(-(order + 1) // 8) * 8
+
+
+def longest_step(order: int) -> float:
+    """Longest step all of whose powers are finite: the zeros behind the last coefficient are multiplied too."""
+    return 1e290 ** (1.0 / (_terms(order) - 1))
 
 
 def _groups(row, col, hub):
