@@ -15,7 +15,6 @@ from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
 from ..state import (
     AMB_CHATTERING,
-    AMB_CORNER,
     CONTACT,
     EV_ACCUMULATION,
     EV_CROSSING,
@@ -37,7 +36,6 @@ from ..state import (
     State,
 )
 from ..step.recording import record_ambiguity, record_event, record_point
-from ..surface.fast import SETTLED
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
@@ -55,6 +53,7 @@ from .holding import (
     rest_with_friction,
     some_second_order,
 )
+from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
@@ -106,7 +105,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
         else:
             code = settle_arrivals(P, S, R, W, joint)
             if code == GO_ON and size > 1:
-                _try_other_ratio(P, S, R, W, size)
+                try_other_ratio(P, S, R, W, size)
     elif jumped:
         code = settle_at_rest(P, C, S, R, W, size)
     else:
@@ -134,35 +133,6 @@ def _arrivals(P, C, S, R, W, size, jumped):
         if S.status[j] != SOLVED and P.rk_unit != 0:
             step_inside(P, S, j, W)
     return GO_ON
-
-
-@kernel
-def _try_other_ratio(P, S, R, W, size):
-    """Runs the corner's layer again with eps_1/eps_2 changed by 10 and 1/10; another outcome is an ambiguity."""
-    instant = W.instant
-    m, first = P.m, instant.active[0]
-    for j in range(m):
-        instant.status[j] = S.status[j]
-        instant.mult[j] = S.mult[j]
-    weight = P.weight[first]
-    same = True
-    for factor in (10.0, 0.1):
-        for j in range(m):
-            S.status[j] = instant.came[j]
-            S.mult[j] = instant.mult[j] if instant.came[j] == SOLVED else float(instant.came[j])
-        for a in range(size):
-            instant.group[a] = instant.active[a]
-            instant.arrival[a] = instant.came[instant.active[a]]
-        P.weight[first] = weight * factor
-        same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
-        for j in range(m):
-            same = same and S.status[j] == instant.status[j]
-    P.weight[first] = weight
-    for j in range(m):
-        S.status[j] = instant.status[j]
-        S.mult[j] = instant.mult[j]
-    if not same:
-        record_ambiguity(S, R, first, AMB_CORNER, 0)
 
 
 @kernel

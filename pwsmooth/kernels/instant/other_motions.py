@@ -1,7 +1,8 @@
-"""Several motions from one point: a start or a reset on the surfaces of several coupled switches.
+"""Where another way through a point ends elsewhere, the equations do not say which is taken: it is recorded.
 
-They are settled from u = 0, as if all layers were entered at once in their middle. What other corners lead to is looked
-at here, in a unit of its own: it is large, and seldom needed.
+A corner of several switches depends on the ratio of their layers. A start or a reset on several coupled surfaces is
+settled from u = 0, as if all layers were entered in their middle; what other corners lead to is looked at in a unit
+of its own, which is large and seldom needed.
 """
 
 from numba import types
@@ -16,6 +17,47 @@ from ..surface.sliding import mask_instant
 from ..work import Work
 
 _MOST_CORNERS, _BESIDE_CORNER = 8, 0.999
+
+
+@kernel
+def _keep(P, S, W):
+    """Notes what the switches have settled to, before another way there is tried."""
+    for j in range(P.m):
+        W.instant.status[j] = S.status[j]
+        W.instant.mult[j] = S.mult[j]
+
+
+@kernel
+def _take_back(P, S, W):
+    """Overwrites S by what was noted last."""
+    for j in range(P.m):
+        S.status[j] = W.instant.status[j]
+        S.mult[j] = W.instant.mult[j]
+
+
+@kernel
+def try_other_ratio(P, S, R, W, size):
+    """Runs the corner's layer again with eps_1/eps_2 changed by 10 and 1/10; another outcome is an ambiguity."""
+    instant = W.instant
+    m, first = P.m, instant.active[0]
+    _keep(P, S, W)
+    weight = P.weight[first]
+    same = True
+    for factor in (10.0, 0.1):
+        for j in range(m):
+            S.status[j] = instant.came[j]
+            S.mult[j] = instant.mult[j] if instant.came[j] == SOLVED else float(instant.came[j])
+        for a in range(size):
+            instant.group[a] = instant.active[a]
+            instant.arrival[a] = instant.came[instant.active[a]]
+        P.weight[first] = weight * factor
+        same = same and call_layer_unit(P.layer_unit, P, S, W, 0, size, 0, 0.0) == SETTLED
+        for j in range(m):
+            same = same and S.status[j] == instant.status[j]
+    P.weight[first] = weight
+    _take_back(P, S, W)
+    if not same:
+        record_ambiguity(S, R, first, AMB_CORNER, 0)
 
 
 @kernel
@@ -67,15 +109,11 @@ def report_other_motions(P, S, R, W, size, joint):
     Then several motions begin in this point, and the equations do not say which is taken. S is kept. Returns 0.
     """
     instant = W.instant
-    for j in range(P.m):
-        instant.status[j] = S.status[j]
-        instant.mult[j] = S.mult[j]
+    _keep(P, S, W)
     confirmed = _one_motion(P, S, W, joint)
     flipped, other = -1, -1
     for corner in range(0 if confirmed else min(1 << size, _MOST_CORNERS)):
-        for j in range(P.m):
-            S.status[j] = instant.status[j]
-            S.mult[j] = instant.mult[j]
+        _take_back(P, S, W)
         for a in range(joint):
             j = instant.active[a]
             instant.group[a] = j
@@ -95,9 +133,7 @@ def report_other_motions(P, S, R, W, size, joint):
                 leaves = S.status[j] != SOLVED and S.status[j] != instant.status[j]
                 flipped = j if leaves and outcome != OSCILLATES else flipped
         confirmed = confirmed or same
-    for j in range(P.m):
-        S.status[j] = instant.status[j]
-        S.mult[j] = instant.mult[j]
+    _take_back(P, S, W)
     if flipped >= 0:
         record_ambiguity(S, R, flipped, AMB_REPELLING, S.status[flipped])
     elif other >= 0:

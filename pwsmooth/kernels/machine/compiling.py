@@ -9,15 +9,22 @@ compiled anew for every literal argument.
 from functools import cached_property
 
 from numba import cfunc
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 from .bundle import bundle_type
 
 kernel = register_jitable(error_model="numpy")
-# Parts of a loop that are called once in it: without the cost of a call, and with the bits of `kernel`.
-loop_kernel = register_jitable(error_model="numpy", forceinline=True)
 # A few lines each, called every step: as calls they would cost more in passing arrays than in work.
 inlined_kernel = register_jitable(error_model="numpy", forceinline=True, fastmath={"reassoc", "contract"})
+
+
+def loop_kernel(function):
+    """Decorator: a part of a loop that is called once in it.
+
+    numba copies it into the loop before that is compiled: no cost of a call (8 % of a step), nothing optimised twice.
+    """
+    overload(function, inline="always", strict=False, jit_options={"error_model": "numpy"})(lambda *args: function)
+    return function
 
 
 class Unit:
