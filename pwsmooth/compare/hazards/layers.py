@@ -59,27 +59,22 @@ def layer_steps(fast: bool) -> Hazard:
         off = float(np.max(np.abs(speeds - rest)) / (eps + rest))
         return Finding("creep in stick" if not off < 0.01 else "right", off)
 
-    def stepped(method):
-        def trial(ratio: float, force: float) -> Finding:
-            h = ratio * eps
-            n = steps(h, force)
-            x = fixed(method, _relay_rates(), 0.0, (start,), h, n, (force, eps))[:, 0]
-            return judged(x[-100:], force)
-
-        return trial
+    def stepped(method: str, ratio: float, force: float) -> Finding:
+        h = ratio * eps
+        x = fixed(method, _relay_rates(), 0.0, (start,), h, steps(h, force), (force, eps))
+        return judged(x[-100:, 0], force)
 
     def ours(ratio: float, force: float) -> Finding:
         h = ratio * eps
-        view = _relay().smoothed(eps).with_parameters({F: force})
-        run = functools.partial(solve, view, (0.0, h * steps(h, force)), [start], rtol=1e-6, max_step=h)
-        return attempt(run, lambda s: judged(s["v"][-5:], force))
+        view, span = _relay().smoothed(eps).with_parameters({F: force}), (0.0, h * steps(h, force))
+        return attempt(solve, lambda s: judged(s["v"][-5:], force), view, span, [start], rtol=1e-6, max_step=h)
 
     return Hazard(
         "layer-steps",
         "fixed steps on a smoothed stick",
         Axis("h/ε", decades(-1, 3, 2 if fast else 8)),
         Axis("force F/N", (0.0, 0.8) if fast else (0.0, 0.5, 0.8, 0.9)),
-        {m: stepped(m) for m in FIXED} | {"smoothed path": ours},
+        {m: functools.partial(stepped, m) for m in FIXED} | {"smoothed path": ours},
         lambda method, force: REAL.get(method, math.inf) / (1 - force**2) ** 1.5,
         "h/ε = 2/(1 − F²)^{3/2} for Euler, 2.785/(1 − F²)^{3/2} for Runge-Kutta 4",
         unit="distance from the rest in the layer, over its width",
@@ -117,25 +112,20 @@ def noise(fast: bool) -> Hazard:
             return Finding("right", speed)
         return Finding("wrong itinerary" if slipped else "missed event", speed)
 
-    def runner(which: System) -> Any:
-        def trial(ratio: float, force: float) -> list[Finding]:
-            findings = []
-            for seed in range(2 if fast else 4):
-                hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
-                run = functools.partial(
-                    solve, which, (0.0, every * kicks), [0.0], parameters={F: force}, noise=hits, rtol=1e-6
-                )
-                findings.append(attempt(run, lambda s: judged(s, force)))
-            return findings
+    def kicked(which: System, ratio: float, force: float) -> list[Finding]:
+        def trial(seed: int) -> Finding:
+            hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
+            options = dict(parameters={F: force}, noise=hits, rtol=1e-6)
+            return attempt(solve, lambda s: judged(s, force), which, (0.0, every * kicks), [0.0], **options)
 
-        return trial
+        return [trial(seed) for seed in range(2 if fast else 4)]
 
     return Hazard(
         "noise",
         "kicks and the layer: is the limit ε → 0 met?",
         Axis("size of the kicks κ/ε", decades(-1, 1, 3 if fast else 8)),
         Axis("force F/N", (1.2, 1.6) if fast else (0.9, 1.1, 1.2, 1.4, 1.6, 1.7)),
-        {"smoothed path": runner(view), "event-driven": runner(system)},
+        {"smoothed path": functools.partial(kicked, view), "event-driven": functools.partial(kicked, system)},
         lambda method, force: way_out(force) if method == "smoothed path" else math.nan,
         "κ/ε = u₂ − u₁, the way from the stick to the unstable balance; smaller kicks stay inside the layer",
         worse="left",
@@ -172,13 +162,12 @@ def capture_ratio(fast: bool) -> Hazard:
         captured = speed > -1e-3
         return Finding("right" if captured == (ratio > critical_ratio(force)) else "wrong itinerary", speed)
 
-    def trial(view_of: Any) -> Any:
-        def tried(ratio: float, force: float) -> Finding:
-            view, values, x0 = view_of(ratio)
-            run = functools.partial(solve, view, (0.0, end), x0, parameters={F: force, **values}, rtol=1e-6)
-            return attempt(run, lambda s: judged(ratio, force, float(s["v"][-1])))
+    def ours(view_of: Any, ratio: float, force: float) -> Finding:
+        def judge(s: Any) -> Finding:
+            return judged(ratio, force, float(s["v"][-1]))
 
-        return tried
+        view, values, x0 = view_of(ratio)
+        return attempt(solve, judge, view, (0.0, end), x0, parameters={F: force, **values}, rtol=1e-6)
 
     def moreau(ratio: float, force: float) -> Finding:
         # Linear in lambda: z' takes its value off the surface, so that static friction never builds up.
@@ -189,19 +178,18 @@ def capture_ratio(fast: bool) -> Hazard:
             speed = free - max(-h, min(h, free))
         return judged(ratio, force, speed)
 
-    methods = {
-        "event-driven, layered": trial(lambda r: (system.layered({z: r}), {}, [start])),
-        "smoothed path": trial(lambda r: (system.smoothed(eps), {"beta": eps / r}, [start, 0.0])),
-        "event-driven, slaved": trial(lambda r: (slaved, {}, [start])),
-        "event-driven, two-stage": trial(lambda r: (two_stage, {}, [start])),
-        "Moreau-Jean": moreau,
+    views = {
+        "event-driven, layered": lambda r: (system.layered({z: r}), {}, [start]),
+        "smoothed path": lambda r: (system.smoothed(eps), {"beta": eps / r}, [start, 0.0]),
+        "event-driven, slaved": lambda r: (slaved, {}, [start]),
+        "event-driven, two-stage": lambda r: (two_stage, {}, [start]),
     }
     return Hazard(
         "capture-ratio",
         "two small times: does a landing stick?",
         Axis("ε/β", decades(-3, 0.5, 2 if fast else 8)),
         Axis("force F/N", (1.1, 1.6) if fast else (1.05, 1.1, 1.2, 1.4, 1.6, 1.7)),
-        methods,
+        {name: functools.partial(ours, view) for name, view in views.items()} | {"Moreau-Jean": moreau},
         lambda method, force: critical_ratio(force),
         "F = F_c(ε/β), the separatrix of the layer",
         worse="left",

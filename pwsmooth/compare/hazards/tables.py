@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from .hazard import GROUPS
-from .stability_map import StabilityMap
-from .words import what_happens
+from .hazard import group_of
+from .stability_map import StabilityMap, what_happens
 
 # Groups of methods in the order of the columns, with their headings.
 COLUMNS = {
@@ -26,7 +25,7 @@ def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
         map_ = StabilityMap.from_record(record)
         cells: dict[str, list[str]] = {group: [] for group in COLUMNS}
         for method in map_.methods:
-            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(map_, method)}")
+            cells[group_of(method)].append(f"{method}: {what_happens(map_, method)}")
         rows.append({"hazard": map_.title} | {g: "; ".join(c) for g, c in cells.items()})
     return rows
 

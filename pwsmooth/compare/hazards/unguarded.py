@@ -23,15 +23,15 @@ MOST = 100_000  # evaluations of a right-hand side through Python
 
 
 def counted(rates: Callable[..., Any], most: int) -> Callable[..., Any]:
-    """The same function for `most` calls."""
+    """rates(t, x) for `most` calls; compiled functions take an x that is contiguous and not read-only, a copy."""
     calls = 0
 
-    def bounded(*arguments: Any) -> Any:
+    def bounded(t: float, x: np.ndarray) -> Any:
         nonlocal calls
         calls += 1
         if calls > most:
             raise Stalled
-        return rates(*arguments)
+        return rates(t, np.array(x))
 
     return bounded
 
@@ -61,7 +61,7 @@ def cvode(
     bounded = counted(rates, most)
 
     def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
-        out[:] = bounded(t, np.array(x))
+        out[:] = bounded(t, x)
 
     with quiet():
         run = CVODE(fill, rtol=rtol, atol=atol, max_num_steps=most).solve(np.array(span), np.array(x0, float))
