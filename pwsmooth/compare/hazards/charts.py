@@ -139,11 +139,8 @@ def _edges(values: np.ndarray) -> np.ndarray:
     """Edges of the cells around the values, which increase or decrease."""
     if len(values) == 1:
         return values[0] * np.array([0.5, 2.0]) if values[0] > 0 else values[0] + np.array([-0.5, 0.5])
-    if _is_log(values):
-        return np.exp(_edges_linear(np.log(values)))
-    return _edges_linear(values)
-
-
-def _edges_linear(v: np.ndarray) -> np.ndarray:
+    logarithmic = _is_log(values)
+    v = np.log(values) if logarithmic else values
     middle = 0.5 * (v[1:] + v[:-1])
-    return np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])
+    edges = np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])
+    return np.exp(edges) if logarithmic else edges

@@ -51,18 +51,6 @@ def stopped(functions: Plain, span: tuple[float, float], start: Any, **options: 
 # ---- accumulation
 
 
-@functools.cache
-def _ball() -> System:
-    contact = Unilateral(x, restitution=Q, name="R")
-    return System({x: y, y: -GRAVITY + contact.reaction}, parameters={Q: 0.5})
-
-
-@functools.cache
-def _spiral() -> System:
-    a = (1 + Q) / (1 - Q)
-    return System({x: -a * l2 - l1, y: a * l1 - l2}, parameters={Q: 0.5})
-
-
 def spiral_limit(q: float) -> float:
     """From (1/2, 1/2): to x = 0, then quarter turns that shrink by q."""
     a = (1 + q) / (1 - q)
@@ -78,11 +66,15 @@ def ball_limit(q: float) -> float:
 
 def accumulation(fast: bool) -> Hazard:
     """How much successive intervals shrink, 1 - q."""
+    reaction = Unilateral(x, restitution=Q, name="R").reaction
+    ball = System({x: y, y: -GRAVITY + reaction}, parameters={Q: 0.5})
+    gain = (1 + Q) / (1 - Q)
+    spiral = System({x: -gain * l2 - l1, y: gain * l1 - l2}, parameters={Q: 0.5})
 
     def problem(q: float, row: float) -> tuple[System, float, tuple[float, float]]:
         if row:
-            return _spiral(), 1.5 * spiral_limit(q), (0.5, 0.5)
-        return _ball(), 1.5 * ball_limit(q), (1.0, 0.0)
+            return spiral, 1.5 * spiral_limit(q), (0.5, 0.5)
+        return ball, 1.5 * ball_limit(q), (1.0, 0.0)
 
     def judged(end: np.ndarray, row: float, bound: float) -> Finding:
         off = float(np.max(np.abs(end)))
@@ -201,17 +193,14 @@ def several_sliding(fast: bool) -> Hazard:
     def scipy(m: float, c: float) -> Finding | list[Finding]:
         if fast and m == 1:
             return []
-        system, _, _ = built(int(m), c)
-        return attempt(
-            stopped, lambda x: judged(x, 1e-6), plain(system), (0.0, end), start(int(m)), max_step=0.1
-        )
+        functions = plain(built(int(m), c)[0])
+        return attempt(stopped, lambda x: judged(x, 1e-6), functions, (0.0, end), start(int(m)), max_step=0.1)
 
     def moreau(m: float, c: float) -> Finding | list[Finding]:
         if fast and m == 1:
             return []
-        system, _, _ = built(int(m), c)
-        state = stepper(plain(system))(0.0, end, start(int(m)), 2000, 0.5)[0][-1]
-        return judged(state, 1e-6)
+        advance = stepper(plain(built(int(m), c)[0]))
+        return judged(advance(0.0, end, start(int(m)), 2000, 0.5)[0][-1], 1e-6)
 
     def bare(method: str, m: float, c: float) -> Finding:
         _, matrix, drive = built(int(m), c)
@@ -251,10 +240,6 @@ def several_sliding(fast: bool) -> Hazard:
 # ---- arrivals together
 
 
-def _pair() -> System:
-    return System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
-
-
 def pair_integral(separation: float, end: float = 2.0) -> float:
     """z at the end if y arrives `separation` after x, at t = 1: l1 l2 is 1, then 1/2 or 1/5, then 1/50."""
     if separation >= 0:
@@ -266,7 +251,7 @@ def pair_integral(separation: float, end: float = 2.0) -> float:
 
 def simultaneous(fast: bool) -> Hazard:
     """The time between two arrivals."""
-    system = _pair()
+    system = System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
 
     def start(separation: float) -> tuple[float, float, float]:
         return 0.5, 0.8 * (1 + separation), 0.0

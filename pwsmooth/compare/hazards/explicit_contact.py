@@ -52,12 +52,11 @@ def _methods(
     rates(t, x, numbers(row)) and law(row) are the contact, jacobian(row) is that of the rates while it is closed,
     energy(row, *x) that of the deviation from rest.
     """
-    right_hand_side = functools.cache(lambda: compiled(rates))
 
     def stepped(method: str, hw: float, row: float) -> Finding:
         h = hw / w
         steps = _steps(jacobian(row), h)
-        x = fixed(method, right_hand_side(), 0.0, tuple(start.values()), h, steps, numbers(row))
+        x = fixed(method, compiled(rates), 0.0, tuple(start.values()), h, steps, numbers(row))
         with np.errstate(over="ignore", invalid="ignore"):
             return _judged(energy(row, *x.T))
 

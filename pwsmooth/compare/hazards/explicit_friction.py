@@ -29,16 +29,12 @@ from .hazard import Axis, Hazard, decades
 LIVES = 40.0  # relaxation times, and at least 400 steps: a growth of 7 % a step, half a cell of the map, shows
 
 
-@functools.cache
-def _lugre_rates():
-    def rates(t, x, p):
-        sigma0, sigma1, sigma2, Fc, Fs, vs, u = p
-        z, v = x
-        g = Fc + (Fs - Fc) * math.exp(-((v / vs) ** 2))
-        dz = v - sigma0 * abs(v) * z / g
-        return np.array([dz, u - sigma0 * z - sigma1 * dz - sigma2 * v])
-
-    return compiled(rates)
+def _lugre_rates(t, x, p):
+    sigma0, sigma1, sigma2, Fc, Fs, vs, u = p
+    z, v = x
+    g = Fc + (Fs - Fc) * math.exp(-((v / vs) ** 2))
+    dz = v - sigma0 * abs(v) * z / g
+    return np.array([dz, u - sigma0 * z - sigma1 * dz - sigma2 * v])
 
 
 def lugre(fast: bool) -> Hazard:
@@ -65,7 +61,7 @@ def lugre(fast: bool) -> Hazard:
     def stepped(method: str, h: float, V: float) -> Finding:
         p = law.sigma0, law.sigma1, law.sigma2, law.F_c, law.F_s, law.v_s, strength(V) + law.sigma2 * V
         start = 1.1 * strength(V) / law.sigma0, V
-        out = fixed(method, _lugre_rates(), 0.0, start, h, number(h, V), p)
+        out = fixed(method, compiled(_lugre_rates), 0.0, start, h, number(h, V), p)
         return judged(out[:, 0], out[:, 1], V)
 
     def closed(h: float, V: float) -> Finding:
@@ -102,14 +98,10 @@ def lugre(fast: bool) -> Hazard:
     )
 
 
-@functools.cache
-def _xky_rates():
-    def rates(t, x, p):
-        kappa, sigma, g, V = p
-        trial = kappa * x[0] + sigma * V * math.cos(t)
-        return np.array([(min(g, max(-g, trial)) - kappa * x[0]) / sigma])
-
-    return compiled(rates)
+def _xky_rates(t, x, p):
+    kappa, sigma, g, V = p
+    trial = kappa * x[0] + sigma * V * math.cos(t)
+    return np.array([(min(g, max(-g, trial)) - kappa * x[0]) / sigma])
 
 
 def dai_friction(fast: bool) -> Hazard:
@@ -124,7 +116,7 @@ def dai_friction(fast: bool) -> Hazard:
     def stepping(method: str, h: float, sigma: float) -> tuple[np.ndarray, np.ndarray]:
         """Times and a, by steps of at most h."""
         steps = math.ceil(end / h)
-        a = fixed(method, _xky_rates(), 0.0, [0.0], end / steps, steps, (kappa, sigma, g, V))[:, 0]
+        a = fixed(method, compiled(_xky_rates), 0.0, [0.0], end / steps, steps, (kappa, sigma, g, V))[:, 0]
         return np.linspace(0, end, steps + 1), a
 
     @functools.cache

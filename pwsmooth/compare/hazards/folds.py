@@ -31,12 +31,6 @@ EPS = 1e-6
 t, v, A = sp.symbols("t v A", real=True)
 
 
-@functools.cache
-def _system() -> System:
-    lam = Switch("lam", v)
-    return System({v: A * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t, parameters={A: 1.0})
-
-
 def delayed(eps: float) -> float:
     """The distance d below which the smoothed stick survives a force beyond its fold."""
     return eps * math.sqrt(1 / (6 * RHO * LAM * MU)) / (1 - LAM**2) ** 1.5
@@ -44,7 +38,8 @@ def delayed(eps: float) -> float:
 
 def near_fold(fast: bool) -> Hazard:
     """Distance of the largest force from the fold."""
-    system = _system()
+    lam = Switch("lam", v)
+    system = System({v: A * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t, parameters={A: 1.0})
 
     def force(d: float, row: float) -> float:
         return MU * (1 + (d if row else -d))

@@ -33,22 +33,14 @@ lam = Switch("lam", v)
 # ---- fixed steps
 
 
-@functools.cache
-def _relay_rates() -> Any:
-    def rates(t, x, p):
-        return np.array([p[0] - x[0] / math.sqrt(p[1] * p[1] + x[0] * x[0])])
-
-    return compiled(rates)
-
-
-@functools.cache
-def _relay() -> System:
-    return System({v: F - lam}, parameters={F: 0.0})
+def _relay_rates(t, x, p):
+    return np.array([p[0] - x[0] / math.sqrt(p[1] * p[1] + x[0] * x[0])])
 
 
 def layer_steps(fast: bool) -> Hazard:
     """h/eps against the share of friction that is used."""
     eps, start = 1e-4, 0.2
+    smoothed = System({v: F - lam}, parameters={F: 0.0}).smoothed(eps)
 
     def steps(h: float, force: float) -> int:
         landing = start / (1 - force)
@@ -61,12 +53,12 @@ def layer_steps(fast: bool) -> Hazard:
 
     def stepped(method: str, ratio: float, force: float) -> Finding:
         h = ratio * eps
-        x = fixed(method, _relay_rates(), 0.0, (start,), h, steps(h, force), (force, eps))
+        x = fixed(method, compiled(_relay_rates), 0.0, (start,), h, steps(h, force), (force, eps))
         return judged(x[-100:, 0], force)
 
     def ours(ratio: float, force: float) -> Finding:
         h = ratio * eps
-        view, span = _relay().smoothed(eps).with_parameters({F: force}), (0.0, h * steps(h, force))
+        view, span = smoothed.with_parameters({F: force}), (0.0, h * steps(h, force))
         return attempt(solve, lambda s: judged(s["v"][-5:], force), view, span, [start], rtol=1e-6, max_step=h)
 
     return Hazard(
@@ -84,10 +76,6 @@ def layer_steps(fast: bool) -> Hazard:
 # ---- kicks
 
 
-def _static() -> System:
-    return System({v: F - lam * (1 + RHO * (1 - lam**2))}, parameters={F: 0.0})
-
-
 def way_out(force: float) -> float:
     """u_2 - u_1; 0 where the force is below that of slip: every kick is taken back then, in the limit too."""
     if force <= 1:
@@ -101,8 +89,8 @@ def way_out(force: float) -> float:
 def noise(fast: bool) -> Hazard:
     """kappa/eps: kicks against the width of the layer."""
     eps, every, kicks = 1e-5, 0.01, 100 if fast else 400
-    system = _static()
-    view = system.smoothed(eps)
+    system = System({v: F - lam * (1 + RHO * (1 - lam**2))}, parameters={F: 0.0})
+    views = {"smoothed path": system.smoothed(eps), "event-driven": system}
 
     def judged(s: Any, force: float) -> Finding:
         # In the limit eps -> 0 every kick leaves the layer: slip, with kinetic friction 1, begins if F > 1.
@@ -125,7 +113,7 @@ def noise(fast: bool) -> Hazard:
         "kicks and the layer: is the limit ε → 0 met?",
         Axis("size of the kicks κ/ε", decades(-1, 1, 3 if fast else 8)),
         Axis("force F/N", (1.2, 1.6) if fast else (0.9, 1.1, 1.2, 1.4, 1.6, 1.7)),
-        {"smoothed path": functools.partial(kicked, view), "event-driven": functools.partial(kicked, system)},
+        {name: functools.partial(kicked, which) for name, which in views.items()},
         lambda method, force: way_out(force) if method == "smoothed path" else math.nan,
         "κ/ε = u₂ − u₁, the way from the stick to the unstable balance; smaller kicks stay inside the layer",
         worse="left",
@@ -138,12 +126,6 @@ def noise(fast: bool) -> Hazard:
 
 
 @functools.cache
-def _relaxing() -> System:
-    beta = sp.Symbol("beta", positive=True)
-    return System({v: -F - lam * (1 + RHO * z), z: (1 - lam**2 - z) / beta}, parameters={F: 0.0, beta: 1.0})
-
-
-@functools.cache
 def critical_ratio(force: float) -> float:
     """eps/beta at which F_c reaches the force."""
     from scipy.optimize import brentq
@@ -153,8 +135,9 @@ def critical_ratio(force: float) -> float:
 
 def capture_ratio(fast: bool) -> Hazard:
     """eps/beta across the value at which a landing sticks."""
-    eps = 1e-6
-    system = _relaxing()
+    eps, beta = 1e-6, sp.Symbol("beta", positive=True)
+    rates = {v: -F - lam * (1 + RHO * z), z: (1 - lam**2 - z) / beta}
+    system = System(rates, parameters={F: 0.0, beta: 1.0})
     slaved, two_stage = system.layered({z: sp.oo}), system.layered({z: 0})
     start, end = 0.2, 0.5
 

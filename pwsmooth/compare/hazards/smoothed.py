@@ -36,21 +36,17 @@ Start = tuple[float, tuple[float, float, float]]
 Span = tuple[float, float]
 
 
-@cache
-def _rates() -> Any:
-    def rates(t, x, p):
-        eps, beta, kind = p
-        u = x[1] / eps
-        if kind == 0.0:
-            lam = u / math.sqrt(1.0 + u * u)
-        elif kind == 1.0:
-            lam = math.tanh(u)
-        else:
-            lam = math.erf(u)
-        force = -2.4 * math.sin(t) - 3.1 * x[0] - 0.1 * x[1]
-        return np.array([x[1], force - lam * (1.0 + 3.0 * x[2]), (1.0 - lam * lam - x[2]) / beta])
-
-    return compiled(rates)
+def _rates(t, x, p):
+    eps, beta, kind = p
+    u = x[1] / eps
+    if kind == 0.0:
+        lam = u / math.sqrt(1.0 + u * u)
+    elif kind == 1.0:
+        lam = math.tanh(u)
+    else:
+        lam = math.erf(u)
+    force = -2.4 * math.sin(t) - 3.1 * x[0] - 0.1 * x[1]
+    return np.array([x[1], force - lam * (1.0 + 3.0 * x[2]), (1.0 - lam * lam - x[2]) / beta])
 
 
 @cache
@@ -126,13 +122,12 @@ def _ours(sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: floa
 
 
 def _compiled(name: str, sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
-    p = eps, beta, SIGMOIDS.index(sigmoid)
-    return compiled_peer(name, _rates(), span, x0, p, rtol, rtol, most=30_000)
+    return compiled_peer(name, compiled(_rates), span, x0, (eps, beta, SIGMOIDS.index(sigmoid)), rtol)
 
 
 def _called(peer: Any, sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
     """By a peer that calls the right-hand side through Python."""
-    p, rates = np.array([eps, beta, SIGMOIDS.index(sigmoid)]), _rates()
+    p, rates = np.array([eps, beta, SIGMOIDS.index(sigmoid)]), compiled(_rates)
     return peer(lambda t, x: rates(t, x, p), span, x0, rtol, rtol)
 
 

@@ -30,12 +30,6 @@ BOUND = 1e-6  # of displacement, in units in which the block slides by 1 in a un
 t, x, v, A = sp.symbols("t x v A", real=True)
 
 
-@functools.cache
-def _block() -> System:
-    lam = Switch("lam", v)
-    return System({x: v, v: A * (1 + sp.sin(t)) / 2 - lam}, time=t, parameters={A: 0.5})
-
-
 def creep(share: float, eps: float) -> float:
     """Displacement of a smoothed contact in a cycle."""
     force = share * (1 + np.sin(np.linspace(0, 2 * math.pi, 2000, endpoint=False))) / 2
@@ -44,6 +38,8 @@ def creep(share: float, eps: float) -> float:
 
 def long_stick(fast: bool) -> Hazard:
     """Cycles of a force below the friction."""
+    rates = {x: v, v: A * (1 + sp.sin(t)) / 2 - Switch("lam", v)}
+    block = System(rates, time=t, parameters={A: 0.5})
 
     def judged(displacement: np.ndarray, bound: float = BOUND) -> Finding:
         off = float(np.max(np.abs(displacement)))
@@ -54,19 +50,19 @@ def long_stick(fast: bool) -> Hazard:
         return attempt(solve, judge, view, span, [0.0, 0.0], parameters={A: share}, **options)
 
     def ours(cycles: float, share: float, **options: Any) -> Finding:
-        return run_of(_block(), lambda s: judged(s.x, 0.0), cycles, share, **options)  # exactly 0, x and v
+        return run_of(block, lambda s: judged(s.x, 0.0), cycles, share, **options)  # exactly 0, x and v
 
     def smoothed(cycles: float, share: float) -> Finding:
         tolerances = dict(rtol=1e-6, atol=1e-14, max_step=0.5)
-        return run_of(_block().smoothed(EPS), lambda s: judged(s.x[0]), cycles, share, **tolerances)
+        return run_of(block.smoothed(EPS), lambda s: judged(s.x[0]), cycles, share, **tolerances)
 
     def scipy(cycles: float, share: float) -> Finding:
-        functions, span = plain(_block(), ("A",)), (0.0, 2 * math.pi * cycles)
+        functions, span = plain(block, ("A",)), (0.0, 2 * math.pi * cycles)
         longest = 0.5 if cycles < 300 else 2.0
         return attempt(stopped, lambda x: judged(x[0]), functions, span, (0.0, 0.0, share), max_step=longest)
 
     def moreau(cycles: float, share: float) -> Finding:
-        advance, start = stepper(plain(_block(), ("A",))), np.array([0.0, 0.0, share])
+        advance, start = stepper(plain(block, ("A",))), np.array([0.0, 0.0, share])
         return judged(advance(0.0, 2 * math.pi * cycles, start, int(100 * cycles), 0.5)[0][:, 0])
 
     def bare(method: str, cycles: float, share: float) -> Finding:

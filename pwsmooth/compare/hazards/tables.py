@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from .hazard import group_of
@@ -37,14 +37,8 @@ def markdown(content: Mapping[str, Any]) -> str:
     """
     rows = table(content["data"]["maps"])
     used = [g for g in COLUMNS if any(row[g] for row in rows)]
-    lines = [_line(["hazard", *(COLUMNS[g] for g in used)]), _line(["---"] * (len(used) + 1))]
-    lines += [_line([row["hazard"], *(_cell(row[g]) for g in used)]) for row in rows]
-    return "\n".join(lines) + "\n"
-
-
-def _cell(text: str) -> str:
-    return text.replace("; ", "<br>").replace("|", "\\|") or "–"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+    lines = [["hazard", *(COLUMNS[g] for g in used)], ["---"] * (len(used) + 1)]
+    for row in rows:
+        cells = [row[g].replace("; ", "<br>").replace("|", "\\|") or "–" for g in used]
+        lines.append([row["hazard"], *cells])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
