@@ -13,18 +13,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
 from ...laws import Law
 from ...laws import friction as laws
 from ...scenes import Scene
-from .rungs import Observable, Rung, Setting
+from .rungs import Observable, Rung, Setting, top_rung
 
-ORDER = ("Coulomb", "StaticKinetic", "StribeckFriction", "Dahl", "LuGre", "Elastoplastic", "XKY", "MaxwellSlip", "GMS",
-         "MultistateXKY")  # fmt: skip
-NAMES = {
+NAMES = {  # poorest first
     "Coulomb": "Coulomb",
     "StaticKinetic": "static + kinetic",
     "StribeckFriction": "Stribeck curve",
@@ -36,6 +33,7 @@ NAMES = {
     "GMS": "GMS",
     "MultistateXKY": "multistate XKY",
 }
+ORDER = tuple(NAMES)
 
 
 class _Richest:
@@ -198,11 +196,6 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
     return rungs
 
 
-def rms_speed(motion: Any, window: tuple[float, float], points: int, name: str = "v") -> float:
-    """Root of the mean square of a velocity."""
-    return float(np.sqrt(np.mean(motion(np.linspace(*window, points), name) ** 2)))
-
-
 def friction_setting(
     name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
     *, window: tuple[float, float], velocity: str = "v", points: int = 8001,
@@ -243,8 +236,8 @@ def friction_setting(
     """
 
     def coarser(motion):
-        return friction_rungs(richest, build, rms_speed(motion, window, points, velocity))
+        speeds = motion(np.linspace(*window, points), velocity)
+        return friction_rungs(richest, build, float(np.sqrt(np.mean(speeds**2))))
 
-    kind = type(richest).__name__
-    top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")
+    top = top_rung(NAMES, richest, build)
     return Setting(name, title, top, coarser, tuple(observables), window, points)
