@@ -40,63 +40,52 @@ class _Richest:
     """What poorer laws take from the richest one."""
 
     def __init__(self, law: Law, speed: float) -> None:
-        self.law, self.speed = law, speed
+        def each(value):
+            return np.broadcast_to(np.atleast_1d(value), (law.elements,)).astype(float)
+
         values = law.values
         self.level = abs(float(law.steady_force(speed)))
+        self.typical = f"the steady force at the slip speed {speed:.3g}"
         self.F_c, self.v_s = values.get("F_c", self.level), values.get("v_s")
         self.F_s = values.get("F_s", max(self.level, self.F_c))
-        self.sigma2 = values.get("sigma2", 0.0)
-        n = law.elements
-        kappa = values.get("kappa", values.get("sigma0"))
-        self.kappa = None if kappa is None else np.broadcast_to(np.atleast_1d(kappa), (n,))
-        sigma = values.get("sigma", values.get("sigma1", 0.0))
-        self.sigma = np.broadcast_to(np.atleast_1d(sigma), (n,))
-        self.share = np.broadcast_to(np.atleast_1d(values.get("share", 1.0)), (n,))
+        self.curve = dict(F_c=self.F_c, F_s=self.F_s, v_s=self.v_s, sigma2=values.get("sigma2", 0.0))
         self.tau_d = values.get("tau_d")
-
-    @property
-    def stiffness(self):
-        return float(np.sum(np.asarray(self.kappa, float)))
-
-    @property
-    def damping(self):
-        return float(self.sigma.sum())
+        kappa = values.get("kappa", values.get("sigma0"))
+        self.kappa = self.stiffness = None
+        if kappa is not None:
+            self.kappa = each(kappa)
+            self.stiffness = float(self.kappa.sum())
+        self.sigma = each(values.get("sigma", values.get("sigma1", 0.0)))
+        self.damping = float(self.sigma.sum())
+        self.share = each(values.get("share", 1.0))
 
 
 def _each(values):
-    return tuple(float(x) for x in values)
-
-
-def _typical(r):
-    return f"the steady force at the slip speed {r.speed:.3g}"
+    return tuple(values.tolist())
 
 
 def _Coulomb(r):
-    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, {_typical(r)}"
+    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, {r.typical}"
 
 
 def _StaticKinetic(r):
     return laws.StaticKinetic(F_c=r.level, F_s=r.F_s), (
-        f"kinetic level {r.level:.5g}, {_typical(r)}; static level {r.F_s:.5g}, that at rest"
+        f"kinetic level {r.level:.5g}, {r.typical}; static level {r.F_s:.5g}, that at rest"
     )
 
 
 def _StribeckFriction(r):
-    return laws.StribeckFriction(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), "the whole steady curve"
+    return laws.StribeckFriction(**r.curve), "the whole steady curve"
 
 
 def _Dahl(r):
     return laws.Dahl(sigma0=r.stiffness, F_c=r.level), (
-        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, {_typical(r)}"
+        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, {r.typical}"
     )
 
 
-def _bristle(r):
-    return dict(sigma0=r.stiffness, sigma1=r.damping, sigma2=r.sigma2, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s)
-
-
 def _LuGre(r):
-    return laws.LuGre(**_bristle(r)), (
+    return laws.LuGre(sigma0=r.stiffness, sigma1=r.damping, **r.curve), (
         f"the whole steady curve; stiffness {r.stiffness:.5g} of the virgin curve at 0; damping {r.damping:.5g}, the "
         "sum of the elements'"
     )
@@ -106,28 +95,27 @@ def _Elastoplastic(r):
     # Where the first element yields at the level F_s, kept below the bound F_c/stiffness of the law.
     first = float(np.min(r.share * r.F_s / r.kappa))
     z_ba = min(first, 0.999 * r.F_c / r.stiffness)
-    return laws.Elastoplastic(**_bristle(r), z_ba=z_ba), (
+    return laws.Elastoplastic(sigma0=r.stiffness, sigma1=r.damping, z_ba=z_ba, **r.curve), (
         f"as LuGre; elastic up to {z_ba:.3g}, where the first element yields"
     )
 
 
 def _XKY(r):
-    return laws.XKY(kappa=r.stiffness, sigma=r.damping, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), (
+    return laws.XKY(kappa=r.stiffness, sigma=r.damping, **r.curve), (
         f"the whole steady curve; stiffness {r.stiffness:.5g} and damping {r.damping:.5g}, the sums of the elements'"
     )
 
 
 def _MaxwellSlip(r):
     return laws.MaxwellSlip(kappa=_each(r.kappa), strength=_each(r.share * r.level)), (
-        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, {_typical(r)}"
+        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, {r.typical}"
     )
 
 
 def _GMS(r):
-    return laws.GMS(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, C=r.F_c / r.tau_d, kappa=_each(r.kappa), share=_each(r.share),
-                    sigma=_each(r.sigma), sigma2=r.sigma2), (
-        f"all parameters; C = F_c/tau_d = {r.F_c / r.tau_d:.4g}"
-    )  # fmt: skip
+    C = r.F_c / r.tau_d
+    law = laws.GMS(C=C, kappa=_each(r.kappa), share=_each(r.share), sigma=_each(r.sigma), **r.curve)
+    return law, f"all parameters; C = F_c/tau_d = {C:.4g}"
 
 
 # What a law needs of the richest one, besides a steady curve.

@@ -47,17 +47,8 @@ class Plain:
     whens: Callable[..., None]
     updates: Callable[..., None]  # (t, x, lam, out (n_events, n))
     matters: Callable[[tuple[int, ...]], tuple[bool, ...]]  # sides -> which multipliers the rates depend on
-    late: Callable[[str], Callable[..., None]]  # derivatives, whose expressions grow fast: made when wanted
-
-    @functools.cached_property
-    def jacobian(self) -> Callable[..., None]:
-        """(t, x, lam, out (n, n)): d rates/dx"""
-        return self.late("jacobian")
-
-    @functools.cached_property
-    def gradients(self) -> Callable[..., None]:
-        """(t, x, lam, out (m, n)): dh/dx"""
-        return self.late("gradients")
+    # "jacobian", d rates/dx (n, n), or "gradients", dh/dx (m, n): their expressions grow fast, so made when wanted
+    derivatives: Callable[[str], Callable[..., None]]
 
 
 def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
@@ -149,7 +140,7 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
         return njit(error_model="numpy")(space[name])
 
     @functools.cache
-    def late(name):
+    def derivatives(name):
         of = {"jacobian": rhs, "gradients": surfaces}[name]
         return function(name, [e.diff(x) for e in of for x in states], (len(of), n))
 
@@ -184,7 +175,7 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
         function("impacts", impacts, (max(1, len(impacts) // n), n)),
         bare,
         function("walls", walls, (len(walls),)), function("whens", whens, (len(whens),)),
-        function("updates", updates, (len(whens), n)), matters, late,
+        function("updates", updates, (len(whens), n)), matters, derivatives,
     )  # fmt: skip
 
 
