@@ -48,6 +48,11 @@ def stopped(functions: Plain, span: tuple[float, float], start: Any, **options: 
         raise Collapsed from error
 
 
+def not_stopped(method: str, rates: Any, end: float, start: Any, judge: Any) -> Finding:
+    """By one of SciPy's methods on a right-hand side with its bare sign."""
+    return attempt(scipy_end, judge, method, rates, (0.0, end), start, 1e-6, 1e-8, most=20_000)
+
+
 # ---- accumulation
 
 
@@ -85,16 +90,11 @@ def accumulation(fast: bool) -> Hazard:
     def ours(shrink: float, row: float, **options: Any) -> Finding:
         q = 1 - shrink
         system, end, start = problem(q, row)
-        # At rest after the limit: a billionth of the start, rtol.
-        return attempt(
-            solve,
-            lambda s: judged(s.x[:, -1], row, 1e-9),
-            system,
-            (0.0, end),
-            start,
-            parameters={Q: q},
-            **options,
-        )
+
+        def judge(s: Any) -> Finding:
+            return judged(s.x[:, -1], row, 1e-9)  # at rest after the limit: a billionth of the start, rtol
+
+        return attempt(solve, judge, system, (0.0, end), start, parameters={Q: q}, **options)
 
     def scipy(shrink: float, row: float) -> Finding:
         q = 1 - shrink
@@ -125,9 +125,7 @@ def accumulation(fast: bool) -> Hazard:
             sx, sy = np.sign(s)
             return [-a * sy - sx, a * sx - sy]
 
-        return attempt(
-            scipy_end, lambda x: judged(x, row, 1e-5), method, rates, (0.0, end), start, 1e-6, 1e-8, most=20_000
-        )
+        return not_stopped(method, rates, end, start, lambda x: judged(x, row, 1e-5))
 
     return Hazard(
         "accumulation",
@@ -208,17 +206,7 @@ def several_sliding(fast: bool) -> Hazard:
         def rates(t: float, s: np.ndarray) -> np.ndarray:
             return drive - matrix @ np.sign(s)
 
-        return attempt(
-            scipy_end,
-            lambda x: judged(x, 1e-6),
-            method,
-            rates,
-            (0.0, end),
-            start(int(m)),
-            1e-6,
-            1e-8,
-            most=20_000,
-        )
+        return not_stopped(method, rates, end, start(int(m)), lambda x: judged(x, 1e-6))
 
     return Hazard(
         "several-sliding",

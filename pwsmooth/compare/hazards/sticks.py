@@ -20,10 +20,9 @@ from ...solve import solve
 from ...system import System
 from ..work_precision.plain import plain
 from ..work_precision.timestepping import stepper
-from .corners import stopped
+from .corners import not_stopped, stopped
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard
-from .unguarded import scipy_end
 
 EPS = 1e-8
 BOUND = 1e-6  # of displacement, in units in which the block slides by 1 in a unit of time
@@ -69,10 +68,7 @@ def long_stick(fast: bool) -> Hazard:
         def rates(at: float, s: np.ndarray) -> list[float]:
             return [s[1], share * (1 + math.sin(at)) / 2 - np.sign(s[1])]
 
-        span = 0.0, 2 * math.pi * cycles
-        return attempt(
-            scipy_end, lambda x: judged(x[0]), method, rates, span, (0.0, 0.0), 1e-6, 1e-8, most=20_000
-        )
+        return not_stopped(method, rates, 2 * math.pi * cycles, (0.0, 0.0), lambda x: judged(x[0]))
 
     return Hazard(
         "long-stick",
