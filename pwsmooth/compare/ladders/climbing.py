@@ -119,9 +119,8 @@ class _Climb:
         model = rung.scene()
         if not isinstance(model, Scene):  # in closed form
             value = self._measured(model, 2)
-            return Step(
-                rung.name, rung.matched, value, _gap(value, self._measured(model, 1)), 0.0, 0.0, 0
-            ), model
+            error = _gap(value, self._measured(model, 1))
+            return Step(rung.name, rung.matched, value, error, 0.0, 0.0, 0), model
         count = 1 if rung.noise is None else (self.samples or rung.samples)
         try:
             coarse: list[Any] = []
