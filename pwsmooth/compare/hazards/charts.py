@@ -4,38 +4,18 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ...plotting import new_figure
 from .failures import HARMLESS, KINDS
-from .hazard import Axis
 
 GAP = 0.18  # between two bands, in bands
 
 
-class _Map(Protocol):
-    """What is drawn of a StabilityMap, which itself calls `plot_map`."""
-
-    @property
-    def title(self) -> str: ...
-    @property
-    def x(self) -> Axis: ...
-    @property
-    def rows(self) -> Axis: ...
-    @property
-    def methods(self) -> tuple[str, ...]: ...
-    @property
-    def counts(self) -> dict[str, dict[str, np.ndarray]]: ...
-    @property
-    def border(self) -> dict[str, np.ndarray]: ...
-    def total(self, method: str) -> np.ndarray: ...
-    def failed(self, method: str) -> np.ndarray: ...
-
-
-def plot_map(map_: _Map, axes: Any = None, *, small: bool = False) -> Any:
-    """Draw a map; returns the Axes.
+def plot_map(map_: Any, axes: Any = None, *, small: bool = False) -> Any:
+    """Draw a StabilityMap; returns the Axes.
 
     Every method is a band, the first on top. Inside it the rows of the map go upwards. A cell has the colour of the
     most frequent failure there, paler where some of its runs are right. The black line is the border that theory
@@ -47,6 +27,7 @@ def plot_map(map_: _Map, axes: Any = None, *, small: bool = False) -> Any:
         legend(figure, [map_])
     edges = _edges(np.array(map_.x.values))
     n_rows = len(map_.rows)
+    names = map_.rows.words or tuple(f"{v:.5g}" for v in map_.rows.values)
     places = []
     for band, method in enumerate(reversed(map_.methods)):
         low = band * (1 + GAP)
@@ -56,32 +37,31 @@ def plot_map(map_: _Map, axes: Any = None, *, small: bool = False) -> Any:
         places.append(low + 0.5)
         if not small and n_rows > 1:
             for row in (0, n_rows - 1):
-                name = map_.rows.words[row] if map_.rows.words else f"{map_.rows.values[row]:.5g}"
                 axes.annotate(
-                    name, (1.0, low + (row + 0.5) / n_rows), xycoords=("axes fraction", "data"), va="center",
+                    names[row], (1.0, low + (row + 0.5) / n_rows), xycoords=("axes fraction", "data"), va="center",
                     xytext=(3, 0), textcoords="offset points", fontsize=6.5, color="#555555",
                 )  # fmt: skip
-    axes.set_xscale("log" if np.all(np.array(map_.x.values) > 0) and _is_log(map_.x.values) else "linear")
-    axes.set_xlim(edges.min(), edges.max())
-    axes.set_ylim(-GAP, len(map_.methods) * (1 + GAP))
+    axes.set(
+        xscale="log" if _is_log(map_.x.values) else "linear",
+        xlim=(edges.min(), edges.max()),
+        ylim=(-GAP, len(map_.methods) * (1 + GAP)),
+    )
     axes.set_yticks(places, list(reversed(map_.methods)))
-    axes.tick_params(axis="y", length=0, labelsize=6 if small else 8)
-    axes.tick_params(axis="x", labelsize=6 if small else 8)
-    size = 6 if small else 8.5
-    axes.set_xlabel(map_.x.name, fontsize=size)
+    axes.tick_params(labelsize=6 if small else 8)
+    axes.tick_params(axis="y", length=0)
     axes.set_title(map_.title, fontsize=7.5 if small else 9.5)
     if map_.x.words:
         axes.set_xticks(map_.x.values, map_.x.words)
+    told = map_.x.name
     if n_rows > 1:
-        names = map_.rows.words or tuple(f"{v:.5g}" for v in map_.rows.values)
-        told = f"{map_.x.name};  up, {map_.rows.name}: {names[0]} … {names[-1]}"
-        axes.set_xlabel(textwrap.fill(told, 56 if small else 64), fontsize=size)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_visible(False)
+        told += f";  up, {map_.rows.name}: {names[0]} … {names[-1]}"
+        told = textwrap.fill(told, 56 if small else 64)
+    axes.set_xlabel(told, fontsize=6 if small else 8.5)
+    axes.spines[["left", "bottom"]].set_visible(False)
     return axes
 
 
-def legend(figure: Any, maps: Sequence[_Map]) -> None:
+def legend(figure: Any, maps: Sequence[Any]) -> None:
     """One entry for every way of failing that occurs in the maps, one for what was not run, and one for the border."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -99,7 +79,7 @@ def legend(figure: Any, maps: Sequence[_Map]) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=7.5)
 
 
-def page(maps: Sequence[_Map], columns: int = 3) -> Any:
+def page(maps: Sequence[Any], columns: int = 3) -> Any:
     """All maps on one page; returns the Figure."""
     rows = -(-len(maps) // columns)
     heights = [
@@ -115,25 +95,24 @@ def page(maps: Sequence[_Map], columns: int = 3) -> Any:
     return figure
 
 
-def _colours(map_: _Map, method: str) -> np.ndarray:
-    """RGB of every cell."""
+def _colours(map_: Any, method: str) -> np.ndarray:
+    """RGB of every cell, white where nothing was run."""
+    total, failed = map_.total(method), map_.failed(method)
+    share = failed / np.maximum(total, 1)
+    # A single failure among many still shows: from a third of the full colour on.
+    weight = np.where(failed, 0.35 + 0.65 * share, 0.0)[..., None]
+    calm = _most_frequent(map_, method, HARMLESS)
+    worst = _most_frequent(map_, method, [kind for kind in KINDS if kind not in HARMLESS])
+    return np.where(total[..., None], (1 - weight) * calm + weight * worst, 1.0)
+
+
+def _most_frequent(map_: Any, method: str, kinds: Sequence[str]) -> np.ndarray:
+    """RGB of the most frequent of these ways of failing in every cell."""
     from matplotlib.colors import to_rgb
 
-    shape = len(map_.rows), len(map_.x)
-    counts = {kind: map_.counts[method].get(kind, np.zeros(shape, int)) for kind in KINDS}
-    total, failed = map_.total(method), map_.failed(method)
-    picture = np.ones((*shape, 3))
-    for i, k in np.ndindex(shape):
-        if not total[i, k]:
-            continue
-        worst = max((kind for kind in KINDS if kind not in HARMLESS), key=lambda kind: counts[kind][i, k])
-        calm = max(HARMLESS, key=lambda kind: counts[kind][i, k])
-        share = failed[i, k] / total[i, k]
-        ground = np.array(to_rgb(KINDS[calm]))
-        # A single failure among many still shows: from a third of the full colour on.
-        weight = 0.0 if share == 0 else 0.35 + 0.65 * share
-        picture[i, k] = (1 - weight) * ground + weight * np.array(to_rgb(KINDS[worst]))
-    return picture
+    none = np.zeros((len(map_.rows), len(map_.x)), int)
+    counts = [map_.counts[method].get(kind, none) for kind in kinds]
+    return np.array([to_rgb(KINDS[kind]) for kind in kinds])[np.argmax(counts, axis=0)]
 
 
 def _border(axes: Any, border: np.ndarray, heights: np.ndarray, edges: np.ndarray) -> None:
@@ -146,9 +125,11 @@ def _border(axes: Any, border: np.ndarray, heights: np.ndarray, edges: np.ndarra
             axes.plot(border[i : i + 2], [heights[i + 1]] * 2, color="black", linewidth=0.8)
 
 
-def _is_log(values: Sequence[float]) -> bool:
-    """Whether steps are nearer to equal in the logarithm."""
+def _is_log(values: Sequence[float] | np.ndarray) -> bool:
+    """Whether the values are positive, and their steps nearer to equal in the logarithm."""
     v = np.array(values)
+    if v.min() <= 0:
+        return False
     if len(v) < 3:
         return bool(v.max() / v.min() > 5)
     return bool(np.ptp(np.diff(np.log(v))) < np.ptp(np.diff(v)) / np.abs(v).max() * 3)
@@ -158,11 +139,8 @@ def _edges(values: np.ndarray) -> np.ndarray:
     """Edges of the cells around the values, which increase or decrease."""
     if len(values) == 1:
         return values[0] * np.array([0.5, 2.0]) if values[0] > 0 else values[0] + np.array([-0.5, 0.5])
-    if np.all(values > 0) and _is_log(tuple(values)):
-        return np.exp(_edges_linear(np.log(values)))
-    return _edges_linear(values)
-
-
-def _edges_linear(v: np.ndarray) -> np.ndarray:
+    logarithmic = _is_log(values)
+    v = np.log(values) if logarithmic else values
     middle = 0.5 * (v[1:] + v[:-1])
-    return np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])
+    edges = np.concatenate([[2 * v[0] - middle[0]], middle, [2 * v[-1] - middle[-1]]])
+    return np.exp(edges) if logarithmic else edges

@@ -48,19 +48,12 @@ def stopped(functions: Plain, span: tuple[float, float], start: Any, **options: 
         raise Collapsed from error
 
 
+def not_stopped(method: str, rates: Any, end: float, start: Any, judge: Any) -> Finding:
+    """By one of SciPy's methods on a right-hand side with its bare sign."""
+    return attempt(scipy_end, judge, method, rates, (0.0, end), start, 1e-6, 1e-8, most=20_000)
+
+
 # ---- accumulation
-
-
-@functools.cache
-def _ball() -> System:
-    contact = Unilateral(x, restitution=Q, name="R")
-    return System({x: y, y: -GRAVITY + contact.reaction}, parameters={Q: 0.5})
-
-
-@functools.cache
-def _spiral() -> System:
-    a = (1 + Q) / (1 - Q)
-    return System({x: -a * l2 - l1, y: a * l1 - l2}, parameters={Q: 0.5})
 
 
 def spiral_limit(q: float) -> float:
@@ -78,11 +71,15 @@ def ball_limit(q: float) -> float:
 
 def accumulation(fast: bool) -> Hazard:
     """How much successive intervals shrink, 1 - q."""
+    reaction = Unilateral(x, restitution=Q, name="R").reaction
+    ball = System({x: y, y: -GRAVITY + reaction}, parameters={Q: 0.5})
+    gain = (1 + Q) / (1 - Q)
+    spiral = System({x: -gain * l2 - l1, y: gain * l1 - l2}, parameters={Q: 0.5})
 
     def problem(q: float, row: float) -> tuple[System, float, tuple[float, float]]:
         if row:
-            return _spiral(), 1.5 * spiral_limit(q), (0.5, 0.5)
-        return _ball(), 1.5 * ball_limit(q), (1.0, 0.0)
+            return spiral, 1.5 * spiral_limit(q), (0.5, 0.5)
+        return ball, 1.5 * ball_limit(q), (1.0, 0.0)
 
     def judged(end: np.ndarray, row: float, bound: float) -> Finding:
         off = float(np.max(np.abs(end)))
@@ -90,22 +87,21 @@ def accumulation(fast: bool) -> Hazard:
             return Finding("missed event", off)  # fallen through the floor
         return Finding("right" if off <= bound else "drift", off)
 
-    def ours(**options: Any) -> Any:
-        def trial(shrink: float, row: float) -> Finding:
-            q = 1 - shrink
-            system, end, start = problem(q, row)
-            # At rest after the limit: a billionth of the start, rtol.
-            run = functools.partial(solve, system, (0.0, end), start, parameters={Q: q}, **options)
-            return attempt(run, lambda s: judged(s.x[:, -1], row, 1e-9))
+    def ours(shrink: float, row: float, **options: Any) -> Finding:
+        q = 1 - shrink
+        system, end, start = problem(q, row)
 
-        return trial
+        def judge(s: Any) -> Finding:
+            return judged(s.x[:, -1], row, 1e-9)  # at rest after the limit: a billionth of the start, rtol
+
+        return attempt(solve, judge, system, (0.0, end), start, parameters={Q: q}, **options)
 
     def scipy(shrink: float, row: float) -> Finding:
         q = 1 - shrink
         system, end, start = problem(q, row)
+        functions, span = plain(system, ("q",)), (0.0, end)
         return attempt(
-            lambda: stopped(plain(system, ("q",)), (0.0, end), (*start, q), max_step=end / 100),
-            lambda state: judged(state[:2], row, 1e-6),
+            stopped, lambda x: judged(x[:2], row, 1e-6), functions, span, (*start, q), max_step=end / 100
         )
 
     def moreau(shrink: float, row: float) -> Finding:
@@ -118,24 +114,18 @@ def accumulation(fast: bool) -> Hazard:
         speed = 2 / shrink if row else GRAVITY * math.sqrt(2 / GRAVITY)
         return judged(state, row, min(10 * end / steps * speed, 0.01))
 
-    def bare(method: str) -> Any:
-        def trial(shrink: float, row: float) -> Finding | list[Finding]:
-            if not row:
-                return []  # an impact is no term of a right-hand side
-            q = 1 - shrink
-            a = (1 + q) / (1 - q)
+    def bare(method: str, shrink: float, row: float) -> Finding | list[Finding]:
+        if not row:
+            return []  # an impact is no term of a right-hand side
+        q = 1 - shrink
+        _, end, start = problem(q, row)
+        a = (1 + q) / (1 - q)
 
-            def rates(t: float, s: np.ndarray) -> list[float]:
-                sx, sy = np.sign(s)
-                return [-a * sy - sx, a * sx - sy]
+        def rates(t: float, s: np.ndarray) -> list[float]:
+            sx, sy = np.sign(s)
+            return [-a * sy - sx, a * sx - sy]
 
-            end = 1.5 * spiral_limit(q)
-            return attempt(
-                lambda: scipy_end(method, rates, (0.0, end), (0.5, 0.5), 1e-6, 1e-8, most=20_000),
-                lambda state: judged(state, row, 1e-5),
-            )
-
-        return trial
+        return not_stopped(method, rates, end, start, lambda x: judged(x, row, 1e-5))
 
     return Hazard(
         "accumulation",
@@ -146,11 +136,10 @@ def accumulation(fast: bool) -> Hazard:
         ),
         Axis("system", (0.0, 1.0), ("bouncing ball", "spiral into a corner")),
         {
-            "event-driven": ours(),
-            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "event-driven": ours,
+            "event-driven, 8(5,3) pair": functools.partial(ours, method="rk"),
             "DOP853, restarted": scipy,
-            "RK45": bare("RK45"),
-            "BDF": bare("BDF"),
+            **{method: functools.partial(bare, method) for method in ("RK45", "BDF")},
             "Moreau-Jean": moreau,
         },
         unit="distance from rest at 1.5 times the limit time",
@@ -189,51 +178,35 @@ def several_sliding(fast: bool) -> Hazard:
             return Finding("drift", off)
         return Finding("right" if error < 1e-9 else "inaccurate", off)
 
-    def ours(**options: Any) -> Any:
-        def trial(m: float, c: float) -> Finding:
-            system, matrix, drive = built(int(m), c)
+    def ours(m: float, c: float, **options: Any) -> Finding:
+        system, matrix, drive = built(int(m), c)
 
-            def judge(s: Any) -> Finding:
-                error = np.max(np.abs(s.mult[:, -1] - np.linalg.solve(matrix, drive)))
-                return judged(s.x[:, -1], 0.0, float(error))  # surfaces that are states: exactly 0
+        def judge(s: Any) -> Finding:
+            error = np.max(np.abs(s.mult[:, -1] - np.linalg.solve(matrix, drive)))
+            return judged(s.x[:, -1], 0.0, float(error))  # surfaces that are states: exactly 0
 
-            return attempt(lambda: solve(system, (0.0, end), start(int(m)).tolist(), **options), judge)
-
-        return trial
+        return attempt(solve, judge, system, (0.0, end), start(int(m)).tolist(), **options)
 
     # In fast maps the rivals get the largest number only: every number of switches is compiled anew.
     def scipy(m: float, c: float) -> Finding | list[Finding]:
         if fast and m == 1:
             return []
-        system, _, _ = built(int(m), c)
-        return attempt(
-            lambda: stopped(plain(system), (0.0, end), start(int(m)), max_step=0.1), lambda s: judged(s, 1e-6)
-        )
+        functions = plain(built(int(m), c)[0])
+        return attempt(stopped, lambda x: judged(x, 1e-6), functions, (0.0, end), start(int(m)), max_step=0.1)
 
     def moreau(m: float, c: float) -> Finding | list[Finding]:
         if fast and m == 1:
             return []
-        system, _, _ = built(int(m), c)
-        state = stepper(plain(system))(0.0, end, start(int(m)), 2000, 0.5)[0][-1]
-        return judged(state, 1e-6)
+        advance = stepper(plain(built(int(m), c)[0]))
+        return judged(advance(0.0, end, start(int(m)), 2000, 0.5)[0][-1], 1e-6)
 
-    def bare(method: str) -> Any:
-        def trial(m: float, c: float) -> Finding:
-            _, matrix, drive = built(int(m), c)
-            return attempt(
-                lambda: scipy_end(
-                    method,
-                    lambda t, s: drive - matrix @ np.sign(s),
-                    (0.0, end),
-                    start(int(m)),
-                    1e-6,
-                    1e-8,
-                    most=20_000,
-                ),
-                lambda s: judged(s, 1e-6),
-            )
+    def bare(method: str, m: float, c: float) -> Finding:
+        _, matrix, drive = built(int(m), c)
 
-        return trial
+        def rates(t: float, s: np.ndarray) -> np.ndarray:
+            return drive - matrix @ np.sign(s)
+
+        return not_stopped(method, rates, end, start(int(m)), lambda x: judged(x, 1e-6))
 
     return Hazard(
         "several-sliding",
@@ -241,12 +214,10 @@ def several_sliding(fast: bool) -> Hazard:
         Axis("number of switches", (1.0, 3.0) if fast else (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)),
         Axis("coupling c", (0.6,)),
         {
-            "event-driven": ours(),
-            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "event-driven": ours,
+            "event-driven, 8(5,3) pair": functools.partial(ours, method="rk"),
             "DOP853, restarted": scipy,
-            "RK45": bare("RK45"),
-            "LSODA": bare("LSODA"),
-            "BDF": bare("BDF"),
+            **{method: functools.partial(bare, method) for method in ("RK45", "LSODA", "BDF")},
             "Moreau-Jean": moreau,
         },
         unit="distance from the surfaces at the end",
@@ -255,10 +226,6 @@ def several_sliding(fast: bool) -> Hazard:
 
 
 # ---- arrivals together
-
-
-def _pair() -> System:
-    return System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
 
 
 def pair_integral(separation: float, end: float = 2.0) -> float:
@@ -272,7 +239,7 @@ def pair_integral(separation: float, end: float = 2.0) -> float:
 
 def simultaneous(fast: bool) -> Hazard:
     """The time between two arrivals."""
-    system = _pair()
+    system = System({x: -l1 + l2 / 2, y: -l2 + sp.Rational(1, 5), z: l1 * l2})
 
     def start(separation: float) -> tuple[float, float, float]:
         return 0.5, 0.8 * (1 + separation), 0.0
@@ -289,21 +256,13 @@ def simultaneous(fast: bool) -> Hazard:
     def signed(separation: float, row: float) -> float:
         return -separation if row else separation
 
-    def ours(**options: Any) -> Any:
-        def trial(separation: float, row: float) -> Finding:
-            s = signed(separation, row)
-            return attempt(
-                lambda: solve(system, (0.0, 2.0), start(s), **options), lambda run: judged(run.x[:, -1], s, 0.0)
-            )
-
-        return trial
+    def ours(separation: float, row: float, **options: Any) -> Finding:
+        s = signed(separation, row)
+        return attempt(solve, lambda run: judged(run.x[:, -1], s, 0.0), system, (0.0, 2.0), start(s), **options)
 
     def scipy(separation: float, row: float) -> Finding:
         s = signed(separation, row)
-        return attempt(
-            lambda: stopped(plain(system), (0.0, 2.0), start(s), max_step=0.1),
-            lambda state: judged(state, s, 1e-6),
-        )
+        return attempt(stopped, lambda x: judged(x, s, 1e-6), plain(system), (0.0, 2.0), start(s), max_step=0.1)
 
     def moreau(separation: float, row: float) -> Finding:
         s = signed(separation, row)
@@ -318,8 +277,8 @@ def simultaneous(fast: bool) -> Hazard:
         Axis("time between them (s)", decades(-16, -1, 1 / 3 if fast else 1)),
         Axis("first to arrive", (0.0, 1.0), ("the one that holds the other", "the other")),
         {
-            "event-driven": ours(),
-            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "event-driven": ours,
+            "event-driven, 8(5,3) pair": functools.partial(ours, method="rk"),
             "DOP853, restarted": scipy,
             "Moreau-Jean": moreau,
         },

@@ -29,16 +29,12 @@ from .hazard import Axis, Hazard, decades
 LIVES = 40.0  # relaxation times, and at least 400 steps: a growth of 7 % a step, half a cell of the map, shows
 
 
-@functools.cache
-def _lugre_rates():
-    def rates(t, x, p):
-        sigma0, sigma1, sigma2, Fc, Fs, vs, u = p
-        z, v = x
-        g = Fc + (Fs - Fc) * math.exp(-((v / vs) ** 2))
-        dz = v - sigma0 * abs(v) * z / g
-        return np.array([dz, u - sigma0 * z - sigma1 * dz - sigma2 * v])
-
-    return compiled(rates)
+def _lugre_rates(t, x, p):
+    sigma0, sigma1, sigma2, Fc, Fs, vs, u = p
+    z, v = x
+    g = Fc + (Fs - Fc) * math.exp(-((v / vs) ** 2))
+    dz = v - sigma0 * abs(v) * z / g
+    return np.array([dz, u - sigma0 * z - sigma1 * dz - sigma2 * v])
 
 
 def lugre(fast: bool) -> Hazard:
@@ -62,15 +58,11 @@ def lugre(fast: bool) -> Hazard:
         """Of steps."""
         return min(20_000, max(400, math.ceil(LIVES * strength(V) / (law.sigma0 * V) / h)))
 
-    def stepped(method):
-        def trial(h: float, V: float) -> Finding:
-            u = strength(V) + law.sigma2 * V
-            p = law.sigma0, law.sigma1, law.sigma2, law.F_c, law.F_s, law.v_s, u
-            start = 1.1 * strength(V) / law.sigma0, V
-            out = fixed(method, _lugre_rates(), 0.0, start, h, number(h, V), p)
-            return judged(out[:, 0], out[:, 1], V)
-
-        return trial
+    def stepped(method: str, h: float, V: float) -> Finding:
+        p = law.sigma0, law.sigma1, law.sigma2, law.F_c, law.F_s, law.v_s, strength(V) + law.sigma2 * V
+        start = 1.1 * strength(V) / law.sigma0, V
+        out = fixed(method, compiled(_lugre_rates), 0.0, start, h, number(h, V), p)
+        return judged(out[:, 0], out[:, 1], V)
 
     def closed(h: float, V: float) -> Finding:
         u, block = strength(V) + law.sigma2 * V, real_time(law)
@@ -87,15 +79,18 @@ def lugre(fast: bool) -> Hazard:
         start = {**scene.start, "v": V, "z": 1.1 * strength(V) / law.sigma0}
         # The step follows the bristles' own relaxation, and h is only its bound. A thousand relaxations are enough.
         span = min(h * number(h, V), 1000 * strength(V) / (law.sigma0 * V))
-        return attempt(lambda: scene.solve((0.0, span), start, max_step=h), lambda s: judged(s["z"], s["v"], V))
+        return attempt(scene.solve, lambda s: judged(s["z"], s["v"], V), (0.0, span), start, max_step=h)
 
-    speeds = decades(-2, 0, 1 if fast else 4)
     return Hazard(
         "lugre",
         "explicit steps on LuGre's bristles",
         Axis("step h (s)", decades(-6, -2, 4 if fast else 16)),
-        Axis("speed v (m/s)", speeds),
-        {m: stepped(m) for m in FIXED} | {"closed-form backward Euler": closed, "event-driven": ours},
+        Axis("speed v (m/s)", decades(-2, 0, 1 if fast else 4)),
+        {
+            **{m: functools.partial(stepped, m) for m in FIXED},
+            "closed-form backward Euler": closed,
+            "event-driven": ours,
+        },
         lambda method, V: REAL.get(method, math.inf) * strength(V) / (law.sigma0 * V),
         "h = 2 g/(σ₀|v|) for Euler, 2.785 g/(σ₀|v|) for Runge-Kutta 4",
         unit="energy over its bound, or relative error of z",
@@ -103,14 +98,10 @@ def lugre(fast: bool) -> Hazard:
     )
 
 
-@functools.cache
-def _xky_rates():
-    def rates(t, x, p):
-        kappa, sigma, g, V = p
-        trial = kappa * x[0] + sigma * V * math.cos(t)
-        return np.array([(min(g, max(-g, trial)) - kappa * x[0]) / sigma])
-
-    return compiled(rates)
+def _xky_rates(t, x, p):
+    kappa, sigma, g, V = p
+    trial = kappa * x[0] + sigma * V * math.cos(t)
+    return np.array([(min(g, max(-g, trial)) - kappa * x[0]) / sigma])
 
 
 def dai_friction(fast: bool) -> Hazard:
@@ -122,11 +113,16 @@ def dai_friction(fast: bool) -> Hazard:
         saturated = np.abs(kappa * a + sigma * V * np.cos(at)) > g
         return int(np.count_nonzero(np.diff(saturated.astype(int))))
 
+    def stepping(method: str, h: float, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+        """Times and a, by steps of at most h."""
+        steps = math.ceil(end / h)
+        a = fixed(method, compiled(_xky_rates), 0.0, [0.0], end / steps, steps, (kappa, sigma, g, V))[:, 0]
+        return np.linspace(0, end, steps + 1), a
+
     @functools.cache
     def truth(sigma: float) -> tuple[int, float]:
-        steps = math.ceil(end / (sigma / kappa / 50))
-        run = fixed("Runge-Kutta 4", _xky_rates(), 0.0, [0.0], end / steps, steps, (kappa, sigma, g, V))
-        return saturations(np.linspace(0, end, steps + 1), run[:, 0], sigma), float(run[-1, 0])
+        at, a = stepping("Runge-Kutta 4", sigma / kappa / 50, sigma)
+        return saturations(at, a, sigma), float(a[-1])
 
     def judged(at: np.ndarray, a: np.ndarray, sigma: float) -> Finding:
         changes, last = truth(sigma)
@@ -139,27 +135,22 @@ def dai_friction(fast: bool) -> Hazard:
         off = abs(a[-1] - last) * kappa / g
         return Finding("inaccurate" if off > 0.1 else "right", off)
 
-    def stepped(method):
-        def trial(h: float, sigma: float) -> Finding:
-            steps = math.ceil(end / h)
-            out = fixed(method, _xky_rates(), 0.0, [0.0], end / steps, steps, (kappa, sigma, g, V))
-            return judged(np.linspace(0, end, steps + 1), out[:, 0], sigma)
-
-        return trial
+    def stepped(method: str, h: float, sigma: float) -> Finding:
+        return judged(*stepping(method, h, sigma), sigma)
 
     time = sp.Symbol("t", real=True)
 
     def ours(h: float, sigma: float) -> Finding:
         element = XKY(kappa=kappa, sigma=sigma, F_c=g, F_s=g, v_s=1.0, sigma2=0.0)
         scene = prescribed_motion(element, velocity=V * sp.cos(time), t_span=(0.0, end))
-        return attempt(lambda: scene.solve(max_step=h), lambda s: judged(s.t, s["a"], sigma))
+        return attempt(scene.solve, lambda s: judged(s.t, s["a"], sigma), max_step=h)
 
     return Hazard(
         "dai-friction",
         "explicit steps on the friction inclusion",
         Axis("step h (s)", decades(-4, -1.5, 4 if fast else 12)),
         Axis("micro-damping σ (N s/µm)", decades(-3, -1, 1 if fast else 4)),
-        {m: stepped(m) for m in FIXED} | {"event-driven": ours},
+        {m: functools.partial(stepped, m) for m in FIXED} | {"event-driven": ours},
         lambda method, sigma: REAL.get(method, math.inf) * sigma / kappa,
         "h = 2 σ/κ for Euler, 2.785 σ/κ for Runge-Kutta 4",
         unit="saturations too many, or relative error of the force",

@@ -82,10 +82,12 @@ class Collapsed(Exception):
     """The solver gave up."""
 
 
-def attempt(run: Callable[[], Any], judge: Callable[[Any], Finding]) -> Finding:
-    """`judge(run())`, where a run that ends before its time is put into its own kind."""
+def attempt(
+    run: Callable[..., Any], judge: Callable[[Any], Finding], *arguments: Any, **options: Any
+) -> Finding:
+    """`judge(run(*arguments, **options))`, where a run that ends before its time is put into its own kind."""
     try:
-        got = run()
+        got = run(*arguments, **options)
     except Stalled:
         return Finding("stall")
     except Collapsed:

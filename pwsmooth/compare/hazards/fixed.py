@@ -166,6 +166,7 @@ def _type() -> Any:
     return types.FunctionType(vector(types.float64, vector, vector))
 
 
+@functools.cache
 def compiled(rates: Callable[..., Any]) -> Any:
     """rates(t, x, p) -> dx/dt as a compiled function of one type, so that the methods compile once for all."""
     from numba import njit

@@ -24,17 +24,11 @@ from ...definition.primitives import Switch
 from ...solve import solve
 from ...system import System
 from .failures import Finding, attempt
-from .hazard import Axis, Hazard, decades
+from .hazard import Axis, Hazard, Trial, decades
 
 RHO, MU, LAM = 3.0, 16 / 9, 2 / 3
 EPS = 1e-6
 t, v, A = sp.symbols("t v A", real=True)
-
-
-@functools.cache
-def _system() -> System:
-    lam = Switch("lam", v)
-    return System({v: A * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t, parameters={A: 1.0})
 
 
 def delayed(eps: float) -> float:
@@ -44,7 +38,8 @@ def delayed(eps: float) -> float:
 
 def near_fold(fast: bool) -> Hazard:
     """Distance of the largest force from the fold."""
-    system = _system()
+    lam = Switch("lam", v)
+    system = System({v: A * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t, parameters={A: 1.0})
 
     def force(d: float, row: float) -> float:
         return MU * (1 + (d if row else -d))
@@ -56,28 +51,18 @@ def near_fold(fast: bool) -> Hazard:
             return Finding("right")
         return Finding("wrong itinerary" if slips > row else "missed event", slips)
 
-    def ours(**options: Any) -> Any:
-        def trial(d: float, row: float) -> Finding:
-            run = functools.partial(
-                solve,
-                system,
-                (0.0, math.pi),
-                [0.0],
-                parameters={A: force(d, row)},
-                rtol=1e-12,
-                atol=1e-14,
-                **options,
-            )
-            return attempt(run, lambda s: judged(row, len(s.event_times("slip")), bool(s.ambiguities)))
+    def pushed(judge: Any, view: System, d: float, row: float, **options: Any) -> Finding:
+        return attempt(solve, judge, view, (0.0, math.pi), [0.0], parameters={A: force(d, row)}, **options)
 
-        return trial
+    def ours(d: float, row: float, **options: Any) -> Finding:
+        def judge(s: Any) -> Finding:
+            return judged(row, len(s.event_times("slip")), bool(s.ambiguities))
+
+        return pushed(judge, system, d, row, rtol=1e-12, atol=1e-14, **options)
 
     def smoothed(d: float, row: float) -> Finding:
         view = system.smoothed(EPS)
-        run = functools.partial(
-            solve, view, (0.0, math.pi), [0.0], parameters={A: force(d, row)}, rtol=1e-9, atol=1e-15
-        )
-        return attempt(run, lambda s: judged(row, int(max(s["v"]) > 1e-3)))
+        return pushed(lambda s: judged(row, int(max(s["v"]) > 1e-3)), view, d, row, rtol=1e-9, atol=1e-15)
 
     def moreau(d: float, row: float) -> Finding:
         # The scheme is linear in lambda: the chord of the friction law from -1 to 1 is lambda itself.
@@ -89,9 +74,9 @@ def near_fold(fast: bool) -> Hazard:
             highest = max(highest, speed)
         return judged(row, int(highest > 1e-3))
 
-    methods = {
-        "event-driven": ours(),
-        "event-driven, 8(5,3) pair": ours(method="rk"),
+    methods: dict[str, Trial] = {
+        "event-driven": ours,
+        "event-driven, 8(5,3) pair": functools.partial(ours, method="rk"),
         "smoothed path": smoothed,
         "Moreau-Jean": moreau,
     }

@@ -8,41 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from .failures import Finding
+from .fixed import FIXED
+from .stopping import SEERS
 
 Trial = Callable[[float, float], "Finding | Sequence[Finding]"]
 
-# Methods of one group share a column of the table and a colour in every chart of methods.
+
+# Methods of one group share a column of the table.
 GROUPS = {
-    "event-driven": "event-driven",
-    "event-driven, 8(5,3) pair": "event-driven",
-    "event-driven, layered": "event-driven",
-    "event-driven, slaved": "event-driven",
-    "event-driven, two-stage": "event-driven",
-    "smoothed path": "smoothed",
-    "explicit Euler": "fixed step",
-    "Runge-Kutta 4": "fixed step",
-    "backward Euler": "fixed step",
-    "closed-form backward Euler": "fixed step",
-    "Moreau-Jean": "fixed step",
-    "DOP853, restarted": "with events",
-    "DOP853, events": "with events",
-    "DOP853, events, steps unbounded": "with events",
-    "RK45, events": "with events",
-    "RK45, events, steps unbounded": "with events",
-    "heyoka, events": "with events",
-    "heyoka, events, steps unbounded": "with events",
-    "CVODE, events": "with events",
-    "CVODE, events, steps unbounded": "with events",
-    "RK45": "no events",
-    "DOP853": "no events",
-    "Radau": "no events",
-    "BDF": "no events",
-    "LSODA": "no events",
-    "CVODE": "no events",
-    "heyoka": "no events",
-    "LSODA (compiled)": "no events",
-    "DOP853 (compiled)": "no events",
-}
+    "event-driven": (
+        "event-driven", "event-driven, 8(5,3) pair", "event-driven, layered", "event-driven, slaved",
+        "event-driven, two-stage",
+    ),
+    "smoothed": ("smoothed path",),
+    "fixed step": (*FIXED, "closed-form backward Euler", "Moreau-Jean"),
+    "with events": ("DOP853, restarted", *SEERS, *(f"{name}, steps unbounded" for name in SEERS)),
+}  # fmt: skip
+
+
+def group_of(method: str) -> str:
+    """Key of `GROUPS`, or "no events"."""
+    return next((group for group, methods in GROUPS.items() if method in methods), "no events")
 
 
 @dataclass(frozen=True)

@@ -33,22 +33,14 @@ lam = Switch("lam", v)
 # ---- fixed steps
 
 
-@functools.cache
-def _relay_rates() -> Any:
-    def rates(t, x, p):
-        return np.array([p[0] - x[0] / math.sqrt(p[1] * p[1] + x[0] * x[0])])
-
-    return compiled(rates)
-
-
-@functools.cache
-def _relay() -> System:
-    return System({v: F - lam}, parameters={F: 0.0})
+def _relay_rates(t, x, p):
+    return np.array([p[0] - x[0] / math.sqrt(p[1] * p[1] + x[0] * x[0])])
 
 
 def layer_steps(fast: bool) -> Hazard:
     """h/eps against the share of friction that is used."""
     eps, start = 1e-4, 0.2
+    smoothed = System({v: F - lam}, parameters={F: 0.0}).smoothed(eps)
 
     def steps(h: float, force: float) -> int:
         landing = start / (1 - force)
@@ -59,27 +51,22 @@ def layer_steps(fast: bool) -> Hazard:
         off = float(np.max(np.abs(speeds - rest)) / (eps + rest))
         return Finding("creep in stick" if not off < 0.01 else "right", off)
 
-    def stepped(method):
-        def trial(ratio: float, force: float) -> Finding:
-            h = ratio * eps
-            n = steps(h, force)
-            x = fixed(method, _relay_rates(), 0.0, (start,), h, n, (force, eps))[:, 0]
-            return judged(x[-100:], force)
-
-        return trial
+    def stepped(method: str, ratio: float, force: float) -> Finding:
+        h = ratio * eps
+        x = fixed(method, compiled(_relay_rates), 0.0, (start,), h, steps(h, force), (force, eps))
+        return judged(x[-100:, 0], force)
 
     def ours(ratio: float, force: float) -> Finding:
         h = ratio * eps
-        view = _relay().smoothed(eps).with_parameters({F: force})
-        run = functools.partial(solve, view, (0.0, h * steps(h, force)), [start], rtol=1e-6, max_step=h)
-        return attempt(run, lambda s: judged(s["v"][-5:], force))
+        view, span = smoothed.with_parameters({F: force}), (0.0, h * steps(h, force))
+        return attempt(solve, lambda s: judged(s["v"][-5:], force), view, span, [start], rtol=1e-6, max_step=h)
 
     return Hazard(
         "layer-steps",
         "fixed steps on a smoothed stick",
         Axis("h/ε", decades(-1, 3, 2 if fast else 8)),
         Axis("force F/N", (0.0, 0.8) if fast else (0.0, 0.5, 0.8, 0.9)),
-        {m: stepped(m) for m in FIXED} | {"smoothed path": ours},
+        {m: functools.partial(stepped, m) for m in FIXED} | {"smoothed path": ours},
         lambda method, force: REAL.get(method, math.inf) / (1 - force**2) ** 1.5,
         "h/ε = 2/(1 − F²)^{3/2} for Euler, 2.785/(1 − F²)^{3/2} for Runge-Kutta 4",
         unit="distance from the rest in the layer, over its width",
@@ -87,10 +74,6 @@ def layer_steps(fast: bool) -> Hazard:
 
 
 # ---- kicks
-
-
-def _static() -> System:
-    return System({v: F - lam * (1 + RHO * (1 - lam**2))}, parameters={F: 0.0})
 
 
 def way_out(force: float) -> float:
@@ -106,8 +89,8 @@ def way_out(force: float) -> float:
 def noise(fast: bool) -> Hazard:
     """kappa/eps: kicks against the width of the layer."""
     eps, every, kicks = 1e-5, 0.01, 100 if fast else 400
-    system = _static()
-    view = system.smoothed(eps)
+    system = System({v: F - lam * (1 + RHO * (1 - lam**2))}, parameters={F: 0.0})
+    views = {"smoothed path": system.smoothed(eps), "event-driven": system}
 
     def judged(s: Any, force: float) -> Finding:
         # In the limit eps -> 0 every kick leaves the layer: slip, with kinetic friction 1, begins if F > 1.
@@ -117,25 +100,20 @@ def noise(fast: bool) -> Hazard:
             return Finding("right", speed)
         return Finding("wrong itinerary" if slipped else "missed event", speed)
 
-    def runner(which: System) -> Any:
-        def trial(ratio: float, force: float) -> list[Finding]:
-            findings = []
-            for seed in range(2 if fast else 4):
-                hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
-                run = functools.partial(
-                    solve, which, (0.0, every * kicks), [0.0], parameters={F: force}, noise=hits, rtol=1e-6
-                )
-                findings.append(attempt(run, lambda s: judged(s, force)))
-            return findings
+    def kicked(which: System, ratio: float, force: float) -> list[Finding]:
+        def trial(seed: int) -> Finding:
+            hits = Kicks(ratio * eps, every=every, on="v", seed=seed)
+            options = dict(parameters={F: force}, noise=hits, rtol=1e-6)
+            return attempt(solve, lambda s: judged(s, force), which, (0.0, every * kicks), [0.0], **options)
 
-        return trial
+        return [trial(seed) for seed in range(2 if fast else 4)]
 
     return Hazard(
         "noise",
         "kicks and the layer: is the limit ε → 0 met?",
         Axis("size of the kicks κ/ε", decades(-1, 1, 3 if fast else 8)),
         Axis("force F/N", (1.2, 1.6) if fast else (0.9, 1.1, 1.2, 1.4, 1.6, 1.7)),
-        {"smoothed path": runner(view), "event-driven": runner(system)},
+        {name: functools.partial(kicked, which) for name, which in views.items()},
         lambda method, force: way_out(force) if method == "smoothed path" else math.nan,
         "κ/ε = u₂ − u₁, the way from the stick to the unstable balance; smaller kicks stay inside the layer",
         worse="left",
@@ -148,12 +126,6 @@ def noise(fast: bool) -> Hazard:
 
 
 @functools.cache
-def _relaxing() -> System:
-    beta = sp.Symbol("beta", positive=True)
-    return System({v: -F - lam * (1 + RHO * z), z: (1 - lam**2 - z) / beta}, parameters={F: 0.0, beta: 1.0})
-
-
-@functools.cache
 def critical_ratio(force: float) -> float:
     """eps/beta at which F_c reaches the force."""
     from scipy.optimize import brentq
@@ -163,8 +135,9 @@ def critical_ratio(force: float) -> float:
 
 def capture_ratio(fast: bool) -> Hazard:
     """eps/beta across the value at which a landing sticks."""
-    eps = 1e-6
-    system = _relaxing()
+    eps, beta = 1e-6, sp.Symbol("beta", positive=True)
+    rates = {v: -F - lam * (1 + RHO * z), z: (1 - lam**2 - z) / beta}
+    system = System(rates, parameters={F: 0.0, beta: 1.0})
     slaved, two_stage = system.layered({z: sp.oo}), system.layered({z: 0})
     start, end = 0.2, 0.5
 
@@ -172,13 +145,12 @@ def capture_ratio(fast: bool) -> Hazard:
         captured = speed > -1e-3
         return Finding("right" if captured == (ratio > critical_ratio(force)) else "wrong itinerary", speed)
 
-    def trial(view_of: Any) -> Any:
-        def tried(ratio: float, force: float) -> Finding:
-            view, values, x0 = view_of(ratio)
-            run = functools.partial(solve, view, (0.0, end), x0, parameters={F: force, **values}, rtol=1e-6)
-            return attempt(run, lambda s: judged(ratio, force, float(s["v"][-1])))
+    def ours(view_of: Any, ratio: float, force: float) -> Finding:
+        def judge(s: Any) -> Finding:
+            return judged(ratio, force, float(s["v"][-1]))
 
-        return tried
+        view, values, x0 = view_of(ratio)
+        return attempt(solve, judge, view, (0.0, end), x0, parameters={F: force, **values}, rtol=1e-6)
 
     def moreau(ratio: float, force: float) -> Finding:
         # Linear in lambda: z' takes its value off the surface, so that static friction never builds up.
@@ -189,19 +161,18 @@ def capture_ratio(fast: bool) -> Hazard:
             speed = free - max(-h, min(h, free))
         return judged(ratio, force, speed)
 
-    methods = {
-        "event-driven, layered": trial(lambda r: (system.layered({z: r}), {}, [start])),
-        "smoothed path": trial(lambda r: (system.smoothed(eps), {"beta": eps / r}, [start, 0.0])),
-        "event-driven, slaved": trial(lambda r: (slaved, {}, [start])),
-        "event-driven, two-stage": trial(lambda r: (two_stage, {}, [start])),
-        "Moreau-Jean": moreau,
+    views = {
+        "event-driven, layered": lambda r: (system.layered({z: r}), {}, [start]),
+        "smoothed path": lambda r: (system.smoothed(eps), {"beta": eps / r}, [start, 0.0]),
+        "event-driven, slaved": lambda r: (slaved, {}, [start]),
+        "event-driven, two-stage": lambda r: (two_stage, {}, [start]),
     }
     return Hazard(
         "capture-ratio",
         "two small times: does a landing stick?",
         Axis("ε/β", decades(-3, 0.5, 2 if fast else 8)),
         Axis("force F/N", (1.1, 1.6) if fast else (1.05, 1.1, 1.2, 1.4, 1.6, 1.7)),
-        methods,
+        {name: functools.partial(ours, view) for name, view in views.items()} | {"Moreau-Jean": moreau},
         lambda method, force: critical_ratio(force),
         "F = F_c(ε/β), the separatrix of the layer",
         worse="left",

@@ -12,8 +12,8 @@ sticking.
 
 from __future__ import annotations
 
-import functools
 import math
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -33,26 +33,23 @@ K, C, N, SIGMA, RHO = 3.1, 0.1, 1.0, 2.4, 3.0
 SIGMOIDS = ("algebraic", "tanh", "erf")
 SEED = 20_241
 Start = tuple[float, tuple[float, float, float]]
+Span = tuple[float, float]
 
 
-@functools.cache
-def _rates() -> Any:
-    def rates(t, x, p):
-        eps, beta, kind = p
-        u = x[1] / eps
-        if kind == 0.0:
-            lam = u / math.sqrt(1.0 + u * u)
-        elif kind == 1.0:
-            lam = math.tanh(u)
-        else:
-            lam = math.erf(u)
-        force = -2.4 * math.sin(t) - 3.1 * x[0] - 0.1 * x[1]
-        return np.array([x[1], force - lam * (1.0 + 3.0 * x[2]), (1.0 - lam * lam - x[2]) / beta])
-
-    return compiled(rates)
+def _rates(t, x, p):
+    eps, beta, kind = p
+    u = x[1] / eps
+    if kind == 0.0:
+        lam = u / math.sqrt(1.0 + u * u)
+    elif kind == 1.0:
+        lam = math.tanh(u)
+    else:
+        lam = math.erf(u)
+    force = -2.4 * math.sin(t) - 3.1 * x[0] - 0.1 * x[1]
+    return np.array([x[1], force - lam * (1.0 + 3.0 * x[2]), (1.0 - lam * lam - x[2]) / beta])
 
 
-@functools.cache
+@cache
 def _view(sigmoid: str) -> Any:
     t, y, v, z = sp.symbols("t y v z", real=True)
     beta, lam = sp.Symbol("beta", positive=True), Switch("lam", v)
@@ -61,34 +58,29 @@ def _view(sigmoid: str) -> Any:
     return system.smoothed(1.0, sigmoid)
 
 
-def _own(sigmoid: str, eps: float, beta: float, start: Start, **options: Any) -> Any:
-    t0, x0 = start
-    return solve(_view(sigmoid), (t0, t0 + SPAN), x0, parameters={"eps": eps, "beta": beta}, **options)
+def _own(sigmoid: str, eps: float, beta: float, span: Span, x0: Any, **options: Any) -> Any:
+    return solve(_view(sigmoid), span, x0, parameters={"eps": eps, "beta": beta}, **options)
 
 
-@functools.cache
+@cache
 def reference(sigmoid: str, eps: float, beta: float, start: Start) -> np.ndarray | None:
     """State after the span; None where two methods of different order and tolerance do not agree."""
+    t0, x0 = start
     first, second = (
-        _own(sigmoid, eps, beta, start, method=method, rtol=rtol, atol=1e-14).x[:, -1]
+        _own(sigmoid, eps, beta, (t0, t0 + SPAN), x0, method=method, rtol=rtol, atol=1e-14).x[:, -1]
         for method, rtol in (("radau9", 1e-10), ("radau13", 1e-11))
     )
     return second if np.max(np.abs(first - second)) < AGREE else None
 
 
-@functools.cache
+@cache
 def random_starts(count: int) -> tuple[Start, ...]:
     rng = np.random.default_rng(SEED)
-    return tuple(
-        (
-            float(rng.uniform(0, 2 * math.pi)),
-            (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-1.5, 1.5)), 0.0),
-        )
-        for _ in range(count)
-    )
+    t, y, v = rng.uniform((0, -1.5, -1.5), (2 * math.pi, 1.5, 1.5), (count, 3)).T.tolist()
+    return tuple((t0, (y0, v0, 0.0)) for t0, y0, v0 in zip(t, y, v))
 
 
-@functools.cache
+@cache
 def grazing_starts(count: int, eps: float) -> tuple[Start, ...]:
     """Starts in slip whose v has a minimum at kappa eps, |kappa| < 6: run back from it in closed form."""
     rng = np.random.default_rng(SEED + 1)
@@ -119,47 +111,27 @@ def grazing_starts(count: int, eps: float) -> tuple[Start, ...]:
     return tuple(starts)
 
 
-# ---- the methods: (sigmoid, eps, beta, start, rtol) -> state after the span
+# ---- the methods: (sigmoid, eps, beta, span, x0, rtol) -> state after the span
 
 
-def _ours(sigmoid: str, eps: float, beta: float, start: Start, rtol: float) -> np.ndarray:
-    solution = _own(sigmoid, eps, beta, start, rtol=rtol, atol=1e-3 * rtol)
+def _ours(sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
+    solution = _own(sigmoid, eps, beta, span, x0, rtol=rtol, atol=1e-3 * rtol)
     if not solution.success:
         raise Collapsed(solution.message)
     return solution.x[:, -1]
 
 
-def _parameters(sigmoid: str, eps: float, beta: float) -> tuple[float, float, float]:
-    return eps, beta, float(SIGMOIDS.index(sigmoid))
+def _compiled(name: str, sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
+    return compiled_peer(name, compiled(_rates), span, x0, (eps, beta, SIGMOIDS.index(sigmoid)), rtol)
 
 
-def _compiled(name: str) -> Any:
-    def run(sigmoid, eps, beta, start, rtol):
-        t0, x0 = start
-        p = _parameters(sigmoid, eps, beta)
-        return compiled_peer(name, _rates(), (t0, t0 + SPAN), x0, p, rtol, rtol, most=30_000)
-
-    return run
+def _called(peer: Any, sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
+    """By a peer that calls the right-hand side through Python."""
+    p, rates = np.array([eps, beta, SIGMOIDS.index(sigmoid)]), compiled(_rates)
+    return peer(lambda t, x: rates(t, x, p), span, x0, rtol, rtol)
 
 
-def _scipy(method: str) -> Any:
-    def run(sigmoid, eps, beta, start, rtol):
-        t0, x0 = start
-        p, rates = np.array(_parameters(sigmoid, eps, beta)), _rates()
-        return scipy_end(
-            method, lambda t, x: rates(t, np.ascontiguousarray(x), p), (t0, t0 + SPAN), x0, rtol, rtol
-        )
-
-    return run
-
-
-def _cvode(sigmoid: str, eps: float, beta: float, start: Start, rtol: float) -> np.ndarray:
-    t0, x0 = start
-    p, rates = np.array(_parameters(sigmoid, eps, beta)), _rates()
-    return cvode(lambda t, x: rates(t, np.ascontiguousarray(x), p), (t0, t0 + SPAN), x0, rtol, rtol)
-
-
-@functools.cache
+@cache
 def _equations(sigmoid: str) -> Any:
     def system(hy):
         y, v, z = hy.make_vars("y", "v", "z")
@@ -171,83 +143,75 @@ def _equations(sigmoid: str) -> Any:
     return system
 
 
-def _heyoka(sigmoid: str, eps: float, beta: float, start: Start, rtol: float) -> np.ndarray:
-    t0, x0 = start
-    return heyoka_taylor(_equations(sigmoid), (eps, beta), (t0, t0 + SPAN), x0, rtol)
+def _heyoka(sigmoid: str, eps: float, beta: float, span: Span, x0: Any, rtol: float) -> np.ndarray:
+    return heyoka_taylor(_equations(sigmoid), (eps, beta), span, x0, rtol)
 
 
 # name -> (run, share of the starts that it gets, smallest eps, smallest rtol): what takes too long is left out.
 RUNS: dict[str, tuple[Any, float, float, float]] = {
     "smoothed path": (_ours, 1.0, 0.0, 0.0),
     "heyoka": (_heyoka, 0.5, 1e-4, 0.0),
-    "LSODA (compiled)": (_compiled("lsoda"), 1.0, 0.0, 0.0),
-    "DOP853 (compiled)": (_compiled("dop853"), 0.5, 1e-3, 0.0),
-    "CVODE": (_cvode, 0.2, 0.0, 0.0),
-    "Radau": (_scipy("Radau"), 0.06, 0.0, 1e-6),
+    "LSODA (compiled)": (partial(_compiled, "lsoda"), 1.0, 0.0, 0.0),
+    "DOP853 (compiled)": (partial(_compiled, "dop853"), 0.5, 1e-3, 0.0),
+    "CVODE": (partial(_called, cvode), 0.2, 0.0, 0.0),
+    "Radau": (partial(_called, partial(scipy_end, "Radau")), 0.06, 0.0, 1e-6),
 }
+
+
+def _judged(exact: np.ndarray, x: np.ndarray) -> Finding:
+    off = float(np.max(np.abs(x - exact)))
+    return Finding("right" if off <= WRONG else "wrong itinerary", off)
 
 
 def _trials(situation: Any) -> Any:
     """Trials of all methods; `situation(row)` is (sigmoid, eps, beta, starts)."""
 
-    def trial(run, share, smallest, tightest):
-        def tried(rtol: float, row: float) -> list[Finding]:
-            sigmoid, eps, beta, starts = situation(row)
-            findings = []
-            if eps < smallest * 0.999 or rtol < tightest * 0.999:
-                return []
-            for start in starts[: max(2, round(share * len(starts)))]:
-                exact = reference(sigmoid, eps, beta, start)
-                if exact is None:
-                    continue
+    def trial(name: str, rtol: float, row: float) -> list[Finding]:
+        run, share, smallest, tightest = RUNS[name]
+        sigmoid, eps, beta, starts = situation(row)
+        if eps < smallest * 0.999 or rtol < tightest * 0.999:
+            return []
+        findings = []
+        for start in starts[: max(2, round(share * len(starts)))]:
+            exact, (t0, x0) = reference(sigmoid, eps, beta, start), start
+            if exact is not None:
+                span = t0, t0 + SPAN
+                findings.append(attempt(run, partial(_judged, exact), sigmoid, eps, beta, span, x0, rtol))
+        return findings
 
-                def judge(x: np.ndarray, exact: np.ndarray = exact) -> Finding:
-                    off = float(np.max(np.abs(x - exact)))
-                    return Finding("right" if off <= WRONG else "wrong itinerary", off)
-
-                findings.append(
-                    attempt(lambda start=start: run(sigmoid, eps, beta, start, rtol), judge)  # type: ignore[misc]
-                )
-            return findings
-
-        return tried
-
-    return {name: trial(*entry) for name, entry in RUNS.items()}
+    return {name: partial(trial, name) for name in RUNS}
 
 
 TRUTH = "two methods of this package, of orders 9 and 13, that agree to 1e-6"
 
 
-def smoothed_random(fast: bool) -> Hazard:
-    """rtol against eps, 200 starts at random."""
-    starts = random_starts(16 if fast else 200)
+def _widths(name: str, title: str, rtols: tuple[float, ...], widths: tuple[float, ...], starts: Any) -> Hazard:
+    """rtol against eps = beta for the algebraic sigmoid, from starts(eps)."""
     return Hazard(
-        "smoothed-random",
-        "smoothed, algebraic sigmoid: starts at random",
-        Axis("rtol = atol", decades(-6, -2, 0.5 if fast else 2)),
-        Axis("width ε = β", decades(-6, -1, 0.4 if fast else 1)),
-        _trials(lambda eps: ("algebraic", eps, eps, starts)),
+        name,
+        f"smoothed, algebraic sigmoid: {title}",
+        Axis("rtol = atol", rtols),
+        Axis("width ε = β", widths),
+        _trials(lambda eps: ("algebraic", eps, eps, starts(eps))),
         lambda method, eps: math.inf if method == "smoothed path" else eps,
         "rtol = ε: the layer is below what the error test sees",
         unit="error of the state",
         truth=TRUTH,
     )
+
+
+def smoothed_random(fast: bool) -> Hazard:
+    """200 starts at random."""
+    rtols, widths = decades(-6, -2, 0.5 if fast else 2), decades(-6, -1, 0.4 if fast else 1)
+    starts = random_starts(16 if fast else 200)
+    return _widths("smoothed-random", "starts at random", rtols, widths, lambda eps: starts)
 
 
 def smoothed_grazing(fast: bool) -> Hazard:
-    """rtol against eps, 200 starts that dip into the layer."""
-    count = 16 if fast else 200
-    return Hazard(
-        "smoothed-grazing",
-        "smoothed, algebraic sigmoid: grazing starts",
-        Axis("rtol = atol", decades(-9, -2, 0.5 if fast else 1)),
-        Axis("width ε = β", decades(-6, -2, 0.5 if fast else 1)),
-        _trials(lambda eps: ("algebraic", eps, eps, grazing_starts(count, eps))),
-        lambda method, eps: math.inf if method == "smoothed path" else eps,
-        "rtol = ε: the layer is below what the error test sees",
-        unit="error of the state",
-        truth=TRUTH,
-    )
+    """200 starts that dip into the layer."""
+    rtols, widths = decades(-9, -2, 0.5 if fast else 1), decades(-6, -2, 0.5 if fast else 1)
+    starts = partial(grazing_starts, 16 if fast else 200)
+    return _widths("smoothed-grazing", "grazing starts", rtols, widths, starts)
 
 
 TAILS = (("tanh", 1e-2, 1e-2), ("tanh", 1e-3, 1e-1), ("erf", 1e-1, 1e-1), ("erf", 1e-2, 1e-2), ("erf", 1e-3, 1e-3),

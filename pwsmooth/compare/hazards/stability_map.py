@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .failures import HARMLESS, KINDS
-from .hazard import GROUPS, Axis
-from .words import what_happens
+from .hazard import Axis, group_of
 
 if TYPE_CHECKING:
     import xarray
 
-WORDS = ("name", "title", "law", "unit", "truth", "worse", "seconds")
+WORDS = ("title", "law", "unit", "truth", "worse")  # as in `Hazard`
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ class StabilityMap:
             Share of the runs on whose side of the border theory is right, dimensionless; nan without a border.
         """
         edge = self.border[method]
-        bordered = np.isfinite(edge) | np.isinf(edge)
+        bordered = ~np.isnan(edge)
         if not bordered.any():
             return float("nan")
         x = np.array(self.x.values)
@@ -154,7 +153,6 @@ class StabilityMap:
             for kind, n in self.counts[method].items():
                 cube[i, :, :, kinds.index(kind)] = n
         names = {"x_name": self.x.name, "row_name": self.rows.name}
-        words = ("title", "law", "unit", "truth", "worse")
         return xarray.Dataset(
             {
                 "runs": (("solver", "row", "x", "failure"), cube),
@@ -167,7 +165,7 @@ class StabilityMap:
                 "x": list(self.x.values),
                 "failure": kinds,
             },
-            attrs={"hazard": self.name, **names, **{word: getattr(self, word) for word in words}},
+            attrs={"hazard": self.name, **names, **{word: getattr(self, word) for word in WORDS}},
         )
 
     def chart(self, axes: Any = None) -> Any:
@@ -206,13 +204,15 @@ class StabilityMap:
             Plain numbers, lists and dicts.
         """
         return {
+            "name": self.name,
             **{word: getattr(self, word) for word in WORDS},
+            "seconds": self.seconds,
             "x": vars(self.x),
             "rows": vars(self.rows),
             "left_out": self.left_out,
             "methods": {
                 m: {
-                    "group": GROUPS.get(m, "no events"),
+                    "group": group_of(m),
                     "counts": {kind: n.tolist() for kind, n in self.counts[m].items()},
                     "sizes": [[_plain(float(f"{s:.3g}")) for s in row] for row in self.sizes[m].tolist()],
                     "border": [_plain(b) for b in self.border[m].tolist()],
@@ -241,13 +241,29 @@ class StabilityMap:
         }
         methods = record["methods"]
         return cls(
-            **{word: record[word] for word in WORDS},
+            **{word: record[word] for word in ("name", *WORDS, "seconds")},
             **axes,
             left_out=dict(record["left_out"]),
             counts={m: {kind: np.array(n) for kind, n in e["counts"].items()} for m, e in methods.items()},
             sizes={m: np.array([[_number(s) for s in row] for row in e["sizes"]]) for m, e in methods.items()},
             border={m: np.array([_number(b) for b in e["border"]]) for m, e in methods.items()},
         )
+
+
+def what_happens(map_: StabilityMap, method: str) -> str:
+    """ "right", "right or recorded", or the ways of failing with their shares of all runs."""
+    tally, total = map_.tally(method), int(map_.total(method).sum())
+    failures = [(kind, n) for kind, n in tally.items() if kind not in HARMLESS]
+    if not failures:
+        return "right or recorded" if tally.get("recorded") else "right"
+    words = [f"{kind} {_share(n, total)}" for kind, n in failures[:3]]
+    beyond = ", at theory's border" if map_.agreement(method) >= 0.95 else ""
+    return ", ".join(words) + beyond
+
+
+def _share(n: int, total: int) -> str:
+    percent = 100 * n / total
+    return f"{percent:.0f} %" if percent >= 1 else f"{n} of {total}"
 
 
 def _plain(value: float) -> Any:

@@ -20,20 +20,13 @@ from ...solve import solve
 from ...system import System
 from ..work_precision.plain import plain
 from ..work_precision.timestepping import stepper
-from .corners import stopped
+from .corners import not_stopped, stopped
 from .failures import Finding, attempt
 from .hazard import Axis, Hazard
-from .unguarded import scipy_end
 
 EPS = 1e-8
 BOUND = 1e-6  # of displacement, in units in which the block slides by 1 in a unit of time
 t, x, v, A = sp.symbols("t x v A", real=True)
-
-
-@functools.cache
-def _block() -> System:
-    lam = Switch("lam", v)
-    return System({x: v, v: A * (1 + sp.sin(t)) / 2 - lam}, time=t, parameters={A: 0.5})
 
 
 def creep(share: float, eps: float) -> float:
@@ -44,54 +37,38 @@ def creep(share: float, eps: float) -> float:
 
 def long_stick(fast: bool) -> Hazard:
     """Cycles of a force below the friction."""
+    rates = {x: v, v: A * (1 + sp.sin(t)) / 2 - Switch("lam", v)}
+    block = System(rates, time=t, parameters={A: 0.5})
 
-    def judged(states: np.ndarray, bound: float) -> Finding:
-        off = float(np.max(np.abs(states[0])))
+    def judged(displacement: np.ndarray, bound: float = BOUND) -> Finding:
+        off = float(np.max(np.abs(displacement)))
         return Finding("creep in stick" if off > bound else "right", off)
 
-    def ours(**options: Any) -> Any:
-        def trial(cycles: float, share: float) -> Finding:
-            span = 0.0, 2 * math.pi * cycles
-            run = functools.partial(solve, _block(), span, [0.0, 0.0], parameters={A: share}, **options)
-            return attempt(
-                run, lambda s: judged(np.vstack([np.abs(s.x).max(axis=0)]), 0.0)
-            )  # exactly 0, x and v
+    def run_of(view: System, judge: Any, cycles: float, share: float, **options: Any) -> Finding:
+        span = 0.0, 2 * math.pi * cycles
+        return attempt(solve, judge, view, span, [0.0, 0.0], parameters={A: share}, **options)
 
-        return trial
+    def ours(cycles: float, share: float, **options: Any) -> Finding:
+        return run_of(block, lambda s: judged(s.x, 0.0), cycles, share, **options)  # exactly 0, x and v
 
     def smoothed(cycles: float, share: float) -> Finding:
-        view = _block().smoothed(EPS)
-        span = 0.0, 2 * math.pi * cycles
-        run = functools.partial(
-            solve, view, span, [0.0, 0.0], parameters={A: share}, rtol=1e-6, atol=1e-14, max_step=0.5
-        )
-        return attempt(run, lambda s: judged(s.x, BOUND))
+        tolerances = dict(rtol=1e-6, atol=1e-14, max_step=0.5)
+        return run_of(block.smoothed(EPS), lambda s: judged(s.x[0]), cycles, share, **tolerances)
 
     def scipy(cycles: float, share: float) -> Finding:
-        functions, span = plain(_block(), ("A",)), (0.0, 2 * math.pi * cycles)
-        return attempt(
-            lambda: stopped(functions, span, (0.0, 0.0, share), max_step=0.5 if cycles < 300 else 2.0),
-            lambda state: judged(np.array([[state[0]]]), BOUND),
-        )
+        functions, span = plain(block, ("A",)), (0.0, 2 * math.pi * cycles)
+        longest = 0.5 if cycles < 300 else 2.0
+        return attempt(stopped, lambda x: judged(x[0]), functions, span, (0.0, 0.0, share), max_step=longest)
 
     def moreau(cycles: float, share: float) -> Finding:
-        advance, start = stepper(plain(_block(), ("A",))), np.array([0.0, 0.0, share])
-        states = advance(0.0, 2 * math.pi * cycles, start, int(100 * cycles), 0.5)[0]
-        return judged(states.T, BOUND)
+        advance, start = stepper(plain(block, ("A",))), np.array([0.0, 0.0, share])
+        return judged(advance(0.0, 2 * math.pi * cycles, start, int(100 * cycles), 0.5)[0][:, 0])
 
-    def bare(method: str) -> Any:
-        def trial(cycles: float, share: float) -> Finding:
-            def rates(at: float, s: np.ndarray) -> list[float]:
-                return [s[1], share * (1 + math.sin(at)) / 2 - np.sign(s[1])]
+    def bare(method: str, cycles: float, share: float) -> Finding:
+        def rates(at: float, s: np.ndarray) -> list[float]:
+            return [s[1], share * (1 + math.sin(at)) / 2 - np.sign(s[1])]
 
-            return attempt(
-                lambda: scipy_end(
-                    method, rates, (0.0, 2 * math.pi * cycles), (0.0, 0.0), 1e-6, 1e-8, most=20_000
-                ),
-                lambda state: judged(state[:, None], BOUND),
-            )
-
-        return trial
+        return not_stopped(method, rates, 2 * math.pi * cycles, (0.0, 0.0), lambda x: judged(x[0]))
 
     return Hazard(
         "long-stick",
@@ -99,13 +76,11 @@ def long_stick(fast: bool) -> Hazard:
         Axis("cycles", (1.0, 100.0) if fast else (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)),
         Axis("largest force / friction", (0.9,) if fast else (0.5, 0.9, 0.99)),
         {
-            "event-driven": ours(),
-            "event-driven, 8(5,3) pair": ours(method="rk"),
+            "event-driven": ours,
+            "event-driven, 8(5,3) pair": functools.partial(ours, method="rk"),
             "smoothed path": smoothed,
             "DOP853, restarted": scipy,
-            "RK45": bare("RK45"),
-            "LSODA": bare("LSODA"),
-            "BDF": bare("BDF"),
+            **{method: functools.partial(bare, method) for method in ("RK45", "LSODA", "BDF")},
             "Moreau-Jean": moreau,
         },
         lambda method, share: BOUND / creep(share, EPS) if method == "smoothed path" else math.nan,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,28 +17,27 @@ from .failures import Collapsed
 from .unguarded import quiet
 
 
-class Motion:
+class Motion(NamedTuple):
     """x' = rates(t, x) with a surface h(t, x); `equations(hy)` is (system, surface with hy.par[0]) for heyoka."""
 
-    def __init__(
-        self, rates: Callable[..., Any], surface: Callable[..., float], equations: Any, parameter: float
-    ):
-        self.rates, self.surface, self.equations, self.parameter = rates, surface, equations, parameter
+    rates: Callable[..., Any]
+    surface: Callable[..., float]
+    equations: Any
+    parameter: float
 
 
-def _scipy(method: str) -> Any:
-    def zeros(motion: Motion, span: tuple[float, float], x0: Any, rtol: float, longest: float) -> np.ndarray:
-        from scipy.integrate import solve_ivp
+def _scipy(
+    method: str, motion: Motion, span: tuple[float, float], x0: Any, rtol: float, longest: float
+) -> np.ndarray:
+    from scipy.integrate import solve_ivp
 
-        run = solve_ivp(
-            motion.rates, span, x0, method, rtol=max(rtol, 3e-14), atol=rtol * 1e-2, max_step=longest,
-            events=motion.surface,
-        )  # fmt: skip
-        if run.status < 0:
-            raise Collapsed(run.message)
-        return run.t_events[0]
-
-    return zeros
+    run = solve_ivp(
+        motion.rates, span, x0, method, rtol=max(rtol, 3e-14), atol=rtol * 1e-2, max_step=longest,
+        events=motion.surface,
+    )  # fmt: skip
+    if run.status < 0:
+        raise Collapsed(run.message)
+    return run.t_events[0]
 
 
 @functools.cache
@@ -85,9 +84,9 @@ def _cvode(motion: Motion, span: tuple[float, float], x0: Any, rtol: float, long
 
 
 # Name -> zeros(motion, span, x0, rtol, longest) -> times.
-SEERS = {
-    "DOP853, events": _scipy("DOP853"),
-    "RK45, events": _scipy("RK45"),
+SEERS: dict[str, Callable[..., np.ndarray]] = {
+    "DOP853, events": functools.partial(_scipy, "DOP853"),
+    "RK45, events": functools.partial(_scipy, "RK45"),
     "heyoka, events": _heyoka,
     "CVODE, events": _cvode,
 }

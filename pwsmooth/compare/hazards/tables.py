@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from .hazard import GROUPS
-from .stability_map import StabilityMap
-from .words import what_happens
+from .hazard import group_of
+from .stability_map import StabilityMap, what_happens
 
 # Groups of methods in the order of the columns, with their headings.
 COLUMNS = {
@@ -26,7 +25,7 @@ def table(records: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
         map_ = StabilityMap.from_record(record)
         cells: dict[str, list[str]] = {group: [] for group in COLUMNS}
         for method in map_.methods:
-            cells[GROUPS.get(method, "no events")].append(f"{method}: {what_happens(map_, method)}")
+            cells[group_of(method)].append(f"{method}: {what_happens(map_, method)}")
         rows.append({"hazard": map_.title} | {g: "; ".join(c) for g, c in cells.items()})
     return rows
 
@@ -38,14 +37,8 @@ def markdown(content: Mapping[str, Any]) -> str:
     """
     rows = table(content["data"]["maps"])
     used = [g for g in COLUMNS if any(row[g] for row in rows)]
-    lines = [_line(["hazard", *(COLUMNS[g] for g in used)]), _line(["---"] * (len(used) + 1))]
-    lines += [_line([row["hazard"], *(_cell(row[g]) for g in used)]) for row in rows]
-    return "\n".join(lines) + "\n"
-
-
-def _cell(text: str) -> str:
-    return text.replace("; ", "<br>").replace("|", "\\|") or "–"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+    lines = [["hazard", *(COLUMNS[g] for g in used)], ["---"] * (len(used) + 1)]
+    for row in rows:
+        cells = [row[g].replace("; ", "<br>").replace("|", "\\|") or "–" for g in used]
+        lines.append([row["hazard"], *cells])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

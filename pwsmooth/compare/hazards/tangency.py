@@ -54,11 +54,6 @@ def _system(wave: bool) -> System:
     return System({**rates, z: lam}, time=t, parameters={level: 1.0})
 
 
-def _own(wave: bool, level: float, span: tuple[float, float], **options: Any) -> Any:
-    start = {"y": 0.0, "w": 1.0, "z": 0.0} if wave else {"y": 1.0, "z": 0.0}
-    return solve(_system(wave), span, start, rtol=RTOL, atol=1e-14, parameters={"level": level}, **options)
-
-
 def _judged(events: int, expected: int, recorded: bool) -> Finding:
     if recorded:
         return Finding("recorded", events)
@@ -67,39 +62,31 @@ def _judged(events: int, expected: int, recorded: bool) -> Finding:
     return Finding("missed event" if events < expected else "wrong itinerary", events)
 
 
-def _own_trial(situation: Any, **options: Any) -> Any:
-    def trial(x: float, row: float) -> Finding:
+def _methods(situation: Any) -> dict[str, Any]:
+    """Trials of all methods; `situation(x, row)` is (wave, level, span, number of crossings)."""
+
+    def ours(x: float, row: float, **options: Any) -> Finding:
         wave, level, span, expected = situation(x, row)
+        start = {"y": 0.0, "w": 1.0, "z": 0.0} if wave else {"y": 1.0, "z": 0.0}
 
         def judge(s: Any) -> Finding:
             crossings = len(s.event_times("crossing"))
             return _judged(crossings, expected, any(a.kind == "grazing" for a in s.ambiguities))
 
-        return attempt(lambda: _own(wave, level, span, **options), judge)
+        options |= dict(rtol=RTOL, atol=1e-14, parameters={"level": level})
+        return attempt(solve, judge, _system(wave), span, start, **options)
 
-    return trial
-
-
-def _seer_trial(name: str, longest: float, situation: Any) -> Any:
-    def trial(x: float, row: float) -> Finding:
+    def seer(name: str, longest: float, x: float, row: float) -> Finding:
         wave, level, span, expected = situation(x, row)
-        start = (0.0, 1.0) if wave else (1.0,)
+        motion, start = _motion(wave, level), (0.0, 1.0) if wave else (1.0,)
         return attempt(
-            lambda: SEERS[name](_motion(wave, level), span, start, RTOL, longest),
-            lambda zeros: _judged(len(zeros), expected, False),
+            SEERS[name], lambda zeros: _judged(len(zeros), expected, False), motion, span, start, RTOL, longest
         )
 
-    return trial
-
-
-def _methods(situation: Any) -> dict[str, Any]:
-    methods = {
-        "event-driven": _own_trial(situation),
-        "event-driven, 8(5,3) pair": _own_trial(situation, method="rk"),
-    }
+    methods = {"event-driven": ours, "event-driven, 8(5,3) pair": functools.partial(ours, method="rk")}
     for name in SEERS:
-        methods[name] = _seer_trial(name, CAREFUL, situation)
-        methods[f"{name}, steps unbounded"] = _seer_trial(name, math.inf, situation)
+        methods[name] = functools.partial(seer, name, CAREFUL)
+        methods[f"{name}, steps unbounded"] = functools.partial(seer, name, math.inf)
     return methods
 
 

@@ -19,19 +19,20 @@ import numpy as np
 from .failures import Collapsed, Stalled
 
 SCIPY = ("RK45", "DOP853", "Radau", "BDF", "LSODA")
-MOST = 100_000  # evaluations of a right-hand side through Python
+MOST = 100_000  # evaluations of a right-hand side through Python, and steps of heyoka
+STEPS = 30_000  # of compiled peers
 
 
 def counted(rates: Callable[..., Any], most: int) -> Callable[..., Any]:
-    """The same function for `most` calls."""
+    """rates(t, x) for `most` calls; compiled functions take an x that is contiguous and not read-only, a copy."""
     calls = 0
 
-    def bounded(*arguments: Any) -> Any:
+    def bounded(t: float, x: np.ndarray) -> Any:
         nonlocal calls
         calls += 1
         if calls > most:
             raise Stalled
-        return rates(*arguments)
+        return rates(t, np.array(x))
 
     return bounded
 
@@ -61,7 +62,7 @@ def cvode(
     bounded = counted(rates, most)
 
     def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
-        out[:] = bounded(t, np.array(x))
+        out[:] = bounded(t, x)
 
     with quiet():
         run = CVODE(fill, rtol=rtol, atol=atol, max_num_steps=most).solve(np.array(span), np.array(x0, float))
@@ -86,17 +87,8 @@ def _address(rates: Any, n: int, count: int) -> tuple[Any, Any]:
     return f, f.address
 
 
-def compiled_peer(
-    name: str,
-    rates: Any,
-    span: tuple[float, float],
-    x0: Any,
-    p: Any,
-    rtol: float,
-    atol: float,
-    most: int = MOST,
-) -> np.ndarray:
-    """State at the end of a `fixed.compiled` right-hand side, by numbalsoda's "lsoda" or "dop853"."""
+def compiled_peer(name: str, rates: Any, span: tuple[float, float], x0: Any, p: Any, rtol: float) -> np.ndarray:
+    """State at the end of a `fixed.compiled` right-hand side, by numbalsoda's "lsoda" or "dop853"; atol = rtol."""
     # Fortran keeps what it prints until the process ends, past `quiet`, unless its library is loaded unbuffered.
     os.environ.setdefault("GFORTRAN_UNBUFFERED_ALL", "1")
     import numbalsoda
@@ -105,16 +97,14 @@ def compiled_peer(
     data = np.array([*p, span[0]], float)
     with quiet():
         x, success = getattr(numbalsoda, name)(
-            address, np.array(x0, float), np.array([0.0, span[1] - span[0]]), data, rtol, atol, most
+            address, np.array(x0, float), np.array([0.0, span[1] - span[0]]), data, rtol, rtol, STEPS
         )
     if not success:
         raise Stalled
     return x[-1]
 
 
-def heyoka_taylor(
-    equations: Any, p: Any, span: tuple[float, float], x0: Any, rtol: float, most: int = MOST
-) -> Any:
+def heyoka_taylor(equations: Any, p: Any, span: tuple[float, float], x0: Any, rtol: float) -> Any:
     """State at the end by heyoka's adaptive Taylor method, as its users call it.
 
     `equations(hy)`, hashable, is its system of (variable, expression), with parameters hy.par[i].
@@ -123,7 +113,7 @@ def heyoka_taylor(
     stepper.time = span[0]
     stepper.state[:] = x0
     stepper.pars[:] = p
-    outcome = stepper.propagate_until(span[1], max_steps=most)[0]
+    outcome = stepper.propagate_until(span[1], max_steps=MOST)[0]
     import heyoka
 
     if outcome == heyoka.taylor_outcome.step_limit:

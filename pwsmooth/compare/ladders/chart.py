@@ -60,23 +60,22 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
     left.text(ladder.tolerance, len(ladder.steps) - 0.55, "tolerance ", ha="right", va="top", fontsize=7,
               color=COLOUR["mark"])  # fmt: skip
     names = [s.name for s in ladder.steps]
-    left.set_yticks(range(len(names)), names)
-    right.set_yticks(range(len(names)), [""] * len(names))
-    right.set_ylim(-0.6, len(names) - 0.4)
+    for ax, labels in ((left, names), (right, [""] * len(names))):
+        ax.set_yticks(range(len(names)), labels)
+        ax.set(xscale="log", ylim=(-0.6, len(names) - 0.4))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.grid(axis="y", linewidth=0.4, color=LINEAR_SHADE)
     for label in left.get_yticklabels():
         label.set_fontweight("bold" if label.get_text() == ladder.recommended else "normal")
-    left.set_ylim(-0.6, len(names) - 0.4)
-    for ax in (left, right):
-        ax.set_xscale("log")
-        ax.xaxis.set_minor_formatter(NullFormatter())
-    left.set_xlim(low, high)
-    costs = np.log10([s.seconds * 1e3 for s in ladder.steps if s.seconds > 0] or [1.0])
-    right.set_xlim(10 ** (np.floor(costs.min()) - 0.1), 10 ** (np.ceil(costs.max()) + 0.1))
-    right.grid(axis="y", linewidth=0.4, color=LINEAR_SHADE)
-    left.grid(axis="y", linewidth=0.4, color=LINEAR_SHADE)
     right.tick_params(axis="y", length=0)
+    costs = np.log10([s.seconds * 1e3 for s in ladder.steps if s.seconds > 0] or [1.0])
     unit = f" ({ladder.observable.unit})" if ladder.observable.unit != "1" else ""
-    left.set_xlabel(f"distance from the richest rung{unit}")
-    right.set_xlabel("processor time of a run (ms)")
-    left.set_title(f"{ladder.title}: {ladder.observable.name}")
+    left.set(
+        xlim=(low, high), xlabel=f"distance from the richest rung{unit}",
+        title=f"{ladder.title}: {ladder.observable.name}",
+    )  # fmt: skip
+    right.set(
+        xlim=(10 ** (np.floor(costs.min()) - 0.1), 10 ** (np.ceil(costs.max()) + 0.1)),
+        xlabel="processor time of a run (ms)",
+    )
     return np.array([left, right])

@@ -117,8 +117,10 @@ class _Climb:
     def step(self, rung: Rung) -> tuple[Step, Any]:
         """The rung's Step, and its motion (None if it failed)."""
         model = rung.scene()
-        if not isinstance(model, Scene):
-            return self._closed(rung, model), model
+        if not isinstance(model, Scene):  # in closed form
+            value = self._measured(model, 2)
+            error = _gap(value, self._measured(model, 1))
+            return Step(rung.name, rung.matched, value, error, 0.0, 0.0, 0), model
         count = 1 if rung.noise is None else (self.samples or rung.samples)
         try:
             coarse: list[Any] = []
@@ -131,7 +133,8 @@ class _Climb:
                 fine.append(self._measured(motion, 2))
                 first = first or motion
         except _Failed as reason:
-            return self._failed(rung, str(reason)), None
+            nan = math.nan
+            return Step(rung.name, rung.matched, np.array(nan), nan, nan, nan, 0, failure=str(reason)), None
         value = np.mean(fine, axis=0)
         error = _gap(value, np.mean(coarse, axis=0))
         spread = 0.0
@@ -143,14 +146,6 @@ class _Climb:
         return Step(
             rung.name, rung.matched, value, error, spread, self._seconds(model, rung), first.cost.get("steps", 0),
         ), first  # fmt: skip
-
-    def _closed(self, rung, motion):
-        value, coarse = self._measured(motion, 2), self._measured(motion, 1)
-        return Step(rung.name, rung.matched, value, _gap(value, coarse), 0.0, 0.0, 0)
-
-    def _failed(self, rung, reason):
-        nan = math.nan
-        return Step(rung.name, rung.matched, np.array(nan), nan, nan, nan, 0, failure=reason)
 
     def _solve(self, scene, looser, noise):
         atol = [looser * scene.atol.get(str(s), ATOL) for s in scene.system.states]

@@ -13,8 +13,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,24 +22,22 @@ from ...laws import contact as laws
 from ...scenes import Scene, falling_ball, free_impact
 from ...scenes.impact import apexes
 from .observables import end_value, peak
-from .rungs import Observable, Rung, Setting
+from .rungs import Observable, Rung, Setting, top_rung
 
-ORDER = ("RigidImpact", "HertzImpact", "LinearResidual", "ResidualIndentation")
-NAMES = {
+NAMES = {  # poorest first
     "RigidImpact": "rigid impact",
     "HertzImpact": "Hertz with damping",
     "LinearResidual": "linear with residual",
     "ResidualIndentation": "nonlinear with residual",
 }
+ORDER = tuple(NAMES)
 
 
-@dataclass(frozen=True)
-class Impact:
-    """A free impact: restitution, largest indentation (m), duration (s)."""
+class Impact(NamedTuple):
+    """A free impact: restitution, and largest indentation (m)."""
 
     restitution: float
     depth: float
-    duration: float
 
 
 @functools.lru_cache(maxsize=64)
@@ -54,13 +51,13 @@ def first_impact(law: Law, speed: float, mass: float) -> Impact:
     span = 20 * laws.contact_duration(values["K"], float(values.get("n", 1)), mass, speed)
     scene = free_impact(law, speed=speed, m=mass, approach=span * speed / 100, t_span=(0.0, span))
     run = scene.solve(dense_output=True)
-    on, off = run.event_times("reset", "touch-down"), run.event_times("reset", "lift-off")
-    if not (run.success and len(on) and len(off)):
+    contact = _contact_span(run)
+    if not (run.success and contact):
         raise ValueError(
             f"`richest` holds on to a mass that meets it at {speed:g} m/s; give a law that lets it go."
         )
-    depth = float(peak("", "p", "").measure(run, (on[0], off[0]), 4001))
-    return Impact(-float(run["v"][-1]) / speed, depth, float(off[0] - on[0]))
+    depth = float(peak("", "p", "").measure(run, contact, 4001))
+    return Impact(-float(run["v"][-1]) / speed, depth)
 
 
 def contact_rungs(richest: Law, build: Callable[[Law], Scene], speed: float, mass: float) -> list[Rung]:
@@ -168,8 +165,7 @@ def contact_setting(
     >>> wall.richest.name, wall.observable("speed").unit
     ('linear with residual', 'm/s')
     """
-    kind = type(richest).__name__
-    top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")
+    top = top_rung(NAMES, richest, build)
     return Setting(name, title, top, lambda motion: contact_rungs(richest, build, speed, mass), tuple(observables),
                    window, points)  # fmt: skip
 
@@ -177,11 +173,17 @@ def contact_setting(
 # ---- observables of contacts ----------------------------------------------------------------------
 
 
+def _contact_span(run: Any) -> tuple[float, float] | None:
+    """From the first touch-down to the first lift-off; None if one of them does not occur."""
+    on, off = run.event_times("reset", "touch-down"), run.event_times("reset", "lift-off")
+    return (on[0], off[0]) if len(on) and len(off) else None
+
+
 def _duration(motion: Any, window, points) -> float:
     if len(motion.event_times("impact")):
         return 0.0
-    on, off = motion.event_times("reset", "touch-down"), motion.event_times("reset", "lift-off")
-    return float(off[0] - on[0]) if len(on) and len(off) else math.nan
+    span = _contact_span(motion)
+    return float(span[1] - span[0]) if span else math.nan
 
 
 def forces(observable: Observable) -> Observable:

@@ -13,18 +13,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
 from ...laws import Law
 from ...laws import friction as laws
 from ...scenes import Scene
-from .rungs import Observable, Rung, Setting
+from .rungs import Observable, Rung, Setting, top_rung
 
-ORDER = ("Coulomb", "StaticKinetic", "StribeckFriction", "Dahl", "LuGre", "Elastoplastic", "XKY", "MaxwellSlip", "GMS",
-         "MultistateXKY")  # fmt: skip
-NAMES = {
+NAMES = {  # poorest first
     "Coulomb": "Coulomb",
     "StaticKinetic": "static + kinetic",
     "StribeckFriction": "Stribeck curve",
@@ -36,69 +33,59 @@ NAMES = {
     "GMS": "GMS",
     "MultistateXKY": "multistate XKY",
 }
+ORDER = tuple(NAMES)
 
 
 class _Richest:
     """What poorer laws take from the richest one."""
 
     def __init__(self, law: Law, speed: float) -> None:
-        self.law, self.speed = law, speed
+        def each(value):
+            return np.broadcast_to(np.atleast_1d(value), (law.elements,)).astype(float)
+
         values = law.values
         self.level = abs(float(law.steady_force(speed)))
+        self.typical = f"the steady force at the slip speed {speed:.3g}"
         self.F_c, self.v_s = values.get("F_c", self.level), values.get("v_s")
         self.F_s = values.get("F_s", max(self.level, self.F_c))
-        self.sigma2 = values.get("sigma2", 0.0)
-        n = law.elements
-        kappa = values.get("kappa", values.get("sigma0"))
-        self.kappa = None if kappa is None else np.broadcast_to(np.atleast_1d(kappa), (n,))
-        sigma = values.get("sigma", values.get("sigma1", 0.0))
-        self.sigma = np.broadcast_to(np.atleast_1d(sigma), (n,))
-        self.share = np.broadcast_to(np.atleast_1d(values.get("share", 1.0)), (n,))
+        self.curve = dict(F_c=self.F_c, F_s=self.F_s, v_s=self.v_s, sigma2=values.get("sigma2", 0.0))
         self.tau_d = values.get("tau_d")
-
-    @property
-    def stiffness(self):
-        return float(np.sum(np.asarray(self.kappa, float)))
-
-    @property
-    def damping(self):
-        return float(self.sigma.sum())
+        kappa = values.get("kappa", values.get("sigma0"))
+        self.kappa = self.stiffness = None
+        if kappa is not None:
+            self.kappa = each(kappa)
+            self.stiffness = float(self.kappa.sum())
+        self.sigma = each(values.get("sigma", values.get("sigma1", 0.0)))
+        self.damping = float(self.sigma.sum())
+        self.share = each(values.get("share", 1.0))
 
 
 def _each(values):
-    return tuple(float(x) for x in values)
-
-
-def _typical(r):
-    return f"the steady force at the slip speed {r.speed:.3g}"
+    return tuple(values.tolist())
 
 
 def _Coulomb(r):
-    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, {_typical(r)}"
+    return laws.Coulomb(F_c=r.level), f"level F_c = {r.level:.5g}, {r.typical}"
 
 
 def _StaticKinetic(r):
     return laws.StaticKinetic(F_c=r.level, F_s=r.F_s), (
-        f"kinetic level {r.level:.5g}, {_typical(r)}; static level {r.F_s:.5g}, that at rest"
+        f"kinetic level {r.level:.5g}, {r.typical}; static level {r.F_s:.5g}, that at rest"
     )
 
 
 def _StribeckFriction(r):
-    return laws.StribeckFriction(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), "the whole steady curve"
+    return laws.StribeckFriction(**r.curve), "the whole steady curve"
 
 
 def _Dahl(r):
     return laws.Dahl(sigma0=r.stiffness, F_c=r.level), (
-        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, {_typical(r)}"
+        f"stiffness {r.stiffness:.5g} of the virgin curve at 0; level {r.level:.5g}, {r.typical}"
     )
 
 
-def _bristle(r):
-    return dict(sigma0=r.stiffness, sigma1=r.damping, sigma2=r.sigma2, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s)
-
-
 def _LuGre(r):
-    return laws.LuGre(**_bristle(r)), (
+    return laws.LuGre(sigma0=r.stiffness, sigma1=r.damping, **r.curve), (
         f"the whole steady curve; stiffness {r.stiffness:.5g} of the virgin curve at 0; damping {r.damping:.5g}, the "
         "sum of the elements'"
     )
@@ -108,28 +95,27 @@ def _Elastoplastic(r):
     # Where the first element yields at the level F_s, kept below the bound F_c/stiffness of the law.
     first = float(np.min(r.share * r.F_s / r.kappa))
     z_ba = min(first, 0.999 * r.F_c / r.stiffness)
-    return laws.Elastoplastic(**_bristle(r), z_ba=z_ba), (
+    return laws.Elastoplastic(sigma0=r.stiffness, sigma1=r.damping, z_ba=z_ba, **r.curve), (
         f"as LuGre; elastic up to {z_ba:.3g}, where the first element yields"
     )
 
 
 def _XKY(r):
-    return laws.XKY(kappa=r.stiffness, sigma=r.damping, F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, sigma2=r.sigma2), (
+    return laws.XKY(kappa=r.stiffness, sigma=r.damping, **r.curve), (
         f"the whole steady curve; stiffness {r.stiffness:.5g} and damping {r.damping:.5g}, the sums of the elements'"
     )
 
 
 def _MaxwellSlip(r):
     return laws.MaxwellSlip(kappa=_each(r.kappa), strength=_each(r.share * r.level)), (
-        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, {_typical(r)}"
+        f"the elements' stiffnesses; strengths their shares of {r.level:.5g}, {r.typical}"
     )
 
 
 def _GMS(r):
-    return laws.GMS(F_c=r.F_c, F_s=r.F_s, v_s=r.v_s, C=r.F_c / r.tau_d, kappa=_each(r.kappa), share=_each(r.share),
-                    sigma=_each(r.sigma), sigma2=r.sigma2), (
-        f"all parameters; C = F_c/tau_d = {r.F_c / r.tau_d:.4g}"
-    )  # fmt: skip
+    C = r.F_c / r.tau_d
+    law = laws.GMS(C=C, kappa=_each(r.kappa), share=_each(r.share), sigma=_each(r.sigma), **r.curve)
+    return law, f"all parameters; C = F_c/tau_d = {C:.4g}"
 
 
 # What a law needs of the richest one, besides a steady curve.
@@ -198,11 +184,6 @@ def friction_rungs(richest: Law, build: Callable[[Law], Scene], speed: float) ->
     return rungs
 
 
-def rms_speed(motion: Any, window: tuple[float, float], points: int, name: str = "v") -> float:
-    """Root of the mean square of a velocity."""
-    return float(np.sqrt(np.mean(motion(np.linspace(*window, points), name) ** 2)))
-
-
 def friction_setting(
     name: str, title: str, richest: Law, build: Callable[[Law], Scene], observables: Sequence[Observable],
     *, window: tuple[float, float], velocity: str = "v", points: int = 8001,
@@ -243,8 +224,8 @@ def friction_setting(
     """
 
     def coarser(motion):
-        return friction_rungs(richest, build, rms_speed(motion, window, points, velocity))
+        speeds = motion(np.linspace(*window, points), velocity)
+        return friction_rungs(richest, build, float(np.sqrt(np.mean(speeds**2))))
 
-    kind = type(richest).__name__
-    top = Rung(NAMES.get(kind, kind), lambda: build(richest), "the richest law's own")
+    top = top_rung(NAMES, richest, build)
     return Setting(name, title, top, coarser, tuple(observables), window, points)

@@ -20,15 +20,11 @@ from .rungs import Rung, Setting
 CLEARANCE, C_R, RPM = 5e-4, 0.9, 200.0
 
 
-class _Ideal:
+def _ideal(t: Any, name: Any = None) -> np.ndarray:
     """The ideal mechanism as a Motion."""
-
-    def __init__(self) -> None:
-        self.mechanism = IdealSliderCrank(rpm=RPM)
-
-    def __call__(self, t: Any, name: Any = None) -> np.ndarray:
-        of = {"x": "position"}.get(str(name), str(name))
-        return getattr(self.mechanism, of)(self.mechanism.omega * np.asarray(t, float))
+    mechanism = IdealSliderCrank(rpm=RPM)
+    of = getattr(mechanism, "position" if str(name) == "x" else str(name))
+    return of(mechanism.omega * np.asarray(t, float))
 
 
 def crank() -> Setting:
@@ -39,7 +35,7 @@ def crank() -> Setting:
 
     e = effective_restitution("wang-liu-ma", C_R)
     rungs = (
-        Rung("ideal", _Ideal, "no clearance; in closed form"),
+        Rung("ideal", lambda: _ideal, "no clearance; in closed form"),
         Rung("rigid clearance", lambda: build(RigidImpact(e=e)),
              f"e = {e:.4f}, the restitution of the damping factor at c_r = {C_R:g}; no friction"),
         Rung("elastic clearance", build, "the contact law of the richest; no friction"),

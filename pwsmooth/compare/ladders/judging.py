@@ -1,6 +1,5 @@
 """One rung, measured and judged, and which one is recommended.
 
-The recommendation is the cheapest rung that is surely within the tolerance; of rungs that cost the same the poorer one.
 Times within a quarter are the same, and within a millisecond if the poorer rung takes no more steps.
 Chain: **this file** -> result.py.
 """

@@ -9,12 +9,13 @@ Chain: scenes -> **rungs** -> friction.py, contact.py, ... -> climbing.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from ...laws import Law
 from ...scenes import Scene
 
 __all__ = ["Motion", "Observable", "Rung", "Setting"]
@@ -73,6 +74,12 @@ class Rung:
     matched: str
     noise: Callable[[int], Any] | None = None
     samples: int = 1
+
+
+def top_rung(names: Mapping[str, str], richest: Law, build: Callable[[Law], Scene]) -> Rung:
+    """The rung of the richest law, by its name in `names` if it has one there."""
+    kind = type(richest).__name__
+    return Rung(names.get(kind, kind), lambda: build(richest), "the richest law's own")
 
 
 @dataclass(frozen=True)

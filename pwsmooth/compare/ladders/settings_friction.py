@@ -75,33 +75,26 @@ def presliding() -> Setting:
     def build(law):
         return prescribed_motion(law, position=place, t_span=(0.0, 4.0), period=1.0, work=True)
 
-    def loss(motion, window, points):
-        return float(motion(window[1], "work") - motion(window[0], "work"))
+    def loss(begin, end):
+        """Work from begin to end, from the start of the window."""
 
-    def loss_of_small(motion, window, points):
-        begin, end = _small_loop()
-        return float(motion(window[0] + end, "work") - motion(window[0] + begin, "work"))
+        def measure(motion, window, points):
+            return float(motion(window[0] + end, "work") - motion(window[0] + begin, "work"))
 
+        return measure
+
+    # The small loop begins at a maximum and ends where that place is reached again: with s = 2 pi t,
+    # x' = cos s (6 cos^2 s - 7/2) vanishes at cos^2 s = 7/12 and at s = pi/2, between the two equal maxima.
+    s = math.acos(math.sqrt(7 / 12))
+    small = loss(s / (2 * math.pi), 0.5 - s / (2 * math.pi))
     observables = (
-        Observable("loss", "µN m", "work of friction in one cycle", loss),
-        Observable(
-            "loss of the small loop", "µN m", "work from leaving the large loop to being back", loss_of_small
-        ),
+        Observable("loss", "µN m", "work of friction in one cycle", loss(0.0, 1.0)),
+        Observable("loss of the small loop", "µN m", "work from leaving the large loop to being back", small),
         peak("top force", "force", "N"),
         curve("force", "force", "N"),
     )
     return friction_setting("presliding", "presliding rig, a small loop in a large one", MultistateXKY(), build,
                             observables, window=(3.0, 4.0), velocity="velocity")  # fmt: skip
-
-
-def _small_loop() -> tuple[float, float]:
-    """Instants within the cycle at which the small loop begins (a maximum) and at which that place is reached again.
-
-    x = sin s + sin(3 s)/2, s = 2 pi t: x' = cos s (6 cos^2 s - 7/2) vanishes at cos^2 s = 7/12 and at s = pi/2, between
-    the two equal maxima; the second one is where the first one's place comes back.
-    """
-    s = math.acos(math.sqrt(7 / 12))
-    return s / (2 * math.pi), 0.5 - s / (2 * math.pi)
 
 
 def drift() -> Setting:

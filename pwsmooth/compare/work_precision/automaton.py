@@ -66,7 +66,8 @@ def automaton(functions: Plain) -> Automaton:
     rates, residuals, walls = functions.rates, functions.residuals, functions.walls
     impacts, whens, updates = functions.impacts, functions.whens, functions.updates
     slide = any(not contact and not kink for contact, kink in zip(functions.contacts, functions.kinks))
-    gradients = functions.gradients if slide else residuals  # without a switch that slides nobody calls it
+    # Without a switch that slides nobody calls it.
+    gradients = functions.derivatives("gradients") if slide else residuals
     n_contacts = max(1, int(contacts.sum()))
     eliminate = elimination()
 

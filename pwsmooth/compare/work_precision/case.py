@@ -54,11 +54,11 @@ class Reference:
     """
 
     ends: tuple[float, ...]
-    states: np.ndarray  # (number of ends, n)
+    states: np.ndarray
     times: np.ndarray
     kinds: tuple[str, ...]
     source: str
-    uncertainty: float  # of states and times
+    uncertainty: float
 
 
 @dataclass(frozen=True)

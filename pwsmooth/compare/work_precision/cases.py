@@ -5,6 +5,7 @@ Chain: scenes, laws, case.py -> **this file** -> measuring.py, hazards.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
 
@@ -37,13 +38,8 @@ def relay_control() -> System:
     return System({x1: x2, x2: sp.sin(3 * t) / 2 - 2 * relay}, time=t)
 
 
-def _relay_state(reached: tuple[float, float]) -> Callable[[float], tuple[float, ...]]:
-    start, position = reached
-    return lambda time: (position * math.exp(start - time), -position * math.exp(start - time))
-
-
-def _reaching() -> tuple[float, float]:
-    """Time and position at which the relay's surface is reached from (1, 0), where x2' = sin(3 t)/2 - 2."""
+def _relay_state() -> Callable[[float], tuple[float, ...]]:
+    """On the surface, from where it is reached from (1, 0), under x2' = sin(3 t)/2 - 2."""
 
     def state(s):
         speed = -2 * s + (1 - math.cos(3 * s)) / 6
@@ -53,7 +49,8 @@ def _reaching() -> tuple[float, float]:
     for _ in range(50):
         position, speed = state(s)
         s -= (position + speed) / (speed + math.sin(3 * s) / 2 - 2)
-    return s, state(s)[0]
+    reached = state(s)[0]
+    return lambda time: (reached * math.exp(s - time), -reached * math.exp(s - time))
 
 
 def belt(speed: float = 0.5) -> System:
@@ -120,13 +117,10 @@ class _Cases(Mapping[str, Case]):
     """The built-in cases, each made when it is first asked for."""
 
     def __init__(self, makers: dict[str, Callable[[], Case]]) -> None:
-        self._makers = makers
-        self._made: dict[str, Case] = {}
+        self._makers = {name: functools.cache(maker) for name, maker in makers.items()}
 
     def __getitem__(self, name: str) -> Case:
-        if name not in self._made:
-            self._made[name] = self._makers[name]()
-        return self._made[name]
+        return self._makers[name]()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._makers)
@@ -149,7 +143,7 @@ CASES = _Cases({
     ),
     "relay": lambda: Case(
         "relay", "relay control, long sliding", relay_control(), (1.0, 0.0), 4.0, (1, 1), 0.1,
-        exact=_relay_state(_reaching()),
+        exact=_relay_state(),
     ),
     "belt": lambda: Case("belt", "block on a belt, Stribeck friction", belt(), (0.0, 0.2), 40.0, (1, 1), 0.1),
     "chain": lambda: Case(

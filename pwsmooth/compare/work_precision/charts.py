@@ -82,7 +82,7 @@ def plot_work(
         counts[group] += 1
         if isinstance(line[0].setting, (list, tuple)):
             line = envelope(line, work)
-        colour = _colour(group)
+        colour = COLOUR["exact" if group == "event-driven" else group]
         x = [getattr(p, work) for p in line]
         y = [max(p.error, FLOOR) for p in line]
         ours = group == "event-driven"
@@ -97,11 +97,8 @@ def plot_work(
         if x:
             # Where a line turns back, its name stands beside it, not on it.
             ends.append((max(x) if x[-1] > 0.2 * max(x) else x[-1], y[-1], SHORT.get(name, name), colour))
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "processor time (s)" if work == "seconds" else "evaluations", "error of the state")
     axes.set_ylim(min(1e-15, axes.get_ylim()[0]), min(axes.get_ylim()[1], 1e1))
-    axes.set_xlabel("processor time (s)" if work == "seconds" else "evaluations")
-    axes.set_ylabel("error of the state")
     if label:
         _label(axes, ends)
     return axes
@@ -143,8 +140,8 @@ def envelope(line: Sequence[Point], work: str = "seconds") -> list[Point]:
     return best or [min(line, key=lambda p: p.error)]
 
 
-def _colour(group: str) -> str:
-    return COLOUR["exact" if group == "event-driven" else group]
+def _logarithmic(axes: Any, x: str, y: str) -> None:
+    axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
 
 
 def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
@@ -235,8 +232,7 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
             linewidth=2.2 if name == "event-driven" else 0.9, label=name.removeprefix("event-driven, ") or name,
             zorder=2 if name == "event-driven" else 3,
         )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "processor time (ms)", "error of the state")
     # Plain numbers: at 1, 2, 5 where a panel spans a decade or so, else at equal distances; powers of ten at every
     # minor tick do not fit.
     left, right = axes.get_xlim()
@@ -246,8 +242,6 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     if narrow:
         axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("processor time (ms)")
-    axes.set_ylabel("error of the state")
     return axes
 
 
@@ -318,11 +312,8 @@ def plot_widths(
                 y.append(cheapest.setting[0] if what == "eps" or not least else cheapest.seconds / least)
         title = CASES[case].title if case in CASES else case
         axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=title)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "error asked for", "cheapest ε" if what == "eps" else "time / event-driven time")
     axes.invert_xaxis()
-    axes.set_xlabel("error asked for")
-    axes.set_ylabel("cheapest ε" if what == "eps" else "time / event-driven time")
     if what != "eps":
         axes.axhline(1, color=COLOUR["mark"], linewidth=0.6)
     return axes

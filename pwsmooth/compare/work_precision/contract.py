@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from .case import Case
+from .plain import happenings
 
 
 class CannotDo(Exception):
@@ -65,6 +66,14 @@ class Run:
             Time and kind of each; None for a method that knows no events.
         """
         return self.events() if callable(self.events) else self.events
+
+
+def without_jumps(case: Case, impacts: str, events: str) -> None:
+    """CannotDo with these words where a case has impacts, or events that change its state."""
+    if case.restitution is not None:
+        raise CannotDo(impacts)
+    if happenings(case.system.model):
+        raise CannotDo(events)
 
 
 MOST = 50_000  # evaluations of a right-hand side through Python

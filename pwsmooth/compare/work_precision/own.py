@@ -5,7 +5,6 @@ Chain: contract.py -> **this file** -> methods.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,71 +12,53 @@ import numpy as np
 from ...paths.stiff_events import switched_by_events
 from ...solve import solve
 from .case import Case, basic
-from .contract import CannotDo, Run, Runner
+from .contract import CannotDo, Run, Runner, without_jumps
 from .plain import plain
 
 
-def _solved(system: Any, case: Case, **options: Any) -> Callable[[float], Any]:
-    def run(t_end: float) -> Any:
-        solution = solve(system, (0.0, t_end), case.start, **options)
-        if not solution.success:
-            raise RuntimeError(solution.message)
-        return solution
+def _solved(system: Any, case: Case, t_end: float, **options: Any) -> Any:
+    solution = solve(system, (0.0, t_end), case.start, **options)
+    if not solution.success:
+        raise RuntimeError(solution.message)
+    return solution
+
+
+def event_driven(case: Case, rtol: float, **options: Any) -> Runner:
+    """This package's event-driven path as a user calls it."""
+    method = options.get("method")
+    if method == "stiff":
+        try:
+            switched_by_events(case.system.model)
+        except ValueError as error:
+            raise CannotDo("stiff steps know no switch that can slide, and no contact") from error
+    options |= case.tolerances(rtol)
+
+    def run(t_end: float) -> Run:
+        solution = _solved(case.system, case, t_end, **options)
+        work = solution.cost.get("f_evals")
+        if work is None:
+            order = 11 if method == "rk" else solution.tolerances["order"]
+            work = (order + 1) * solution.cost["jets"]
+        return Run(solution.x[:, -1], lambda: [(e.time, basic(e.kind)) for e in solution.events], work)
 
     return run
 
 
-def event_driven(**options: Any) -> Callable[[Case, float], Runner]:
-    """This package's event-driven path as a user calls it."""
-
-    def runner(case: Case, rtol: float) -> Runner:
-        if options.get("method") == "stiff":
-            try:
-                switched_by_events(case.system.model)
-            except ValueError as error:
-                raise CannotDo("stiff steps know no switch that can slide, and no contact") from error
-        solved = _solved(case.system, case, **case.tolerances(rtol), **options)
-
-        def run(t_end: float) -> Run:
-            solution = solved(t_end)
-
-            def log():
-                return [(event.time, basic(event.kind)) for event in solution.events]
-
-            if "f_evals" in solution.cost:
-                return Run(solution.x[:, -1], log, solution.cost["f_evals"])
-            order = 11 if options.get("method") == "rk" else solution.tolerances["order"]
-            return Run(solution.x[:, -1], log, (order + 1) * solution.cost["jets"])
-
-        return run
-
-    return runner
-
-
-def smoothed(sigmoid: str = "algebraic") -> Callable[[Case, tuple[float, float]], Runner]:
+def smoothed(case: Case, setting: tuple[float, float], sigmoid: str = "algebraic") -> Runner:
     """This package's smoothed path; eps is an accuracy knob of its own."""
+    eps, rtol = setting
+    without_jumps(case, "an impact has no smoothed form", "events that change the state are not smoothed")
+    view, functions, tolerances = case.system.smoothed(eps, sigmoid), plain(case.system), case.tolerances(rtol)
 
-    def runner(case: Case, setting: tuple[float, float]) -> Runner:
-        eps, rtol = setting
-        if case.restitution is not None:
-            raise CannotDo("an impact has no smoothed form")
-        if any(not event.singular for event in case.system.model.events):
-            raise CannotDo("events that change the state are not smoothed")
-        view = case.system.smoothed(eps, sigmoid)
-        solved = _solved(view, case, **case.tolerances(rtol))
-        functions = plain(case.system)
+    def run(t_end: float) -> Run:
+        solution = _solved(view, case, t_end, **tolerances)
+        return Run(
+            solution.x[:, -1],
+            lambda: inside_layers(functions, solution.t, solution.x, eps),
+            int(solution.cost.get("f_evals", 0)),
+        )
 
-        def run(t_end: float) -> Run:
-            solution = solved(t_end)
-            return Run(
-                solution.x[:, -1],
-                lambda: inside_layers(functions, solution.t, solution.x, eps),
-                int(solution.cost.get("f_evals", 0)),
-            )
-
-        return run
-
-    return runner
+    return run
 
 
 def inside_layers(functions: Any, t: np.ndarray, x: np.ndarray, eps: float) -> list[tuple[float, str]]:

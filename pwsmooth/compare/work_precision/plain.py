@@ -14,6 +14,7 @@ Chain: Model -> **this file** -> automaton.py, timestepping.py, peers.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -46,17 +47,8 @@ class Plain:
     whens: Callable[..., None]
     updates: Callable[..., None]  # (t, x, lam, out (n_events, n))
     matters: Callable[[tuple[int, ...]], tuple[bool, ...]]  # sides -> which multipliers the rates depend on
-    late: Callable[[str], Callable[..., None]]  # derivatives, whose expressions grow fast: made when wanted
-
-    @functools.cached_property
-    def jacobian(self) -> Callable[..., None]:
-        """(t, x, lam, out (n, n)): d rates/dx"""
-        return self.late("jacobian")
-
-    @functools.cached_property
-    def gradients(self) -> Callable[..., None]:
-        """(t, x, lam, out (m, n)): dh/dx"""
-        return self.late("gradients")
+    # "jacobian", d rates/dx (n, n), or "gradients", dh/dx (m, n): their expressions grow fast, so made when wanted
+    derivatives: Callable[[str], Callable[..., None]]
 
 
 def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
@@ -72,6 +64,26 @@ def plain(system: Any, varied: tuple[str, ...] = ()) -> Plain:
         raise ValueError(f"`varied` names {unknown[0]!r}; the parameters are {', '.join(names) or 'none'}.")
     values = (None if name in varied else float(v) for name, v in zip(names, system.parameter_values))
     return _compiled(model, tuple(values))
+
+
+def happenings(model: Model) -> list[Any]:
+    """Events of the model; singular arguments, which this package alone watches, change nothing."""
+    return [event for event in model.events if not event.singular]
+
+
+def all_rates(model: Model) -> list[sp.Expr]:
+    """dx/dt of all states, memories included."""
+    return [*model.rhs, *[sp.S.Zero] * (len(model.states) - len(model.rhs))]
+
+
+def numbers(system: Any) -> dict[sp.Symbol, sp.Float]:
+    """Parameters and their values."""
+    return dict(zip(system.model.parameters, map(sp.Float, map(float, system.parameter_values))))
+
+
+def affine(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
+    """A selection that is a for lam = 1 and b for lam = -1."""
+    return (a + b) / 2 + lam * (a - b) / 2
 
 
 def ordinary(e: sp.Expr) -> sp.Expr:
@@ -102,36 +114,33 @@ def real(e: sp.Expr) -> sp.Expr:
 def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
     from numba import njit
 
-    # Singular arguments are watched by this package alone: they change nothing, and plain functions give nan there.
-    happenings = [event for event in model.events if not event.singular]
-    if any(event.surface is None for event in happenings) or any(
-        mu.kind == "algebraic" for mu in model.multipliers
-    ):
+    happening = happenings(model)
+    if any(e.surface is None for e in happening) or any(mu.kind == "algebraic" for mu in model.multipliers):
         raise ValueError(
             "algebraic unknowns and events at given instants have no form as plain functions of (t, x)."
         )
     varied = [p for p, value in zip(model.parameters, values) if value is None]
     states = [*model.states, *varied]
     n, m = len(states), len(model.multipliers)
-    numbers = {p: sp.Float(value) for p, value in zip(model.parameters, values) if value is not None}
-    rhs = [*model.rhs, *[sp.S.Zero] * (n - len(model.rhs))]
+    fixed = {p: sp.Float(value) for p, value in zip(model.parameters, values) if value is not None}
+    rhs = [*all_rates(model), *[sp.S.Zero] * len(varied)]
     lams = [mu.symbol for mu in model.multipliers]
     surfaces = [mu.surface for mu in model.multipliers]
     # The multiplier of a kink is never solved for.
     residuals = [sp.S.Zero if mu.regularity == "kink" else mu.residual for mu in model.multipliers]
     impacts = [e for mu in model.multipliers if mu.impact for e in (*mu.impact, *varied)]
-    walls, events = _walls(happenings, surfaces, numbers)
-    whens = [sp.Piecewise((1, e.when.xreplace(numbers)), (0, True)) for e in happenings]
-    updates = [dict(e.update).get(i, x) for e in happenings for i, x in enumerate(states)]
+    walls, events = _walls(happening, surfaces, fixed)
+    whens = [sp.Piecewise((1, e.when.xreplace(fixed)), (0, True)) for e in happening]
+    updates = [dict(e.update).get(i, x) for e in happening for i, x in enumerate(states)]
 
     def function(name, expressions, shape):
-        text = _text(
-            name, [real(ordinary(e).xreplace(numbers)) for e in expressions], model.time, states, lams, shape
-        )
-        return njit(error_model="numpy")(_made(name, text))
+        plain_ones = [real(ordinary(e).xreplace(fixed)) for e in expressions]
+        space: dict[str, Any] = {"math": math, "broken": njit(_power)}
+        exec(_text(name, plain_ones, model.time, states, lams, shape), space)
+        return njit(error_model="numpy")(space[name])
 
     @functools.cache
-    def late(name):
+    def derivatives(name):
         of = {"jacobian": rhs, "gradients": surfaces}[name]
         return function(name, [e.diff(x) for e in of for x in states], (len(of), n))
 
@@ -166,15 +175,15 @@ def _compiled(model: Model, values: tuple[float | None, ...]) -> Plain:
         function("impacts", impacts, (max(1, len(impacts) // n), n)),
         bare,
         function("walls", walls, (len(walls),)), function("whens", whens, (len(whens),)),
-        function("updates", updates, (len(whens), n)), matters, late,
+        function("updates", updates, (len(whens), n)), matters, derivatives,
     )  # fmt: skip
 
 
-def _walls(happenings, surfaces, numbers):
+def _walls(happening, surfaces, fixed):
     """All surfaces, and of every event the wall on which it lies with the direction across it."""
     walls, events = list(surfaces), []
-    for event in happenings:
-        ratios = [sp.cancel((event.surface / wall).xreplace(numbers)) for wall in walls]
+    for event in happening:
+        ratios = [sp.cancel((event.surface / wall).xreplace(fixed)) for wall in walls]
         same = [k for k, ratio in enumerate(ratios) if ratio.is_number]
         if not same:
             walls.append(event.surface)
@@ -203,16 +212,6 @@ def _text(name, expressions, time, states, lams, shape):
 def _code(e):
     text = sp.pycode(e, fully_qualified_modules=True, user_functions={"broken": "broken"})
     return text.replace("math.copysign(1, ", "math.copysign(1.0, ")
-
-
-def _made(name, text):
-    import math
-
-    from numba import njit
-
-    space: dict[str, Any] = {"math": math, "broken": njit(_power)}
-    exec(text, space)
-    return space[name]
 
 
 def _power(base, exponent):

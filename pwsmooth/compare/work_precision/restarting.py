@@ -6,6 +6,8 @@ surfaces and, while sliding, on |lambda| = 1; at an event the fields on both sid
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .automaton import Strike, automaton, follow
@@ -18,15 +20,14 @@ def restarted(
     x0: np.ndarray,
     *,
     method: str = "DOP853",
-    rtol: float,
-    atol: float | np.ndarray,
-    max_step: float = np.inf,
     most: int = 100_000,
     most_evaluations: int = 10_000_000,
+    **options: Any,
 ) -> tuple[np.ndarray, list[tuple[float, str]], int]:
     """(state at the end, events as (time, kind), evaluations of the right-hand side).
 
-    RuntimeError where the integrator fails, or after more than `most` events or `most_evaluations`.
+    `options` are solve_ivp's: rtol, atol, max_step. RuntimeError where the integrator fails, or after more than `most`
+    events or `most_evaluations`.
     """
     from scipy.integrate import solve_ivp
 
@@ -52,16 +53,7 @@ def restarted(
             margin.terminal, margin.direction = True, -1.0  # type: ignore[attr-defined]
             return margin
 
-        run = solve_ivp(
-            rhs,
-            (t, end),
-            x,
-            method,
-            events=[event(k) for k in watched],
-            rtol=rtol,
-            atol=atol,
-            max_step=max_step,
-        )
+        run = solve_ivp(rhs, (t, end), x, method, events=[event(k) for k in watched], **options)
         if run.status < 0:
             raise RuntimeError(run.message)
         wall = None

@@ -6,14 +6,21 @@ Chain: contract.py, plain.py, automaton.py, peers -> **this file** -> methods.py
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from .case import Case
-from .contract import MANY, MOST, CannotDo, Run, Runner
+from .contract import MANY, MOST, CannotDo, Run, Runner, without_jumps
 from .plain import plain
 from .restarting import restarted
 from .timestepping import bouncing, stepper
+
+
+def _from_start(case: Case, solve: Callable[..., Any]) -> Runner:
+    """The runner of solve(t_end, x0) -> (state at the end, events, evaluations)."""
+    return lambda t_end: Run(*solve(t_end, np.array(case.start, float)))
 
 
 def bounded(rates: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
@@ -30,47 +37,30 @@ def bounded(rates: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
     return counted
 
 
-def event_ignoring(method: str) -> Callable[[Case, float], Runner]:
+def event_ignoring(method: str, case: Case, rtol: float) -> Runner:
     """SciPy on the right-hand side with its bare sign: what happens when nothing is said of the switch."""
+    reason = "no term of a right-hand side"
+    without_jumps(case, f"an impact is {reason}", f"events that change the state are {reason}")
+    from scipy.integrate import solve_ivp
 
-    def runner(case: Case, rtol: float) -> Runner:
-        if case.restitution is not None:
-            raise CannotDo("an impact is no term of a right-hand side")
-        if any(not event.singular for event in case.system.model.events):
-            raise CannotDo("events that change the state are no term of a right-hand side")
-        from scipy.integrate import solve_ivp
+    functions, tolerances = plain(case.system), case.tolerances(rtol)
 
-        functions = plain(case.system)
+    def solve(t_end: float, x0: np.ndarray) -> Any:
+        out = solve_ivp(bounded(functions.bare), (0.0, t_end), x0, method, **tolerances)
+        if not out.success:
+            raise RuntimeError(out.message)
+        return out.y[:, -1], None, int(out.nfev)
 
-        def run(t_end: float) -> Run:
-            out = solve_ivp(
-                bounded(functions.bare), (0.0, t_end), np.array(case.start), method, **case.tolerances(rtol)
-            )
-            if not out.success:
-                raise RuntimeError(out.message)
-            return Run(out.y[:, -1], None, int(out.nfev))
-
-        return run
-
-    return runner
+    return _from_start(case, solve)
 
 
-def restarting(method: str) -> Callable[[Case, float], Runner]:
+def restarting(method: str, case: Case, rtol: float) -> Runner:
     """SciPy with terminal events, restarted at each; its step is bounded, so that none is stepped over."""
-
-    def runner(case: Case, rtol: float) -> Runner:
-        functions = plain(case.system)
-
-        def run(t_end: float) -> Run:
-            x, log, work = restarted(
-                functions, (0.0, t_end), np.array(case.start), method=method, **case.tolerances(rtol),
-                max_step=case.longest, most=2000, most_evaluations=MOST,
-            )  # fmt: skip
-            return Run(x, log, work)
-
-        return run
-
-    return runner
+    functions = plain(case.system)
+    options = dict(
+        method=method, **case.tolerances(rtol), max_step=case.longest, most=2000, most_evaluations=MOST
+    )
+    return _from_start(case, lambda t_end, x0: restarted(functions, (0.0, t_end), x0, **options))
 
 
 def time_stepping(case: Case, share: float) -> Runner:
@@ -82,15 +72,14 @@ def time_stepping(case: Case, share: float) -> Runner:
         raise CannotDo("the baseline has no events besides switches and contacts")
     advance = (bouncing if any(functions.contacts) else stepper)(functions)
     last = case.restitution if case.restitution is not None else 0.5
+    read = impulses if case.restitution is not None else statuses
 
-    def run(t_end: float) -> Run:
+    def solve(t_end: float, x0: np.ndarray) -> Any:
         steps = max(2, int(np.ceil(t_end / (share * case.longest))))
-        x, lam, work = advance(0.0, t_end, np.array(case.start), steps, last)
-        times = np.linspace(0.0, t_end, steps + 1)
-        read = impulses if case.restitution is not None else statuses
-        return Run(x[-1], lambda: read(times, lam), work)
+        x, lam, work = advance(0.0, t_end, x0, steps, last)
+        return x[-1], lambda: read(np.linspace(0.0, t_end, steps + 1), lam), work
 
-    return run
+    return _from_start(case, solve)
 
 
 def statuses(t: np.ndarray, lam: np.ndarray) -> list[tuple[float, str]]:
@@ -121,20 +110,14 @@ def impulses(t: np.ndarray, force: np.ndarray) -> list[tuple[float, str]]:
 
 
 def _switches_only(case: Case) -> None:
-    if case.restitution is not None or any(not event.singular for event in case.system.model.events):
-        raise CannotDo("impacts and events are no term of a right-hand side")
+    without_jumps(case, *["impacts and events are no term of a right-hand side"] * 2)
 
 
 def heyoka_events(case: Case, rtol: float) -> Runner:
     """heyoka with terminal events."""
     from .peers.heyoka import integrators
 
-    integrator = integrators(case.system, plain(case.system), rtol)
-
-    def run(t_end: float) -> Run:
-        return Run(*integrator.run(t_end, np.array(case.start, float)))
-
-    return run
+    return _from_start(case, integrators(case.system, plain(case.system), rtol).run)
 
 
 def heyoka_smoothed(case: Case, setting: tuple[float, float]) -> Runner:
@@ -143,54 +126,24 @@ def heyoka_smoothed(case: Case, setting: tuple[float, float]) -> Runner:
     from .peers.heyoka import Smooth
 
     eps, rtol = setting
-    integrator = Smooth(case.system.smoothed(eps), rtol)
-
-    def run(t_end: float) -> Run:
-        x, work = integrator.run(t_end, np.array(case.start, float), MANY)
-        return Run(x, None, work)
-
-    return run
+    return _from_start(case, Smooth(case.system.smoothed(eps), rtol, MANY).run)
 
 
-def cvode_events(method: str) -> Callable[[Case, float], Runner]:
+def cvode_events(method: str, case: Case, rtol: float) -> Runner:
     """CVODE, restarted at the roots that it finds."""
+    from .peers.sundae import Cvode
 
-    def runner(case: Case, rtol: float) -> Runner:
-        from .peers.sundae import Cvode
-
-        integrator = Cvode(
-            plain(case.system), MOST, method=method, max_step=case.longest, **case.tolerances(rtol)
-        )
-
-        def run(t_end: float) -> Run:
-            return Run(*integrator.run(t_end, np.array(case.start, float)))
-
-        return run
-
-    return runner
+    options = dict(method=method, max_step=case.longest, **case.tolerances(rtol))
+    return _from_start(case, Cvode(plain(case.system), MOST, **options).run)
 
 
-def cvode_ignoring(method: str) -> Callable[[Case, float], Runner]:
+def cvode_ignoring(method: str, case: Case, rtol: float) -> Runner:
     """CVODE on the right-hand side with its bare sign."""
+    _switches_only(case)
+    from .peers.sundae import ignoring
 
-    def runner(case: Case, rtol: float) -> Runner:
-        _switches_only(case)
-        from .peers.sundae import ignoring
-
-        def run(t_end: float) -> Run:
-            x, work = ignoring(
-                plain(case.system),
-                np.array(case.start, float),
-                t_end,
-                MOST,
-                method=method,
-                **case.tolerances(rtol),
-            )
-            return Run(x, None, work)
-
-        return run
-
-    return runner
+    options = dict(most=MOST, method=method, **case.tolerances(rtol))
+    return _from_start(case, partial(ignoring, plain(case.system), **options))
 
 
 def lsoda_ignoring(case: Case, rtol: float) -> Runner:
@@ -198,40 +151,23 @@ def lsoda_ignoring(case: Case, rtol: float) -> Runner:
     _switches_only(case)
     from .peers.numbalsoda import solve_ignoring
 
-    options = case.tolerances(rtol)
-
-    def run(t_end: float) -> Run:
-        x, work = solve_ignoring(plain(case.system), np.array(case.start, float), t_end, **options, most=MANY)
-        return Run(x, None, work)
-
-    return run
+    return _from_start(case, partial(solve_ignoring, plain(case.system), **case.tolerances(rtol), most=MANY))
 
 
 def compiled_events(case: Case, rtol: float) -> Runner:
     """Compiled DOP853, restarted at events by a compiled loop."""
-    from .peers.numbalsoda import in_words, solve_events
+    from .peers.numbalsoda import solve_events
 
-    options = case.tolerances(max(rtol, 3e-14))
-
-    def run(t_end: float) -> Run:
-        start = np.array(case.start, float)
-        x, events, work = solve_events(plain(case.system), start, t_end, **options, longest=case.longest)
-        return Run(x, lambda: in_words(events), work)
-
-    return run
+    options = dict(longest=case.longest, **case.tolerances(max(rtol, 3e-14)))
+    return _from_start(case, partial(solve_events, plain(case.system), **options))
 
 
 def diffrax_events(case: Case, rtol: float) -> Runner:
     """diffrax's Dopri8, restarted at its events."""
     from .peers.diffrax import modes
 
-    options = case.tolerances(rtol)
     integrator = modes(case.system, plain(case.system), case.longest, MANY // 13)
-
-    def run(t_end: float) -> Run:
-        return Run(*integrator.run(t_end, np.array(case.start, float), **options))
-
-    return run
+    return _from_start(case, partial(integrator.run, **case.tolerances(rtol)))
 
 
 def diffrax_ignoring(case: Case, rtol: float) -> Runner:
@@ -239,36 +175,24 @@ def diffrax_ignoring(case: Case, rtol: float) -> Runner:
     _switches_only(case)
     from .peers.diffrax import solve_ignoring
 
-    def run(t_end: float) -> Run:
-        x, work = solve_ignoring(
-            case.system, np.array(case.start, float), t_end, **case.tolerances(rtol), most=MANY
-        )
-        return Run(x, None, work)
-
-    return run
+    return _from_start(case, partial(solve_ignoring, case.system, **case.tolerances(rtol), most=MANY))
 
 
-def nosnoc_steps(stages: int) -> Callable[[Case, int], Runner]:
+def nosnoc_steps(stages: int, case: Case, steps: int) -> Runner:
     """FESD: the setting is the number of steps of the simulation over the whole span."""
+    _switches_only(case)
+    functions = plain(case.system)
+    if all(functions.kinks):
+        raise CannotDo("a kink is no switch of a Filippov system: nothing to detect with complementarities")
+    lams = {mu.symbol for mu in case.system.model.multipliers}
+    if any(e.diff(lam, 2) != 0 for e in case.system.model.rhs for lam in lams & e.free_symbols):
+        raise CannotDo("what is nonlinear in the multiplier is lost in a convex combination")
+    from .peers.nosnoc import simulate
 
-    def runner(case: Case, steps: int) -> Runner:
-        _switches_only(case)
-        functions = plain(case.system)
-        if all(functions.kinks):
-            raise CannotDo("a kink is no switch of a Filippov system: nothing to detect with complementarities")
-        lams = {mu.symbol for mu in case.system.model.multipliers}
-        if any(e.diff(lam, 2) != 0 for e in case.system.model.rhs for lam in lams & e.free_symbols):
-            raise CannotDo("what is nonlinear in the multiplier is lost in a convex combination")
-        from .peers.nosnoc import simulate
+    def solve(t_end: float, x0: np.ndarray) -> Any:
+        return simulate(case.system, t_end, x0, max(1, round(steps * t_end / case.t_end)), stages, 1e-9)
 
-        def run(t_end: float) -> Run:
-            count = max(1, round(steps * t_end / case.t_end))
-            x, _, work = simulate(case.system, np.array(case.start, float), t_end, count, stages, 1e-9)
-            return Run(x, None, work)
-
-        return run
-
-    return runner
+    return _from_start(case, solve)
 
 
 def nivp(case: Case, rtol: float) -> Runner:
@@ -279,8 +203,4 @@ def nivp(case: Case, rtol: float) -> Runner:
         raise CannotDo("its projection is that of a switch, not of a kink")
     from .peers.solve_nivp import simulate
 
-    def run(t_end: float) -> Run:
-        x, work = simulate(functions, np.array(case.start, float), t_end, rtol, rtol * min(case.sizes), MOST)
-        return Run(x, None, work)
-
-    return run
+    return _from_start(case, partial(simulate, functions, rtol=rtol, atol=rtol * min(case.sizes), most=MOST))

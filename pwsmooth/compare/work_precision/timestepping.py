@@ -30,9 +30,8 @@ def stepper(functions: Plain) -> Any:
     from numba import njit
 
     n, m = functions.n, functions.m
-    rates, surfaces, jacobian, gradients = (
-        functions.rates, functions.surfaces, functions.jacobian, functions.gradients,
-    )  # fmt: skip
+    rates, surfaces = functions.rates, functions.surfaces
+    jacobian, gradients = functions.derivatives("jacobian"), functions.derivatives("gradients")
     eliminate = elimination()
 
     # In components: arithmetic and assignment of whole arrays compile for seconds.
@@ -111,7 +110,7 @@ def bouncing(functions: Plain) -> Any:
     from numba import njit
 
     n = functions.n
-    rates, surfaces, gradients = functions.rates, functions.surfaces, functions.gradients
+    rates, surfaces, gradients = functions.rates, functions.surfaces, functions.derivatives("gradients")
 
     @njit(error_model="numpy")
     def run(t0, t1, x0, steps, e):

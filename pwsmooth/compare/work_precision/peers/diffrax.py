@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ....definition.model import Model
 from ..automaton import Strike, automaton, follow
-from ..plain import Plain, ordinary, real
+from ..plain import Plain, all_rates, happenings, numbers, ordinary, real
 
 
 def _jnp() -> Any:
@@ -27,12 +26,12 @@ def _jnp() -> Any:
     return jnp
 
 
-def function(expressions: Any, model: Model, numbers: dict) -> Any:
+def function(expressions: Any, system: Any) -> Any:
     """(t, x, lam) -> array, by sympy's printer for JAX."""
-    jnp = _jnp()
+    jnp, model, values = _jnp(), system.model, numbers(system)
     lams = [mu.symbol for mu in model.multipliers]
 
-    bodies = [real(ordinary(e).xreplace(numbers)) for e in expressions]
+    bodies = [real(ordinary(e).xreplace(values)) for e in expressions]
     # Both branches of a selection are evaluated: the broken power is finite on either side.
     broken = {"broken": lambda base, power: jnp.where(base > 0, jnp.where(base > 0, base, 1.0) ** power, 0.0)}
     made = sp.lambdify([model.time, list(model.states), lams], bodies, modules=[broken, "jax"], cse=True)
@@ -44,21 +43,18 @@ def function(expressions: Any, model: Model, numbers: dict) -> Any:
 class Modes:
     """One compiled solve for all modes of a model."""
 
-    def __init__(self, model: Model, values: Any, functions: Plain, longest: float, most: int) -> None:
+    def __init__(self, system: Any, functions: Plain, longest: float, most: int) -> None:
         import diffrax as dfx
         import jax
         import optimistix as optx
 
         jnp = _jnp()
         self.functions, self.rules, self.jnp = functions, automaton(functions), jnp
-        numbers = dict(zip(model.parameters, map(sp.Float, values)))
-        rhs = [*model.rhs, *[sp.S.Zero] * (len(model.states) - len(model.rhs))]
-        rates = function(rhs, model, numbers)
-        slide = [mu.kind == "switch" and mu.regularity != "kink" for mu in model.multipliers]
-        parts: tuple[Any, ...] = tuple(model.multipliers)
-        residuals = function([mu.residual if s else sp.S.Zero for mu, s in zip(parts, slide)], model, numbers)
-        happenings = [event for event in model.events if not event.singular]
-        surfaces = function([part.surface for part in (*parts, *happenings)], model, numbers)
+        parts: tuple[Any, ...] = tuple(system.model.multipliers)
+        rates = function(all_rates(system.model), system)
+        slide = [mu.kind == "switch" and mu.regularity != "kink" for mu in parts]
+        residuals = function([mu.residual if s else sp.S.Zero for mu, s in zip(parts, slide)], system)
+        surfaces = function([part.surface for part in (*parts, *happenings(system.model))], system)
         m, nw = functions.m, functions.n_walls
         contact = jnp.array(functions.contacts)
 
@@ -116,10 +112,8 @@ class Modes:
         return follow(self.rules, advance, (0.0, t_end), x0, most=2000)
 
 
-@functools.lru_cache(maxsize=256)
-def modes(system: Any, functions: Plain, longest: float, most: int) -> Modes:
-    """Kept: compilation is no part of a run."""
-    return Modes(system.model, tuple(map(float, system.parameter_values)), functions, longest, most)
+# Kept: compilation is no part of a run.
+modes = functools.lru_cache(maxsize=256)(Modes)
 
 
 @functools.lru_cache(maxsize=256)
@@ -130,9 +124,8 @@ def ignoring(system: Any, most: int) -> Any:
 
     jnp = _jnp()
     model = system.model
-    numbers = dict(zip(model.parameters, map(sp.Float, map(float, system.parameter_values))))
-    rates = function([*model.rhs, *[sp.S.Zero] * (len(model.states) - len(model.rhs))], model, numbers)
-    surfaces = function([mu.surface for mu in model.multipliers], model, numbers)
+    rates = function(all_rates(model), system)
+    surfaces = function([mu.surface for mu in model.multipliers], system)
     m = len(model.multipliers)
 
     def bare(t, x, _):
@@ -152,9 +145,9 @@ def ignoring(system: Any, most: int) -> Any:
     return jax.jit(run)
 
 
-def solve_ignoring(system: Any, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int) -> Any:
-    """(state at the end, evaluations); RuntimeError where the steps do not suffice."""
+def solve_ignoring(system: Any, t_end: float, x0: np.ndarray, rtol: float, atol: np.ndarray, most: int) -> Any:
+    """(state at the end, no events, evaluations); RuntimeError where the steps do not suffice."""
     x, steps, ok = ignoring(system, most // 13)(x0, t_end, rtol, atol)
     if not ok:
         raise RuntimeError(f"diffrax needs more than {most // 13} steps")
-    return np.array(x), 13 * int(steps)
+    return np.array(x), None, 13 * int(steps)

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ....definition.model import Model, Select
+from ....definition.model import Select
 from ..automaton import Strike, automaton, follow
-from ..plain import Plain
+from ..plain import Plain, affine, all_rates, happenings, numbers
 
 COOLDOWN = 1e-6  # s
 
@@ -24,13 +24,14 @@ COOLDOWN = 1e-6  # s
 class Heyoka:
     """The integrators of one model at one tolerance."""
 
-    def __init__(self, model: Model, values: Any, functions: Plain, tol: float) -> None:
+    def __init__(self, system: Any, functions: Plain, tol: float) -> None:
         import heyoka
 
         heyoka.set_logger_level_critical()
+        model = system.model
         self.hy, self.model, self.functions, self.tol = heyoka, model, functions, tol
         self.rules = automaton(functions)
-        self.numbers = dict(zip(model.parameters, map(sp.Float, values)))
+        self.numbers = numbers(system)
         self.lams = [mu.symbol for mu in model.multipliers]
         self.modes: dict[Any, Any] = {}
         self.stopped: tuple[int, float] = (0, 0.0)
@@ -65,7 +66,6 @@ class Heyoka:
             unknown = [self.lams[j] for j in slides]
             residuals = [self.plainly(model.multipliers[j].residual, place) for j in slides]
             place |= sp.solve(residuals, unknown, dict=True)[0]
-        rhs = [*model.rhs, *[sp.S.Zero] * (len(model.states) - len(model.rhs))]
         symbols = {model.time: hy.time, **{p: hy.par[k] for k, p in enumerate(pars)}}
         states = hy.make_vars(*(f"x{i}" for i in range(len(model.states))))
         symbols |= dict(zip(model.states, states))
@@ -74,7 +74,7 @@ class Heyoka:
             return hy.from_sympy(binary(self.plainly(e, place).xreplace(self.numbers)), symbols)
 
         surfaces = [mu.surface for mu in model.multipliers]
-        surfaces += [e.surface for e in model.events if not e.singular][: len(status) - m]
+        surfaces += [e.surface for e in happenings(model)][: len(status) - m]
         events = []
         for k in watched:
             margin = 1 - place[self.lams[k]] ** 2 if k < m and status[k] == 0 else pars[k] * surfaces[k]
@@ -84,14 +84,14 @@ class Heyoka:
             )
         # The number of run-time parameters is read off the equations: where none is used there is none.
         return hy.taylor_adaptive(
-            list(zip(states, map(translated, rhs))), [0.0] * len(states), tol=self.tol, fast_math=True,
+            list(zip(states, map(translated, all_rates(model)))), [0.0] * len(states), tol=self.tol, fast_math=True,
             t_events=events,
         )  # fmt: skip
 
     def plainly(self, e: sp.Expr, place: dict) -> sp.Expr:
         """With the multipliers put in, selections as the affine form unless their side is a number."""
         e = e.xreplace(place).replace(Select, lambda *args: Select(*args))
-        return e.replace(Select, lambda lam, a, b: (a + b) / 2 + lam * (a - b) / 2)
+        return e.replace(Select, affine)
 
     def advance(self, t, end, x, status, watched):
         """For `follow`."""
@@ -122,33 +122,31 @@ def binary(e: sp.Expr) -> sp.Expr:
     return e.replace(lambda a: a.is_Rational and not a.is_Integer, lambda a: sp.Float(float(a)))
 
 
-@functools.lru_cache(maxsize=256)
-def integrators(system: Any, functions: Plain, tol: float) -> Heyoka:
-    """Kept: compilation is no part of a run."""
-    return Heyoka(system.model, tuple(map(float, system.parameter_values)), functions, tol)
+# Kept: compilation is no part of a run.
+integrators = functools.lru_cache(maxsize=256)(Heyoka)
 
 
 class Smooth:
     """heyoka on a smoothed view: no event, one compiled integrator."""
 
-    def __init__(self, view: Any, tol: float) -> None:
+    def __init__(self, view: Any, tol: float, most: int) -> None:
         import heyoka as hy
 
         hy.set_logger_level_critical()
         model = view.model
-        numbers = dict(zip(model.parameters, map(sp.Float, map(float, view.parameter_values))))
+        values = numbers(view)
         states = hy.make_vars(*(f"x{i}" for i in range(len(model.states))))
         symbols = {model.time: hy.time, **dict(zip(model.states, states))}
-        rates = [hy.from_sympy(binary(e.xreplace(numbers)), symbols) for e in model.rhs]
+        rates = [hy.from_sympy(binary(e.xreplace(values)), symbols) for e in model.rhs]
         self.ta = hy.taylor_adaptive(list(zip(states, rates)), [0.0] * len(states), tol=tol, fast_math=True)
-        self.done = hy.taylor_outcome.time_limit
+        self.done, self.most = hy.taylor_outcome.time_limit, most
 
-    def run(self, t_end: float, x0: np.ndarray, most: int) -> Any:
-        """(state at the end, evaluations)"""
+    def run(self, t_end: float, x0: np.ndarray) -> Any:
+        """(state at the end, no events, evaluations)"""
         ta = self.ta
         ta.time = 0.0
         ta.state[:] = x0
-        outcome, _, _, steps, *_ = ta.propagate_until(t_end, max_steps=most // (ta.order + 1))
+        outcome, _, _, steps, *_ = ta.propagate_until(t_end, max_steps=self.most // (ta.order + 1))
         if outcome != self.done:
             raise RuntimeError(f"heyoka stopped at t = {ta.time:g}: {outcome}")
-        return ta.state.copy(), steps * (ta.order + 1)
+        return ta.state.copy(), None, steps * (ta.order + 1)

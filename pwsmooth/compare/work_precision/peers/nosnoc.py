@@ -17,6 +17,7 @@ import numpy as np
 import sympy as sp
 
 from ....definition.model import Select
+from ..plain import affine, numbers
 
 ELEMENTS = 2  # in each step of the simulation: one switch in each
 
@@ -28,16 +29,12 @@ def solver(system: Any, steps: int, t_end: float, stages: int, tolerance: float)
     import nosnoc
 
     model = system.model
-    numbers = dict(zip(model.parameters, map(sp.Float, map(float, system.parameter_values))))
     lams = [mu.symbol for mu in model.multipliers]
     x = ca.SX.sym("x", len(model.states) + 1)
 
     def translated(expressions, lam):
-        values = numbers | dict(zip(lams, lam))
-        plain = [
-            e.xreplace(values).replace(Select, lambda lam, a, b: (a + b) / 2 + lam * (a - b) / 2)
-            for e in expressions
-        ]
+        values = numbers(system) | dict(zip(lams, lam))
+        plain = [e.xreplace(values).replace(Select, affine) for e in expressions]
         space = {name: getattr(ca, name) for name in ("sin", "cos", "exp", "sqrt", "tanh")}
         made = sp.lambdify([model.time, list(model.states)], plain, modules=[space, "math"])
         return made(x[-1], [x[i] for i in range(x.shape[0] - 1)])
@@ -69,8 +66,8 @@ def solver(system: Any, steps: int, t_end: float, stages: int, tolerance: float)
     return nosnoc.NosnocSolver(options, made)
 
 
-def simulate(system: Any, x0: np.ndarray, t_end: float, steps: int, stages: int, tolerance: float) -> Any:
-    """(state at the end, times of switches, stages computed); RuntimeError where a step's programme is not solved."""
+def simulate(system: Any, t_end: float, x0: np.ndarray, steps: int, stages: int, tolerance: float) -> Any:
+    """(state at the end, no events, stages computed); RuntimeError where a step's programme is not solved."""
     import nosnoc
 
     steps_solver = solver(system, steps, t_end, stages, tolerance)
@@ -80,4 +77,4 @@ def simulate(system: Any, x0: np.ndarray, t_end: float, steps: int, stages: int,
     failed = sum(status != nosnoc.nosnoc_types.Status.SUCCESS for status in loop.status)
     if failed:
         raise RuntimeError(f"{failed} of {steps} programmes were not solved")
-    return np.array(loop.xcurrent).ravel()[:-1], loop.switch_times, steps * ELEMENTS * stages
+    return np.array(loop.xcurrent).ravel()[:-1], None, steps * ELEMENTS * stages

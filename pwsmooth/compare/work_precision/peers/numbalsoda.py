@@ -99,26 +99,21 @@ def with_events(functions: Plain) -> Any:
 
 
 def solve_ignoring(
-    functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, most: int
+    functions: Plain, t_end: float, x0: np.ndarray, rtol: float, atol: np.ndarray, most: int
 ) -> Any:
-    """(state at the end, evaluations); RuntimeError where LSODA gave up."""
+    """(state at the end, no events, evaluations); RuntimeError where LSODA gave up."""
     x, ok, calls = ignoring(functions)[0](x0, t_end, rtol, float(atol.min()), most)
     if not ok:
         raise RuntimeError(f"LSODA gave up within {most} steps")
-    return x, int(calls)
+    return x, None, int(calls)
 
 
 def solve_events(
-    functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: np.ndarray, longest: float
+    functions: Plain, t_end: float, x0: np.ndarray, rtol: float, atol: np.ndarray, longest: float
 ) -> Any:
     """(state at the end, events, evaluations); raises RuntimeError as well."""
     run = with_events(functions)[0]
     x, times, codes, evaluations, ok = run(x0, t_end, rtol, float(atol.min()), longest, 2000)
     if not ok:
         raise RuntimeError("the compiled DOP853 did not reach the end")
-    return x, (times, codes), int(evaluations)
-
-
-def in_words(events: Any) -> list[tuple[float, str]]:
-    """Events as other methods give them."""
-    return [(float(t), KINDS[code]) for t, code in zip(*events)]
+    return x, lambda: [(float(t), KINDS[code]) for t, code in zip(times, codes)], int(evaluations)

@@ -14,8 +14,8 @@ import numpy as np
 from ..plain import Plain
 
 
-def simulate(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: float, most: int) -> Any:
-    """(state at the end, evaluations).
+def simulate(functions: Plain, t_end: float, x0: np.ndarray, rtol: float, atol: float, most: int) -> Any:
+    """(state at the end, no events, evaluations).
 
     The unknowns are (x, h, w): h = surface(t, x) by an algebraic row, w by the projection.
     RuntimeError where the steps fail or need more than `most` evaluations.
@@ -50,4 +50,4 @@ def simulate(functions: Plain, x0: np.ndarray, t_end: float, rtol: float, atol: 
     )  # fmt: skip
     if not t[-1] >= t_end * (1 - 1e-9):
         raise RuntimeError(f"solve_nivp stopped at t = {t[-1]:g}")
-    return np.asarray(z[-1][:n], float), calls
+    return np.asarray(z[-1][:n], float), None, calls

@@ -70,8 +70,8 @@ class Cvode:
         return follow(self.rules, self.advance, (0.0, t_end), x0, most=2000)
 
 
-def ignoring(functions: Plain, x0: np.ndarray, t_end: float, most: int, **options: Any) -> Any:
-    """(state at the end, evaluations) on the right-hand side with its bare sign.
+def ignoring(functions: Plain, t_end: float, x0: np.ndarray, most: int, **options: Any) -> Any:
+    """(state at the end, no events, evaluations) on the right-hand side with its bare sign.
 
     RuntimeError where CVODE gave up, or needed more than `most` evaluations.
     """
@@ -93,4 +93,4 @@ def ignoring(functions: Plain, x0: np.ndarray, t_end: float, most: int, **option
         raise RuntimeError(f"more than {most} evaluations before the end of the span")
     if not out.success:
         raise RuntimeError(str(out.message))
-    return np.array(out.y[-1]), calls
+    return np.array(out.y[-1]), None, calls
