@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
-from pwsmooth.codegen.machine import cache, native
+from pwsmooth.codegen.machine import cache, objects
 from pwsmooth.definition.model import Model, Multiplier
 
 X = sp.Symbol("x", real=True)
@@ -173,7 +173,7 @@ def test_on_a_full_disk_a_new_model_is_compiled_in_memory_and_that_is_said_once(
     solve(System({X: -sp.sign(X)}), (0, 1), {X: 2})  # compiles the units, if this is the first process
     a = sp.Symbol("a", positive=True)
     system = System({X: -a * sp.sign(X) - sp.cos(X)}, parameters={a: 2})
-    for module in (cache, native):
+    for module in (cache, objects):
         monkeypatch.setattr(module, "models", lambda: folder)
     forbid(monkeypatch, *cache.roots(), error=errno.ENOSPC)
     with pytest.warns(RuntimeWarning, match="PWSMOOTH_CACHE_DIR") as said:
@@ -198,7 +198,7 @@ def test_folders_of_older_sources_are_removed_but_for_the_last_ones(tmp_path, mo
 
 
 def test_the_mark_of_a_machine_holds_the_settings_that_change_code(monkeypatch, tmp_path):
-    mark = native.machine_mark.__wrapped__
+    mark = objects.machine_mark.__wrapped__
     usual = mark()
     for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "NUMBA_OPT", "NUMBA_BOUNDSCHECK"):
         with monkeypatch.context() as m:

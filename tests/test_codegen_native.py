@@ -16,7 +16,7 @@ import sympy as sp
 from pwsmooth import System, solve
 from pwsmooth.codegen import compile_model
 from pwsmooth.codegen.graph.scalar import HELPERS
-from pwsmooth.codegen.machine import cache, native
+from pwsmooth.codegen.machine import cache, native, objects
 from pwsmooth.codegen.stiff.functions import compile_stiff
 from pwsmooth.codegen.taylor.jets import SOLVERS
 from pwsmooth.definition.model import Model
@@ -27,7 +27,7 @@ def both(text, name, *arguments):
     """Results of a function in Python and as machine code: (value, arrays) twice."""
     scope = {"math": math, "choose": lambda condition, u, v: u if condition else v}
     exec("from __future__ import annotations\n" + text, scope)
-    code = native.Code(text, native.build(text))
+    code = objects.Code(text, native.build(text))
     results = []
     for compiled in (False, True):
         values = [a.copy() if isinstance(a, np.ndarray) else a for a in arguments]
@@ -118,7 +118,7 @@ def test_mathematical_functions_are_those_of_the_c_library():
 @pytest.mark.parametrize("largest", [0.8, 10.0, 1e4, 1e6, 1e9])
 def test_sine_and_cosine_are_good_to_a_rounding_or_two(largest):
     text = "def pair(x: D, out: P):\n    out[0] = math.sin(x)\n    out[1] = math.cos(x)\n"
-    code = native.Code(text, native.build(text))
+    code = objects.Code(text, native.build(text))
     pair = ctypes.CFUNCTYPE(None, ctypes.c_double, ctypes.c_void_p)(code.address("pair"))
     out = np.zeros(2)
     rng = np.random.default_rng(3)
@@ -149,7 +149,7 @@ def test_a_nan_stays_a_nan(name):
 
 def test_nothing_raises_where_python_would():
     text = "def f(u: D) -> D:\n    return math.sqrt(u) + 1.0 / (u + 1.0)\n"
-    code = native.Code(text, native.build(text))
+    code = objects.Code(text, native.build(text))
     assert math.isnan(ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(-1.0))
 
 
@@ -170,7 +170,7 @@ def test_the_solver_of_sliding_jets_solves(n):
 @pytest.mark.parametrize("q", [0, 1, 2, 4])
 def test_block_sums_hold_every_pair_before_the_block_and_no_other(q):
     text = "def f(rows: P, q: I):\n    presum(rows, 0, 40, q, 80)\n"
-    code = native.Code(text, native.build(text))
+    code = objects.Code(text, native.build(text))
     rng = np.random.default_rng(q)
     rows = rng.normal(size=84)
     rows[4 * q + 1 : 40] = np.nan  # orders of this block and beyond do not exist yet
@@ -190,11 +190,11 @@ def test_an_unknown_function_is_named():
 
 def test_machine_code_is_stored_and_found_again(tmp_path, monkeypatch):
     monkeypatch.setattr(cache, "roots", lambda: [tmp_path])
-    monkeypatch.setattr(native, "models", lambda: cache.Folder("models", "key"))
+    monkeypatch.setattr(objects, "models", lambda: cache.Folder("models", "key"))
     text = "ORDER = 3\n\n\ndef f(u: D) -> D:\n    return 2.0 * u\n"
     assert native.load(text).constants == {"ORDER": 3}
     assert native.load(text) is native.load(text)
-    monkeypatch.setattr(native, "_loaded", {})
+    monkeypatch.setattr(objects, "_loaded", {})
     monkeypatch.setattr(native, "build", None)  # a second process must not need it
     code = native.load(text)
     assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(code.address("f"))(1.5) == 3.0

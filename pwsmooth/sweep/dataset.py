@@ -23,7 +23,7 @@ def version_items() -> dict[str, str]:
     from importlib.metadata import PackageNotFoundError, version
 
     from ..codegen.machine.cache import sources_key
-    from ..codegen.machine.native import machine_mark
+    from ..codegen.machine.objects import machine_mark
 
     try:
         package = version("pwsmooth")

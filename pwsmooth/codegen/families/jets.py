@@ -19,7 +19,7 @@ from ..fields import Source, surfaces
 from ..graph.dag import Graph
 from ..graph.scalar import Writer
 from ..layout import Count, Layout, one, starts
-from ..machine.native import LANES
+from ..machine.sums import LANES
 from ..taylor.jets import FLAGS
 from ..taylor.recurrences import AFFINE, CONSTANT, label, plain, rewrite
 from .memory import CONDITIONS, ElementMemory

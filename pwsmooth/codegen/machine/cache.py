@@ -4,13 +4,13 @@ The name carries the hash of every source that can reach the code in it, so that
 
     <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels (units.py)
     <root>/models-<hash of kernels/ and codegen/>  <hash of model>.json: generated sources of a model,
-                                                   <hash of source>.<machine>.o: their machine code (native.py)
+                                                   <hash of source>.<machine>.o: their machine code (objects.py)
 
 Every file begins with the sha256 of its place and its content. A file that does not bear it out, as of a disk that
 lost a page, or that another user may have written, is none: its content is made again. Code is looked up in every
 folder of the roots, kept in the first that takes it, and in memory alone where none does.
 
-Chain: Model -> fingerprint -> (text cache, or symbolic work) -> native.load.
+Chain: Model -> fingerprint -> (text cache, or symbolic work) -> native.load -> objects.load.
 """
 
 from __future__ import annotations

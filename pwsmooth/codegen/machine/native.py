@@ -14,47 +14,14 @@ Chain: fields.py, jets.py -> text -> cache.cached_texts -> `load` (this file) ->
 from __future__ import annotations
 
 import ast
-import contextlib
-import ctypes
-import ctypes.util
-import hashlib
-import os
-import re
-import threading
-from functools import cache
-from pathlib import Path
-from weakref import WeakValueDictionary
 
-import llvmlite.binding as llvm
-from llvmlite import ir
+from llvmlite import binding, ir
 
-from .cache import models
+from . import objects
+from .sums import BOOL, DOUBLE, INT, block_sum, combine
 
-DOUBLE, INT, BOOL, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.IntType(32)
 KINDS = {"D": DOUBLE, "I": INT, "P": DOUBLE.as_pointer(), "Q": INT.as_pointer()}
 INTRINSICS = {"exp", "log", "sin", "cos", "sqrt", "fabs", "floor", "ceil"}
-LIBM = (
-    "tan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asin",
-    "acos",
-    "atan",
-    "asinh",
-    "acosh",
-    "atanh",
-    "erf",
-    "erfc",
-    "atan2",
-    "exp",
-    "log",
-    "sin",
-    "cos",
-    "pow",
-    "floor",
-    "ceil",
-)
 # Sine and cosine, half as long as those of libm and the same everywhere: the argument less n pi/2 in three parts (the
 # first two of 33 bits, so that n times them is exact), then the polynomials of fdlibm (k_sin.c, k_cos.c), in parallel
 # halves. Below one unit in the last place up to 1e6, where libm takes over.
@@ -86,7 +53,6 @@ def pws_{name}(x: D) -> D:
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 FLOAT_OPS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.BitAnd: "and_"}
-LANES = 4
 
 
 class Function:
@@ -281,7 +247,7 @@ class Module:
 
     def __init__(self, text: str):
         self.module = ir.Module("pwsmooth")
-        self.module.triple = llvm.get_default_triple()
+        self.module.triple = binding.get_default_triple()
         self.constants, definitions = {}, []
         for node in ast.parse(text).body:
             if isinstance(node, ast.Assign):
@@ -323,12 +289,12 @@ class Module:
         elif name in INTRINSICS:
             return self.intrinsic(name, count)
         elif name == "presum":
-            function = _block_sum(self.module)
+            function = block_sum(self.module)
         elif name == "combine":
             # One for each number of rows that is combined.
             name = f"combine{count}"
-            function = self.functions.get(name) or _combine(self.module, name, count - 6)
-        elif name in LIBM:
+            function = self.functions.get(name) or combine(self.module, name, count - 6)
+        elif name in objects.LIBM:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
         else:
             raise NameError(f"generated code calls {name}, which is not known here")
@@ -345,215 +311,11 @@ class Module:
         return function
 
 
-def _block_sum(module: ir.Module) -> ir.Function:
-    """presum(rows, a, b, q, out): the part of four convolutions that is known at the start of block q.
-
-    Overwrites rows[out..out+3] with sum over 1 <= j <= 4q, k - j <= 4q of a_j b_(k-j), k = 4q+1 .. 4q+4: four
-    orders in the lanes of one vector. A loop over j at every order costs four times as much: its length changes
-    with k, so each of its ends is a mispredicted branch, and it reloads numbers that were only just stored.
-    """
-    vector = ir.VectorType(DOUBLE, LANES)
-    kind = ir.FunctionType(ir.VoidType(), [KINDS["P"], INT, INT, INT, INT])
-    function = ir.Function(module, kind, "presum")
-    function.linkage = "internal"
-    rows, a, b, q, out = function.args
-    zero, undefined = ir.Constant(vector, [0.0] * LANES), ir.Constant(vector, ir.Undefined)
-    builder = ir.IRBuilder(function.append_basic_block("entry"))
-    # Four sums, because one would wait for each addition.
-    sums = [builder.alloca(vector) for _ in range(LANES)]
-    counter = builder.alloca(INT)
-    for s in sums:
-        builder.store(zero, s)
-    known = builder.mul(q, INT(LANES))
-
-    def at(offset):
-        return builder.bitcast(builder.gep(rows, [offset]), vector.as_pointer())
-
-    def add(j, into, valid):
-        factor = builder.load(builder.gep(rows, [builder.add(a, j)]))
-        factor = builder.insert_element(undefined, factor, LANE(0))
-        factor = builder.shuffle_vector(factor, undefined, ir.Constant(ir.VectorType(LANE, LANES), [0] * LANES))
-        first = builder.sub(builder.add(builder.add(b, known), INT(1)), j)
-        other = builder.load(at(first), align=8)
-        if valid < LANES:  # beyond are orders that do not exist yet
-            mask = ir.Constant(ir.VectorType(BOOL, LANES), [int(lane < valid) for lane in range(LANES)])
-            other = builder.select(mask, other, zero)
-        product = builder.fmul(factor, other, flags=("contract",))
-        builder.store(builder.fadd(builder.load(into), product, flags=("contract",)), into)
-
-    work, test, loop, end = (function.append_basic_block(name) for name in ("work", "test", "loop", "end"))
-    builder.cbranch(builder.icmp_signed(">", q, INT(0)), work, end)
-    builder.position_at_end(work)
-    for j in range(1, LANES + 1):
-        add(INT(j), sums[j - 1], j)
-    builder.store(INT(LANES + 1), counter)
-    builder.branch(test)
-    builder.position_at_end(test)
-    j = builder.load(counter)
-    builder.cbranch(builder.icmp_signed("<=", j, known), loop, end)
-    builder.position_at_end(loop)
-    for lane in range(LANES):
-        add(builder.add(j, INT(lane)), sums[lane], LANES)
-    builder.store(builder.add(j, INT(LANES)), counter)
-    builder.branch(test)
-    builder.position_at_end(end)
-    s = [builder.load(q) for q in sums]
-    builder.store(builder.fadd(builder.fadd(s[0], s[1]), builder.fadd(s[2], s[3])), at(out), align=8)
-    builder.ret_void()
-    return function
-
-
-def _combine(module: ir.Module, name: str, count: int) -> ir.Function:
-    """combine(rows, out, value, table, stride, K, c_0, c_1, ...): value + sum_j c_j times the row at table + j stride.
-
-    Overwrites orders 0..K of the row at `out`, and with zeros what is left of the last block of eight.
-    """
-    width = 8
-    vector, mask = ir.VectorType(DOUBLE, width), ir.VectorType(LANE, width)
-    kind = ir.FunctionType(ir.VoidType(), [KINDS["P"], INT, DOUBLE, INT, INT, INT, *[DOUBLE] * count])
-    function = ir.Function(module, kind, name)
-    function.linkage = "internal"
-    rows, out, value, table, stride, order, *factors = function.args
-    undefined = ir.Constant(vector, ir.Undefined)
-    builder = ir.IRBuilder(function.append_basic_block("entry"))
-    first = builder.insert_element(ir.Constant(vector, [0.0] * width), value, LANE(0))
-    factors = [
-        builder.shuffle_vector(
-            builder.insert_element(undefined, c, LANE(0)), undefined, ir.Constant(mask, [0] * width)
-        )
-        for c in factors
-    ]
-    loop, end = function.append_basic_block("loop"), function.append_basic_block("end")
-    builder.branch(loop)
-    entry = builder.block
-    builder.position_at_end(loop)
-    start, total = builder.phi(INT), builder.phi(vector)
-    start.add_incoming(INT(0), entry)
-    total.add_incoming(first, entry)
-    result: ir.Value = total
-    for j, c in enumerate(factors):
-        place = builder.add(builder.add(table, builder.mul(stride, INT(j))), start)
-        response = builder.load(builder.bitcast(builder.gep(rows, [place]), vector.as_pointer()), align=8)
-        result = builder.fadd(result, builder.fmul(c, response, flags=("contract",)), flags=("contract",))
-    place = builder.gep(rows, [builder.add(out, start)])
-    builder.store(result, builder.bitcast(place, vector.as_pointer()), align=8)
-    following = builder.add(start, INT(width))
-    start.add_incoming(following, loop)
-    total.add_incoming(ir.Constant(vector, [0.0] * width), loop)
-    builder.cbranch(builder.icmp_signed("<=", following, order), loop, end)
-    builder.position_at_end(end)
-    builder.ret_void()
-    return function
-
-
-# ---- machine ----
-
-
-@cache
-def _host() -> tuple[llvm.Target, str, str]:
-    """Target, processor and its features; makes libm known to the linker once."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    library = ctypes.CDLL(ctypes.util.find_library("m") or "ucrtbase")
-    for name in LIBM:
-        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
-    return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-
-
-def _machine() -> llvm.TargetMachine:
-    target, cpu, features = _host()
-    return target.create_target_machine(cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True)
-
-
 def build(text: str) -> bytes:
     """Object code of a generated text for this machine."""
-    return emit(Module(text).module)
+    return objects.emit(Module(text).module)
 
 
-def emit(translated: ir.Module) -> bytes:
-    """Object code of an LLVM module for this machine."""
-    machine = _machine()
-    module = llvm.parse_assembly(str(translated))
-    module.data_layout = str(machine.target_data)
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    passes = llvm.create_pass_builder(machine, options)
-    manager = passes.getModulePassManager()
-    manager.run(module, passes)
-    # llvmlite would keep it for ever, 0.3 MB a text: an empty method of another base hides its destructor.
-    own = [
-        k._dispose
-        for k in type(manager).__mro__
-        if k.__module__.endswith("passmanagers") and "_dispose" in vars(k)
-    ]
-    if own:
-        own[0](manager)
-        manager.detach()
-    return machine.emit_object(module)
-
-
-# Settings of numba that do not reach machine code; any other may.
-_HARMLESS = re.compile("NUMBA_(CACHE|NUM_THREADS|THREADING|WARNINGS|.*WARNING|FULL_TRACE|COLOR|CUDA)")
-
-
-@cache
-def machine_mark() -> str:
-    """Short name of this processor and of numba's settings: object code of another one is not used."""
-    _, cpu, features = _host()
-    settings = sorted(
-        f"{k}={v}"
-        for k, v in os.environ.items()
-        if (k.startswith("NUMBA_") and not _HARMLESS.match(k)) or k == "PWSMOOTH_CHECK"
-    )
-    with contextlib.suppress(OSError):
-        settings.append(Path(".numba_config.yaml").read_text())
-    return hashlib.sha256(f"{cpu}{features}{settings or ''}".encode()).hexdigest()[:8]
-
-
-def link(image: bytes) -> llvm.ExecutionEngine:
-    """Object code made executable; it lives as long as the engine."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
-    engine.add_object_file(llvm.ObjectFileRef.from_data(image))
-    engine.finalize_object()
-    return engine
-
-
-class Code:
-    """Loaded object code; it lives as long as this object."""
-
-    def __init__(self, text: str, image: bytes, sizes: tuple[int, ...] = ()):
-        head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
-        self.constants = {
-            node.targets[0].id: ast.literal_eval(node.value)
-            for node in head.body
-            if isinstance(node, ast.Assign)
-        }
-        self._engine = link(image)
-        for f, n in enumerate(sizes):
-            ctypes.c_int64.from_address(self._engine.get_global_value_address(f"n{f}")).value = n
-
-    def address(self, name: str) -> int:
-        return self._engine.get_function_address(name)
-
-
-# Code that models share; it goes with the last of them.
-_loaded: WeakValueDictionary[tuple[str, tuple[int, ...]], Code] = WeakValueDictionary()
-_lock = threading.Lock()
-
-
-def load(text: str, sizes: tuple[int, ...] = (), translate=None) -> Code:
-    """Machine code of a generated source, from the cache where this machine made it before.
-
-    `sizes` are the numbers of elements of its families: the loops' bounds, in memory of this copy of the code.
-    `translate(text)` -> object code; by default `build`.
-    """
-    name = hashlib.sha256(text.encode()).hexdigest()[:24]
-    with _lock:
-        code = _loaded.get((name, sizes))
-        if code is None:
-            stored = f"{name}.{machine_mark()}.o"
-            image = models().read(stored)
-            if image is None:
-                image = (translate or build)(text)
-                models().write(stored, image)
-            code = _loaded[name, sizes] = Code(text, image, sizes)
-        return code
+def load(text: str, sizes: tuple[int, ...] = ()) -> objects.Code:
+    """Machine code of a generated text, with the numbers of elements of its families."""
+    return objects.load(text, build, sizes)

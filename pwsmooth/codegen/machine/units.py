@@ -13,7 +13,7 @@ from functools import cache
 import llvmlite.binding as llvm
 
 from .cache import kernels, load_kernels
-from .native import link, machine_mark
+from .objects import link, machine_mark
 
 # Name in state.Problem -> (kernel module, function).
 UNITS = {

@@ -18,8 +18,8 @@ import ast
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from . import native
-from .native import DOUBLE, LANE
+from . import native, objects
+from .sums import DOUBLE, LANE
 
 KINDS = native.KINDS | {"V": ir.VectorType(DOUBLE, 8), "H": ir.VectorType(DOUBLE, 4)}
 _INSTRUCTIONS = {"vsqrt": "sqrt", "vabs": "fabs", "vfloor": "floor", "vrint": "rint", "vfma": "fma"}
@@ -260,9 +260,9 @@ class Module(native.Module):
 
 def build(text: str) -> bytes:
     """Object code of a generated text with vectors for this machine."""
-    return native.emit(Module(text).module)
+    return objects.emit(Module(text).module)
 
 
-def load(text: str) -> native.Code:
+def load(text: str) -> objects.Code:
     """Machine code of a generated source with vectors, from the cache where this machine made it before."""
-    return native.load(text, translate=build)
+    return objects.load(text, build)

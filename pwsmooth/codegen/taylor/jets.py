@@ -24,7 +24,7 @@ from ..graph.dag import Graph
 from ..graph.scalar import HELPERS, Writer
 from ..graph.slopes import derivative
 from ..layout import SHORTEST_ROW
-from ..machine.native import LANES
+from ..machine.sums import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
 from .responses import Responses, find_responses
 from .simplify import simplify

@@ -23,7 +23,9 @@ def loop_kernel(function):
 
     numba copies it into the loop before that is compiled: no cost of a call (8 % of a step), nothing optimised twice.
     """
-    overload(function, inline="always", strict=False, jit_options={"error_model": "numpy"})(lambda *args: function)
+    overload(function, inline="always", strict=False, jit_options={"error_model": "numpy"})(
+        lambda *args: function
+    )
     return function
 
 
