@@ -7,7 +7,6 @@ or "seed" or "trajectory" of the noise. Points are numbered in C order, the last
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,8 +75,7 @@ def read_axes(system: Any, grid: Any, points: Any) -> Axes:
     symbol, or are empty; columns of a list of unequal lengths; one name twice.
     """
     for what, given in (("axes", grid), ("points", points)):
-        if given is not None and not isinstance(given, Mapping):
-            raise TypeError(f"`{what}` is {checks.shown(given)}; give a dict of names to sequences of numbers.")
+        checks.mapping({} if given is None else given, f"`{what}`", "names to sequences of numbers")
     if not grid and not points:
         raise ValueError(
             "the sweep has no axes; give `axes={'k': [1, 2, 3]}`, or `points=` for a list of points."

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from ..paths.budget import spending
 from ..paths.event_driven import EventDriven, Options
@@ -118,11 +117,9 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
 def _ratios(plan, columns, fixed, count):
     """Problem.ratio of every orbit: finite ratios of layered states are parameters, and may be swept."""
     ratio = np.tile(fixed, (count, 1))
-    finite = [layer.ratio for layer in plan.system.model.layer_states]
-    if any(r != sp.oo for r in finite):
-        for k, r in enumerate(finite):
-            if str(r) in columns:
-                ratio[:, k] = columns[str(r)]
+    for k, layer in enumerate(plan.system.model.layer_states):
+        if layer.ratio.is_Symbol and layer.ratio.name in columns:
+            ratio[:, k] = columns[layer.ratio.name]
     return ratio
 
 

@@ -10,7 +10,7 @@ import hashlib
 import inspect
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
 from .axes import Axes, read_axes
-from .contract import NOT_RUN, Measure, Setting, Variable, Window, alphabet
+from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, real, whole
 from .measures import Function, Period, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
@@ -69,23 +69,11 @@ class Plan:
                 if known is not measure and (type(known) is not type(measure) or not measure.compiled):
                     raise ValueError(f"two measures give {name!r}; leave one out, or give a Function `names`.")
                 named[name] = variable
-        about = {"long_name": "where the run ended", **_units(self.setting.time_unit)}
-        named["t_reached"] = Variable((), (), np.float64, np.nan, about)
-        about = {
-            "long_name": "recorded ambiguities: points from which the solution is not unique",
-            "units": "1",
-        }
-        named["ambiguities"] = Variable((), (), np.int32, -1, about)
+        named["t_reached"] = real(self.setting, "where the run ended", self.setting.time_unit)
+        said = "recorded ambiguities: points from which the solution is not unique"
+        named["ambiguities"] = whole(np.int32, said)
         named["outcome"] = Variable((), (), np.int16, NOT_RUN, _flags())
         return named
-
-    @property
-    def compiled_measures(self) -> tuple[Measure, ...]:
-        return tuple(m for m in self.measures if m.compiled)
-
-    @property
-    def functions(self) -> tuple[Measure, ...]:
-        return tuple(m for m in self.measures if not m.compiled)
 
     def windows(self, columns: Mapping[str, np.ndarray], count: int) -> tuple[np.ndarray, ...]:
         """Start time, window start, window end and period of every point of a chunk; each (count,)."""
@@ -102,9 +90,6 @@ class Plan:
         period = np.broadcast_to(np.asarray(_numeric(self.period, symbols)(*values), float), t0.shape)
         begin = t0 + self.transient * period
         return t0, begin, begin + self.periods * period, period
-
-    def window(self, begin: float, end: float, period: float) -> Window:
-        return Window(float(begin), float(end), float(period), self.setting.periods, self.forced)
 
     def identity(self, axes: Axes) -> dict[str, str]:
         """What a store must agree with, item by item in words: equal identities give equal bits."""
@@ -131,10 +116,6 @@ class Plan:
                 f"{len(values)} values from {values[0]:.9g} to {values[-1]:.9g} along {dim}, {digest}"
             )
         return items
-
-
-def _units(unit):
-    return {"units": unit} if unit else {}
 
 
 def _listed(items):
@@ -256,11 +237,8 @@ def _measure(item):
 
 
 def _unit_names(units):
-    if units is not None and not isinstance(units, Mapping):
-        raise TypeError(
-            f"`units` is {checks.shown(units)}; give a dict of names to units, such as {{'k': 'N/m'}}."
-        )
-    return tuple(sorted((str(k), str(v)) for k, v in (units or {}).items()))
+    given = checks.mapping({} if units is None else units, "`units`", "names to units, such as {'k': 'N/m'}")
+    return tuple(sorted((str(k), str(v)) for k, v in given.items()))
 
 
 def _period(system, period, where):
@@ -353,8 +331,3 @@ def _options(system, options):
             f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor', 'rk' and 'stiff'."
         )
     return tuple(sorted(checked.items()))
-
-
-def with_number(noise: Any, name: str, number: int) -> Any:
-    """The same noise with another seed or trajectory."""
-    return replace(noise, **{name: int(number)})
