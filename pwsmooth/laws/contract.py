@@ -370,15 +370,15 @@ class Law:
 
     def _check(self, field):
         about, value = field.metadata, getattr(self, field.name)
+        owner = f"`{field.name}` of {type(self).__name__}"
         if about["choices"]:
-            checks.one_of(*about["choices"])(value, f"`{field.name}` of {type(self).__name__}")
+            checks.one_of(*about["choices"])(value, owner)
             return
         if about["each"]:
             value = value.tolist() if hasattr(value, "tolist") else value
             if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
                 value = tuple(value)
         test, words = _SIGNS[about["sign"]]
-        owner = f"`{field.name}` of {type(self).__name__}"
         if isinstance(value, tuple):
             if not about["each"]:
                 raise TypeError(f"{owner} is {checks.shown(value)}; give one number.")
