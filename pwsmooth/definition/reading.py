@@ -13,7 +13,7 @@ from . import checks
 from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
-from .model import EventSpec
+from .model import EventSpec, of_event
 from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
 _INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
@@ -57,7 +57,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     meanings, moving, behind = families.further()
     symbols = list(dict.fromkeys([*symbols, *_symbols_of(behind)]))
     reactions = _reactions(contacts, symbols)
-    symbols = _symbols_of([*symbols, *outputs.values(), *_event_expressions(events)])
+    symbols = _symbols_of([*symbols, *outputs.values(), *(e for event in events for e in of_event(event))])
     names = _Names(symbols)
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
@@ -226,9 +226,3 @@ def _events(events, lift, order, moving):
     if len(set(names)) < len(names):
         raise ValueError(f"two events have the same name; they are {checks.listing(names)}. Give each its own.")
     return tuple(specs)
-
-
-def _event_expressions(events):
-    for event in events:
-        yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
-        yield from (e for _, e in event.update)

@@ -245,16 +245,15 @@ class LoopedModel(Model):
 
 def with_loops(loops: Loops) -> LoopedModel:
     """The model that a template and sizes stand for."""
+    model, starts = loops.template.model, loops.starts("states")
     return LoopedModel(
-        time=loops.template.model.time,
+        time=model.time,
         states=loops.symbols("states"),
         parameters=loops.symbols("parameters"),
         rhs=Copies(loops, "rhs"),  # type: ignore[arg-type]
         multipliers=Copies(loops, "multipliers"),  # type: ignore[arg-type]
         events=Copies(loops, "events"),  # type: ignore[arg-type]
         outputs=Copies(loops, "outputs"),  # type: ignore[arg-type]
-        n_memory=sum(loops.spread("states", [b >= len(loops.template.model.states)
-                                             - loops.template.model.n_memory
-                                             for b in range(len(loops.template.model.states))])),
+        n_memory=starts[-1] - starts[-1 - model.n_memory],
         loops=loops,
-    )  # fmt: skip
+    )

@@ -25,6 +25,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.lambdified import numpy_function
+from ..definition.model import of_event
 from ..definition.primitives import Algebraic, Event, Unilateral
 from .documenting import documented
 from .joint import Joint
@@ -459,7 +460,7 @@ def _symbols_of(pieces):
     for e in (pieces.force, *pieces.rates.values(), *pieces.outputs.values()):
         visit(e)
     for event in pieces.events:
-        for e in (event.surface, event.every, *event.at, event.when, *(e for _, e in event.update)):
+        for e in of_event(event):
             visit(e)
     contacts = (e for contact in pieces.contacts for e in (contact.gap, contact.restitution))
     for e in (*contacts, *(item.residual for item in pieces.algebraic)):
