@@ -83,10 +83,8 @@ class Change:
     time: float
 
     def __str__(self) -> str:
-        def words(letters: tuple[Letter, ...]) -> str:
-            return ", ".join(map(str, letters)) or "nothing"
-
-        return f"{self.name}: {words(self.before)} -> {words(self.after)}, at {self.time:.4f} of the period"
+        before, after = (", ".join(map(str, letters)) or "nothing" for letters in (self.before, self.after))
+        return f"{self.name}: {before} -> {after}, at {self.time:.4f} of the period"
 
 
 def letters(orbit: PeriodicOrbit) -> list[Letter]:
