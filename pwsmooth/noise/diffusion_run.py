@@ -115,30 +115,26 @@ class DiffusionRun:
             self.interval(t, "an entry of `t_eval`")
         return Path(self, int(spending.left), strict).diffuse(first, last, start, times, spending)
 
-    def bundle(self, problem, starts=None, snapshots=None, grid=None):
-        """The kernel's Diffused; without an ensemble its arrays are empty."""
+    def bundle(self, **ensemble):
+        """The kernel's Diffused; the arrays of an `ensemble` are `starts`, `snapshots` and `grid`, else empty."""
+        from ..codegen import compile_model
         from ..kernels.noise import state as names
 
         lowered, noise = self.lowered, self.noise
-        n, m = len(lowered.model.states), len(lowered.model.multipliers)
-        q = lowered.q
-        from ..codegen import compile_model
-
         self._code = compile_model(lowered.model)  # its addresses live as long as it
-        given = {} if starts is None else dict(starts=starts, snapshots=snapshots, grid=grid)
         sizes = dict(
-            n=n,
-            m=m,
-            q=q,
+            n=len(lowered.model.states),
+            m=len(lowered.model.multipliers),
+            q=lowered.q,
             outputs=len(lowered.model.outputs),
-            trajectories=len(given.get("snapshots", ())),
+            trajectories=len(ensemble.get("snapshots", ())),
             times=0,
             levels=names.DEEPEST + 2,
         )
         return names.Diffused.zeros(
             sizes,
             outputs=self._code.outputs,
-            q=q,
+            q=lowered.q,
             pairs=lowered.pairs,
             moving=int(lowered.moving),
             gates=len(lowered.model.smoothing),
@@ -148,7 +144,7 @@ class DiffusionRun:
             finest=noise.finest,
             seed=noise.seed,
             noisy=np.array(lowered.noisy, np.int64),
-            **given,
+            **ensemble,
         )
 
 
@@ -185,7 +181,7 @@ class Path(EventDriven):
         owner = self.owner
         step = owner.noise.step
         control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
-        noise = owner.bundle(self.problem)
+        noise = owner.bundle()
         noise.interval, noise.last, noise.trajectory, noise.recording = first, last, owner.noise.trajectory, 1
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
 

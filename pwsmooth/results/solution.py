@@ -443,8 +443,8 @@ def _status_name(model: Model, j: int, status: int) -> str:
     name = str(multiplier.symbol)
     if multiplier.kind == "contact":
         return f"contact ({name}) " + ("open" if status else "closed")
-    words = ("slip right", "slip left", "stick") if _is_slip_velocity(model, j) else ("", "", "")
-    if status == 0:
-        return f"{words[2]} ({name} sliding)".strip() if words[2] else f"{name} sliding"
-    side = f"{name}={status:+d}"
-    return f"{words[0 if status > 0 else 1]} ({side})" if words[0] else side
+    side = f"{name}={status:+d}" if status else f"{name} sliding"
+    if not _is_slip_velocity(model, j):
+        return side
+    word = {1: "slip right", -1: "slip left", 0: "stick"}[status]
+    return f"{word} ({side})"

@@ -6,9 +6,8 @@
 F is the joint's force on the slider, M_B its moment on the rod. States are the journal's place e in its bearing and
 its rate: the indentation, a few micrometres, is the small difference of psi and x, and would have only their
 accuracy. psi and x follow from e:  sin psi = -(r sin phi + e_y)/l,  x = r cos phi + l cos psi + e_x.
-Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4. Assumed, as not printed there:
-rod's centre of mass at mid-length, 200 rpm, R_B = 10 mm, joint length 15 mm, steel, friction coefficient 0.01, no
-gravity, no guide friction.
+Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4; what is not printed there is
+assumed: rod's centre of mass at mid-length, R_B = 10 mm, no guide friction, and what is marked below.
 """
 
 from __future__ import annotations
@@ -321,10 +320,8 @@ class IdealSliderCrank:
         sine, cosine, first, second = self._rod(phi)
         w2 = self.omega**2
         # Centre of mass: r (cos, sin) + (l/2) (cos psi, sin psi)
-        vx, vy = (
-            -self.r * np.sin(phi) - self.l / 2 * sine * first,
-            self.r * np.cos(phi) + self.l / 2 * cosine * first,
-        )
+        vx = -self.r * np.sin(phi) - self.l / 2 * sine * first
+        vy = self.r * np.cos(phi) + self.l / 2 * cosine * first
         ax = -self.r * np.cos(phi) - self.l / 2 * (cosine * first**2 + sine * second)
         ay = -self.r * np.sin(phi) + self.l / 2 * (cosine * second - sine * first**2)
         rod = w2 * (self.m_2 * (vx * ax + vy * ay) + self.I_2 * first * second)

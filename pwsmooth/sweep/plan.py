@@ -178,8 +178,10 @@ def make_plan(
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
-    period = _period(system, period, where)
     if period is not None:
+        at = {p.name: p for p in system.parameters}
+        lowest = {at[name]: values.min() for name, (_, values) in where.values.items() if name in at}
+        period = checks.period(period, system.parameters | lowest)
         if t_span is not None:
             raise ValueError("give `period` (with `transient` and `periods`) or `t_span`, not both.")
         if measure_from is not None:
@@ -239,16 +241,6 @@ def _measure(item):
 def _unit_names(units):
     given = checks.mapping({} if units is None else units, "`units`", "names to units, such as {'k': 'N/m'}")
     return tuple(sorted((str(k), str(v)) for k, v in given.items()))
-
-
-def _period(system, period, where):
-    """The drive's period as an expression in the parameters."""
-    if period is None:
-        return None
-    values = {
-        p: where.values[p.name][1].min() if p.name in where.values else q for p, q in system.parameters.items()
-    }
-    return checks.period(period, values)
 
 
 def _setting(system, measures, periods, forced, units):

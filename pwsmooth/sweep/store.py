@@ -34,21 +34,10 @@ if TYPE_CHECKING:
 
 
 class Store:
-    """Chunks of one sweep in a Zarr directory.
+    """Chunks of one sweep in a Zarr directory; `todo`: first and last + 1 of the points of every chunk that has to run.
 
-    Parameters
-    ----------
-    path : str or Path
-    plan, axes
-        A directory made by another sweep is refused. One made by another version is read, and refused if there is
-        something to run.
-    target : callable -> int
-        Points in a chunk, asked only if the store is new: a resumed one keeps its own layout.
-
-    Attributes
-    ----------
-    todo : list of (int, int)
-        First and last + 1 of the points of every chunk that has to run.
+    A directory made by another sweep is refused. One made by another version is read, and refused if there is something
+    to run. `target` gives the points in a chunk, asked only if the store is new: a resumed one keeps its own layout.
     """
 
     def __init__(self, path: Any, plan: Plan, axes: Axes, target: Any) -> None:

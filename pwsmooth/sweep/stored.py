@@ -1,8 +1,7 @@
 """What a sweep's store is on disk, and what of it is believed.
 
-Zarr, one file for every variable and chunk, with the checksum of its codec for other readers; of every chunk the
-sha256 of its values in the array `chunk_sha256`; of what the store says of itself, the root's attributes and the
-coordinates, a sha256 among the attributes.
+Files have the checksum of their codec, for other readers. Here counts, of every chunk, the sha256 of its values in the
+array `chunk_sha256`; of the root's attributes and the coordinates, a sha256 among the attributes.
 
 Chain: store.py writes it -> **this** reads it -> Dataset.
 """

@@ -203,5 +203,6 @@ def _elements(p: Any, v: float, *each: Any) -> RealTime:
 
 
 def _update(kind: str, p: Any, state: Any, e: Any = ((), (), ())) -> RealTime:
-    arrays = (np.array(values, float) for values in (p, e, state))
-    return RealTime(*_compiled(kind), *arrays, _STABLE[kind])
+    return RealTime(
+        *_compiled(kind), np.array(p, float), np.array(e, float), np.array(state, float), _STABLE[kind]
+    )

@@ -13,6 +13,9 @@ def stribeck(v, p):
 class _Static(Law):
     """A law with static friction F_s, no smaller than the kinetic one; steady on the Stribeck curve."""
 
+    F_c: float
+    F_s: float
+
     def check(self):
         if self.F_s < self.F_c:
             raise ValueError(
