@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -54,28 +53,16 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     now = run.begin(0.0, 0.0)
     record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(strobes))
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    nq, most = len(quantities), Itinerary.most
     digits = np.zeros(m, np.int64)
     digits[list(setting.word_columns)] = 3 ** np.arange(len(setting.word_columns))
-    orbits = SimpleNamespace(
-        code=np.zeros(count, np.int64),
-        reached=np.zeros(count),
-        **{name: np.zeros(count, np.int64) for name in ("steps", "events", "ambiguities", "events_inside")},
-        stick_time=np.zeros((count, m)),
-        sticks=np.zeros((count, m), np.int64),
-        strobe=np.zeros((count, strobes, n)),
-        found=np.zeros(count, np.int64),
-        word=np.zeros((count, most), np.int64),
-        word_length=np.zeros(count, np.int64),
-        window=np.ascontiguousarray(np.column_stack([begin, end])),
-        **{name: np.zeros((count, nq)) for name in ("low", "high", "first", "second")},
-    )
     address = unit_address("ensemble")
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 2)(address)
-
-    def go(control, first, stop):
-        many = ensemble_state.Ensemble.zeros(
-            dict(n=n, m=m, nq=nq, nodes=_NODES, ring=_RING, outputs=len(model.outputs)),
+    with spending().heard() as gone:
+        orbits: Any = ensemble_state.Ensemble.zeros(
+            dict(
+                N=count, n=n, m=m, nq=len(quantities), nodes=_NODES, ring=_RING, outputs=len(model.outputs),
+                strobes=strobes, most=Itinerary.most,
+            ),
             run=unit_address("run"),
             outputs=run.sizes.outputs if outputs else 0,
             longest=setting.period_detector.longest if setting.forced else 0,
@@ -84,20 +71,21 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             p=p,
             ratio=_ratios(plan, columns, problem.ratio, count),
             x0=x0,
-            t0=np.ascontiguousarray(t0),
-            period=np.ascontiguousarray(period),
+            t0=t0,
+            window=np.column_stack([begin, end]),
+            period=period,
             quantity=quantities,
-            wanted=np.array(setting.bits, np.int64),
+            wanted=setting.bits,
             word_digits=digits,
             node=0.5 * (nodes + 1),
             weight=0.5 * weights,
             poly=np.zeros(40),  # solve's highest order is 31
-            **vars(orbits),
-        )
-        bundles = (problem, control, now, record, run.work, many)
-        call(*(bundle.address for bundle in bundles), first, stop)
+        )  # fmt: skip
 
-    with spending().heard() as gone:
+        def go(control, first, stop):
+            bundles = (problem, control, now, record, run.work, orbits)
+            call(*(bundle.address for bundle in bundles), first, stop)
+
         if run.clocked:
             # The instants of time events depend on the parameters and the span: one orbit a call.
             for i in range(count):

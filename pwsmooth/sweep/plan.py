@@ -27,7 +27,7 @@ from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
 from .axes import Axes, read_axes
 from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, real, whole
-from .measures import Function, Period, measure_from_text
+from .measures import Function, Period, Points, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
 REFUSED, FUNCTION_FAILED = -101, -102
@@ -262,11 +262,7 @@ def _setting(system, measures, periods, forced, units):
                     f"{', '.join((*states, *names, *outputs))}."
                 )
             quantities[name] = quantities.get(name, 0) | measure.bits
-        lacking = [
-            n
-            for n in getattr(measure, "names", ())
-            if not measure.quantities and measure.compiled and n not in states
-        ]
+        lacking = [n for n in measure.names if n not in states] if isinstance(measure, Points) else []
         if lacking:
             raise ValueError(
                 f"`measures`: Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}."
