@@ -416,7 +416,7 @@ def initial_state(x0, states, initial_memory, gone):
     memories = tuple(initial_memory)
     names = (*states, *memories)
     if isinstance(x0, Mapping):
-        values, given = dict(initial_memory), set()
+        given = {}
         by_name = {s.name: s for s in (*memories, *states)}
         for key, value in x0.items():
             name = key.name if isinstance(key, sp.Symbol) else str(key)
@@ -431,12 +431,10 @@ def initial_state(x0, states, initial_memory, gone):
                 )
             if symbol in given:
                 raise ValueError(f"`x0` gives {name!r} twice, as a Symbol and as a string; give it once.")
-            given.add(symbol)
-            values[symbol] = initial_value(symbol, value)
-        missing = [s for s in states if s not in values]
-        if missing:
+            given[symbol] = initial_value(symbol, value)
+        if missing := [s for s in states if s not in given]:
             raise ValueError(f"`x0` has no value for {listing(missing)}; give every state of this view.")
-        return [values[s] for s in names]
+        return [given[s] if s in given else initial_memory[s] for s in names]
     try:
         sequence = list(x0)
     except TypeError:

@@ -123,19 +123,13 @@ class Element:
     def check_values(self, parameters):
         """`checks.values_fit` for the first element, and for every one that has a parameter 0."""
         loops = self.model.loops
-        field = self.definition.field
         families = loops.template.families("parameters")
         blocks = list(zip(loops.template.model.parameters, families, strict=True))
-        odd = {0}
-        for s, family in blocks:
-            if family is not None:
-                odd |= {k for k in range(loops.sizes[family]) if parameters[loops.symbol(s, k)] == 0}
-        for k in sorted(odd):
-            at = {
-                s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]
-            }  # fmt: skip
+        elements = [(s, k) for s, f in blocks if f is not None for k in range(loops.sizes[f])]
+        for k in sorted({0, *(k for s, k in elements if parameters[loops.symbol(s, k)] == 0)}):
+            at = {s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]}
             try:
-                checks.values_fit(field, at)
+                checks.values_fit(self.definition.field, at)
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
 

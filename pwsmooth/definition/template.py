@@ -88,14 +88,14 @@ class Loops:
 
     def starts(self, kind: str) -> list[int]:
         """First number of every block, and the count of all."""
-        if kind not in self._starts:
-            lengths = (1 if f is None else self.sizes[f] for f in self.template.families(kind))
-            self._starts[kind] = list(accumulate(lengths, initial=0))
         return self._starts[kind]
 
     @cached_property
     def _starts(self) -> dict[str, list[int]]:
-        return {}
+        return {
+            kind: list(accumulate((1 if f is None else self.sizes[f] for f in families), initial=0))
+            for kind, families in self.template._families.items()
+        }
 
     def spread(self, kind: str, values: Sequence[Any]) -> list[Any]:
         """One value a block -> one value a number."""
