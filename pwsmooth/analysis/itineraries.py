@@ -233,10 +233,8 @@ def _repeats(cluster, first, symmetric: bool) -> bool:
 
 def _status_before(word: list[Letter], time: float) -> dict[str, int]:
     """Status of every switch just before a phase, from the last event of each in the cyclic word."""
-    status = {}
-    for letter in sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0):
-        status[letter.switch] = letter.after
-    return status
+    ordered = sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0)
+    return {letter.switch: letter.after for letter in ordered}
 
 
 def _name(gone, come, status: dict[str, int]) -> str | None:

@@ -138,14 +138,15 @@ class DiffusionRun:
             pairs=lowered.pairs,
             moving=int(lowered.moving),
             gates=len(lowered.model.smoothing),
-            step=noise.step,
-            resolution=noise.resolution,
-            level=noise.level,
-            finest=noise.finest,
+            **_steps(noise),
             seed=noise.seed,
             noisy=np.array(lowered.noisy, np.int64),
             **ensemble,
         )
+
+
+def _steps(noise):
+    return {name: getattr(noise, name) for name in ("step", "resolution", "level", "finest")}
 
 
 def _free(problem, lowered):
@@ -171,8 +172,7 @@ class Path(EventDriven):
         )
         self.owner = run
         self.problem = _free(self.parts.problem(np.array(view.parameter_values, float)), run.lowered)
-        self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
-                           "finest": noise.finest}  # fmt: skip
+        self.tolerances = _steps(noise)
 
     def diffuse(self, first, last, start, times, spending):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""

@@ -7,6 +7,7 @@ belong together; an event contributes two columns of equal time, the state befor
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -203,12 +204,10 @@ class Solution:
             return x[self.states.index(name)]
         if name in self._expressions:
             values = [self.parameters[str(p)] for p in self.model.parameters]
-            if self.model.loops is not None:
-                with np.errstate(all="ignore"):
-                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
-            function = vectorised(self.model, self._expressions[name])
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
-                result = function(t, *x, *mult, *values)
+                if self.model.loops is not None:
+                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
+                result = vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
@@ -385,9 +384,7 @@ class Solution:
     # ---- repr --------------------------------------------------------------------------------------
 
     def _summary(self) -> list[tuple[str, str]]:
-        kinds: dict[str, int] = {}
-        for event in self.events:
-            kinds[event.kind] = kinds.get(event.kind, 0) + 1
+        kinds = Counter(event.kind for event in self.events)
         if len(self.mult) <= MANY:
             steps = self.itinerary
             shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
