@@ -240,7 +240,8 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     out = Path(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        remove_leftovers(out)
+        for leftover in out.glob(f"{_PARTIAL}*"):  # of a run that was killed
+            leftover.unlink(missing_ok=True)
     except OSError as error:
         raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
     # Off a terminal the table keeps its columns instead of folding them to 80 characters.
@@ -335,12 +336,6 @@ def write_whole(path: Path, content: bytes) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def remove_leftovers(out: Path) -> None:
-    """Remove what a killed run left beside the figures."""
-    for leftover in out.glob(f"{_PARTIAL}*"):
-        leftover.unlink(missing_ok=True)
 
 
 def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
-from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -79,14 +78,11 @@ class Saltation:
     degenerate: str = ""
 
 
-def _row(value: Any, what: str) -> np.ndarray:
-    return checks.array(value, what).reshape(-1)
-
-
 _DOOR: dict[str, checks.Check] = {
-    "line": checks.instance(Linearised, "what linearise() gives"), "p": _row,
+    "line": checks.instance(Linearised, "what linearise() gives"),
+    "p": lambda value, what: checks.array(value, what).reshape(-1),
     "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
-}  # fmt: skip
+}
 
 
 @checks.door(**_DOOR)

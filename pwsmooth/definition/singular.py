@@ -63,10 +63,6 @@ def arguments(e):
     return [Argument(zero, e, power) for zero in zeros(*e.args)]
 
 
-def _times(a, b):
-    return 0.0 if a == 0 or b == 0 else a * b
-
-
 class Bounds:
     """Bounds of expressions from the ranges of functions, the signs of parameters and those of known surfaces."""
 
@@ -143,7 +139,7 @@ class Bounds:
         if e.is_Mul:
             low, high = inner[0]
             for a, b in inner[1:]:
-                ends = [_times(p, q) for p in (low, high) for q in (a, b)]
+                ends = [p * q if p and q else 0.0 for p in (low, high) for q in (a, b)]  # 0 times inf is 0
                 low, high = min(ends), max(ends)
             return low, high
         if isinstance(e, sp.Max):

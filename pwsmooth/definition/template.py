@@ -151,10 +151,10 @@ class Loops:
 
     def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
         """All states or parameters."""
-        result: list[sp.Symbol] = []
-        for s, family in zip(getattr(self.template.model, kind), self.template.families(kind)):
-            result += [self.symbol(s, k) for k in (range(self.sizes[family]) if family is not None else [None])]
-        return tuple(result)
+        blocks = zip(getattr(self.template.model, kind), self.template.families(kind))
+        return tuple(
+            self.symbol(s, k) for s, f in blocks for k in ([None] if f is None else range(self.sizes[f]))
+        )
 
 
 class Copy:

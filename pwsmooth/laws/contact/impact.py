@@ -53,9 +53,9 @@ class ImpactLaw(AtWall):
     def pieces(self, at, p):
         d, v, surface = at.x, at.v, at.beyond(0)
         speed = at.memory("speed", self.slowest, positive=True)
-        factor = sp.Float(damping_factor(self.eta, self.c_r)) if self.eta == "zhang-sharf" else (
-            damping_factor(self.eta, p.c_r)
-        )  # fmt: skip
+        # The exact root has no form in symbols.
+        exact = self.eta == "zhang-sharf"
+        factor = sp.Float(damping_factor(self.eta, self.c_r)) if exact else damping_factor(self.eta, p.c_r)
         damping = 1 + factor * v / speed
         pushing = sp.Max(0, damping) if self.release == "zero force" else damping
         touch_down = [
