@@ -169,11 +169,12 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     first = tangent_projector(line, solution, values)
     moves = [] if first is None else [(float(solution.t[0]), first)]
     jumps = [(s.time, s.matrix) for s in salts]
-    for start, end, transition in zip(steps.start, steps.ends, transitions):
-        while jumps and jumps[0][0] <= start:
-            moves.append(jumps.pop(0))
-        moves.append((float(end), transition))
-    moves += jumps
+    done = 0
+    before = np.searchsorted([time for time, _ in jumps], steps.start, side="right")  # how many, of every step
+    for count, end, transition in zip(before, steps.ends, transitions):
+        moves += [*jumps[done:count], (float(end), transition)]
+        done = count
+    moves += jumps[done:]
     total = np.eye(N)
     for _, factor in moves:
         total = factor @ total

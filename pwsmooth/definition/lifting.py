@@ -44,9 +44,7 @@ class Lifting:
     def __init__(self, dynamic, user_switches=()):
         self.dynamic = frozenset(dynamic)
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
-        self.notation: dict[
-            sp.Symbol, Switch
-        ] = {}  # multiplier -> Switch, its surface as the user would write it
+        self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}

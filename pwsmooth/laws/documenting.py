@@ -46,9 +46,6 @@ def _entry(field: Any) -> str:
     kind = "float or sequence of float, shape (n,)" if about["each"] else "float"
     unit = "dimensionless" if about["unit"] == "1" else about["unit"]
     sign = f"; {_SIGNS[about['sign']]}"
+    default = f"{field.default:g}" if isinstance(field.default, (int, float)) else field.default
     fixed = " It shapes the equations: no symbol that a sweep can change." if about["structural"] else ""
-    return f"{field.name} : {kind}, {unit}, default {_number(field.default)}\n    {meaning}{sign}.{fixed}"
-
-
-def _number(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, (int, float)) else str(value)
+    return f"{field.name} : {kind}, {unit}, default {default}\n    {meaning}{sign}.{fixed}"

@@ -6,8 +6,8 @@
 F is the joint's force on the slider, M_B its moment on the rod. States are the journal's place e in its bearing and
 its rate: the indentation, a few micrometres, is the small difference of psi and x, and would have only their
 accuracy. psi and x follow from e:  sin psi = -(r sin phi + e_y)/l,  x = r cos phi + l cos psi + e_x.
-Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4; what is not printed there is
-assumed: rod's centre of mass at mid-length, R_B = 10 mm, no guide friction, and what is marked below.
+Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4. Assumed, as not printed there:
+rod's centre of mass at mid-length, no gravity, no guide friction, and the numbers that are marked so.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = ["IdealSliderCrank", "slider_crank"]
 CRANK, ROD = 0.05, 0.30  # m
 ROD_MASS, ROD_INERTIA, SLIDER_MASS = 1.130, 0.015300, 1.013  # kg, kg m^2, kg
 BEARING, LENGTH, MODULUS, POISSON = 0.010, 0.015, 207e9, 0.3  # assumed
-RPM, FRICTION = 200.0, 0.01
+RPM, FRICTION = 200.0, 0.01  # assumed
 
 e_x, e_y, u_x, u_y = sp.symbols("e_x e_y u_x u_y", real=True)
 omega, r, l, m_2, I_2, m_3, c, R_B, g = sp.symbols("omega r l m_2 I_2 m_3 c R_B g", positive=True)

@@ -32,8 +32,7 @@ def run_chunk(
 
 
 def _values(plan, columns, spending):
-    count = len(next(iter(columns.values())))
-    result = {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in plan.variables.items()}
+    result = plan.empty(len(next(iter(columns.values()))))
     ensemble = goes_as_ensemble(plan)
     if ensemble:
         from .orbits import run_orbits

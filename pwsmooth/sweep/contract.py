@@ -151,7 +151,7 @@ def real(setting, what, unit="", dims=(), shape=()):
     return Variable(dims, shape, np.float64, np.nan, {"long_name": what, **({"units": unit} if unit else {})})
 
 
-def whole(dtype, what):
+def integer(dtype, what):
     return Variable((), (), dtype, -1, {"long_name": what, "units": "1"})
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
-from .contract import Measure, real, whole
+from .contract import Measure, integer, real
 from .functions import Function, Lyapunov
 from .of_solution import segments_in, strobes
 from .periodicity import Itinerary, Period
@@ -164,7 +164,7 @@ class Counts(Measure):
 
     def variables(self, setting):
         about = {"events": "events inside the window", "steps": "steps of the whole orbit"}
-        return {name: whole(np.int64, text) for name, text in about.items()}
+        return {name: integer(np.int64, text) for name, text in about.items()}
 
     def gather(self, orbits, setting):
         return {"events": orbits.events_inside.copy(), "steps": orbits.steps.copy()}

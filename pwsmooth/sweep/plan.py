@@ -26,7 +26,7 @@ from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
 from .axes import Axes, read_axes
-from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, real, whole
+from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, integer, real
 from .measures import Function, Period, Points, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
@@ -71,9 +71,13 @@ class Plan:
                 named[name] = variable
         named["t_reached"] = real(self.setting, "where the run ended", self.setting.time_unit)
         said = "recorded ambiguities: points from which the solution is not unique"
-        named["ambiguities"] = whole(np.int32, said)
+        named["ambiguities"] = integer(np.int32, said)
         named["outcome"] = Variable((), (), np.int16, NOT_RUN, _flags())
         return named
+
+    def empty(self, count: int) -> dict[str, np.ndarray]:
+        """Every variable of so many points, not run yet."""
+        return {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in self.variables.items()}
 
     def windows(self, columns: Mapping[str, np.ndarray], count: int) -> tuple[np.ndarray, ...]:
         """Start time, window start, window end and period of every point of a chunk; each (count,)."""

@@ -25,7 +25,7 @@ import numpy as np
 
 from . import stored
 from .axes import Axes
-from .dataset import attributes, coordinates, empty_arrays, make_dataset
+from .dataset import attributes, coordinates, make_dataset
 from .identity import UNKNOWN
 from .plan import Plan
 
@@ -43,7 +43,7 @@ class Store:
     def __init__(self, path: Any, plan: Plan, axes: Axes, target: Any) -> None:
         zarr = stored.zarr_itself()
         self.path, self.plan, self.axes = Path(path), plan, axes
-        self.arrays, self.attrs = empty_arrays(plan, axes), attributes(plan, axes)
+        self.arrays, self.attrs = plan.empty(axes.size), attributes(plan, axes)
         new = False
         if not (self.path / "zarr.json").exists():
             if self.path.exists() and any(self.path.iterdir()):
