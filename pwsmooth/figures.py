@@ -234,16 +234,20 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from .codegen.machine.cache import kernels
+
     modules = discover(names)
     out = Path(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        remove_leftovers(out)
+        for leftover in out.glob(f"{_PARTIAL}*"):  # of a run that was killed
+            leftover.unlink(missing_ok=True)
     except OSError as error:
         raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
     # Off a terminal the table keeps its columns instead of folding them to 80 characters.
     console = Console() if sys.stdout.isatty() else Console(width=160)
-    _announce_compilation(console)
+    if kernels().empty():
+        console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")
     entries: dict[str, dict[str, Any]] = {}
     failures: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -268,14 +272,6 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     if failures:
         console.print(f"FAILED: figures {', '.join(failures)}", style="bold red")
     return not failures
-
-
-def _announce_compilation(console: Any) -> None:
-    """Say why the first solved figure takes long, if it will."""
-    from .codegen.machine.cache import kernels
-
-    if kernels().empty():
-        console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")
 
 
 def _stem(module: ModuleType) -> str:
@@ -342,14 +338,9 @@ def write_whole(path: Path, content: bytes) -> None:
         raise
 
 
-def remove_leftovers(out: Path) -> None:
-    """Remove what a killed run left beside the figures."""
-    for leftover in out.glob(f"{_PARTIAL}*"):
-        leftover.unlink(missing_ok=True)
-
-
 def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:
     """The table: claim, the source's value, ours, verdict with its reason."""
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title="What the source claims and what its equations give", show_lines=True)
@@ -360,16 +351,8 @@ def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:
         for claim in entry["claims"]:
             counts[claim["verdict"]] += 1
             good = claim["verdict"] == "reproduced"
-            verdict = "[green]reproduced[/]" if good else "[yellow]differs[/]: " + _escape(claim["reason"])
-            table.add_row(
-                name, _escape(claim["claim"]), _escape(claim["source"]), _escape(claim["ours"]), verdict
-            )
+            verdict = "[green]reproduced[/]" if good else "[yellow]differs[/]: " + escape(claim["reason"])
+            table.add_row(name, *(escape(claim[key]) for key in ("claim", "source", "ours")), verdict)
     if table.row_count:
         console.print(table)
         console.print(f"{counts['reproduced']} reproduced, {counts['differs']} differ")
-
-
-def _escape(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -2,8 +2,8 @@
 
     min over p of  sum_k (f_law(t_k; p) - f_k)^2
 
-Positive parameters are fitted by their logarithm: they stay positive, and steps are relative. Each forward run is the
-event-driven solution along the spline of the measured motion, compiled once; values are exchanged without compiling.
+Each forward run is the event-driven solution along the spline of the measured motion, compiled once; values are
+exchanged without compiling.
 Chain: laws, scenes -> **fit**.
 """
 
@@ -171,10 +171,7 @@ def fit(
             f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one "
             "sequence of the same length each."
         )
-    drive = Table(t, motion)
-    scene = (
-        prescribed_motion(law, position=drive) if kind == "position" else prescribed_motion(law, velocity=drive)
-    )
+    scene = prescribed_motion(law, **{kind: Table(t, motion)})
     forward = _Forward(law, scene, _free(law, free), t, settle, rtol)
     data = force[forward.used]
     if len(data) <= len(forward.names):
@@ -188,7 +185,7 @@ def fit(
         model = forward(coordinates)
         return np.full(data.shape, _FAILED) if model is None else (model - data) / size
 
-    first = forward.coordinates()
+    first = forward.start
     # The runs' own error, some rtol, must not show in the slopes.
     found = least_squares(residuals, first, x_scale="jac", diff_step=max(1e-6, rtol**0.5), max_nfev=max_runs)
     begun = clock.process_time()
@@ -293,24 +290,22 @@ class _Forward:
         self.law, self.scene, self.t, self.rtol = law, scene, t, rtol
         self.used = t >= t[0] + settle
         self.runs = self.failures = 0
-        self.names, self.first, logarithmic = [], [], []
-        self.owner = []
+        self.names, values, self.owner, logarithmic = [], [], [], []
         for field in dataclasses.fields(law):
             if field.name not in free:
                 continue
             value = getattr(law, field.name)
             for i, v in enumerate(value if isinstance(value, tuple) else (value,)):
                 self.names.append(f"{field.name}_{i + 1}" if isinstance(value, tuple) else field.name)
-                self.first.append(v)
+                values.append(v)
                 self.owner.append(field.name)
                 # Fit log(p) where p > 0 by assumption or by the first guess.
                 logarithmic.append(field.metadata["sign"] != "real" and v > 0)
-        self.logarithmic = np.array(logarithmic)
-        self.unit = np.where(self.logarithmic, 1.0, np.abs(self.first) + (np.array(self.first) == 0))
-
-    def coordinates(self):
-        first = np.array(self.first)
-        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, first, 1.0)), first / self.unit)
+        self.logarithmic, first = np.array(logarithmic), np.array(values)
+        self.unit = np.where(self.logarithmic, 1.0, np.abs(first) + (first == 0))
+        self.start = np.where(
+            self.logarithmic, np.log(np.where(self.logarithmic, first, 1.0)), first / self.unit
+        )
 
     def _plain(self, coordinates):
         bounded = np.clip(coordinates, -200, 200)

@@ -221,12 +221,9 @@ def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any)
     """
     status = np.asarray(status)
     # Each piece keeps the first point of the next one, so that the curve stays connected.
-    ends = [*(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
-    first = 0
-    for end in ends:
-        piece = slice(first, min(end + 1, len(status)))
-        ax.plot(*(c[piece] for c in coordinates), color=COLOUR[phase(status[first])], **line)
-        first = end
+    changes = (np.flatnonzero(np.diff(status)) + 1).tolist()
+    for first, end in zip([0, *changes], [*changes, len(status)]):
+        ax.plot(*(c[first : end + 1] for c in coordinates), color=COLOUR[phase(status[first])], **line)
     return ax
 
 

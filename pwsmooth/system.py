@@ -306,11 +306,9 @@ class System:
         if not self._field.switches:
             raise ValueError("this system has no switches: there is nothing to smooth.")
         family = sigmoid_of(sigmoid)
-        lams = [lam for lam, _ in self._field.switches]
-        values = self._by_switch(eps, "eps")
+        lams, values = self._lams, self._by_switch(eps, "eps")
         if isinstance(eps, Mapping):
-            missing = [lam for lam in lams if lam not in values]
-            if missing:
+            if missing := [lam for lam in lams if lam not in values]:
                 lacking = checks.listing(missing)
                 raise ValueError(f"`eps` has no width for {lacking}; give one for every switch.")
             symbols = {lam: self._fresh(f"eps_{lam.name}") for lam in lams}
@@ -318,7 +316,10 @@ class System:
             symbols = dict.fromkeys(lams, self._fresh("eps"))
         key = ("smoothed", family.name, tuple(symbols.values()))
         if key not in self._cache:
-            field = replace(self._unlayered(symbols[lams[0]]), parameters=tuple(self.parameters))
+            field = self._field
+            if self._view:  # states of a finite ratio r come back with the time constant eps/r
+                field = unlayered(self._view.original._field, self.model.layer_states, symbols[lams[0]])
+            field = replace(field, parameters=tuple(self.parameters))
             field, smoothing = smoothed(field, family, symbols)
             extra = tuple(dict.fromkeys(symbols.values()))
             self._cache[key] = field, lower(field, smoothing=smoothing, sigmoid=family.name, extra=extra)
@@ -373,13 +374,10 @@ class System:
         relative = dict.fromkeys(self._lams, 1.0) | self._by_switch(widths, "eps_ratio")
         relative = {lam: width / relative[self._lams[0]] for lam, width in relative.items()}
         constants = self._constants(given, {} if time_constant is None else time_constant)
-        symbols, values = {}, {}
-        for z, r in given.items():
-            symbols[z] = sp.S(0) if r == 0 else r if r == sp.oo else self._fresh(f"ratio_{z.name}")
-            if isinstance(symbols[z], sp.Symbol):
-                values[symbols[z]] = r
-        settings = (symbols, relative, constants)
-        key = ("layered", family.name, *(tuple(d.items()) for d in settings))
+        finite = {z: self._fresh(f"ratio_{z.name}") for z, r in given.items() if r not in (0, sp.oo)}
+        symbols = {z: finite.get(z, sp.S(r)) for z, r in given.items()}
+        values = {symbol: given[z] for z, symbol in finite.items()}
+        key = ("layered", family.name, *(tuple(d.items()) for d in (symbols, relative, constants)))
         if key not in self._cache:
             slow, free, layer = layered(self._field, symbols, constants)
             self._cache[key] = slow, lower(
@@ -430,12 +428,6 @@ class System:
         for z, beta in found.items():
             checks.positive(beta.subs(self.parameters), f"`time_constant` {beta} of {z.name!r}")
         return found
-
-    def _unlayered(self, eps):
-        """The field to be smoothed: states of a finite ratio r come back with the time constant eps/r."""
-        if self._view is None:
-            return self._field
-        return unlayered(self._view.original._field, self.model.layer_states, eps)
 
     def _fresh(self, name):
         """A parameter symbol of a name that the system does not use yet."""

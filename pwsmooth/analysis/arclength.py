@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -118,7 +117,8 @@ class Walk:
         part = map_.solved(here.u[:-1], time, here.orbit.system)
         moved = variations(part, (self.name,))
         turned = map_.at_phase(time / period)
-        slope = float(map_.period.diff(_symbol(map_, self.name)).subs(here.orbit.system.parameters))
+        q = checks.lookup(self.name, map_.system.parameters, "`parameter`", "parameter")
+        slope = float(map_.period.diff(q).subs(here.orbit.system.parameters))
         along = moved.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
             moved.by_parameter[:, 0] + moved.rates * slope * (time / period - map_.phase)
         )
@@ -201,10 +201,6 @@ class Walk:
 
 def sticks_at_start(run: Solution) -> bool:
     return bool(np.any(run.status[:, np.searchsorted(run.t, run.t[0], side="right") - 1] == 0))
-
-
-def _symbol(map_: Any, name: str) -> Any:
-    return checks.lookup(name, map_.system.parameters, "`parameter`", "parameter")
 
 
 def _full_rank(DF: np.ndarray) -> bool:

@@ -94,7 +94,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
         return 1.0
     u_s = _fold_position(rho, shape)
     if ratio == math.inf or _clearance(rho, ratio, u_s, shape) >= 0:
-        return _static_coefficient(rho)
+        return 2 * rho * ((1 + rho) / (3 * rho)) ** 1.5  # mu_s
 
     # The unknown is the saddle's position u (in s = asinh u): F follows from it without solving for a root,
     # and F - 1 keeps its digits as the saddle moves to infinity (ratio -> 0).
@@ -160,10 +160,6 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     while clearance(high) < 0:
         high += 1
     return math.exp(brentq(clearance, low, high, xtol=1e-11))
-
-
-def _static_coefficient(rho: float) -> float:
-    return 2 * rho * ((1 + rho) / (3 * rho)) ** 1.5
 
 
 def _force(rho: float, u: float, shape: Sigmoid) -> float:

@@ -177,36 +177,32 @@ def follow(
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
     lengths = step, longest_step, shortest_step
     bound = opened(max_steps, max_seconds)
+    branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
     with within(Budget(_COUNTED)) as counted:
-        return _followed(
-            orbit,
-            Walk(orbit, name, abs(end - begin)),
-            (begin, end),
-            lengths,
-            most,
+        branch.end = _followed(
+            branch, walk, begin, end, lengths, most,
             lambda: _COUNTED - counted.left >= bound.left or bound.late(),
-        )
+        )  # fmt: skip
+    return branch
 
 
-def _followed(orbit, walk, ends, lengths, most, used_up) -> Branch:
-    (begin, end), (step, longest_step, shortest_step), name = ends, lengths, walk.name
-    branch = Branch(name, [orbit])
+def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
+    """Adds to a branch what there is up to its end; why it ends."""
+    (step, longest_step, shortest_step), name, (orbit,) = lengths, walk.name, branch.orbits
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
     ds = min(step, longest_step)
     while len(branch.orbits) < most:
         if used_up():
-            branch.end = (
+            return (
                 f"`max_steps` or `max_seconds` are used up at {name} = {walk.value(here):.10g}: give more, or go on "
                 "from `orbits[-1]`."
             )
-            return branch
         if not here.alone:
-            branch.end = (
+            return (
                 f"at {name} = {walk.value(here):.10g} the orbit is not isolated: many exist at one value, or "
                 "two branches meet there, and no single way leads on."
             )
-            return branch
         there = walk.step(here, ds)
         if there is None:
             if ds > shortest_step:
@@ -214,34 +210,27 @@ def _followed(orbit, walk, ends, lengths, most, used_up) -> Branch:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                branch.end = walk.why_ended(here, ds)
-                return branch
+                return walk.why_ended(here, ds)
         past = _passed(there, here, walk, begin, end)
         if past is not None:
-            last = walk.at_parameter(here, past, there)
-            if last is None:
-                branch.end = f"no orbit was found at {name} = {past:g}."
-                return branch
-            there = last
+            there = walk.at_parameter(here, past, there)
+            if there is None:
+                return f"no orbit was found at {name} = {past:g}."
         if broken := not_repeated(there.orbit):
-            branch.end = f"at {name} = {walk.value(there):.10g} there is {broken}"
-            return branch
+            return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
         shorter = collapse_between(walk, here, there, found)
         if shorter is not None:
             count, ends = shorter
             branch.bifurcations += ends
-            branch.end = _collapse_in_words(walk, here, there, count, ends)
-            return branch
+            return _collapse_in_words(walk, here, there, count, ends)
         branch.bifurcations += found
         branch.orbits.append(there.orbit)
         if past is not None:
-            branch.end = f"reached {name} = {past:g}."
-            return branch
+            return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
         here = walk.rephased(there)
-    branch.end = f"stopped after {len(branch.orbits)} orbits (`most`)."
-    return branch
+    return f"stopped after {len(branch.orbits)} orbits (`most`)."
 
 
 def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:

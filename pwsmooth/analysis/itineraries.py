@@ -83,10 +83,8 @@ class Change:
     time: float
 
     def __str__(self) -> str:
-        def words(letters: tuple[Letter, ...]) -> str:
-            return ", ".join(map(str, letters)) or "nothing"
-
-        return f"{self.name}: {words(self.before)} -> {words(self.after)}, at {self.time:.4f} of the period"
+        before, after = (", ".join(map(str, letters)) or "nothing" for letters in (self.before, self.after))
+        return f"{self.name}: {before} -> {after}, at {self.time:.4f} of the period"
 
 
 def letters(orbit: PeriodicOrbit) -> list[Letter]:
@@ -235,10 +233,8 @@ def _repeats(cluster, first, symmetric: bool) -> bool:
 
 def _status_before(word: list[Letter], time: float) -> dict[str, int]:
     """Status of every switch just before a phase, from the last event of each in the cyclic word."""
-    status = {}
-    for letter in sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0):
-        status[letter.switch] = letter.after
-    return status
+    ordered = sorted(word, key=lambda x: (x.time - time + 0.5 * _TOGETHER) % 1.0)
+    return {letter.switch: letter.after for letter in ordered}
 
 
 def _name(gone, come, status: dict[str, int]) -> str | None:

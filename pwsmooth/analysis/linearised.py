@@ -23,9 +23,6 @@ from ..results.solution import vectorised
 
 __all__ = ["Blocks", "Linearised", "linearise"]
 
-# A surface's columns: h, h_w, h_t, h_lam. The rest of a contact: dh/dt likewise.
-_PARTS = ("f", "f_w", "f_lam", "g_w", "g_t", "g_lam")
-
 
 @dataclass(frozen=True)
 class Blocks:
@@ -136,10 +133,8 @@ class Linearised:
     @checks.door(model=checks.instance(Model, "the `model` of a System"), parameters=_symbols)
     def __init__(self, model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> None:
         self.model, self.chosen = model, parameters
-        self.n, self.m, self.N = (
-            len(model.states), len(model.multipliers), len(model.states) + len(parameters)
-        )  # fmt: skip
         self.w = (*model.states, *parameters)
+        self.n, self.m, self.N = len(model.states), len(model.multipliers), len(self.w)
         self.symbols = [mu.symbol for mu in model.multipliers]
         # Another switch stands at 0 only after an accumulation, where it is held, not solved.
         self.solvable = [
@@ -186,11 +181,9 @@ class Linearised:
         values = self._blocks(t, x, mult, p)
         shapes = [(n,), (n, N), (n, m), (m, N), (m,), (m, m)]
         sizes = np.cumsum([0, *(int(np.prod(s)) for s in shapes)])
-        pieces = [
-            values[a:b].T.reshape(nt, *shape)
-            for a, b, shape in zip(sizes[:-1], sizes[1:], shapes)
-        ]  # fmt: skip
-        return Blocks(**dict(zip(_PARTS, pieces)))
+        return Blocks(
+            *(values[a:b].T.reshape(nt, *shape) for a, b, shape in zip(sizes[:-1], sizes[1:], shapes))
+        )
 
     def solved(self, status: np.ndarray) -> list[int]:
         """Which multipliers are solved at a status.

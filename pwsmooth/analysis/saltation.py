@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
-from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -79,14 +78,11 @@ class Saltation:
     degenerate: str = ""
 
 
-def _row(value: Any, what: str) -> np.ndarray:
-    return checks.array(value, what).reshape(-1)
-
-
 _DOOR: dict[str, checks.Check] = {
-    "line": checks.instance(Linearised, "what linearise() gives"), "p": _row,
+    "line": checks.instance(Linearised, "what linearise() gives"),
+    "p": lambda value, what: checks.array(value, what).reshape(-1),
     "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
-}  # fmt: skip
+}
 
 
 @checks.door(**_DOOR)
@@ -293,7 +289,11 @@ class _Instant:
             if spec.surface is None:
                 return None, self._clock(spec)
             surface = spec.surface
-        return _total(line, blocks, J, surface, self.t, self.x, self.mult, self.p)
+        h_w, h_t, h_lam = line.gradient(surface, self.t, self.x, self.mult, self.p)
+        if J and np.any(h_lam[J] != 0):  # solved multipliers in it are eliminated
+            lam_w, lam_t = blocks.solved(J)
+            h_w, h_t = h_w + h_lam[J] @ lam_w[0], h_t + h_lam[J] @ lam_t[0]
+        return h_w, h_t
 
     def _clock(self, spec) -> np.ndarray:
         """How the present instant of a clock moves with the parameters, as a row (N,)."""
@@ -322,15 +322,6 @@ def _rounds(jumps: list[EventRecord]) -> Iterator[list[list[EventRecord]]]:
 
 def _at(blocks: Blocks, k: int) -> Blocks:
     return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
-
-
-def _total(line, blocks, J, surface, t, x, mult, p):
-    """H_w and H_t of a surface, solved multipliers in it eliminated."""
-    h_w, h_t, h_lam = line.gradient(surface, t, x, mult, p)
-    if len(J) and np.any(h_lam[J] != 0):
-        lam_w, lam_t = blocks.solved(J)
-        h_w, h_t = h_w + h_lam[J] @ lam_w[0], h_t + h_lam[J] @ lam_t[0]
-    return h_w, h_t
 
 
 @checks.door(**_DOOR)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
-from ..definition.model import EventSpec, Model
+from ..definition.model import EventSpec, Model, of_event
 from ..definition.pointwise import value
 from ..results.records import Outcome
 from ..results.solution import Solution
@@ -356,6 +356,6 @@ def depends_on_time(model: Model) -> bool:
     for layer in model.layer_states:
         parts += [layer.rate, layer.equilibrium]
     for event in model.events:
-        parts += [event.surface, event.when, *(value for _, value in event.update)]
+        parts += of_event(event)
     timed = any(event.surface is None for event in model.events)
     return timed or any(model.time in part.free_symbols for part in parts if part is not None)

@@ -2,10 +2,9 @@
 
     mu(lam) = lam (1 + rho gamma(lam)),     sticking where |k y - q''| <= N mu at v = 0
 
-The linear region has mu = 1, the nonlinear one mu = mu_s, the height of the fold of mu(lam) at lam_s
-(M. R. Jeffrey, On the mathematical basis of solid friction, eqs 16-19; the printed
-mu_s = -rho dgamma/dv lam_s**2 means dgamma/dlam). Which of them captures a slipping contact is decided in the
-layer: see `capture`.
+The linear region has mu = 1, the nonlinear one mu = mu_s, the height of the fold of mu(lam) at lam_s (M. R. Jeffrey, On
+the mathematical basis of solid friction, eqs 16-19). Which of them captures a slipping contact is decided in the layer:
+see `capture`.
 """
 
 from __future__ import annotations
@@ -268,6 +267,7 @@ def fold(gamma: sp.Expr, lam: sp.Symbol, rho: sp.Expr) -> Fold:
 def _first_positive_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
     """The first root at which the branch through 0 folds: a root of odd multiplicity, smallest first."""
     symbols = sorted(slope.free_symbols - {x}, key=str)
+    names = ", ".join(map(str, symbols))
     numerator = sp.numer(sp.together(slope))
     if not numerator.has(x):
         return None
@@ -277,7 +277,6 @@ def _first_positive_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
         closed = {}
     if not closed or sum(closed.values()) < sp.degree(numerator, x):
         if symbols:
-            names = ", ".join(map(str, symbols))
             raise ValueError(
                 f"d mu/d lam = 0 has no closed form in {names}; give numbers for these parameters."
             )
@@ -288,7 +287,6 @@ def _first_positive_root(slope: sp.Expr, x: sp.Symbol) -> sp.Expr | None:
     real = [(value.real, root) for value, root in values if abs(value.imag) < 1e-12 and value.real > 0]
     positive = sorted(real, key=lambda pair: pair[0])
     if symbols and len(positive) > 1:
-        names = ", ".join(map(str, symbols))
         raise ValueError(f"d mu/d lam = 0 has several roots, whose order depends on {names}; give numbers.")
     return sp.simplify(positive[0][1]) if positive else None
 

@@ -166,31 +166,25 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     transitions = _transitions(line, steps, groups, values)
     salts = saltations(line, solution, values)
     n, N = line.n, line.N
-    factors, times = [], []
     first = tangent_projector(line, solution, values)
-    if first is not None:
-        factors.append(first)
-        times.append(float(solution.t[0]))
-    k = 0
-    for i, end in enumerate(steps.ends):
-        while k < len(salts) and salts[k].time <= steps.start[i]:
-            factors.append(salts[k].matrix)
-            times.append(salts[k].time)
-            k += 1
-        factors.append(transitions[i])
-        times.append(float(end))
-    factors += [s.matrix for s in salts[k:]]
-    times += [s.time for s in salts[k:]]
+    moves = [] if first is None else [(float(solution.t[0]), first)]
+    jumps = [(s.time, s.matrix) for s in salts]
+    done = 0
+    before = np.searchsorted([time for time, _ in jumps], steps.start, side="right")  # how many, of every step
+    for count, end, transition in zip(before, steps.ends, transitions):
+        moves += [*jumps[done:count], (float(end), transition)]
+        done = count
+    moves += jumps[done:]
     total = np.eye(N)
-    for factor in factors:
+    for _, factor in moves:
         total = factor @ total
     c = [int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1, -1]
     f = line.blocks(solution.t[c], solution.x[:, c], solution.mult[:, c], values).f
     return Variations(
         total[:n, :n],
         total[:n, n:],
-        factors,
-        np.array(times),
+        [factor for _, factor in moves],
+        np.array([time for time, _ in moves]),
         salts,
         f[0],
         f[1],

@@ -125,8 +125,8 @@ def expression(value, what, names=None):
 
 def period(value, parameters, what="`period`"):
     """A period > 0 as an expression in parameters, from a number, an expression or text; `parameters`: with values."""
-    e = expression(value, what, {p.name: p for p in parameters})
     known = {p.name: p for p in parameters}
+    e = expression(value, what, known)
     e = e.xreplace({s: known[s.name] for s in e.free_symbols if s.name in known})
     unknown = e.free_symbols - parameters.keys()
     if unknown:
@@ -257,9 +257,7 @@ def states(symbols):
 
 def mapping(value, what, contents="names to values"):
     """`value`, which has to be a mapping of `contents` ("states to ratios")."""
-    if not isinstance(value, Mapping):
-        raise TypeError(f"{what} is {shown(value)}; give a dict of {contents}.")
-    return value
+    return instance(Mapping, f"a dict of {contents}")(value, what)
 
 
 def values(value, what):
@@ -279,11 +277,11 @@ def pairs(value, what):
     return tuple(map(tuple, found))
 
 
-def _finite(holds, words):
-    """The test of a finite float for which `holds`."""
+def _such(holds, words, read=number):
+    """The test of a float for which `holds`."""
 
     def test(value, what):
-        result = number(value, what)
+        result = read(value, what)
         if not holds(result):
             raise ValueError(f"{what} is {result:g}; give a number {words}.")
         return result
@@ -291,9 +289,10 @@ def _finite(holds, words):
     return test
 
 
-positive = _finite(lambda v: v > 0, "> 0")
-nonnegative = _finite(lambda v: v >= 0, ">= 0")
-nonzero = _finite(lambda v: v != 0, "other than 0")
+positive = _such(lambda v: v > 0, "> 0")
+nonnegative = _such(lambda v: v >= 0, ">= 0")
+nonzero = _such(lambda v: v != 0, "other than 0")
+extended = _such(lambda v: v >= 0, ">= 0 (0 and inf are allowed)", _float)
 
 
 def optional(test):
@@ -337,6 +336,7 @@ def instance(kind, remedy):
 
 name = instance(str, "a string")
 key = instance((str, sp.Symbol), "a Symbol or its name")
+function = instance(Callable, "a function")
 
 
 def system(value, what):
@@ -345,13 +345,6 @@ def system(value, what):
         raise TypeError(
             f"{what} is {shown(value)}; give a System, such as System({{x: -x}}), or one of its views."
         )
-    return value
-
-
-def function(value, what):
-    """`value`, which has to be callable."""
-    if not callable(value):
-        raise TypeError(f"{what} is {shown(value)}; give a function.")
     return value
 
 
@@ -381,14 +374,6 @@ def pair(value, what):
     if len(result) != 2:
         raise ValueError(f"{what} has {len(result)} numbers; give two.")
     return tuple(result.tolist())
-
-
-def extended(value, what):
-    """`value` as a float >= 0; inf is one."""
-    result = _float(value, what)
-    if not result >= 0:
-        raise ValueError(f"{what} is {result:g}; give a number >= 0 (0 and inf are allowed).")
-    return result
 
 
 def several(value, what):
@@ -429,8 +414,9 @@ def initial_state(x0, states, initial_memory, gone):
         # Fast path: no message is built for valid input.
         return [initial_value(s, v) for s, v in zip(states, x0)] + list(initial_memory.values())
     memories = tuple(initial_memory)
+    names = (*states, *memories)
     if isinstance(x0, Mapping):
-        values, given = dict(initial_memory), set()
+        given = {}
         by_name = {s.name: s for s in (*memories, *states)}
         for key, value in x0.items():
             name = key.name if isinstance(key, sp.Symbol) else str(key)
@@ -441,17 +427,14 @@ def initial_state(x0, states, initial_memory, gone):
             symbol = by_name.get(name)
             if symbol is None:
                 raise ValueError(
-                    f"`x0` names {name!r}, which is no state of this system; its states are "
-                    f"{listing((*states, *memories))}."
+                    f"`x0` names {name!r}, which is no state of this system; its states are {listing(names)}."
                 )
             if symbol in given:
                 raise ValueError(f"`x0` gives {name!r} twice, as a Symbol and as a string; give it once.")
-            given.add(symbol)
-            values[symbol] = initial_value(symbol, value)
-        missing = [s for s in states if s not in values]
-        if missing:
+            given[symbol] = initial_value(symbol, value)
+        if missing := [s for s in states if s not in given]:
             raise ValueError(f"`x0` has no value for {listing(missing)}; give every state of this view.")
-        return [values[s] for s in (*states, *memories)]
+        return [given[s] if s in given else initial_memory[s] for s in names]
     try:
         sequence = list(x0)
     except TypeError:
@@ -461,7 +444,6 @@ def initial_state(x0, states, initial_memory, gone):
             f"`x0` has {len(sequence)} values; this view has {len(states)} states ({listing(states)})"
             + (f" and {len(memories)} memories ({listing(memories)})." if memories else ".")
         )
-    names = (*states, *memories)
     start = [initial_value(s, v) for v, s in zip(sequence, names, strict=False)]
     return start + [initial_memory[m] for m in memories[len(start) - len(states) :]]
 

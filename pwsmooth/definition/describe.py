@@ -23,20 +23,11 @@ def rows(system):
     if element and model.loops:
         model = model.loops.template.model
     gone = system._view.gone if system._view else {}
-    equations = []
-    for x, rate in definition.rates:
-        slaved = gone.get(x)
-        equations.append(f"{x}' = {rate}" + (f"   ({slaved})" if slaved else ""))
-    yield "rates", equations
+    slaved = {x: f"   ({why})" for x, why in gone.items() if why}
+    yield "rates", [f"{x}' = {rate}{slaved.get(x, '')}" for x, rate in definition.rates]
     yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition.algebraic]
-    classes = {m.symbol.name: m.regularity for m in model.multipliers if m.kind == "switch"}
-    yield (
-        "switches",
-        [
-            f"{s} = sign({s.surface})" + (f"   ({classes[s.name]})" if s.name in classes else "")
-            for s in definition.switches
-        ],
-    )
+    classes = {m.symbol.name: f"   ({m.regularity})" for m in model.multipliers if m.kind == "switch"}
+    yield "switches", [f"{s} = sign({s.surface}){classes.get(s.name, '')}" for s in definition.switches]
     # A hidden term on a surface that slides has no looped form.
     hidden = () if element else system.hidden_terms
     yield "hidden terms", [f"{term}   in {where}'" for where, _, term in hidden]

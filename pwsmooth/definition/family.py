@@ -15,6 +15,7 @@ from functools import singledispatchmethod
 import sympy as sp
 
 from . import checks
+from .model import of_event
 from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
 
@@ -241,9 +242,7 @@ def involved(e):
     for s in e.free_symbols:
         if isinstance(s, (Member, MemberMemory)):
             return True
-        inner = [getattr(s, a) for a in ("surface", "gap", "restitution") if isinstance(s, (Switch, Reaction))
-                 and hasattr(s, a)]  # fmt: skip
-        if any(map(involved, inner)):
+        if any(involved(getattr(s, a)) for a in ("surface", "gap", "restitution") if hasattr(s, a)):
             return True
     return False
 
@@ -266,9 +265,7 @@ class Expansion:
 
     def __init__(self):
         self.groups: dict[str, tuple[str, ...]] = {}
-        self.sums: dict[
-            sp.Symbol, tuple[Family, sp.Expr]
-        ] = {}  # only where nothing is written out (looping.py)
+        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # of what is not written out (looping.py)
         self.copies: dict[sp.Symbol, tuple[str, int]] = {}
         self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
 
@@ -362,8 +359,7 @@ class Expansion:
 
     @items.register
     def _(self, item: Event):
-        parts = [e for e in (item.surface, item.every, *item.at, item.when) if e is not None]
-        parts += [e for pair in item.update for e in pair if isinstance(e, sp.Basic)]
+        parts = [*of_event(item), *(key for key, _ in item.update if isinstance(key, sp.Basic))]
         family = family_of(*parts)
         if not any(map(involved, parts)):
             return [item]

@@ -37,26 +37,14 @@ _UNSUPPORTED = (sp.floor, sp.ceiling, sp.frac, sp.Mod, sp.DiracDelta, sp.re, sp.
 class Lifting:
     """Lifts the expressions of one system; collects the switches that it meets.
 
-    Parameters
-    ----------
-    dynamic : iterable of Symbol
-        Time, states, unknowns and reactions: what makes a surface move. Memories and parameters do not, so
-        that conditions on them stay `Piecewise`.
-    user_switches : iterable of Switch
-        Registered first, so that their names win over those of lifted functions.
-
-    Attributes
-    ----------
-    switches : dict
-        Multiplier -> lifted surface, inner switches before the outer ones that contain them.
-    notation : dict
-        Multiplier -> `Switch` with its surface as the user would write it.
+    `dynamic` symbols make a surface move: time, states, unknowns and reactions. Memories and parameters do not, so that
+    conditions on them stay `Piecewise`. `user_switches` come first: their names win over those of lifted functions.
     """
 
     def __init__(self, dynamic, user_switches=()):
         self.dynamic = frozenset(dynamic)
-        self.switches: dict[sp.Symbol, sp.Expr] = {}
-        self.notation: dict[sp.Symbol, Switch] = {}
+        self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
+        self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
@@ -152,8 +140,7 @@ class Lifting:
                 orientation, lam = surface
                 result *= orientation * sides.get(lam, lam)
             else:
-                one = sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
-                result *= one
+                result *= sp.Piecewise((1, surface > 0), (-1, surface < 0), (0, True), evaluate=False)
         return factors[0] * result
 
     def _noted(self, result, e):
@@ -165,6 +152,11 @@ class Lifting:
         """above if h > 0 else below, where both agree on h = 0."""
         result = self._choose(h, _const(above), _const(below), sides)
         self._kinks.update(result.atoms(Select))
+        return result
+
+    def _as_kink(self, result):
+        if isinstance(result, Select):
+            self._kinks.add(result)
         return result
 
     def _extremum(self, e, sides):
@@ -188,10 +180,7 @@ class Lifting:
                         else self._larger(branch, other, side, sides | {lam: sign})
                         for branch, order, sign in zip(branches, known, (1, -1), strict=True)
                     ]  # fmt: skip
-                    result = Select(lam, *pick)
-                    if isinstance(result, Select):
-                        self._kinks.add(result)
-                    return result
+                    return self._as_kink(Select(lam, *pick))
         return self._kink(side * (a - b), a, b, sides)
 
     def _product(self, args):
@@ -200,9 +189,7 @@ class Lifting:
             if isinstance(a, Select) and 0 in a.args[1:]:
                 others = args[:i] + args[i + 1 :]
                 result = Select(a.args[0], *(b if b == 0 else self._product([b, *others]) for b in a.args[1:]))
-                if a in self._kinks and isinstance(result, Select):
-                    self._kinks.add(result)
-                return result
+                return self._as_kink(result) if a in self._kinks else result
         for a in args:
             if isinstance(a, Select) and a.args[0] in self.switches:
                 result = self._quotient(a.args[0], args)
@@ -253,12 +240,8 @@ class Lifting:
             return func(*args)
         outer = max(kinks, key=lambda s: s.count_ops())
         lam, above, below = outer.args
-        result = Select(
-            lam, *(self._inside_kinks(func, [args[0].xreplace({outer: b}), *args[1:]]) for b in (above, below))
-        )
-        if isinstance(result, Select):
-            self._kinks.add(result)
-        return result
+        inside = (self._inside_kinks(func, [args[0].xreplace({outer: b}), *args[1:]]) for b in (above, below))
+        return self._as_kink(Select(lam, *inside))
 
     def _piecewise(self, e, sides):
         cases = list(e.args)

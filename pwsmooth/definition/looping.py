@@ -1,10 +1,8 @@
 """Reading a system for one element of each family: the looped form, whose symbolic work does not grow with n.
 
 Symbols of elements become plain symbols with "[]" in their name and sums become symbols of their own, so that lifting
-and lowering see an ordinary system of one element. What has no looped form raises `NotLooped`, and the System writes
-the copies out: contacts of elements, surfaces between neighbours, time events of elements, elements that act on each
-other's multipliers, hidden terms on a surface that slides, fewer than `LOOPED_FROM` elements (straight code is
-faster there).
+and lowering see an ordinary system of one element. What has no looped form (see `Family`) raises `NotLooped`, and the
+System writes the copies out, also of fewer than `LOOPED_FROM` elements: straight code is faster there.
 Chain: family.py -> looping (here), reading.py, lowering.py -> template.py.
 """
 
@@ -56,13 +54,12 @@ class OneElement(Expansion):
     def total(self, e, family):
         inner = self.element(e, 0)
         known = {pair: s for s, pair in self.sums.items()}
-        if (family, inner) not in known:
-            self.number(family)
-            self.sums[sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)] = (
-                family,
-                inner,
-            )
-        return {pair: s for s, pair in self.sums.items()}[family, inner]
+        if (family, inner) in known:
+            return known[family, inner]
+        self.number(family)
+        symbol = sp.Symbol(f"sum{len(self.sums) + 1}{MARK[0]}{family.name}{MARK[1]}", real=True)
+        self.sums[symbol] = family, inner
+        return symbol
 
     def _member(self, m, k):
         if k is None:
@@ -126,19 +123,13 @@ class Element:
     def check_values(self, parameters):
         """`checks.values_fit` for the first element, and for every one that has a parameter 0."""
         loops = self.model.loops
-        field = self.definition.field
         families = loops.template.families("parameters")
         blocks = list(zip(loops.template.model.parameters, families, strict=True))
-        odd = {0}
-        for s, family in blocks:
-            if family is not None:
-                odd |= {k for k in range(loops.sizes[family]) if parameters[loops.symbol(s, k)] == 0}
-        for k in sorted(odd):
-            at = {
-                s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]
-            }  # fmt: skip
+        elements = [(s, k) for s, f in blocks if f is not None for k in range(loops.sizes[f])]
+        for k in sorted({0, *(k for s, k in elements if parameters[loops.symbol(s, k)] == 0)}):
+            at = {s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]}
             try:
-                checks.values_fit(field, at)
+                checks.values_fit(self.definition.field, at)
             except ValueError as error:
                 raise ValueError(named(str(error), k)) from None
 
@@ -171,15 +162,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
 
 def _values(loops, one, numbers):
     """Parameter -> value of the model with loops, in the order given."""
-    values = {}
-    blocks = {}
-    for s in loops.template.model.parameters:
-        place = loops.template.place.get(s)
-        n = 1 if place is None else loops.sizes[place.family]
-        blocks[s.name.removesuffix(MARK)] = [loops.symbol(s, k if place else None) for k in range(n)]
-    for key, value in spread(numbers, one.groups, "`parameters`").items():
-        values[key if isinstance(key, str) else key.name] = value
-    return {s: checks.parameter_value(s, values[s.name]) for block in blocks.values() for s in block}
+    given = spread(numbers, one.groups, "`parameters`")
+    values = {key if isinstance(key, str) else key.name: value for key, value in given.items()}
+    return {s: checks.parameter_value(s, values[s.name]) for s in loops.symbols("parameters")}
 
 
 def _template(plain, one):
@@ -220,9 +205,6 @@ def _template(plain, one):
         ):
             raise NotLooped("an event of elements at given times, or between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
-    for a, _ in field.algebraic:
-        if a in one.places:
-            places[a] = one.places[a]
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
             raise NotLooped("members outside of their rates")
@@ -233,7 +215,6 @@ def _template(plain, one):
         model,
         multipliers=multipliers,
         parameters=tuple(p for p in field.parameters if p in used),
-        outputs=tuple((name, e) for name, e in field.outputs),
     )
     return Template(
         model,
@@ -290,12 +271,7 @@ def _multipliers(field, sums, places):
             })  # fmt: skip
         return e
 
-    residuals = []
-    for _, h in field.switches:
-        if unknowns & sampled(h).free_symbols:
-            residuals.append(h)
-        else:
-            residuals.append(along(h))
+    residuals = [h if unknowns & sampled(h).free_symbols else along(h) for _, h in field.switches]
     lone = replace(
         field,
         rates=tuple(map(sampled, field.rates)),
@@ -311,5 +287,5 @@ def _multipliers(field, sums, places):
             raise NotLooped("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
-    _check_couplings(result, {s: e for s, e in inner.items()} | {s: e for s, (_, e) in more.items()}, places)
+    _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)
     return tuple(result), tuple((s, f, e) for s, (f, e) in more.items())

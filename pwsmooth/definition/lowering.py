@@ -14,7 +14,7 @@ from functools import cached_property
 
 import sympy as sp
 
-from .model import EventSpec, Model, Multiplier
+from .model import EventSpec, Model, Multiplier, of_event
 from .regularity import classify, residual_of, second_derivative, total_derivative
 from .singular import watched
 
@@ -47,11 +47,10 @@ class Field:
         yield from (r for _, r in self.algebraic)
         yield from (e for _, e in (*self.outputs, *self.sums))
         for event in self.events:
-            yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
-            yield from (e for _, e in event.update)
+            yield from of_event(event)
 
     @cached_property
-    def _by_multiplier(self):
+    def by_multiplier(self):
         """Multiplier -> rates and algebraic residuals in which it stands."""
         places: dict[sp.Symbol, list[sp.Expr]] = {lam: [] for lam, _ in self.switches}
         for e in dict.fromkeys((*self.rates, *(r for _, r in self.algebraic))):
@@ -59,10 +58,6 @@ class Field:
                 if s in places:
                     places[s].append(e)
         return places
-
-    def functions_of(self, lam):
-        """Rates and algebraic residuals in which a multiplier stands."""
-        return self._by_multiplier[lam]
 
     def switches_of(self, expressions):
         """The switches that stand in expressions or in surfaces of these, the inner ones first."""

@@ -16,7 +16,7 @@ Chain: System (notation) -> Model (this file) -> codegen (compiled addresses) ->
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, cast
 
@@ -140,6 +140,12 @@ class EventSpec:
             adds = states[index] not in e.free_symbols
             result.append((index, e if adds else value, adds))
         return result
+
+
+def of_event(event: Any) -> Iterator[sp.Basic]:
+    """The expressions of an Event or EventSpec: when it happens, whether it acts, what it writes."""
+    yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
+    yield from (e for _, e in event.update)
 
 
 @dataclass(frozen=True)

@@ -365,3 +365,21 @@ def _name(name, kind):
     if not isinstance(name, str) or not name:
         raise TypeError(f"`name` of a {kind} is {checks.shown(name)}; give a string that is not empty.")
     return name
+
+
+def symbols_of(expressions):
+    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
+    symbols: dict[sp.Symbol, None] = {}
+
+    def visit(e):
+        for s in sorted(e.free_symbols, key=lambda s: s.name):
+            if s in symbols:
+                continue
+            for part in ("surface", "gap", "restitution", "outside"):
+                if (inner := getattr(s, part, None)) is not None:
+                    visit(inner)
+            symbols[s] = None
+
+    for e in expressions:
+        visit(e)
+    return list(symbols)

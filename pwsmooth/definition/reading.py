@@ -13,8 +13,8 @@ from . import checks
 from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
-from .model import EventSpec
-from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+from .model import EventSpec, of_event
+from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
 _INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
 
@@ -53,11 +53,11 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         tuple(copy for item in items for copy in families.items(item))
         for items in (events, contacts, algebraic)
     )
-    symbols = _symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
+    symbols = symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
     meanings, moving, behind = families.further()
-    symbols = list(dict.fromkeys([*symbols, *_symbols_of(behind)]))
+    symbols = list(dict.fromkeys([*symbols, *symbols_of(behind)]))
     reactions = _reactions(contacts, symbols)
-    symbols = _symbols_of([*symbols, *outputs.values(), *_event_expressions(events)])
+    symbols = symbols_of([*symbols, *outputs.values(), *(e for event in events for e in of_event(event))])
     names = _Names(symbols)
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
@@ -98,26 +98,6 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     return Definition(
         written, seen, events, tuple(reactions), algebraic, switches, memories, values, families.groups, field
     )  # fmt: skip
-
-
-def _symbols_of(expressions):
-    """All symbols of the expressions, those inside of surfaces and gaps too; the inner ones first."""
-    symbols: dict[sp.Symbol, None] = {}
-
-    def visit(e):
-        for s in sorted(e.free_symbols, key=lambda s: s.name):
-            if s in symbols:
-                continue
-            if isinstance(s, Switch):
-                visit(s.surface)
-            elif isinstance(s, Reaction):
-                visit(s.gap)
-                visit(s.restitution)
-            symbols[s] = None
-
-    for e in expressions:
-        visit(e)
-    return list(symbols)
 
 
 class _Names:
@@ -226,9 +206,3 @@ def _events(events, lift, order, moving):
     if len(set(names)) < len(names):
         raise ValueError(f"two events have the same name; they are {checks.listing(names)}. Give each its own.")
     return tuple(specs)
-
-
-def _event_expressions(events):
-    for event in events:
-        yield from (e for e in (event.surface, event.every, *event.at, event.when) if e is not None)
-        yield from (e for _, e in event.update)

@@ -220,7 +220,7 @@ def second_derivative(field, index, speed):
     acceleration = total_derivative(speed, field.time, field.states, field.rates)
     if lam not in acceleration.free_symbols:
         return None
-    dependent = field.functions_of(lam)
+    dependent = field.by_multiplier[lam]
     surface = Surface(field, index, [acceleration, *dependent])
     if not surface.differ(acceleration) or any(surface.nonlinear(e) for e in (acceleration, *dependent)):
         return None
@@ -230,7 +230,7 @@ def second_derivative(field, index, speed):
 def classify(field, index, residual):
     """(class, hidden) of one switch of a lifted field."""
     lam = field.switches[index][0]
-    dependent = field.functions_of(lam)
+    dependent = field.by_multiplier[lam]
     if not dependent:
         return "kink", False
     through = [(a, r) for a, r in field.algebraic if a in residual.free_symbols and lam in r.free_symbols]

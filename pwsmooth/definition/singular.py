@@ -31,6 +31,15 @@ _RANGES = {
     sp.atan2: (-math.pi, math.pi), sp.acosh: (0.0, math.inf), sp.cosh: (1.0, math.inf), sp.sign: (-1.0, 1.0),
     sp.Heaviside: (0.0, 1.0), sp.Abs: (0.0, math.inf), sp.exp: (0.0, math.inf),
 }  # fmt: skip
+# Function -> (power of its zeros, None at a pole; what vanishes where it is singular).
+_ZEROS = {
+    **dict.fromkeys((sp.asin, sp.acos), (sp.S.Half, lambda a: (1 - a, 1 + a))),
+    sp.acosh: (sp.S.Half, lambda a: (a - 1,)),
+    sp.atanh: (None, lambda a: (1 - a, 1 + a)),
+    sp.log: (None, lambda a: (a,)),
+    sp.tan: (None, lambda a: (sp.cos(a),)),
+    sp.atan2: (None, lambda y, x: (y**2 + x**2,)),
+}
 _BOUNDED = (sp.sin, sp.cos, sp.tanh, sp.erf)
 _INCREASING = (sp.exp, sp.tanh, sp.erf, sp.atan, sp.sinh, sp.asinh)
 
@@ -50,24 +59,8 @@ def arguments(e):
         if power.is_integer and power.is_nonnegative:
             return []
         return [Argument(base, e, power if power.is_positive and power.is_constant() else None)]
-    half = sp.S.Half
-    if isinstance(e, (sp.asin, sp.acos)):
-        return [Argument(1 - e.args[0], e, half), Argument(1 + e.args[0], e, half)]
-    if isinstance(e, sp.acosh):
-        return [Argument(e.args[0] - 1, e, half)]
-    if isinstance(e, sp.atanh):
-        return [Argument(1 - e.args[0], e, None), Argument(1 + e.args[0], e, None)]
-    if isinstance(e, sp.log):
-        return [Argument(e.args[0], e, None)]
-    if isinstance(e, sp.tan):
-        return [Argument(sp.cos(e.args[0]), e, None)]
-    if isinstance(e, sp.atan2):
-        return [Argument(e.args[0] ** 2 + e.args[1] ** 2, e, None)]
-    return []
-
-
-def _times(a, b):
-    return 0.0 if a == 0 or b == 0 else a * b
+    power, zeros = _ZEROS.get(e.func, (None, lambda *args: ()))
+    return [Argument(zero, e, power) for zero in zeros(*e.args)]
 
 
 class Bounds:
@@ -78,7 +71,6 @@ class Bounds:
         self.dynamic = {field.time, *field.states, *(a for a, _ in field.algebraic), *others}
         self.ranges = {lam: (-1.0, 1.0) for lam in self.surface}
         self.ranges |= {R: (0.0, math.inf) for R, _, _ in field.contacts}
-        self._real: dict[sp.Symbol, sp.Symbol] = {}
         self._memo: dict = {}
 
     def of(self, e, signs):
@@ -138,10 +130,7 @@ class Bounds:
         if e.is_number:
             value = float(e) if e.is_extended_real else math.nan
             return (value, value) if value == value else _EVERYTHING
-        if isinstance(e, Select):
-            parts = [self.of(branch, inside) for branch, inside in self.branches(e, signs)]
-            return min(low for low, _ in parts), max(high for _, high in parts)
-        if isinstance(e, sp.Piecewise):
+        if isinstance(e, (Select, sp.Piecewise)):
             parts = [self.of(branch, inside) for branch, inside in self.branches(e, signs)]
             return min(low for low, _ in parts), max(high for _, high in parts)
         inner = [self.of(a, signs) for a in e.args]
@@ -150,7 +139,7 @@ class Bounds:
         if e.is_Mul:
             low, high = inner[0]
             for a, b in inner[1:]:
-                ends = [_times(p, q) for p in (low, high) for q in (a, b)]
+                ends = [p * q if p and q else 0.0 for p in (low, high) for q in (a, b)]  # 0 times inf is 0
                 low, high = min(ends), max(ends)
             return low, high
         if isinstance(e, sp.Max):
@@ -160,8 +149,8 @@ class Bounds:
         if e.is_Pow:
             return self._power(e, *inner[0])
         if isinstance(e, _INCREASING):
-            with_ends = [_value(e.func, end) for end in inner[0]]
-            return with_ends[0], with_ends[1]
+            low, high = inner[0]
+            return _value(e.func, low), _value(e.func, high)
         return _RANGES.get(e.func, _EVERYTHING)
 
     def _power(self, e, low, high):

@@ -88,14 +88,14 @@ class Loops:
 
     def starts(self, kind: str) -> list[int]:
         """First number of every block, and the count of all."""
-        if kind not in self._starts:
-            lengths = (1 if f is None else self.sizes[f] for f in self.template.families(kind))
-            self._starts[kind] = list(accumulate(lengths, initial=0))
         return self._starts[kind]
 
     @cached_property
     def _starts(self) -> dict[str, list[int]]:
-        return {}
+        return {
+            kind: list(accumulate((1 if f is None else self.sizes[f] for f in families), initial=0))
+            for kind, families in self.template._families.items()
+        }
 
     def spread(self, kind: str, values: Sequence[Any]) -> list[Any]:
         """One value a block -> one value a number."""
@@ -151,10 +151,10 @@ class Loops:
 
     def symbols(self, kind: str) -> tuple[sp.Symbol, ...]:
         """All states or parameters."""
-        result: list[sp.Symbol] = []
-        for s, family in zip(getattr(self.template.model, kind), self.template.families(kind)):
-            result += [self.symbol(s, k) for k in (range(self.sizes[family]) if family is not None else [None])]
-        return tuple(result)
+        blocks = zip(getattr(self.template.model, kind), self.template.families(kind))
+        return tuple(
+            self.symbol(s, k) for s, f in blocks for k in ([None] if f is None else range(self.sizes[f]))
+        )
 
 
 class Copy:
@@ -245,16 +245,15 @@ class LoopedModel(Model):
 
 def with_loops(loops: Loops) -> LoopedModel:
     """The model that a template and sizes stand for."""
+    model, starts = loops.template.model, loops.starts("states")
     return LoopedModel(
-        time=loops.template.model.time,
+        time=model.time,
         states=loops.symbols("states"),
         parameters=loops.symbols("parameters"),
         rhs=Copies(loops, "rhs"),  # type: ignore[arg-type]
         multipliers=Copies(loops, "multipliers"),  # type: ignore[arg-type]
         events=Copies(loops, "events"),  # type: ignore[arg-type]
         outputs=Copies(loops, "outputs"),  # type: ignore[arg-type]
-        n_memory=sum(loops.spread("states", [b >= len(loops.template.model.states)
-                                             - loops.template.model.n_memory
-                                             for b in range(len(loops.template.model.states))])),
+        n_memory=starts[-1] - starts[-1 - model.n_memory],
         loops=loops,
-    )  # fmt: skip
+    )

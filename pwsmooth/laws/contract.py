@@ -25,7 +25,8 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.lambdified import numpy_function
-from ..definition.primitives import Algebraic, Event, Unilateral
+from ..definition.model import of_event
+from ..definition.primitives import Algebraic, Event, Unilateral, symbols_of
 from .documenting import documented
 from .joint import Joint
 
@@ -296,7 +297,7 @@ class Law:
         at = Joint(velocity, position, acceleration, normal, time, name, beyond, past)
         symbols, values = self._symbols(at)
         pieces = self.pieces(at, SimpleNamespace(**symbols))
-        used = _symbols_of(pieces)
+        used = _names_in(pieces)
         return dataclasses.replace(
             pieces,
             force=at.load * pieces.force,
@@ -370,15 +371,15 @@ class Law:
 
     def _check(self, field):
         about, value = field.metadata, getattr(self, field.name)
+        owner = f"`{field.name}` of {type(self).__name__}"
         if about["choices"]:
-            checks.one_of(*about["choices"])(value, f"`{field.name}` of {type(self).__name__}")
+            checks.one_of(*about["choices"])(value, owner)
             return
         if about["each"]:
             value = value.tolist() if hasattr(value, "tolist") else value
             if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
                 value = tuple(value)
         test, words = _SIGNS[about["sign"]]
-        owner = f"`{field.name}` of {type(self).__name__}"
         if isinstance(value, tuple):
             if not about["each"]:
                 raise TypeError(f"{owner} is {checks.shown(value)}; give one number.")
@@ -445,23 +446,10 @@ def _ends_of(load, when):
     return {}
 
 
-def _symbols_of(pieces):
+def _names_in(pieces):
     """Names of all symbols that stand in the pieces, those in surfaces of switches too."""
-    names: set[str] = set()
-
-    def visit(e):
-        for s in getattr(e, "free_symbols", ()):
-            if s.name not in names:
-                names.add(s.name)
-                for part in ("surface", "gap", "restitution", "outside"):
-                    visit(getattr(s, part, None))
-
-    for e in (pieces.force, *pieces.rates.values(), *pieces.outputs.values()):
-        visit(e)
-    for event in pieces.events:
-        for e in (event.surface, event.every, *event.at, event.when, *(e for _, e in event.update)):
-            visit(e)
-    contacts = (e for contact in pieces.contacts for e in (contact.gap, contact.restitution))
-    for e in (*contacts, *(item.residual for item in pieces.algebraic)):
-        visit(e)
-    return names
+    expressions = [pieces.force, *pieces.rates.values(), *pieces.outputs.values()]
+    expressions += [e for event in pieces.events for e in of_event(event)]
+    expressions += [e for contact in pieces.contacts for e in (contact.gap, contact.restitution)]
+    expressions += [item.residual for item in pieces.algebraic]
+    return {s.name for s in symbols_of(e for e in expressions if isinstance(e, sp.Basic))}

@@ -24,27 +24,16 @@ def documented(cls: Any) -> Any:
     text = inspect.cleandoc(cls.__doc__ or "")
     if not text or "Parameters\n---" in text:
         return cls  # without docstrings (-OO), or written out
-    start, notes, rest = (*text.partition("Notes\n-----\n"),) if "Notes\n---" in text else _at_examples(text)
-    examples = ""
-    if notes:
-        rest, mark, tail = rest.partition("Examples\n--------\n")
-        examples = mark + tail
-    else:
-        examples, rest = rest, ""
-    said = rest.strip()
+    text, *examples = text.partition("Examples\n--------\n")
+    start, _, notes = text.partition("Notes\n-----\n")
     source = f"Source: {cls.source}." if cls.source else ""
     sure = f"This form of the law is {cls.certainty}." if cls.certainty else ""
-    about = "\n\n".join(part for part in (said, sure, source) if part)
+    about = "\n\n".join(part for part in (notes.strip(), sure, source) if part)
     fields = "\n".join(_entry(f) for f in dataclasses.fields(cls))
     sections = [start.strip(), f"Parameters\n----------\n{fields}" if fields else "", RAISES if fields else ""]
-    sections += [f"Notes\n-----\n{about}" if about else "", examples.strip()]
+    sections += [f"Notes\n-----\n{about}" if about else "", "".join(examples).strip()]
     cls.__doc__ = "\n\n".join(section for section in sections if section) + "\n"
     return cls
-
-
-def _at_examples(text: str) -> tuple[str, str, str]:
-    start, mark, tail = text.partition("Examples\n--------\n")
-    return start, "", mark + tail
 
 
 def _entry(field: Any) -> str:
@@ -57,9 +46,6 @@ def _entry(field: Any) -> str:
     kind = "float or sequence of float, shape (n,)" if about["each"] else "float"
     unit = "dimensionless" if about["unit"] == "1" else about["unit"]
     sign = f"; {_SIGNS[about['sign']]}"
+    default = f"{field.default:g}" if isinstance(field.default, (int, float)) else field.default
     fixed = " It shapes the equations: no symbol that a sweep can change." if about["structural"] else ""
-    return f"{field.name} : {kind}, {unit}, default {_number(field.default)}\n    {meaning}{sign}.{fixed}"
-
-
-def _number(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, (int, float)) else str(value)
+    return f"{field.name} : {kind}, {unit}, default {default}\n    {meaning}{sign}.{fixed}"

@@ -282,8 +282,7 @@ def lower(model: Model, entries: tuple, extra: tuple, convention: str) -> Lowere
                         "amplitudes, and Milstein's scheme would need their Levy area. Give sources whose amplitudes "
                         "depend only on states that they drive alone, or one source."
                     )
-        for i in range(n):
-            terms += [along[j, k][i] / (2 if j == k else 1) for j in range(q) for k in range(j, q)]
+        terms = [along[j, k][i] / (2 if j == k else 1) for i in range(n) for j in range(q) for k in range(j, q)]
     rhs = model.rhs
     if convention == "stratonovich" and not additive:
         drift = sum((along[k, k] for k in range(q)), sp.zeros(n, 1)) / 2

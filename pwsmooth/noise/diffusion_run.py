@@ -115,41 +115,38 @@ class DiffusionRun:
             self.interval(t, "an entry of `t_eval`")
         return Path(self, int(spending.left), strict).diffuse(first, last, start, times, spending)
 
-    def bundle(self, problem, starts=None, snapshots=None, grid=None):
-        """The kernel's Diffused; without an ensemble its arrays are empty."""
+    def bundle(self, **ensemble):
+        """The kernel's Diffused; the arrays of an `ensemble` are `starts`, `snapshots` and `grid`, else empty."""
+        from ..codegen import compile_model
         from ..kernels.noise import state as names
 
         lowered, noise = self.lowered, self.noise
-        n, m = len(lowered.model.states), len(lowered.model.multipliers)
-        q = lowered.q
-        from ..codegen import compile_model
-
         self._code = compile_model(lowered.model)  # its addresses live as long as it
-        given = {} if starts is None else dict(starts=starts, snapshots=snapshots, grid=grid)
         sizes = dict(
-            n=n,
-            m=m,
-            q=q,
+            n=len(lowered.model.states),
+            m=len(lowered.model.multipliers),
+            q=lowered.q,
             outputs=len(lowered.model.outputs),
-            trajectories=len(given.get("snapshots", ())),
+            trajectories=len(ensemble.get("snapshots", ())),
             times=0,
             levels=names.DEEPEST + 2,
         )
         return names.Diffused.zeros(
             sizes,
             outputs=self._code.outputs,
-            q=q,
+            q=lowered.q,
             pairs=lowered.pairs,
             moving=int(lowered.moving),
             gates=len(lowered.model.smoothing),
-            step=noise.step,
-            resolution=noise.resolution,
-            level=noise.level,
-            finest=noise.finest,
+            **_steps(noise),
             seed=noise.seed,
             noisy=np.array(lowered.noisy, np.int64),
-            **given,
+            **ensemble,
         )
+
+
+def _steps(noise):
+    return {name: getattr(noise, name) for name in ("step", "resolution", "level", "finest")}
 
 
 def _free(problem, lowered):
@@ -175,8 +172,7 @@ class Path(EventDriven):
         )
         self.owner = run
         self.problem = _free(self.parts.problem(np.array(view.parameter_values, float)), run.lowered)
-        self.tolerances = {"step": noise.step, "resolution": noise.resolution, "level": noise.level,
-                           "finest": noise.finest}  # fmt: skip
+        self.tolerances = _steps(noise)
 
     def diffuse(self, first, last, start, times, spending):
         """The Solution between two intervals, of the system as it was given; the kernel runs to its end."""
@@ -185,7 +181,7 @@ class Path(EventDriven):
         owner = self.owner
         step = owner.noise.step
         control, state = self.timed(first * step, last * step, owner.values), self.begin(first * step, start)
-        noise = owner.bundle(self.problem)
+        noise = owner.bundle()
         noise.interval, noise.last, noise.trajectory, noise.recording = first, last, owner.noise.trajectory, 1
         diffuse = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6)(unit_address("diffuse"))
 

@@ -9,8 +9,7 @@ kappa/eps. A diffusion acts all the time: in the layer's own variables u = h/eps
 D**2/eps, and the layer is left by accumulation (Kramers).
 
 Chain: solve -> **this file** -> kernels/noise/*.py. The random numbers are addressed, not drawn in sequence
-(kernels/noise/random.py): a kick is a function of (seed, trajectory, its number), whatever the span, the chunks or
-the workers.
+(kernels/noise/random.py).
 """
 
 from __future__ import annotations

@@ -66,8 +66,7 @@ def evaluate(
             return own[at % n]
         inside = (at >= 0) & (at < n)
         assert place.outside is not None
-        beyond = value(place.outside)
-        return np.where(inside[:, None], own[np.clip(at, 0, n - 1)], beyond)
+        return np.where(inside[:, None], own[np.clip(at, 0, n - 1)], value(place.outside))
 
     def symbol(s: sp.Symbol) -> Any:
         if s == template.model.time:

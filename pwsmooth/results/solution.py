@@ -7,6 +7,7 @@ belong together; an event contributes two columns of equal time, the state befor
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -203,12 +204,10 @@ class Solution:
             return x[self.states.index(name)]
         if name in self._expressions:
             values = [self.parameters[str(p)] for p in self.model.parameters]
-            if self.model.loops is not None:
-                with np.errstate(all="ignore"):
-                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
-            function = vectorised(self.model, self._expressions[name])
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
-                result = function(t, *x, *mult, *values)
+                if self.model.loops is not None:
+                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
+                result = vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
@@ -385,9 +384,7 @@ class Solution:
     # ---- repr --------------------------------------------------------------------------------------
 
     def _summary(self) -> list[tuple[str, str]]:
-        kinds: dict[str, int] = {}
-        for event in self.events:
-            kinds[event.kind] = kinds.get(event.kind, 0) + 1
+        kinds = Counter(event.kind for event in self.events)
         if len(self.mult) <= MANY:
             steps = self.itinerary
             shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
@@ -443,8 +440,8 @@ def _status_name(model: Model, j: int, status: int) -> str:
     name = str(multiplier.symbol)
     if multiplier.kind == "contact":
         return f"contact ({name}) " + ("open" if status else "closed")
-    words = ("slip right", "slip left", "stick") if _is_slip_velocity(model, j) else ("", "", "")
-    if status == 0:
-        return f"{words[2]} ({name} sliding)".strip() if words[2] else f"{name} sliding"
-    side = f"{name}={status:+d}"
-    return f"{words[0 if status > 0 else 1]} ({side})" if words[0] else side
+    side = f"{name}={status:+d}" if status else f"{name} sliding"
+    if not _is_slip_velocity(model, j):
+        return side
+    word = {1: "slip right", -1: "slip left", 0: "stick"}[status]
+    return f"{word} ({side})"

@@ -16,7 +16,7 @@ import sympy as sp
 from ..definition import checks
 from ..laws import Law
 from .drive import door, expression, t
-from .scene import Scene, assemble
+from .scene import Scene, scene_of
 
 p, v = sp.symbols("p v", real=True)
 mass, gravity, spring, damper, gap = sp.symbols("mass gravity spring damper gap", nonnegative=True)
@@ -317,23 +317,13 @@ def _scene(name, law, drive, start, t_span, parameters, *, speed=None, potential
     """The scene of one body: `drive` is the force on it besides the contact's."""
     pieces = law.attach(position=p, velocity=v, time=t)
     stored = pieces.outputs.get("stored", sp.S.Zero)
-    shown = {
-        "force": pieces.force,
-        "energy": mass * v**2 / 2 + stored + potential,
-        **(outputs or {}),
-    }
-    system, begin, atol = assemble(
-        {p: v, v: (drive - pieces.force) / mass},
-        pieces,
-        time=t,
-        start=start,
-        parameters=parameters,
-        outputs=shown,
-        begin=t_span[0],
-    )
-    if speed is not None and start[p] >= 0 and "speed" in {m.name for m in system.initial_memory}:
-        begin["speed"] = speed  # it starts at the instant of touch-down, which no event precedes
-    seen = {n: n for n in ("p", "v", *shown, *pieces.outputs)}
+    shown = {"force": pieces.force, "energy": mass * v**2 / 2 + stored + potential, **(outputs or {})}
+    rates = {p: v, v: (drive - pieces.force) / mass}
     note = f"{law.source}{'; ' + law.certainty if law.certainty else ''}"
-    return Scene(f"{name}, {type(law).__name__}", system, begin, (t_span[0], t_span[1]), period, seen,
-                 UNITS | law.units(), note, atol)  # fmt: skip
+    scene = scene_of(
+        name, law, t_span, rates, pieces, ("p", "v", *shown, *pieces.outputs), period=period,
+        units=UNITS | law.units(), note=note, start=start, parameters=parameters, outputs=shown,
+    )  # fmt: skip
+    if speed is not None and start[p] >= 0 and "speed" in {m.name for m in scene.system.initial_memory}:
+        scene.start["speed"] = speed  # it starts at the instant of touch-down, which no event precedes
+    return scene

@@ -13,7 +13,7 @@ import sympy as sp
 from ..definition import checks
 from ..laws import Law
 from .drive import check_continuous, door, expression, t, value
-from .scene import Scene, assemble
+from .scene import Scene, scene_of
 from .table import Table, within
 
 x, v, done = sp.symbols("x v work", real=True)
@@ -97,27 +97,12 @@ def prescribed_motion(
     pieces = law.attach(position=place, velocity=speed, acceleration=acceleration, normal=load, time=t)
     if work:
         own[done], begins[done] = pieces.force * speed, 0.0
-    system, start, atol = assemble(
-        own,
-        [pieces, *extra],
-        time=t,
-        start=begins,
-        parameters=values,
-        outputs={"force": pieces.force, "position": place, "velocity": speed},
-        begin=t_span[0],
-    )
-    shown = {"force", "position", "velocity", *pieces.outputs, *(("work",) if work else ())}
-    return Scene(
-        f"prescribed motion, {type(law).__name__}",
-        system,
-        start,
-        (t_span[0], t_span[1]),
-        period,
-        {name: name for name in sorted(shown)},
-        law.units(),
-        law.source,
-        atol,
-    )
+    shown = {"force": pieces.force, "position": place, "velocity": speed}
+    seen = sorted({*shown, *pieces.outputs, *(("work",) if work else ())})
+    return scene_of(
+        "prescribed motion", law, t_span, own, [pieces, *extra], seen, period=period, start=begins, parameters=values,
+        outputs=shown,
+    )  # fmt: skip
 
 
 def _motion(position, velocity, t_span, values):

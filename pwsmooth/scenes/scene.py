@@ -120,6 +120,15 @@ class Scene:
         }
 
 
+def scene_of(name, law, t_span, rates, pieces, observed, *, period=None, units=None, note=None, **parts):
+    """The scene of a law: its system, assembled for the start of the span, with the observables named alike."""
+    system, start, atol = assemble(rates, pieces, time=drive.t, begin=t_span[0], **parts)
+    return Scene(
+        f"{name}, {type(law).__name__}", system, start, (t_span[0], t_span[1]), period, {n: n for n in observed},
+        law.units() if units is None else units, note or law.source, atol,
+    )  # fmt: skip
+
+
 @checks.door(
     rates=checks.mapping, start=checks.mapping, begin=checks.number,
     **dict.fromkeys(("parameters", "outputs"), checks.optional(checks.mapping)),

@@ -7,8 +7,7 @@ F is the joint's force on the slider, M_B its moment on the rod. States are the 
 its rate: the indentation, a few micrometres, is the small difference of psi and x, and would have only their
 accuracy. psi and x follow from e:  sin psi = -(r sin phi + e_y)/l,  x = r cos phi + l cos psi + e_x.
 Masses and lengths: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, Table 4. Assumed, as not printed there:
-rod's centre of mass at mid-length, 200 rpm, R_B = 10 mm, joint length 15 mm, steel, friction coefficient 0.01, no
-gravity, no guide friction.
+rod's centre of mass at mid-length, no gravity, no guide friction, and the numbers that are marked so.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from ..laws.contact import LiuImpact, composite_modulus
 from ..laws.friction import ModifiedCoulomb
 from .drive import t
 from .journal import clearance_joint
-from .scene import Scene, assemble
+from .scene import Scene, scene_of
 
 __all__ = ["IdealSliderCrank", "slider_crank"]
 
 CRANK, ROD = 0.05, 0.30  # m
 ROD_MASS, ROD_INERTIA, SLIDER_MASS = 1.130, 0.015300, 1.013  # kg, kg m^2, kg
 BEARING, LENGTH, MODULUS, POISSON = 0.010, 0.015, 207e9, 0.3  # assumed
-RPM, FRICTION = 200.0, 0.01
+RPM, FRICTION = 200.0, 0.01  # assumed
 
 e_x, e_y, u_x, u_y = sp.symbols("e_x e_y u_x u_y", real=True)
 omega, r, l, m_2, I_2, m_3, c, R_B, g = sp.symbols("omega r l m_2 I_2 m_3 c R_B g", positive=True)
@@ -151,6 +150,28 @@ def slider_crank(
         tangential = ModifiedCoulomb(F_c=FRICTION)
     checks.optional(checks.instance(Law, "a friction law, or None"))(tangential, "`tangential`")
 
+    joint, rates, outputs = _equations(normal, tangential, g if gravity else sp.S.Zero)
+    values = {omega: 2 * math.pi * rpm / 60, r: crank, l: rod, m_2: rod_mass, I_2: rod_inertia, m_3: slider_mass,
+              c: clearance, R_B: bearing}  # fmt: skip
+    if gravity:
+        values[g] = gravity
+    if tangential is None:
+        del values[R_B], outputs["slip"]
+    period = 60 / rpm
+    scene = scene_of(
+        "slider-crank", normal, (0.0, revolutions * period), rates, joint.pieces, outputs, period=period, units=UNITS,
+        note="masses and lengths: Wang, Liu, Ma 2016, Table 4; centre of mass, crank speed, radii, joint length, "
+        f"material and friction assumed. Contact: {normal.source}",
+        start={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0}, parameters=values, outputs=outputs,
+        events=joint.events,
+    )  # fmt: skip
+    # The indentation is about a hundredth of the clearance, and is wanted to many digits.
+    scene.atol.update(e_x=1e-10 * clearance, e_y=1e-10 * clearance)
+    return scene
+
+
+def _equations(normal, tangential, gravity):
+    """(joint, rates of e and its rate, outputs) of the mechanism."""
     phi = omega * t
     P = sp.Matrix([r * sp.cos(phi), r * sp.sin(phi)])
     acceleration_P = -(omega**2) * P
@@ -161,23 +182,16 @@ def slider_crank(
     joint = clearance_joint(
         (e_x, e_y), (u_x, u_y), c=c, R_B=R_B, R_J=R_B - c, spin_B=spin, normal=normal, tangential=tangential
     )
-    F = sp.Matrix(joint.force)
-    drop = m_2 * l / 2 * g * cosine if gravity else 0
-    moment = -m_2 * l / 2 * acceleration_P.dot(across) - l * F.dot(across) + joint.moments[1] - drop
-    turn = moment / (I_2 + m_2 * l**2 / 4)
+    F, weight = sp.Matrix(joint.force), m_2 * gravity
+    moment = -m_2 * l / 2 * acceleration_P.dot(across) - l * F.dot(across) + joint.moments[1]
+    turn = (moment - l / 2 * weight * cosine) / (I_2 + m_2 * l**2 / 4)
     slide = F[0] / m_3
-    bearing_acceleration = acceleration_P + l * (turn * across - spin**2 * along)
-    rates = {
-        e_x: u_x,
-        e_y: u_y,
-        u_x: slide - bearing_acceleration[0],
-        u_y: -bearing_acceleration[1],
-    }
-    weight = sp.Matrix([0, m_2 * g if gravity else 0])
-    pin = m_2 * (acceleration_P + l / 2 * (turn * across - spin**2 * along)) + F + weight
+    swing = turn * across - spin**2 * along  # u''
+    bearing_acceleration = acceleration_P + l * swing
+    rates = {e_x: u_x, e_y: u_y, u_x: slide - bearing_acceleration[0], u_y: -bearing_acceleration[1]}
+    pin = m_2 * (acceleration_P + l / 2 * swing) + F + sp.Matrix([0, weight])
     velocity = u_x - r * omega * sp.sin(phi) - l * spin * sine
     centre = omega * sp.Matrix([-P[1], P[0]]) + l / 2 * spin * across
-    stored = joint.pieces[0].outputs.get("stored", sp.S.Zero)
     kinetic = (m_2 * centre.dot(centre) + I_2 * spin**2 + m_3 * velocity**2) / 2
     height = P[1] + l / 2 * sine
     outputs = {
@@ -193,39 +207,9 @@ def slider_crank(
         "pin_x": pin[0],
         "pin_y": pin[1],
         "guide": -F[1],
-        "energy": kinetic + stored + (m_2 * g * height if gravity else 0),
+        "energy": kinetic + joint.pieces[0].outputs.get("stored", sp.S.Zero) + weight * height,
     }
-    values = {omega: 2 * math.pi * rpm / 60, r: crank, l: rod, m_2: rod_mass, I_2: rod_inertia, m_3: slider_mass,
-              c: clearance, R_B: bearing}  # fmt: skip
-    if gravity:
-        values[g] = gravity
-    if tangential is None:
-        del values[R_B]
-        outputs.pop("slip")
-    period = 60 / rpm
-    system, begin, atol = assemble(
-        rates,
-        joint.pieces,
-        time=t,
-        start={e_x: start[0], e_y: start[1], u_x: 0.0, u_y: 0.0},
-        parameters=values,
-        outputs=outputs,
-        events=joint.events,
-    )
-    # The indentation is about a hundredth of the clearance, and is wanted to many digits.
-    atol |= {"e_x": 1e-10 * clearance, "e_y": 1e-10 * clearance}
-    return Scene(
-        f"slider-crank, {type(normal).__name__}",
-        system,
-        begin,
-        (0.0, revolutions * period),
-        period,
-        {n: n for n in outputs},
-        UNITS,
-        "masses and lengths: Wang, Liu, Ma 2016, Table 4; centre of mass, crank speed, radii, joint length, "
-        f"material and friction assumed. Contact: {normal.source}",
-        atol,
-    )
+    return joint, rates, outputs
 
 
 class IdealSliderCrank:
@@ -336,10 +320,8 @@ class IdealSliderCrank:
         sine, cosine, first, second = self._rod(phi)
         w2 = self.omega**2
         # Centre of mass: r (cos, sin) + (l/2) (cos psi, sin psi)
-        vx, vy = (
-            -self.r * np.sin(phi) - self.l / 2 * sine * first,
-            self.r * np.cos(phi) + self.l / 2 * cosine * first,
-        )
+        vx = -self.r * np.sin(phi) - self.l / 2 * sine * first
+        vy = self.r * np.cos(phi) + self.l / 2 * cosine * first
         ax = -self.r * np.cos(phi) - self.l / 2 * (cosine * first**2 + sine * second)
         ay = -self.r * np.sin(phi) + self.l / 2 * (cosine * second - sine * first**2)
         rod = w2 * (self.m_2 * (vx * ax + vy * ay) + self.I_2 * first * second)

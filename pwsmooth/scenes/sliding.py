@@ -17,7 +17,7 @@ from ..definition import checks
 from ..definition.primitives import Algebraic
 from ..laws import Law
 from .drive import door, expression, t
-from .scene import Scene, assemble
+from .scene import Scene, scene_of
 from .table import Table, within
 
 x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=True)
@@ -34,13 +34,10 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, p
     rates = {**rates, v: a if needs else (drive - pieces.force) / mass}
     unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
-    system, begin, atol = assemble(
-        rates, [pieces, *extra], time=t, start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
-        begin=t_span[0],
+    return scene_of(
+        name, law, t_span, rates, [pieces, *extra], (*map(str, rates), *shown, *pieces.outputs), period=period,
+        start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
     )  # fmt: skip
-    seen = {n: n for n in (*map(str, rates), *shown, *pieces.outputs)}
-    return Scene(f"{name}, {type(law).__name__}", system, begin, (t_span[0], t_span[1]), period, seen, law.units(),
-                 law.source, atol)  # fmt: skip
 
 
 @door("m", "period", "parameters")

@@ -2,8 +2,7 @@
 
     u''' = j,   j = 6 c_k on [t_k, t_{k+1}]
 
-The spline is a state with its derivatives, its third derivative a Memory that one Event sets at the knots: the model
-stays smooth between them, the solver steps from knot to knot, and laws see velocity and acceleration.
+The model stays smooth between the knots, the solver steps from one to the next, and laws see velocity and acceleration.
 Chain: **table** -> prescribed.py, sliding.py.
 """
 

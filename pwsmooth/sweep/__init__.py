@@ -155,7 +155,7 @@ def sweep(
     """
     from ..definition import checks
     from ..results.records import Outcome
-    from .dataset import empty_arrays, make_dataset
+    from .dataset import make_dataset
     from .plan import make_plan
     from .running import chunk_target, cores, run_chunks
 
@@ -203,7 +203,7 @@ def sweep(
 
         run_chunks(plan, where, chunk_store.todo, executor, workers, complete, progress, deadline)
         return chunk_store.dataset()
-    arrays = empty_arrays(plan, where)
+    arrays = plan.empty(where.size)
 
     def keep(first: int, stop: int, result: dict[str, Any]) -> None:
         for name, values in result.items():

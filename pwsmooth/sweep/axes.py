@@ -7,7 +7,6 @@ or "seed" or "trajectory" of the noise. Points are numbered in C order, the last
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,22 +20,12 @@ POINT = "point"  # the dimension of a list
 
 @dataclass(frozen=True)
 class Axes:
-    """Checked axes.
+    """Checked axes."""
 
-    Attributes
-    ----------
-    dims, shape : tuple of str, tuple of int
-        Dimensions of the Dataset: "point" first if there is a list, then the axes of the grid.
-    values : dict
-        Name -> (dimension, 1-D array).
-    kinds : dict
-        Name -> "parameter", "state", "time" or "noise".
-    """
-
-    dims: tuple[str, ...]
+    dims: tuple[str, ...]  # of the Dataset: "point" first if there is a list, then the axes of the grid
     shape: tuple[int, ...]
-    values: dict[str, tuple[str, np.ndarray]]
-    kinds: dict[str, str]
+    values: dict[str, tuple[str, np.ndarray]]  # name -> (dimension, 1-D array)
+    kinds: dict[str, str]  # name -> "parameter", "state", "time" or "noise"
 
     @property
     def size(self) -> int:
@@ -76,8 +65,7 @@ def read_axes(system: Any, grid: Any, points: Any) -> Axes:
     symbol, or are empty; columns of a list of unequal lengths; one name twice.
     """
     for what, given in (("axes", grid), ("points", points)):
-        if given is not None and not isinstance(given, Mapping):
-            raise TypeError(f"`{what}` is {checks.shown(given)}; give a dict of names to sequences of numbers.")
+        checks.mapping({} if given is None else given, f"`{what}`", "names to sequences of numbers")
     if not grid and not points:
         raise ValueError(
             "the sweep has no axes; give `axes={'k': [1, 2, 3]}`, or `points=` for a list of points."
@@ -92,19 +80,15 @@ def read_axes(system: Any, grid: Any, points: Any) -> Axes:
             if name in values:
                 raise ValueError(f"{name!r} stands twice in the axes; give it once.")
             array = _numbers(system, name, kind, symbol, numbers, what)
-            if what == "axes":
-                dims.append(name)
-                shape.append(len(array))
-            elif not dims:
-                dims.append(POINT)
+            if what == "axes" or not dims:
+                dims.append(name if what == "axes" else POINT)
                 shape.append(len(array))
             elif len(array) != shape[0]:
                 raise ValueError(
                     f"`points` has {shape[0]} values of {next(iter(values))!r} but {len(array)} of {name!r}; a list of "
                     "points needs one of each for every point (`axes=` makes a grid)."
                 )
-            values[name] = (dims[-1] if what == "axes" else POINT, array)
-            kinds[name] = kind
+            values[name], kinds[name] = (dims[-1], array), kind
     return Axes(tuple(dims), tuple(shape), values, kinds)
 
 

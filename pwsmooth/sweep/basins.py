@@ -189,10 +189,8 @@ def basins(
                 strobes.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
         labels[i] = near[0]
     order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
-    place = np.empty(len(order), int)
-    place[order] = np.arange(len(order))
     settled = labels >= 0
-    labels[settled] = place[labels[settled]]
+    labels[settled] = np.argsort(order)[labels[settled]]
     return Basins(axis_values, labels.reshape(shape), [attractors[k] for k in order])
 
 
@@ -359,7 +357,5 @@ def orbit_diagram(
 
 def _reason(outcome: int) -> str:
     """Why a point of a sweep did not finish, from its code; empty if it did."""
-    if outcome == Outcome.FINISHED:
-        return ""
-    texts = {int(o): str(o) for o in Outcome}
+    texts = {int(o): str(o) for o in Outcome} | {int(Outcome.FINISHED): ""}
     return texts.get(outcome, "the system refuses this value of the parameter or start.")

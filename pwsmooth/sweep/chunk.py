@@ -32,21 +32,21 @@ def run_chunk(
 
 
 def _values(plan, columns, spending):
-    count = len(next(iter(columns.values())))
-    result = {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in plan.variables.items()}
+    result = plan.empty(len(next(iter(columns.values()))))
     ensemble = goes_as_ensemble(plan)
     if ensemble:
         from .orbits import run_orbits
 
         orbits = run_orbits(plan, columns)
-        for measure in plan.compiled_measures:
+        for measure in (m for m in plan.measures if m.compiled):
             for name, values in measure.gather(orbits, plan.setting).items():
                 result[name][:] = values
         result["t_reached"][:] = orbits.reached
         result["ambiguities"][:] = orbits.ambiguities
         result["outcome"][:] = orbits.outcome
-    if plan.functions or not ensemble:
-        _one_by_one(plan, columns, result, plan.functions if ensemble else plan.measures, ensemble, spending)
+    rest = [m for m in plan.measures if not (ensemble and m.compiled)]
+    if rest or not ensemble:
+        _one_by_one(plan, columns, result, rest, ensemble, spending)
     return result
 
 

@@ -151,6 +151,10 @@ def real(setting, what, unit="", dims=(), shape=()):
     return Variable(dims, shape, np.float64, np.nan, {"long_name": what, **({"units": unit} if unit else {})})
 
 
+def integer(dtype, what):
+    return Variable((), (), dtype, -1, {"long_name": what, "units": "1"})
+
+
 @dataclass(frozen=True)
 class Setting:
     """What measures ask about the sweep: names, letters, units, the window's periods."""

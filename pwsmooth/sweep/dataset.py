@@ -64,11 +64,6 @@ def attributes(plan: Plan, axes: Axes) -> dict[str, str]:
     }
 
 
-def empty_arrays(plan: Plan, axes: Axes) -> dict[str, np.ndarray]:
-    """Every variable, not run yet, with the points flattened."""
-    return {name: np.full((axes.size, *v.shape), v.fill, dtype=v.dtype) for name, v in plan.variables.items()}
-
-
 def make_dataset(plan: Plan, axes: Axes, arrays: dict[str, np.ndarray]) -> xarray.Dataset:
     """The Dataset of flattened arrays."""
     import xarray

@@ -192,7 +192,7 @@ def _all_at_once(run, t_span, starts, count, times, max_steps, spending) -> Ense
     path = Path(run, max_steps, False)
     control, state = path.timed(first * step, last * step, run.values), path.begin(first * step, starts[0])
     begun = np.column_stack([starts, np.full(len(starts), first * step)])
-    noise = run.bundle(path.problem, begun, np.empty((count, len(grid), n)), grid)
+    noise = run.bundle(starts=begun, snapshots=np.empty((count, len(grid), n)), grid=grid)
     noise.interval, noise.last, noise.trajectory = first, last, run.noise.trajectory
     loop = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 6)(
         unit_address("diffuse_many")

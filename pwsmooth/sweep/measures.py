@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
-from .contract import Measure, Variable, real
+from .contract import Measure, integer, real
 from .functions import Function, Lyapunov
 from .of_solution import segments_in, strobes
 from .periodicity import Itinerary, Period
@@ -121,8 +121,12 @@ class Points(Measure):
     def _states(self, setting):
         return self.names or setting.states
 
+    def _count(self, setting):
+        most = setting.periods + 1
+        return most if self.last is None else min(self.last, most)
+
     def variables(self, setting):
-        count = setting.periods + 1 if self.last is None else min(self.last, setting.periods + 1)
+        count = self._count(setting)
         dim = "strobe" if self.last is None else f"last_{count}"
         return {
             f"{name}_points": real(setting, f"{name} once a period", setting.unit(name), (dim,), (count,))
@@ -130,15 +134,17 @@ class Points(Measure):
         }
 
     def gather(self, orbits, setting):
-        count = 0 if self.last is None else -min(self.last, setting.periods + 1)
-        return {
-            f"{name}_points": orbits.strobe[:, count:, setting.states.index(name)].copy()
-            for name in self._states(setting)
-        }
+        return self._of(orbits.strobe, setting)
 
     def of(self, solution, window, setting):
-        x = strobes(solution, window)[0 if self.last is None else -min(self.last, setting.periods + 1) :]
-        return {f"{name}_points": x[:, setting.states.index(name)] for name in self._states(setting)}
+        return self._of(strobes(solution, window), setting)
+
+    def _of(self, x, setting):
+        """The last points, from the states x (..., strobes, n)."""
+        last = x[..., -self._count(setting) :, :]
+        return {
+            f"{name}_points": last[..., setting.states.index(name)].copy() for name in self._states(setting)
+        }
 
 
 @dataclass(frozen=True)
@@ -158,10 +164,7 @@ class Counts(Measure):
 
     def variables(self, setting):
         about = {"events": "events inside the window", "steps": "steps of the whole orbit"}
-        return {
-            name: Variable((), (), np.int64, -1, {"long_name": text, "units": "1"})
-            for name, text in about.items()
-        }
+        return {name: integer(np.int64, text) for name, text in about.items()}
 
     def gather(self, orbits, setting):
         return {"events": orbits.events_inside.copy(), "steps": orbits.steps.copy()}

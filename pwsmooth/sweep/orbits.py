@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from ..paths.budget import spending
 from ..paths.event_driven import EventDriven, Options
@@ -55,28 +53,16 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     now = run.begin(0.0, 0.0)
     record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(strobes))
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    nq, most = len(quantities), Itinerary.most
     digits = np.zeros(m, np.int64)
     digits[list(setting.word_columns)] = 3 ** np.arange(len(setting.word_columns))
-    orbits = SimpleNamespace(
-        code=np.zeros(count, np.int64),
-        reached=np.zeros(count),
-        **{name: np.zeros(count, np.int64) for name in ("steps", "events", "ambiguities", "events_inside")},
-        stick_time=np.zeros((count, m)),
-        sticks=np.zeros((count, m), np.int64),
-        strobe=np.zeros((count, strobes, n)),
-        found=np.zeros(count, np.int64),
-        word=np.zeros((count, most), np.int64),
-        word_length=np.zeros(count, np.int64),
-        window=np.ascontiguousarray(np.column_stack([begin, end])),
-        **{name: np.zeros((count, nq)) for name in ("low", "high", "first", "second")},
-    )
     address = unit_address("ensemble")
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 2)(address)
-
-    def go(control, first, stop):
-        many = ensemble_state.Ensemble.zeros(
-            dict(n=n, m=m, nq=nq, nodes=_NODES, ring=_RING, outputs=len(model.outputs)),
+    with spending().heard() as gone:
+        orbits: Any = ensemble_state.Ensemble.zeros(
+            dict(
+                N=count, n=n, m=m, nq=len(quantities), nodes=_NODES, ring=_RING, outputs=len(model.outputs),
+                strobes=strobes, most=Itinerary.most,
+            ),
             run=unit_address("run"),
             outputs=run.sizes.outputs if outputs else 0,
             longest=setting.period_detector.longest if setting.forced else 0,
@@ -85,20 +71,21 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             p=p,
             ratio=_ratios(plan, columns, problem.ratio, count),
             x0=x0,
-            t0=np.ascontiguousarray(t0),
-            period=np.ascontiguousarray(period),
+            t0=t0,
+            window=np.column_stack([begin, end]),
+            period=period,
             quantity=quantities,
-            wanted=np.array(setting.bits, np.int64),
+            wanted=setting.bits,
             word_digits=digits,
             node=0.5 * (nodes + 1),
             weight=0.5 * weights,
             poly=np.zeros(40),  # solve's highest order is 31
-            **vars(orbits),
-        )
-        bundles = (problem, control, now, record, run.work, many)
-        call(*(bundle.address for bundle in bundles), first, stop)
+        )  # fmt: skip
 
-    with spending().heard() as gone:
+        def go(control, first, stop):
+            bundles = (problem, control, now, record, run.work, orbits)
+            call(*(bundle.address for bundle in bundles), first, stop)
+
         if run.clocked:
             # The instants of time events depend on the parameters and the span: one orbit a call.
             for i in range(count):
@@ -118,11 +105,9 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
 def _ratios(plan, columns, fixed, count):
     """Problem.ratio of every orbit: finite ratios of layered states are parameters, and may be swept."""
     ratio = np.tile(fixed, (count, 1))
-    finite = [layer.ratio for layer in plan.system.model.layer_states]
-    if any(r != sp.oo for r in finite):
-        for k, r in enumerate(finite):
-            if str(r) in columns:
-                ratio[:, k] = columns[str(r)]
+    for k, layer in enumerate(plan.system.model.layer_states):
+        if layer.ratio.is_Symbol and layer.ratio.name in columns:
+            ratio[:, k] = columns[layer.ratio.name]
     return ratio
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..definition import checks
-from .contract import Measure, Variable
+from .contract import Measure, Variable, integer
 from .of_solution import segments_in, strobes
 
 
@@ -52,8 +52,7 @@ class Period(Measure):
         checks.fields(self, longest=checks.integer(1), tol=checks.positive)
 
     def variables(self, setting):
-        about = {"long_name": "period in drive periods, 0 for none", "units": "1"}
-        return {"period": Variable((), (), np.int16, -1, about)}
+        return {"period": integer(np.int16, "period in drive periods, 0 for none")}
 
     def gather(self, orbits, setting):
         return {"period": np.where(orbits.code_done, orbits.found, -1).astype(np.int16)}

@@ -10,7 +10,7 @@ import hashlib
 import inspect
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,8 @@ from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
 from .axes import Axes, read_axes
-from .contract import NOT_RUN, Measure, Setting, Variable, Window, alphabet
-from .measures import Function, Period, measure_from_text
+from .contract import NOT_RUN, Measure, Setting, Variable, alphabet, integer, real
+from .measures import Function, Period, Points, measure_from_text
 
 # Outcomes of a point beyond those of a solve.
 REFUSED, FUNCTION_FAILED = -101, -102
@@ -69,23 +69,15 @@ class Plan:
                 if known is not measure and (type(known) is not type(measure) or not measure.compiled):
                     raise ValueError(f"two measures give {name!r}; leave one out, or give a Function `names`.")
                 named[name] = variable
-        about = {"long_name": "where the run ended", **_units(self.setting.time_unit)}
-        named["t_reached"] = Variable((), (), np.float64, np.nan, about)
-        about = {
-            "long_name": "recorded ambiguities: points from which the solution is not unique",
-            "units": "1",
-        }
-        named["ambiguities"] = Variable((), (), np.int32, -1, about)
+        named["t_reached"] = real(self.setting, "where the run ended", self.setting.time_unit)
+        said = "recorded ambiguities: points from which the solution is not unique"
+        named["ambiguities"] = integer(np.int32, said)
         named["outcome"] = Variable((), (), np.int16, NOT_RUN, _flags())
         return named
 
-    @property
-    def compiled_measures(self) -> tuple[Measure, ...]:
-        return tuple(m for m in self.measures if m.compiled)
-
-    @property
-    def functions(self) -> tuple[Measure, ...]:
-        return tuple(m for m in self.measures if not m.compiled)
+    def empty(self, count: int) -> dict[str, np.ndarray]:
+        """Every variable of so many points, not run yet."""
+        return {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in self.variables.items()}
 
     def windows(self, columns: Mapping[str, np.ndarray], count: int) -> tuple[np.ndarray, ...]:
         """Start time, window start, window end and period of every point of a chunk; each (count,)."""
@@ -102,9 +94,6 @@ class Plan:
         period = np.broadcast_to(np.asarray(_numeric(self.period, symbols)(*values), float), t0.shape)
         begin = t0 + self.transient * period
         return t0, begin, begin + self.periods * period, period
-
-    def window(self, begin: float, end: float, period: float) -> Window:
-        return Window(float(begin), float(end), float(period), self.setting.periods, self.forced)
 
     def identity(self, axes: Axes) -> dict[str, str]:
         """What a store must agree with, item by item in words: equal identities give equal bits."""
@@ -131,10 +120,6 @@ class Plan:
                 f"{len(values)} values from {values[0]:.9g} to {values[-1]:.9g} along {dim}, {digest}"
             )
         return items
-
-
-def _units(unit):
-    return {"units": unit} if unit else {}
 
 
 def _listed(items):
@@ -197,8 +182,10 @@ def make_plan(
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
-    period = _period(system, period, where)
     if period is not None:
+        at = {p.name: p for p in system.parameters}
+        lowest = {at[name]: values.min() for name, (_, values) in where.values.items() if name in at}
+        period = checks.period(period, system.parameters | lowest)
         if t_span is not None:
             raise ValueError("give `period` (with `transient` and `periods`) or `t_span`, not both.")
         if measure_from is not None:
@@ -256,21 +243,8 @@ def _measure(item):
 
 
 def _unit_names(units):
-    if units is not None and not isinstance(units, Mapping):
-        raise TypeError(
-            f"`units` is {checks.shown(units)}; give a dict of names to units, such as {{'k': 'N/m'}}."
-        )
-    return tuple(sorted((str(k), str(v)) for k, v in (units or {}).items()))
-
-
-def _period(system, period, where):
-    """The drive's period as an expression in the parameters."""
-    if period is None:
-        return None
-    values = {
-        p: where.values[p.name][1].min() if p.name in where.values else q for p, q in system.parameters.items()
-    }
-    return checks.period(period, values)
+    given = checks.mapping({} if units is None else units, "`units`", "names to units, such as {'k': 'N/m'}")
+    return tuple(sorted((str(k), str(v)) for k, v in given.items()))
 
 
 def _setting(system, measures, periods, forced, units):
@@ -292,11 +266,7 @@ def _setting(system, measures, periods, forced, units):
                     f"{', '.join((*states, *names, *outputs))}."
                 )
             quantities[name] = quantities.get(name, 0) | measure.bits
-        lacking = [
-            n
-            for n in getattr(measure, "names", ())
-            if not measure.quantities and measure.compiled and n not in states
-        ]
+        lacking = [n for n in measure.names if n not in states] if isinstance(measure, Points) else []
         if lacking:
             raise ValueError(
                 f"`measures`: Points names {lacking[0]!r}, which is no state; they are {', '.join(states)}."
@@ -353,8 +323,3 @@ def _options(system, options):
             f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor', 'rk' and 'stiff'."
         )
     return tuple(sorted(checked.items()))
-
-
-def with_number(noise: Any, name: str, number: int) -> Any:
-    """The same noise with another seed or trajectory."""
-    return replace(noise, **{name: int(number)})

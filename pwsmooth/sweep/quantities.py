@@ -20,6 +20,8 @@ class OfQuantities(Measure):
     """Base of measures of named quantities: one variable `<name>_<part>` for each name and part."""
 
     parts: ClassVar[dict[str, str]] = {}  # suffix of a variable -> what it is
+    _gathered: ClassVar[Any]  # (orbits, column of a quantity in the ensemble's arrays) -> its parts
+    _measured: ClassVar[Any]  # (solution, name of a quantity, window) -> its parts
     names: tuple[str, ...]
 
     def __init__(self, *names: Any) -> None:
@@ -50,14 +52,6 @@ class OfQuantities(Measure):
     def _named(self, values):
         return {f"{name}_{part}": value for name in self.names for part, value in zip(self.parts, values(name))}
 
-    def _gathered(self, orbits, column):
-        """The parts of a quantity, from its column of the ensemble's arrays."""
-        raise NotImplementedError
-
-    def _measured(self, solution, name, window):
-        """The parts of a quantity of one Solution."""
-        raise NotImplementedError
-
 
 class Extremes(OfQuantities):
     """The variables `<name>_min` and `<name>_max`, over the window and between steps too.
@@ -86,8 +80,7 @@ class Extremes(OfQuantities):
     def _gathered(self, orbits, column):
         return [np.where(orbits.ok, end[:, column], np.nan) for end in (orbits.low, orbits.high)]
 
-    def _measured(self, solution, name, window):
-        return range_of(solution, name, window)
+    _measured = staticmethod(range_of)
 
 
 class Amplitude(OfQuantities):
@@ -149,5 +142,4 @@ class Statistics(OfQuantities):
         span = np.where(orbits.ok, orbits.reached - orbits.window[:, 0], np.nan)
         return [orbits.first[:, column] / span, np.sqrt(orbits.second[:, column] / span)]
 
-    def _measured(self, solution, name, window):
-        return moments(solution, name, window)
+    _measured = staticmethod(moments)

@@ -23,54 +23,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import stored
 from .axes import Axes
-from .dataset import attributes, coordinates, empty_arrays, make_dataset
+from .dataset import attributes, coordinates, make_dataset
 from .identity import UNKNOWN
 from .plan import Plan
-from .stored import (
-    EVERY_CHUNK,
-    NOT_RUN,
-    SUM_DIMS,
-    SUMS,
-    check_array,
-    explained,
-    files_of,
-    opened,
-    read_chunks,
-    region_of,
-    say_damage,
-    sum_of_array,
-    sum_of_attributes,
-    sum_of_chunk,
-    zarr_itself,
-)
 
 if TYPE_CHECKING:
     import xarray
 
 
 class Store:
-    """Chunks of one sweep in a Zarr directory.
+    """Chunks of one sweep in a Zarr directory; `todo`: first and last + 1 of the points of every chunk that has to run.
 
-    Parameters
-    ----------
-    path : str or Path
-    plan, axes
-        A directory made by another sweep is refused. One made by another version is read, and refused if there is
-        something to run.
-    target : callable -> int
-        Points in a chunk, asked only if the store is new: a resumed one keeps its own layout.
-
-    Attributes
-    ----------
-    todo : list of (int, int)
-        First and last + 1 of the points of every chunk that has to run.
+    A directory made by another sweep is refused. One made by another version is read, and refused if there is something
+    to run. `target` gives the points in a chunk, asked only if the store is new: a resumed one keeps its own layout.
     """
 
     def __init__(self, path: Any, plan: Plan, axes: Axes, target: Any) -> None:
-        zarr = zarr_itself()
+        zarr = stored.zarr_itself()
         self.path, self.plan, self.axes = Path(path), plan, axes
-        self.arrays, self.attrs = empty_arrays(plan, axes), attributes(plan, axes)
+        self.arrays, self.attrs = plan.empty(axes.size), attributes(plan, axes)
         new = False
         if not (self.path / "zarr.json").exists():
             if self.path.exists() and any(self.path.iterdir()):
@@ -79,17 +52,19 @@ class Store:
                     "path."
                 )
             chunk = int(target())
-            with explained(self.path, "be made", "make room, or give a path that may be written"):
+            with stored.explained(self.path, "be made", "make room, or give a path that may be written"):
                 new = self._create(zarr, chunk)
-        self.group, there = opened(self.path, "r+")
+        self.group, there = stored.opened(self.path, "r+")
         other = "" if new else self._compare(there)
         self.boxes = axes.boxes(there["chunk"])[1]
         damaged = [] if other else self._mend(there)
-        with zarr.config.set(EVERY_CHUNK):
-            self.files = files_of(self.path, self.group, [*plan.variables] + [SUMS] * ("sha256" in there))
-        sound, lost = read_chunks(self.files, self.arrays, self.boxes, axes.shape)
+        with zarr.config.set(stored.EVERY_CHUNK):
+            self.files = stored.files_of(
+                self.path, self.group, [*plan.variables] + [stored.SUMS] * ("sha256" in there)
+            )
+        sound, lost = stored.read_chunks(self.files, self.arrays, self.boxes, axes.shape)
         damaged += lost
-        done = self.arrays["outcome"] != NOT_RUN
+        done = self.arrays["outcome"] != stored.NOT_RUN
         self.todo = [box for i, box in enumerate(self.boxes) if not (sound[i] and done[slice(*box)].all())]
         if other and self.todo:
             raise ValueError(
@@ -100,7 +75,7 @@ class Store:
             self.attrs["versions"] = there["versions"]
             warnings.warn(f"`store` {str(self.path)!r} {other}; it is finished, and only read.", stacklevel=3)
         if damaged:
-            say_damage(self.path, damaged, "computed again")
+            stored.say_damage(self.path, damaged, "computed again")
 
     def _create(self, zarr: Any, target: int) -> bool:
         """Everything but the chunks, in a directory that is moved into place whole, unless another process did it."""
@@ -116,7 +91,7 @@ class Store:
                 **self.attrs, "chunk": target, "variables": [*self.plan.variables], "arrays": sums,
                 "coordinates": [name for name, (_, values) in layout.items() if values is not None],
             }  # fmt: skip
-            group.attrs.update({**about, "sha256": sum_of_attributes(about)})
+            group.attrs.update({**about, "sha256": stored.sum_of_attributes(about)})
             with contextlib.suppress(OSError):
                 self.path.rmdir()  # empty: see __init__
             try:
@@ -147,8 +122,8 @@ class Store:
                 "dtype": _stored(v.dtype), "fill_value": v.fill, "dimension_names": (*self.axes.dims, *v.dims),
                 "attributes": _plain(v.attrs), **usual,
             }, None  # fmt: skip
-        layout[SUMS] = {"shape": (len(boxes), 32), "chunks": (1, 32), "dtype": "uint8", "fill_value": 0,
-                         "dimension_names": SUM_DIMS, **usual}, None  # fmt: skip
+        layout[stored.SUMS] = {"shape": (len(boxes), 32), "chunks": (1, 32), "dtype": "uint8", "fill_value": 0,
+                               "dimension_names": stored.SUM_DIMS, **usual}, None  # fmt: skip
         return layout
 
     def _compare(self, there: dict[str, Any]) -> str:
@@ -184,10 +159,10 @@ class Store:
         mended = []
         for name, (array, values) in self._layout(there["chunk"]).items():
             try:
-                check_array(self.group, name, there)
+                stored.check_array(self.group, name, there)
             except Exception as error:  # zarr raises whatever its parsers raise
                 mended.append(f"{name}/zarr.json: {type(error).__name__}: {error}")
-                with explained(
+                with stored.explained(
                     self.path, f"be mended in {name}", "restore it from a copy, or give another path"
                 ):
                     # The chunks stay: their checksums show whether they are whole.
@@ -200,15 +175,17 @@ class Store:
         for name, values in result.items():
             self.arrays[name][start:stop] = values
         number = self.boxes.index((start, stop))
-        region = region_of((start, stop), self.axes.shape)
+        region = stored.region_of((start, stop), self.axes.shape)
         box = tuple(s.stop - s.start for s in region)
         remedy = "what had finished is kept; make room, or wait for the disk, and call sweep() again to go on"
         for name in self.plan.variables:
             values = self.arrays[name][start:stop]
-            with explained(self.path, f"be written at {name}", remedy):
+            with stored.explained(self.path, f"be written at {name}", remedy):
                 self.files[name][region] = values.reshape(*box, *values.shape[1:])
-        with explained(self.path, f"be written at {SUMS}", remedy):
-            self.files[SUMS][number] = np.frombuffer(sum_of_chunk(self.arrays, start, stop), np.uint8)
+        with stored.explained(self.path, f"be written at {stored.SUMS}", remedy):
+            self.files[stored.SUMS][number] = np.frombuffer(
+                stored.sum_of_chunk(self.arrays, start, stop), np.uint8
+            )
 
     def dataset(self) -> xarray.Dataset:
         """The whole sweep."""
@@ -217,10 +194,10 @@ class Store:
 
 def _describe(group: Any, name: str, array: dict[str, Any], values: Any) -> str:
     """Make an array, with the values of a coordinate; its sum."""
-    stored = group.create_array(name, **array)
+    made = group.create_array(name, **array)
     if values is not None:
-        stored[...] = values
-    return sum_of_array(stored, values)
+        made[...] = values
+    return stored.sum_of_array(made, values)
 
 
 def _stored(dtype: Any) -> Any:

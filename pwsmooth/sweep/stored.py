@@ -1,8 +1,7 @@
 """What a sweep's store is on disk, and what of it is believed.
 
-Zarr, one file for every variable and chunk, with the checksum of its codec for other readers; of every chunk the
-sha256 of its values in the array `chunk_sha256`; of what the store says of itself, the root's attributes and the
-coordinates, a sha256 among the attributes.
+Files have the checksum of their codec, for other readers. Here counts, of every chunk, the sha256 of its values in the
+array `chunk_sha256`; of the root's attributes and the coordinates, a sha256 among the attributes.
 
 Chain: store.py writes it -> **this** reads it -> Dataset.
 """
@@ -82,12 +81,11 @@ def read_store(path: Any) -> xarray.Dataset:
     files = files_of(path, group, [*about["variables"], SUMS])
     outcome = files["outcome"]
     axes = Axes(outcome.metadata.dimension_names, outcome.shape, {}, {})
-    arrays = {
-        name: np.full(
-            (axes.size, *files[name].shape[outcome.ndim :]), files[name].fill_value, _loaded(files[name])
-        )
-        for name in about["variables"]
-    }
+    arrays = {}
+    for name in about["variables"]:
+        file = files[name]
+        dtype = np.dtypes.StringDType() if file.dtype.kind in "OT" else file.dtype
+        arrays[name] = np.full((axes.size, *file.shape[outcome.ndim :]), file.fill_value, dtype)
     _, lost = read_chunks(files, arrays, axes.boxes(about["chunk"])[1], axes.shape)
     if lost:
         say_damage(path, lost, f"given as not run (outcome {NOT_RUN})")
@@ -194,14 +192,8 @@ def check_array(group: Any, name: str, about: dict[str, Any]) -> None:
 def sum_of_array(file: Any, values: Any) -> str:
     """sha256 of the description of an array, and of the values of a coordinate."""
     kind = "text" if file.dtype.kind in "OT" else file.dtype.str
-    words = [
-        file.shape,
-        file.chunks,
-        kind,
-        str(file.fill_value),
-        file.metadata.dimension_names,
-        dict(file.attrs),
-    ]
+    names = file.metadata.dimension_names
+    words = [file.shape, file.chunks, kind, str(file.fill_value), names, dict(file.attrs)]
     total = _sum([] if values is None else [values])
     total.update(json.dumps(words, sort_keys=True).encode())
     return total.hexdigest()
@@ -226,10 +218,6 @@ def sum_of_chunk(arrays: dict[str, np.ndarray], start: int, stop: int) -> bytes:
 
 def sum_of_attributes(about: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
-
-
-def _loaded(file: Any) -> Any:
-    return np.dtypes.StringDType() if file.dtype.kind in "OT" else file.dtype
 
 
 # ---- words ----

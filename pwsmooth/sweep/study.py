@@ -231,10 +231,7 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     if study.kicks is not None:
         from ..noise.kicks import Kicks
 
-        try:
-            arguments["noise"] = Kicks(**study.kicks)
-        except (TypeError, ValueError) as error:
-            raise StudyError(f"kicks: {error}") from None
+        arguments["noise"] = _call(Kicks, study.kicks, "kicks")
     return system, arguments
 
 
@@ -255,11 +252,10 @@ def _system(table: SystemTable, names: Names) -> Any:
         }
         if table.scene not in known:
             raise StudyError(f"system.scene is {table.scene!r}; scenes are {', '.join(known)}.")
-        builder = known[table.scene]
         arguments = dict(table.arguments)
         if table.law is not None:
             arguments["law"] = _call(_law(table.law), table.law_parameters, "system.law_parameters")
-        system = _call(builder, arguments, "system.arguments")
+        system = _call(known[table.scene], arguments, "system.arguments")
     return _viewed(system, table)
 
 
@@ -270,29 +266,13 @@ def _viewed(system: Any, table: SystemTable) -> Any:
     bare = system.system if hasattr(system, "system") and hasattr(system, "start") else system
     if not hasattr(bare, "model"):
         raise StudyError(f"system.object is {bare!r}; give a System, a scene, or a function that returns one.")
-    for key, settings in (
-        ("parameters", table.parameters),
-        ("layered", table.layered),
-        ("smoothed", table.smoothed),
-    ):
-        if not settings:
-            continue
-        try:
-            if key == "parameters":
-                bare = bare.with_parameters(settings)
-            elif key == "layered":
-                bare = bare.layered({z: _oo(r) for z, r in settings.items()})
-            else:
-                bare = bare.smoothed(**settings)
-        except (TypeError, ValueError) as error:
-            raise StudyError(f"system.{key}: {error}") from None
+    if table.parameters:
+        bare = _call(bare.with_parameters, {"parameters": table.parameters}, "system.parameters")
+    if table.layered:
+        bare = _call(bare.layered, {"ratios": table.layered}, "system.layered")
+    if table.smoothed:
+        bare = _call(bare.smoothed, table.smoothed, "system.smoothed")
     return replace(system, system=bare) if bare is not system and hasattr(system, "start") else bare
-
-
-def _oo(ratio: float) -> Any:
-    import sympy as sp
-
-    return sp.oo if ratio == float("inf") else ratio
 
 
 def _law(name: str) -> Any:

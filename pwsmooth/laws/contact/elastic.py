@@ -11,37 +11,16 @@ p is the indentation and v its rate. (5.1), (5.2): X. Xiong's thesis, chapter 5.
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import sympy as sp
 
-from ...definition.primitives import Event
-from ..contract import Law, Pieces, law, parameter
+from ..contract import law, parameter
 from .eta import check_c_r
 from .impact import RELEASES
-
-
-class _Memoryless(Law):
-    """F = g(p) + damping, on p > 0."""
-
-    needs: ClassVar[tuple[str, ...]] = ("position",)
-
-    def _pieces(self, at, force, stored, surfaces=()):
-        surface = at.beyond(0)
-        events = (
-            Event(surface, direction=1, name=at.label("touch-down")),
-            Event(surface, direction=-1, name=at.label("lift-off")),
-        )
-        return Pieces(
-            force=sp.Piecewise((force, surface > 0), (0, True)),
-            events=events,
-            outputs={"stored": sp.Piecewise((stored, surface > 0), (0, True))},
-            surfaces=(surface, *surfaces),
-        )
+from .wall import AtWall
 
 
 @law
-class Hertz(_Memoryless):
+class Hertz(AtWall):
     """Hertz's elastic contact, F = K p^n.
 
     Examples
@@ -59,11 +38,11 @@ class Hertz(_Memoryless):
     n: float = parameter(1.5, "1", "exponent", structural=True)
 
     def pieces(self, at, p):
-        return self._pieces(at, p.K * at.x**p.n, p.K * at.x ** (p.n + 1) / (p.n + 1))
+        return self._pieces(at, at.beyond(0), p.K * at.x**p.n, p.K * at.x ** (p.n + 1) / (p.n + 1))
 
 
 @law
-class KelvinVoigt(_Memoryless):
+class KelvinVoigt(AtWall):
     """Spring and dashpot in parallel, F = K (p + b v).
 
     Examples
@@ -87,11 +66,11 @@ class KelvinVoigt(_Memoryless):
     def pieces(self, at, p):
         push = at.x + p.b * at.v
         force = sp.Max(0, push) if self.release == "zero force" else push
-        return self._pieces(at, p.K * force, p.K * at.x**2 / 2, (push,))
+        return self._pieces(at, at.beyond(0), p.K * force, p.K * at.x**2 / 2, surfaces=(push,))
 
 
 @law
-class HuntCrossley(_Memoryless):
+class HuntCrossley(AtWall):
     """Damping in proportion to the elastic force, F = K p^n (1 + b v).
 
     Examples
@@ -114,11 +93,12 @@ class HuntCrossley(_Memoryless):
     def pieces(self, at, p):
         damping = 1 + p.b * at.v
         factor = sp.Max(0, damping) if self.release == "zero force" else damping
-        return self._pieces(at, p.K * at.x**p.n * factor, p.K * at.x ** (p.n + 1) / (p.n + 1), (damping,))
+        stored = p.K * at.x ** (p.n + 1) / (p.n + 1)
+        return self._pieces(at, at.beyond(0), p.K * at.x**p.n * factor, stored, surfaces=(damping,))
 
 
 @law
-class Anagnostopoulos(_Memoryless):
+class Anagnostopoulos(AtWall):
     """Linear: the dashpot that gives c_r to the mass `m`, with zeta = -ln c_r/sqrt(pi^2 + ln^2 c_r).
 
     Examples
@@ -144,4 +124,4 @@ class Anagnostopoulos(_Memoryless):
         log = sp.log(p.c_r)
         zeta = -log / sp.sqrt(sp.pi**2 + log**2)
         force = p.K * at.x + 2 * zeta * sp.sqrt(p.K * p.m) * at.v
-        return self._pieces(at, force, p.K * at.x**2 / 2)
+        return self._pieces(at, at.beyond(0), force, p.K * at.x**2 / 2)

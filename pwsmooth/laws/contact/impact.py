@@ -14,23 +14,23 @@ Sources: Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545 (misprints corre
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import sympy as sp
 
 from ...definition.primitives import Event
-from ..contract import Law, Pieces, law, parameter
+from ..contract import law, parameter
 from .eta import ETA, check_c_r, damping_factor
+from .wall import AtWall
 
 RELEASES = ("zero force", "zero indentation")
 
 
 @law
-class ImpactLaw(Law):
+class ImpactLaw(AtWall):
     """What the three elastic parts share; not a law by itself."""
 
-    needs: ClassVar[tuple[str, ...]] = ("position",)
     c_r: float = parameter(0.9, "1", "coefficient of restitution that is aimed at")
     eta: str = parameter(
         "lankarani-nikravesh", "1", "damping factor, by its name in the table", choices=tuple(ETA)
@@ -53,25 +53,24 @@ class ImpactLaw(Law):
     def pieces(self, at, p):
         d, v, surface = at.x, at.v, at.beyond(0)
         speed = at.memory("speed", self.slowest, positive=True)
-        factor = sp.Float(damping_factor(self.eta, self.c_r)) if self.eta == "zhang-sharf" else (
-            damping_factor(self.eta, p.c_r)
-        )  # fmt: skip
+        # The exact root has no form in symbols.
+        exact = self.eta == "zhang-sharf"
+        factor = sp.Float(damping_factor(self.eta, self.c_r)) if exact else damping_factor(self.eta, p.c_r)
         damping = 1 + factor * v / speed
-        if self.release == "zero force":
-            damping = sp.Max(0, damping)
-        inside = surface > 0
-        events = [
+        pushing = sp.Max(0, damping) if self.release == "zero force" else damping
+        touch_down = [
             # The latched speed is that of the instant of touch-down, before anything else acts.
             Event(surface, direction=1, update={speed: v}, when=v >= p.slowest, name=at.label("touch-down")),
             Event(surface, direction=1, update={speed: p.slowest}, when=v < p.slowest,
                   name=at.label("slow touch-down")),
-            Event(surface, direction=-1, name=at.label("lift-off")),
         ]  # fmt: skip
-        return Pieces(
-            force=sp.Piecewise((self.elastic(d, p) * damping, inside), (0, True)),
-            events=tuple(events),
-            outputs={"stored": sp.Piecewise((self.potential(d, p), inside), (0, True))},
-            surfaces=(surface, 1 + factor * v / speed),
+        return self._pieces(
+            at,
+            surface,
+            self.elastic(d, p) * pushing,
+            self.potential(d, p),
+            touch_down=touch_down,
+            surfaces=(damping,),
         )
 
 
@@ -103,8 +102,13 @@ class HertzImpact(ImpactLaw):
 _NODES, _WEIGHTS = (a.tolist() for a in np.polynomial.legendre.leggauss(10))
 
 
+@law
 class _JournalLaw(ImpactLaw):
     """g = delta^1.5 q(delta) of a journal in a bearing."""
+
+    E_star: float = parameter(1.1373626e11, "Pa", "composite modulus")
+    length: float = parameter(0.015, "m", "length of the joint")
+    clearance: float = parameter(5e-4, "m", "radial clearance")
 
     def slope(self, d: Any, p: Any) -> Any:
         """Elastic force over its power of the indentation, q(delta) = g(delta)/delta^1.5.
@@ -147,9 +151,6 @@ class LiuImpact(_JournalLaw):
 
     source = "Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, after Liu et al."
     eta: str = parameter("wang-liu-ma", "1", "damping factor, by its name in the table", choices=tuple(ETA))
-    E_star: float = parameter(1.1373626e11, "Pa", "composite modulus")
-    length: float = parameter(0.015, "m", "length of the joint")
-    clearance: float = parameter(5e-4, "m", "radial clearance")
 
     def slope(self, d, p):
         return sp.pi * p.E_star * p.length / (2 * sp.sqrt(2)) / sp.sqrt(p.clearance + d)
@@ -173,9 +174,6 @@ class BaiImpact(_JournalLaw):
 
     source = "Bai et al., recalled from the literature; the stiffness verified as the tangent of Liu's"
     eta: str = parameter("zhiying-qishao", "1", "damping factor, by its name in the table", choices=tuple(ETA))
-    E_star: float = parameter(1.1373626e11, "Pa", "composite modulus")
-    length: float = parameter(0.015, "m", "length of the joint")
-    clearance: float = parameter(5e-4, "m", "radial clearance")
 
     def slope(self, d, p):
         c = p.clearance

@@ -14,20 +14,16 @@ reconstructions keep all published features:
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import sympy as sp
 
-from ...definition.primitives import Event
-from ..contract import Law, Pieces, law, parameter
+from ..contract import law, parameter
+from .wall import AtWall
 
 
-class _Residual(Law):
+class _Residual(AtWall):
     """The rate of a, which all forms share."""
 
-    needs: ClassVar[tuple[str, ...]] = ("position",)
-
-    def _pieces(self, at, p, force, stored, released):
+    def _with_rate(self, at, p, force, stored, released):
         """`force(push)` with push = p + beta gamma (p - a) > 0 in contact."""
         # a >= 0 stays so; below -c, which no contact reaches, a curved wall would have a second surface.
         a = at.state("a", scale=1e-3, nonnegative=True)
@@ -36,16 +32,13 @@ class _Residual(Law):
         surface = at.beyond(level)
         push = (1 + p.beta * p.gamma) * at.past(level)
         rate = sp.Piecewise((p.gamma * (at.x - a), surface > 0), (-p.gamma * a / (1 + p.gamma * p.beta), True))
-        events = (
-            Event(surface, direction=1, name=at.label("touch-down")),
-            Event(surface, direction=-1, name=at.label("lift-off")),
-        )
-        return Pieces(
-            force=sp.Piecewise((force(push), surface > 0), (0, True)),
+        return self._pieces(
+            at,
+            surface,
+            force(push),
+            stored(push, a),
+            released=released(a),
             rates={a: rate},
-            events=events,
-            outputs={"stored": sp.Piecewise((stored(push, a), surface > 0), (released(a), True))},
-            surfaces=(surface,),
             fastest_rate=p.gamma,
         )
 
@@ -73,7 +66,7 @@ class LinearResidual(_Residual):
 
     def pieces(self, at, p):
         bg = p.beta * p.gamma
-        return self._pieces(
+        return self._with_rate(
             at,
             p,
             force=lambda push: p.K * push,
@@ -120,7 +113,7 @@ class ResidualIndentation(_Nonlinear):
         def released(a):
             return p.K / (n + 1) * a ** (n + 1) * (1 - 1 / share)
 
-        return self._pieces(at, p, force=lambda push: p.K * push**n, stored=stored, released=released)
+        return self._with_rate(at, p, force=lambda push: p.K * push**n, stored=stored, released=released)
 
 
 @law
@@ -148,7 +141,7 @@ class ResidualHuntCrossley(_Nonlinear):
             whole = (1 + bg) * (x ** (n + 1) - a ** (n + 1)) / (n + 1) - bg * a * (x**n - a**n) / n
             return p.K * (whole + a ** (n + 1) / (n + 1))
 
-        return self._pieces(
+        return self._with_rate(
             at,
             p,
             force=lambda push: p.K * at.x ** (n - 1) * push,

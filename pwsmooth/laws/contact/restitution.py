@@ -292,8 +292,7 @@ def _exact_eta(e):
 
 
 def _elementwise(function, value):
-    result = np.vectorize(function, otypes=[float])(value)
-    return result[()]
+    return np.vectorize(function, otypes=[float])(value)[()]
 
 
 def _eta(value):

@@ -100,7 +100,7 @@ def hertz_stiffness(E_star: float, R_1: float, R_2: float = inf) -> float:
     return 4 / 3 * E_star * sqrt(1 / (1 / R_1 + 1 / R_2))
 
 
-@checks.door(E_star=checks.positive)
+@checks.door(**dict.fromkeys(("E_star", "R_J", "R_B"), checks.positive))
 @checks.closed_form
 def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     """Stiffness K of a journal in its bearing.
@@ -133,13 +133,8 @@ def journal_stiffness(E_star: float, R_B: float, R_J: float) -> float:
     >>> round(journal_stiffness(composite_modulus(207e9, 0.3), 0.01, 0.0095) / 1e10, 3)
     6.61
     """
-    check_radii(R_B, R_J)
-    return 4 / 3 * E_star * sqrt(R_B * R_J / (R_B - R_J))
-
-
-def check_radii(R_B: float, R_J: float) -> None:
-    """A journal is smaller than its bearing."""
-    if not checks.positive(R_J, "`R_J`") < checks.positive(R_B, "`R_B`"):
+    if not R_J < R_B:
         raise ValueError(
             f"`R_J` is {R_J:g} and `R_B` is {R_B:g}; the journal must be smaller than its bearing, by the clearance."
         )
+    return 4 / 3 * E_star * sqrt(R_B * R_J / (R_B - R_J))

@@ -10,7 +10,7 @@ import sympy as sp
 
 from ..contract import Law, Pieces, law, parameter
 from ..inclusions import clip
-from .stribeck import check_stribeck, stribeck
+from .stribeck import _Static, stribeck
 
 
 @law
@@ -37,7 +37,7 @@ class Coulomb(Law):
 
 
 @law
-class StaticKinetic(Law):
+class StaticKinetic(_Static):
     """Two levels: sticking up to F_s, slip at F_c; what exceeds F_c is a hidden term.
 
         f = F_c lam (1 + rho (1 - lam^2)) + sigma2 v,    max over lam of f = F_s at v = 0
@@ -62,9 +62,6 @@ class StaticKinetic(Law):
     F_c: float = parameter(1.0, "N", "kinetic friction force")
     F_s: float = parameter(1.5, "N", "static friction force")
     sigma2: float = parameter(0.0, "N s/m", "viscous friction", "nonnegative")
-
-    def check(self):
-        check_stribeck(self)
 
     @staticmethod
     def rho(p):
@@ -93,7 +90,7 @@ class StaticKinetic(Law):
 
 
 @law
-class StribeckFriction(Law):
+class StribeckFriction(_Static):
     """Stribeck friction, f = g(v) Sgn(v) + sigma2 v: the limit of LuGre and XKY for stiff bristles.
 
     Examples
@@ -110,15 +107,9 @@ class StribeckFriction(Law):
     v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
 
-    def check(self):
-        check_stribeck(self)
-
     def pieces(self, at, p):
         lam = at.switch("lam", at.v)
         return Pieces(force=stribeck(at.v, p) * lam + p.sigma2 * at.v, surfaces=(at.v,))
-
-    def steady(self, v, p):
-        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
 
 
 @law

@@ -10,12 +10,12 @@ here a Memory for each element. s is even: the form sgn(v) C (lam_i - F_i/s) nee
 import sympy as sp
 
 from ...definition.primitives import Event
-from ..contract import Law, Pieces, law, parameter
-from .stribeck import check_stribeck, stribeck
+from ..contract import Pieces, law, parameter
+from .stribeck import _Static, stribeck
 
 
 @law
-class GMS(Law):
+class GMS(_Static):
     """Generalised Maxwell-slip: elements that stick or slip, with a Stribeck curve and lag in slip.
 
     The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.
@@ -40,9 +40,6 @@ class GMS(Law):
     share: tuple = parameter((0.1,) * 10, "1", "share of the strength", each=True)
     sigma: tuple = parameter((0.01,) * 10, "N s/um", "micro-damping", "nonnegative", each=True)
     sigma2: float = parameter(0.0, "N s/um", "viscous friction", "nonnegative")
-
-    def check(self):
-        check_stribeck(self)
 
     def pieces(self, at, p):
         elements, v = at.family(self.elements), at.v
@@ -75,6 +72,3 @@ class GMS(Law):
             kappa_i, in the unit of `kappa`.
         """
         return self.kappa if isinstance(self.kappa, tuple) else (self.kappa,)
-
-    def steady(self, v, p):
-        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v

@@ -11,12 +11,12 @@ import math
 
 import sympy as sp
 
-from ..contract import Law, Pieces, law, parameter
-from .stribeck import check_stribeck, stribeck
+from ..contract import Pieces, law, parameter
+from .stribeck import _Static, stribeck
 
 
 @law
-class LuGre(Law):
+class LuGre(_Static):
     """LuGre's law with constant bristle damping.
 
     The defaults are the standard example's (for 1 kg).
@@ -39,9 +39,6 @@ class LuGre(Law):
     F_c: float = parameter(1.0, "N", "Coulomb force")
     F_s: float = parameter(1.5, "N", "static friction force")
     v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
-
-    def check(self):
-        check_stribeck(self)
 
     def pieces(self, at, p):
         z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
@@ -66,9 +63,6 @@ class LuGre(Law):
             In the unit of sigma1.
         """
         return p.sigma1
-
-    def steady(self, v, p):
-        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
 
 
 @law

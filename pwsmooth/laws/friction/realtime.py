@@ -23,15 +23,14 @@ from .xky import XKY, MultistateXKY
 
 __all__ = ["RealTime", "real_time"]
 
-STABLE_ELEMENTS = (
-    "every h > 0: |f| <= g, and without drive the energy m v^2/2 + sum kappa_i a_i^2/2 never grows (backward Euler of "
-    "a passive law; the Stribeck curve is taken at the old velocity)"
-)
-STABLE_BRISTLE = (
-    "every h > 0 at a given velocity: |z| <= max(|z_0|, F_s/sigma0); with a mass bounded for every h > 0 in tests, "
-    "accurate for h below sqrt(m/sigma0)"
-)
-STABLE_SWITCH = "every h > 0: without drive |v| never grows, and rest is exact"
+# For which steps each kind of update is stable.
+_STABLE = {
+    "elements": "every h > 0: |f| <= g, and without drive the energy m v^2/2 + sum kappa_i a_i^2/2 never grows "
+    "(backward Euler of a passive law; the Stribeck curve is taken at the old velocity)",
+    "bristle": "every h > 0 at a given velocity: |z| <= max(|z_0|, F_s/sigma0); with a mass bounded for every h > 0 in "
+    "tests, accurate for h below sqrt(m/sigma0)",
+    "switch": "every h > 0: without drive |v| never grows, and rest is exact",
+}
 
 
 @dataclass
@@ -134,7 +133,7 @@ def _compiled(kind: str) -> tuple[Callable[..., float], Callable[..., float]]:
     from numba.extending import register_jitable
 
     if not _HELPERS:
-        _HELPERS.extend(register_jitable(getattr(stepping, name)) for name in ("strength", "lagged"))
+        _HELPERS.extend(register_jitable(getattr(stepping, f)) for f in ("strength", "lagged", "carried"))
     compiled: Any = njit(nogil=True, error_model="numpy")
     return compiled(getattr(stepping, f"{kind}_given")), compiled(getattr(stepping, f"{kind}_coupled"))
 
@@ -176,37 +175,34 @@ def real_time(law: Law, v: float = 0.0) -> RealTime:
     >>> abs(v) < 1e-12
     True
     """
-    none = np.zeros((3, 0))
     if isinstance(law, MultistateXKY):
-        kappa, sigma, share = np.broadcast_arrays(np.atleast_1d(law.kappa), law.sigma, law.share)
         p = [law.F_c, law.F_s, law.v_s, law.sigma2, law.tau_d]
-        return _elements(p, np.array([kappa, sigma, share]), v)
+        return _elements(p, v, np.atleast_1d(law.kappa), law.sigma, law.share)
     if isinstance(law, XKY):
         p = [law.F_c, law.F_s, law.v_s, law.sigma2, 0.0]
-        return _elements(p, np.array([[law.kappa], [law.sigma], [1.0]]), v)
+        return _elements(p, v, np.atleast_1d(law.kappa), law.sigma, 1.0)
     if isinstance(law, MaxwellSlip):
-        kappa, limit = np.broadcast_arrays(np.atleast_1d(law.kappa), law.strength)
-        return _elements([1.0, 1.0, 1.0, 0.0, 0.0], np.array([kappa, np.zeros(len(kappa)), limit]), v)
+        return _elements([1.0, 1.0, 1.0, 0.0, 0.0], v, np.atleast_1d(law.kappa), 0.0, law.strength)
     if type(law) is LuGre:  # not what inherits from it
-        p = [law.F_c, law.F_s, law.v_s, law.sigma2, law.sigma0, law.sigma1]
-        return RealTime(*_compiled("bristle"), np.array(p), none, np.zeros(1), STABLE_BRISTLE)
+        return _update("bristle", [law.F_c, law.F_s, law.v_s, law.sigma2, law.sigma0, law.sigma1], [0.0])
     if isinstance(law, Dahl) and law.alpha == 1:
-        p = [law.F_c, law.F_c, 1.0, 0.0, law.sigma0, 0.0]
-        return RealTime(*_compiled("bristle"), np.array(p), none, np.zeros(1), STABLE_BRISTLE)
+        return _update("bristle", [law.F_c, law.F_c, 1.0, 0.0, law.sigma0, 0.0], [0.0])
     if isinstance(law, StribeckFriction):
-        p = [law.F_c, law.F_s, law.v_s, law.sigma2]
-        return RealTime(*_compiled("switch"), np.array(p), none, np.zeros(0), STABLE_SWITCH)
+        return _update("switch", [law.F_c, law.F_s, law.v_s, law.sigma2], [])
     if isinstance(law, Coulomb):
-        p = [law.F_c, law.F_c, 1.0, law.sigma2]
-        return RealTime(*_compiled("switch"), np.array(p), none, np.zeros(0), STABLE_SWITCH)
+        return _update("switch", [law.F_c, law.F_c, 1.0, law.sigma2], [])
     raise ValueError(
         f"{type(law).__name__} has no one-step update without iteration; Coulomb, StribeckFriction, Dahl (alpha = 1), "
         "LuGre, XKY, MultistateXKY and MaxwellSlip have one."
     )
 
 
-def _elements(p: Any, e: np.ndarray, v: float) -> RealTime:
-    p = np.array(p, float)
-    state = np.zeros(e.shape[1] + 1)
-    state[0] = stepping.strength(p, v)
-    return RealTime(*_compiled("elements"), p, np.array(e, float), state, STABLE_ELEMENTS)
+def _elements(p: Any, v: float, *each: Any) -> RealTime:
+    e = np.array(np.broadcast_arrays(*each), float)
+    return _update("elements", p, [stepping.strength(p, v), *np.zeros(e.shape[1])], e)
+
+
+def _update(kind: str, p: Any, state: Any, e: Any = ((), (), ())) -> RealTime:
+    return RealTime(
+        *_compiled(kind), np.array(p, float), np.array(e, float), np.array(state, float), _STABLE[kind]
+    )

@@ -28,9 +28,8 @@ def lagged(p, state, v, h):
     return state[0]
 
 
-def elements_given(p, e, state, v, h):
-    """Force of parallel elements at the velocity v after the step; overwrites state."""
-    s = lagged(p, state, v, h)
+def carried(p, e, s, state, v, h):
+    """Force of parallel elements of the strength s at the velocity v after the step; overwrites state[1:]."""
     force = p[3] * v
     for i in range(e.shape[1]):
         kappa, sigma, limit = e[0, i], e[1, i], e[2, i] * s
@@ -39,6 +38,11 @@ def elements_given(p, e, state, v, h):
         state[i + 1] = (sigma * state[i + 1] + h * f) / S
         force += f
     return force
+
+
+def elements_given(p, e, state, v, h):
+    """Force of parallel elements at the velocity v after the step; overwrites state."""
+    return carried(p, e, lagged(p, state, v, h), state, v, h)
 
 
 def elements_coupled(p, e, state, v, u, m, h):
@@ -83,11 +87,7 @@ def elements_coupled(p, e, state, v, u, m, h):
             slope += h / mass * S
             constant += h / mass * e[0, i] * state[i + 1]
     w = -constant / slope
-    for i in range(n):
-        kappa, sigma, limit = e[0, i], e[1, i], e[2, i] * s
-        S = sigma + h * kappa
-        f = max(-limit, min(limit, kappa * state[i + 1] + S * w))
-        state[i + 1] = (sigma * state[i + 1] + h * f) / S
+    carried(p, e, s, state, w, h)
     return w
 
 

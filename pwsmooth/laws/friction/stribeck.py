@@ -2,16 +2,26 @@
 
 import sympy as sp
 
+from ..contract import Law
+
 
 def stribeck(v, p):
     """g(v) of the parameters F_c, F_s, v_s: even and smooth, so that v = 0 is no surface of it."""
     return p.F_c + (p.F_s - p.F_c) * sp.exp(-((v / p.v_s) ** 2))
 
 
-def check_stribeck(law):
-    """Static friction is no smaller than kinetic friction."""
-    if law.F_s < law.F_c:
-        raise ValueError(
-            f"`F_s` of {type(law).__name__} is {law.F_s:g}, below `F_c` = {law.F_c:g}; static friction is at "
-            "least the kinetic one."
-        )
+class _Static(Law):
+    """A law with static friction F_s, no smaller than the kinetic one; steady on the Stribeck curve."""
+
+    F_c: float
+    F_s: float
+
+    def check(self):
+        if self.F_s < self.F_c:
+            raise ValueError(
+                f"`F_s` of {type(self).__name__} is {self.F_s:g}, below `F_c` = {self.F_c:g}; static friction is at "
+                "least the kinetic one."
+            )
+
+    def steady(self, v, p):
+        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v

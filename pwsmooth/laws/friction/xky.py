@@ -10,13 +10,13 @@ elements with thresholds lam_i s, where s lags behind g(v): tau_d ds/dt = g(v) -
 
 import sympy as sp
 
-from ..contract import Law, Pieces, law, parameter
+from ..contract import Pieces, law, parameter
 from ..inclusions import clip, sat_of_sgn
-from .stribeck import check_stribeck, stribeck
+from .stribeck import _Static, stribeck
 
 
 @law
-class XKY(Law):
+class XKY(_Static):
     """Xiong, Kikuuwe and Yamamoto's continuous law with one state.
 
     The defaults are LuGre's standard ones.
@@ -41,9 +41,6 @@ class XKY(Law):
     v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
 
-    def check(self):
-        check_stribeck(self)
-
     def pieces(self, at, p):
         a, v, g = at.state("a", scale=self.F_c / self.kappa), at.v, stribeck(at.v, p)
         trial = p.kappa * a + p.sigma * v
@@ -56,12 +53,9 @@ class XKY(Law):
             fastest_rate=p.kappa / p.sigma,
         )
 
-    def steady(self, v, p):
-        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
-
 
 @law
-class MultistateXKY(Law):
+class MultistateXKY(_Static):
     """Xiong, Kikuuwe and Yamamoto's law with parallel elements and frictional lag.
 
     Equations (4.13a-c) of Xiong's thesis; equations and defaults are reconstructed.
@@ -88,9 +82,6 @@ class MultistateXKY(Law):
     sigma: tuple = parameter((0.01,) * 10, "N s/um", "micro-damping, by which the law divides,", each=True)
     share: tuple = parameter((0.1,) * 10, "1", "share of the strength", each=True)
     sigma2: float = parameter(0.0, "N s/um", "viscous friction", "nonnegative")
-
-    def check(self):
-        check_stribeck(self)
 
     def pieces(self, at, p):
         elements, v = at.family(self.elements), at.v
@@ -121,6 +112,3 @@ class MultistateXKY(Law):
         n = self.elements
         kappa, sigma = ((x if isinstance(x, tuple) else (x,) * n) for x in (self.kappa, self.sigma))
         return list(zip(kappa, sigma))
-
-    def steady(self, v, p):
-        return stribeck(v, p) * sp.sign(v) + p.sigma2 * v
