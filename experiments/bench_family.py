@@ -4,7 +4,7 @@ Question: is the cost O(n), and does setting up depend on n at all? Expected: sy
 machine code are those of one element, whatever n; everything at run time is proportional to n from some 100 elements
 on, where overheads no longer count; written out, both grow, the compile time faster than n.
 
-Models (tests/looped_models.py)
+Models (tests/family_models.py)
 -------------------------------
 slip_stick      generalised Maxwell-slip in prescribed motion: a Memory and three events an element
 clipped         the multistate differential-algebraic law in prescribed motion: two kinks an element
@@ -30,12 +30,12 @@ import time
 
 import numpy as np
 from benchtools import provenance, write_json
-from looped_models import MODELS, looped_from, t
+from family_models import MODELS, t, template_from
 
 from pwsmooth import System, solve
 from pwsmooth.codegen import compile_model
-from pwsmooth.codegen.families.fields import LoopedFields
-from pwsmooth.codegen.families.jets import write_looped_jets
+from pwsmooth.codegen.families.fields import FamilyFields
+from pwsmooth.codegen.families.jets import write_family_jets
 from pwsmooth.codegen.fields import write_fields
 from pwsmooth.codegen.machine import native
 from pwsmooth.codegen.taylor.jets import write_jets
@@ -50,8 +50,8 @@ def setup(name, n):
     arguments, start, span = MODELS[name](n)
     system = System(**({"time": t} | arguments))
     model = system.model
-    if model.loops:
-        texts = LoopedFields(model).write() | write_looped_jets(model)
+    if model.families:
+        texts = FamilyFields(model).write() | write_family_jets(model)
     else:
         texts = write_fields(model) | write_jets(model)
     for text in texts.values():
@@ -123,9 +123,9 @@ def runs(system, start, span, rounds):
 
 
 def measure(name, n, rounds, copies=False):
-    with looped_from(10**9 if copies else 1):
+    with template_from(10**9 if copies else 1):
         system, start, span, spent, lines = setup(name, n)
-    assert (system.model.loops is None) == copies
+    assert (system.model.families is None) == copies
     rhs, jet = calls(system, start, rounds)
     step, period, full = runs(system, start, span, rounds)
     return {

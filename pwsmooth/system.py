@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from .definition import checks, looping
+from .definition import checks, one_element
 from .definition.describe import html, text
 from .definition.family import spread
 from .definition.lifting import plain
@@ -159,8 +159,8 @@ class System:
         self._arguments = checks.pairs(rates, "`rates`"), time, parameters, outputs, *lists.values()
         self._convention = convention
         self._view: View | None = None
-        # Families are lowered as one element where that can be (looping.py): n copies would take time ~ n and more.
-        self._element = looping.read(*self._arguments) if convention == "hidden" else None
+        # Families are lowered as one element where that can be (one_element.py): n would take time ~ n and more.
+        self._element = one_element.read(*self._arguments) if convention == "hidden" else None
         if self._element:
             self.parameters, self.model = self._element.parameters, self._element.model
         else:
@@ -173,7 +173,7 @@ class System:
 
     @cached_property
     def definition(self):
-        """What was written, with the copies of families written out."""
+        """What was written, with the elements of families written out."""
         return read(*self._arguments)
 
     @cached_property
@@ -187,7 +187,7 @@ class System:
 
     @property
     def groups(self):
-        """Name of a member of a family -> names of its copies."""
+        """Name of a member of a family -> its names in all elements."""
         return (self._element or self.definition).groups
 
     @property

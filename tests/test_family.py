@@ -1,4 +1,4 @@
-"""Families: an element written once is n copies, with neighbours and sums."""
+"""Families: an element written once is n elements, with neighbours and sums."""
 
 import pickle
 import re
@@ -36,7 +36,7 @@ def chain(n=4, **options):
     return System({y: w, w: pull - y - Switch("lam", w - u)}, parameters={u: 0.1})
 
 
-def test_a_family_is_the_same_model_as_its_copies_written_by_hand():
+def test_a_family_is_the_same_model_as_its_elements_written_by_hand():
     f1, f2 = sp.symbols("f_1 f_2", real=True)
     k1, k2, s1, s2 = sp.symbols("kappa_1 kappa_2 strength_1 strength_2", positive=True)
     by_hand = System(
@@ -84,7 +84,7 @@ def test_every_element_has_its_own_switch_of_the_same_class():
     assert [m.surface for m in multipliers] == [w - u for w in sp.symbols("w_1:5", real=True)]
 
 
-def test_copies_are_classified_once(monkeypatch):
+def test_elements_are_classified_once(monkeypatch):
     calls = []
     original = lowering.classify
     monkeypatch.setattr(lowering, "classify", lambda *args: calls.append(args) or original(*args))
@@ -141,7 +141,7 @@ def test_members_survive_pickling_and_keep_their_offset():
     [
         (lambda: Family(0), "`n` of Family is 0"),
         (lambda: System({x: Family(2).symbols("f")[0]}), "outside of its rates take a sum"),
-        (lambda: parallel().with_parameters({"kappa": [1, 2]}), "gives 2 values to kappa, which has 3 copies"),
+        (lambda: parallel().with_parameters({"kappa": [1, 2]}), "gives 2 values to kappa, which has 3 elements"),
         (lambda: System({Family(2).symbols("f")[0]: Family(3).symbols("g")[0]}), "members of several families"),
         (lambda: RING.neighbour(RING.symbols("f")[0], 1, outside=0), "no ends"),
     ],

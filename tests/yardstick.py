@@ -44,7 +44,7 @@ def of_solution(sol):
 
 def cases():
     """(name, function that gives its parts), in order."""
-    import looped_models
+    import family_models
     import numpy as np
     import sympy as sp
 
@@ -138,10 +138,10 @@ def cases():
     yield "kicked", run(instant, (0, 20), [0.5, 0.3], noise=kicks)
     yield "kicked smoothed", run(hidden.smoothed(eps=1e-3), (0, 5), [0.5, 0.3, 0], noise=kicks)
     yield "diffusion", run(instant, (0, 5), [0.5, 0.3], noise=Diffusion({v: 0.01}, step=1 / 64, seed=1))
-    for name in looped_models.MODELS:
-        looped, copies, start, span = looped_models.both(name, 6)
-        yield f"family {name} looped", run(looped, span, start)
-        yield f"family {name} written out", run(copies, span, start)
+    for name in family_models.MODELS:
+        template, written, start, span = family_models.both(name, 6)
+        yield f"family {name} template", run(template, span, start)
+        yield f"family {name} written out", run(written, span, start)
     for name in (
         "Coulomb",
         "StaticKinetic",

@@ -49,10 +49,10 @@ class Compiled:
         self.model = model
         self.n, self.m, self.ne = len(model.states), len(model.multipliers), len(model.events)
         self.nz, self.np = len(model.layer_states), len(model.parameters)
-        # With loops the text, and so its machine code, is that of one element: sizes are put into the loaded code.
-        self._loops = model.loops
-        self._key = cache.fingerprint(model.loops.template if model.loops else model)
-        self._sizes = model.loops.sizes if model.loops else ()
+        # With families the text, and so its machine code, is that of one element: sizes are put into the loaded code.
+        self._families = model.families
+        self._key = cache.fingerprint(model.families.template if model.families else model)
+        self._sizes = model.families.sizes if model.families else ()
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
@@ -77,10 +77,10 @@ class Compiled:
     @cached_property
     def _fields(self):
         def build():
-            if self._loops:
-                from .families.fields import LoopedFields
+            if self._families:
+                from .families.fields import FamilyFields
 
-                return LoopedFields(self.model).write()
+                return FamilyFields(self.model).write()
             from .fields import write_fields
 
             return write_fields(self.model)
@@ -90,10 +90,10 @@ class Compiled:
     @cached_property
     def _jets(self):
         def build():
-            if self._loops:
-                from .families.writing import write_looped_jets
+            if self._families:
+                from .families.writing import write_family_jets
 
-                return write_looped_jets(self.model)
+                return write_family_jets(self.model)
             from .taylor.jets import write_jets
 
             return write_jets(self.model)
@@ -119,10 +119,10 @@ class Compiled:
     def pattern(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns of the sparse matrix "G" or "DH" that `linear` fills."""
         constants = self._module("linear").constants
-        if self._loops:
+        if self._families:
             from .layout import Layout, sparse_pattern
 
-            lay = Layout(self._loops.template)
+            lay = Layout(self._families.template)
             families, columns = (
                 (lay.multipliers, lay.multipliers) if name == "G" else (lay.surfaces, lay.states)
             )
@@ -156,10 +156,10 @@ class Compiled:
     def _rows(self, program) -> tuple[int, int, np.ndarray, np.ndarray]:
         if program is None:
             return 0, 0, np.zeros(0, np.int64), np.zeros(0, np.int64)
-        if self._loops:
+        if self._families:
             from .layout import Layout, numeric_rows
 
-            found = numeric_rows(program.constants, Layout(self._loops.template).surfaces, self._sizes)
+            found = numeric_rows(program.constants, Layout(self._families.template).surfaces, self._sizes)
         else:
             found = (program.constants[name] for name in ("NROWS", "OWN_ROWS", "SURFACE_ROWS", "FLAT_ROWS"))
         *counts, rows, flat = found

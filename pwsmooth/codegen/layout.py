@@ -1,4 +1,4 @@
-"""Places in the arrays of a model with loops: counts that depend on the numbers of elements, as text and as numbers.
+"""Places in the arrays of a model with families: counts that depend on the numbers of elements, as text and as numbers.
 
 A block of an array is one number, or one for each element of a family: it starts at c + a_0 n_0 + a_1 n_1 + ...
 Chain: template.py -> layout (here) -> families/fields.py, families/jets.py; codegen/__init__.py reads the same counts.

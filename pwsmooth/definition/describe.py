@@ -20,15 +20,15 @@ def rows(system):
     # A family in one line: as it was written.
     element = None if system._view else system._element
     definition = element.definition if element else system.definition
-    if element and model.loops:
-        model = model.loops.template.model
+    if element and model.families:
+        model = model.families.template.model
     gone = system._view.gone if system._view else {}
     slaved = {x: f"   ({why})" for x, why in gone.items() if why}
     yield "rates", [f"{x}' = {rate}{slaved.get(x, '')}" for x, rate in definition.rates]
     yield "algebraic", [f"{a.unknown}: {a.residual} = 0" for a in definition.algebraic]
     classes = {m.symbol.name: f"   ({m.regularity})" for m in model.multipliers if m.kind == "switch"}
     yield "switches", [f"{s} = sign({s.surface}){classes.get(s.name, '')}" for s in definition.switches]
-    # A hidden term on a surface that slides has no looped form.
+    # A hidden term on a surface that slides has no template.
     hidden = () if element else system.hidden_terms
     yield "hidden terms", [f"{term}   in {where}'" for where, _, term in hidden]
     yield "contacts", [f"0 <= {R.gap}, {R} >= 0, restitution {R.restitution}" for R in definition.contacts]

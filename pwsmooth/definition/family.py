@@ -1,9 +1,9 @@
-"""Family: n copies of one symbolic element, for multistate laws and spring-block chains.
+"""Family: n elements of one kind, for multistate laws and spring-block chains.
 
     dz_i/dt = q(z_i, z_{i+1}, z_{i-1}, kappa_i, ...),   i = 1, ..., n;     sums over i in any rate
 
 An element is written once, with member symbols. From a few elements on the System lowers that one element and the
-generated code loops over all (looping.py); below, and for what has no looped form, it writes the n copies out (here).
+generated code loops over all (one_element.py); below, and for what has no template, the n elements are written out.
 Chain: primitives.py -> family (here) -> system.py.
 """
 
@@ -21,12 +21,12 @@ from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
 
 @dataclass(frozen=True)
 class Family:
-    """A number of copies of one element, written once.
+    """A number of elements of one kind, written once.
 
     Parameters
     ----------
     n : int
-        Number of copies, at least 1.
+        Number of elements, at least 1.
     periodic : bool
         The neighbour of the last element is the first one.
     name : str
@@ -42,7 +42,7 @@ class Family:
     From 8 elements on one element is lowered and the generated code loops over all, so that n does not matter for the
     time to set up. Contacts, surfaces between neighbours, time events of elements, elements that act on each other's
     multipliers, hidden terms on surfaces that slide and switches that can slide to second order (relays on positions)
-    have no looped form: their copies are written out, as are those of smoothed and layered views.
+    have no template: their elements are written out, as are those of smoothed and layered views.
 
     Examples
     --------
@@ -186,7 +186,7 @@ class Member(sp.Symbol):
     def _sympystr(self, printer):
         return self.name if not self.offset else f"{self.name}[{self.offset:+d}]"
 
-    def copy(self, k):
+    def of_element(self, k):
         """The plain symbol of element k = 0, ..., n - 1, or what stands for it outside of the chain."""
         k += self.offset
         if self.family.periodic:
@@ -214,7 +214,7 @@ class MemberMemory(Memory):
     def _hashable_content(self):
         return (*super()._hashable_content(), self.family.name, self.family.n)
 
-    def copy(self, k):
+    def of_element(self, k):
         return Memory(f"{self.name}_{k + 1}", self.initial)
 
 
@@ -257,16 +257,16 @@ def family_of(*expressions):
 
 
 class Expansion:
-    """Writes the copies of families out.
+    """Writes the elements of families out.
 
-    `groups` maps the name of a member, or of a switch or contact with members, to the names of its copies, `copies` a
-    plain symbol to the name of the member and the number of the element.
+    `groups` maps the name of a member, or of a switch or contact with members, to the names in all elements, `members`
+    a plain symbol to the name of the member and the number of the element.
     """
 
     def __init__(self):
         self.groups: dict[str, tuple[str, ...]] = {}
-        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # of what is not written out (looping.py)
-        self.copies: dict[sp.Symbol, tuple[str, int]] = {}
+        self.sums: dict[sp.Symbol, tuple[Family, sp.Expr]] = {}  # of what is not written out (one_element.py)
+        self.members: dict[sp.Symbol, tuple[str, int]] = {}
         self._memo: dict[tuple[sp.Basic, int | None], sp.Basic] = {}
 
     def element(self, e, k):
@@ -280,8 +280,8 @@ class Expansion:
         if not e.args:
             return e
         if (e, k) not in self._memo:
-            copies = involved(e)
-            self._memo[e, k] = e.func(*(self.element(a, k) for a in e.args)) if copies else e
+            of_family = involved(e)
+            self._memo[e, k] = e.func(*(self.element(a, k) for a in e.args)) if of_family else e
         return self._memo[e, k]
 
     def total(self, e, family):
@@ -293,11 +293,11 @@ class Expansion:
         return range(family.n)
 
     def label(self, name, k, space="_"):
-        """Name of the copy of something of element k."""
+        """Name of something in element k."""
         return f"{name}{space}{k + 1}"
 
     def parameters(self, values):
-        """Values of parameters by name, one entry a copy."""
+        """Values of parameters by name, one entry an element."""
         return spread(values, self.groups, "`parameters`")
 
     def further(self):
@@ -307,11 +307,11 @@ class Expansion:
     def _member(self, m, k):
         if k is None:
             raise ValueError(f"{m} is a member of a family of {m.family.n}; outside of its rates take a sum.")
-        symbol = m.copy(k)
+        symbol = m.of_element(k)
         if symbol is None:
             return self.element(m.outside, k)
         if symbol.is_Symbol:
-            self.copies[symbol] = (m.name, k)
+            self.members[symbol] = (m.name, k)
             self._group(m.name, m.family.n)
         return symbol
 
@@ -338,8 +338,8 @@ class Expansion:
     def rates(self, pairs):
         result = []
         for x, e in pairs:
-            copies = self.elements(family_of(x, e)) if isinstance(x, Member) else [None]
-            result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in copies]
+            elements = self.elements(family_of(x, e)) if isinstance(x, Member) else [None]
+            result += [(x if k is None else self._member(x, k), self.element(e, k)) for k in elements]
         return result
 
     def outputs(self, outputs):
@@ -354,7 +354,7 @@ class Expansion:
 
     @singledispatchmethod
     def items(self, item):
-        """The copies of an event, a contact or an algebraic unknown."""
+        """What an event, a contact or an algebraic unknown is in every element."""
         return [item]
 
     @items.register
@@ -395,8 +395,8 @@ class Expansion:
     def _(self, item: Algebraic):
         if not isinstance(item.unknown, Member):
             return [Algebraic(item.unknown, self.element(item.residual, None))]
-        copies = self.elements(item.unknown.family)
-        return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in copies]
+        elements = self.elements(item.unknown.family)
+        return [Algebraic(self._member(item.unknown, k), self.element(item.residual, k)) for k in elements]
 
 
 def spread(values, groups, what):
@@ -410,8 +410,8 @@ def spread(values, groups, what):
         single = isinstance(value, str) or not hasattr(value, "__len__")
         if not single and len(value) != len(names):
             raise ValueError(
-                f"{what} gives {len(value)} values to {key}, which has {len(names)} copies; give one for each, or one "
-                "number for all."
+                f"{what} gives {len(value)} values to {key}, which has {len(names)} elements; give one for each, or "
+                "one number for all."
             )
         result |= dict(zip(names, [value] * len(names) if single else value, strict=True))
     return result

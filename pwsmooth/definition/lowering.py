@@ -35,7 +35,7 @@ class Field:
     outputs: tuple[tuple[str, sp.Expr], ...] = ()
     initial_memory: tuple[float, ...] = ()
     typical: tuple[float, ...] = ()  # of the parameters: the size and order that they have
-    copies: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
+    members: dict[sp.Symbol, tuple[str, int]] = field(default_factory=dict)  # members of families
     sums: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()  # over families that are not written out
 
     def expressions(self):
@@ -110,7 +110,7 @@ def multipliers(field):
     patterns: dict[sp.Symbol, sp.Expr] = {}
     for index, (lam, h) in enumerate(field.switches):
         residual = residual_of(field, index)
-        pattern = patterns[lam] = _pattern(h, field.copies, patterns)
+        pattern = patterns[lam] = _pattern(h, field.members, patterns)
         if pattern not in classes:
             classes[pattern] = classify(field, index, residual)
         regularity, hidden = classes[pattern]
@@ -123,9 +123,9 @@ def multipliers(field):
     return tuple(result)
 
 
-def _pattern(h, copies, patterns):
-    """A surface with the members of a family counted from the first one in it: the same for all copies."""
-    inside = {s: copies[s] for s in h.free_symbols if s in copies}
+def _pattern(h, members, patterns):
+    """A surface with the members of a family counted from the first one in it: the same in all elements."""
+    inside = {s: members[s] for s in h.free_symbols if s in members}
     if not inside:
         return h
     first = min(k for _, k in inside.values())

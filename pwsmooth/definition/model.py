@@ -182,8 +182,8 @@ class Model:
     eps_ratio: tuple[float, ...] = ()  # of every multiplier: eps_j relative to the first switch's
     sigmoid: str = "algebraic"
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
-    # No field: only a model with families whose copies are not written out has loops (template.LoopedModel).
-    loops = cast(Any, None)
+    # No field: only a model with families whose copies are not written out has families (template.FamilyModel).
+    families = cast(Any, None)
 
     @functools.cached_property
     def _hash(self) -> int:

@@ -8,7 +8,7 @@
 
 `Switch`, `Memory` and the reaction of a `Unilateral` are sympy Symbols: they stand in expressions like any
 other name. What defines them is part of their identity, because sympy shares plain Symbols by name.
-Copies of one element (multistate laws, spring-block chains) are in family.py.
+Elements of one kind (multistate laws, spring-block chains) are in family.py.
 Chain: primitives (here) -> lifting.py -> system.py.
 """
 

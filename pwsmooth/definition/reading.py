@@ -31,7 +31,7 @@ class Definition:
     switches: tuple[Switch, ...]
     memories: tuple[Memory, ...]
     parameters: dict[sp.Symbol, float]
-    groups: dict[str, tuple[str, ...]]  # member of a family -> names of its copies
+    groups: dict[str, tuple[str, ...]]  # member of a family -> its names in all elements
     field: Field
 
 
@@ -50,8 +50,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     families = families or Expansion()
     pairs, outputs = families.rates(written), families.outputs(dict(seen))
     events, contacts, algebraic = (
-        tuple(copy for item in items for copy in families.items(item))
-        for items in (events, contacts, algebraic)
+        tuple(one for item in items for one in families.items(item)) for items in (events, contacts, algebraic)
     )
     symbols = symbols_of([*(e for _, e in pairs), *(a.residual for a in algebraic)])
     meanings, moving, behind = families.further()
@@ -91,7 +90,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         outputs=tuple((name, lift(e, **_INSTANT)) for name, e in outputs.items()),
         initial_memory=tuple(m.initial for m in memories),
         typical=tuple(values.values()),
-        copies=families.copies,
+        members=families.members,
         **lifted,
     )
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)

@@ -2,10 +2,10 @@
 
     dx/dt = f(t, x, lambda, S; p),   dz_i/dt = q(t, z_i, z_(i+1), lambda_i, x, S; p, kappa_i),   S = sum e(z_i, ...)
 
-A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Loops` adds the
-sizes; in a `LoopedModel` the copies look as if they were written out, but are made only when somebody asks for one.
+A `Template` is that text, without n: symbols with "[]" in their name belong to every element. `Families` adds the
+sizes; in a `FamilyModel` the elements look as if they were written out, but are made only when somebody asks for one.
 Arrays are blocks in the order of the template's symbols: a number each, or n numbers for what belongs to elements.
-Chain: family.py -> looping.py -> **template** -> codegen/families/*.py.
+Chain: family.py -> one_element.py -> **template** -> codegen/families/*.py.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def named(text: str, k: int | None) -> str:
 
 
 @dataclass(frozen=True)
-class Loops:
+class Families:
     """A template with the number of elements of every family."""
 
     template: Template
@@ -157,21 +157,21 @@ class Loops:
         )
 
 
-class Copy:
-    """One multiplier or event of a model with loops: its attributes are made when they are asked for."""
+class Item:
+    """One multiplier or event of a model with families: its attributes are made when they are asked for."""
 
-    def __init__(self, loops: Loops, item: Any, k: int | None):
-        self._loops, self._item, self._k = loops, item, k
+    def __init__(self, families: Families, item: Any, k: int | None):
+        self._families, self._item, self._k = families, item, k
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(self._item, name)
         if name == "name":
             return named(value, self._k)
         if name == "update":
-            starts = self._loops.starts("states")
-            families = self._loops.template.families("states")
+            starts = self._families.starts("states")
+            families = self._families.template.families("states")
             return tuple(
-                (starts[b] + (self._k or 0) * (families[b] is not None), self._loops.expression(e, self._k))
+                (starts[b] + (self._k or 0) * (families[b] is not None), self._families.expression(e, self._k))
                 for b, e in value
             )
         return self._made(value)
@@ -182,17 +182,17 @@ class Copy:
 
     def _made(self, value: Any) -> Any:
         if isinstance(value, sp.Basic):
-            return self._loops.expression(value, self._k)
+            return self._families.expression(value, self._k)
         return tuple(map(self._made, value)) if isinstance(value, tuple) else value
 
 
-class Copies(Sequence):
-    """The rates, multipliers, events or outputs of a model with loops, in the order of its arrays."""
+class Items(Sequence):
+    """The rates, multipliers, events or outputs of a model with families, in the order of its arrays."""
 
-    def __init__(self, loops: Loops, kind: str):
-        self.loops, self.kind = loops, kind
+    def __init__(self, families: Families, kind: str):
+        self.families, self.kind = families, kind
         self._numbers = {"rhs": "states"}.get(kind, kind)
-        self._length = loops.starts(self._numbers)[-1]
+        self._length = families.starts(self._numbers)[-1]
 
     def __len__(self) -> int:
         return self._length
@@ -202,58 +202,58 @@ class Copies(Sequence):
             return tuple(self[k] for k in range(*i.indices(len(self))))
         if not -len(self) <= i < len(self):
             raise IndexError(i)
-        block, k = self.loops.locate(self._numbers, i % len(self))
-        item = getattr(self.loops.template.model, self.kind)[block]
+        block, k = self.families.locate(self._numbers, i % len(self))
+        item = getattr(self.families.template.model, self.kind)[block]
         if self.kind == "rhs":
-            return self.loops.expression(item, k)
+            return self.families.expression(item, k)
         if self.kind == "outputs":
-            return named(item[0], k), self.loops.expression(item[1], k)
-        return Copy(self.loops, item, k)
+            return named(item[0], k), self.families.expression(item[1], k)
+        return Item(self.families, item, k)
 
     def __eq__(self, other: object) -> bool:
-        if isinstance(other, Copies):
-            return (self.kind, self.loops) == (other.kind, other.loops)
+        if isinstance(other, Items):
+            return (self.kind, self.families) == (other.kind, other.families)
         return NotImplemented
 
     def __hash__(self) -> int:
-        return hash((self.kind, self.loops))
+        return hash((self.kind, self.families))
 
 
 @dataclass(frozen=True)
-class LoopedModel(Model):
-    """The model that `loops` stand for: its rates, multipliers, events and outputs are Copies."""
+class FamilyModel(Model):
+    """The model that `families` stand for: its rates, multipliers, events and outputs are Items."""
 
-    loops: Loops = field(kw_only=True)
+    families: Families = field(kw_only=True)
 
     __hash__ = Model.__hash__  # the one that is kept: `dataclass` would write another one
 
     def __post_init__(self) -> None:
         kinds = ("rhs", "multipliers", "events", "outputs")
         if (
-            all(isinstance(getattr(self, kind), Copies) for kind in kinds)
-            and len(self.parameters) == self.loops.starts("parameters")[-1]
+            all(isinstance(getattr(self, kind), Items) for kind in kinds)
+            and len(self.parameters) == self.families.starts("parameters")[-1]
         ):
             return
         # One that was changed (`dataclasses.replace`) is no longer what its template says: it becomes a plain Model
-        # with these copies written out.
+        # with these elements written out.
         for kind in kinds:
-            items = [item.plain() if isinstance(item, Copy) else item for item in getattr(self, kind)]
+            items = [item.plain() if isinstance(item, Item) else item for item in getattr(self, kind)]
             object.__setattr__(self, kind, tuple(items))
-        object.__delattr__(self, "loops")
+        object.__delattr__(self, "families")
         object.__setattr__(self, "__class__", Model)
 
 
-def with_loops(loops: Loops) -> LoopedModel:
+def family_model(families: Families) -> FamilyModel:
     """The model that a template and sizes stand for."""
-    model, starts = loops.template.model, loops.starts("states")
-    return LoopedModel(
+    model, starts = families.template.model, families.starts("states")
+    return FamilyModel(
         time=model.time,
-        states=loops.symbols("states"),
-        parameters=loops.symbols("parameters"),
-        rhs=Copies(loops, "rhs"),  # type: ignore[arg-type]
-        multipliers=Copies(loops, "multipliers"),  # type: ignore[arg-type]
-        events=Copies(loops, "events"),  # type: ignore[arg-type]
-        outputs=Copies(loops, "outputs"),  # type: ignore[arg-type]
+        states=families.symbols("states"),
+        parameters=families.symbols("parameters"),
+        rhs=Items(families, "rhs"),  # type: ignore[arg-type]
+        multipliers=Items(families, "multipliers"),  # type: ignore[arg-type]
+        events=Items(families, "events"),  # type: ignore[arg-type]
+        outputs=Items(families, "outputs"),  # type: ignore[arg-type]
         n_memory=starts[-1] - starts[-1 - model.n_memory],
-        loops=loops,
+        families=families,
     )

@@ -32,9 +32,9 @@ class CompiledProblem:
         code = self.code = compile_model(model)
         self.has_jets = code.has_jets
         # With families the text is that of one element, and `_numbers` writes what holds for it out.
-        self._loops = loops = model.loops
-        self._text = text = loops.template.model if loops else model
-        self._fixed_symbols = set(text.parameters) | (loops.template.constants if loops else set())
+        self._families = families = model.families
+        self._text = text = families.template.model if families else model
+        self._fixed_symbols = set(text.parameters) | (families.template.constants if families else set())
         self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
         hidden = self._numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
         folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
@@ -46,7 +46,7 @@ class CompiledProblem:
         has_surface = [self._numbers(kind, [x.surface is not None for x in parts]) for kind, parts in holders]
         has_surface = np.concatenate(has_surface) != 0
         expressions = [*text.rhs, *(mu.condition for mu in text.multipliers)]
-        expressions += [e for _, _, e in loops.template.sums] if loops else []
+        expressions += [e for _, _, e in families.template.sums] if families else []
         self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
@@ -69,14 +69,14 @@ class CompiledProblem:
 
     def _numbers(self, kind, values):
         """One integer a multiplier or event, whatever it belongs to."""
-        return np.array(self._loops.spread(kind, values) if self._loops else values, np.int64)
+        return np.array(self._families.spread(kind, values) if self._families else values, np.int64)
 
     def _of_multipliers(self) -> dict:
         multipliers, fixed = self._text.multipliers, self._fixed_symbols
         lams = {mu.symbol for mu in multipliers}
         surface_state = self._numbers("multipliers", [_surface_state(self._text, mu) for mu in multipliers])
-        if self._loops:
-            surface_state = self._loops.numbered("multipliers", "states", surface_state)
+        if self._families:
+            surface_state = self._families.numbered("multipliers", "states", surface_state)
         return dict(
             contact=np.flatnonzero(self.kind == state.CONTACT),
             slope_moves=self._numbers("multipliers", [_slope_moves(mu, fixed) for mu in multipliers]),
@@ -90,9 +90,9 @@ class CompiledProblem:
         dh_row, dh_col = self.code.pattern("DH")
         link_row, link_col = _both_ways(g_row, g_col)
         hub = np.zeros(0, np.int64)
-        if self._loops:
+        if self._families:
             # What is solved for and belongs to the whole system may couple all elements.
-            families = self._loops.template.families("multipliers")
+            families = self._families.template.families("multipliers")
             whole = self._numbers("multipliers", [f is None for f in families])
             hub = np.flatnonzero(whole * (self.kind != state.KINK) * (self.kind != state.CROSSING))
         block_row, block_member = _groups(g_row, g_col, hub)
@@ -105,13 +105,13 @@ class CompiledProblem:
         )  # fmt: skip
 
     def _of_events(self) -> dict:
-        events, loops = self._text.events, self._loops
+        events, families = self._text.events, self._families
         watch_state = self._numbers("events", [_surface_state(self._text, e) for e in events])
         twins = [_twin(self._text, e, self._fixed_symbols) for e in events]
         twin = self._numbers("events", [j for j, _ in twins])
-        if loops:
-            watch_state = loops.numbered("events", "states", watch_state)
-            twin = loops.numbered("events", "multipliers", twin)
+        if families:
+            watch_state = families.numbered("events", "states", watch_state)
+            twin = families.numbered("events", "multipliers", twin)
         return dict(
             direction=self._numbers("events", [e.direction for e in events]),
             terminal=self._numbers("events", [int(e.terminal) for e in events]),

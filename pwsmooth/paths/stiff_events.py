@@ -55,7 +55,7 @@ def switched_by_events(model: Model) -> Model:
     ValueError
         A switch that can slide, a contact or an algebraic unknown: these need a multiplier that is solved for.
     """
-    # Changed, so that the copies of families are written out. Implicit steps rest on a branch point by themselves.
+    # Changed, so that the elements of families are written out. Implicit steps rest on a branch point by themselves.
     model = replace(model, outputs=(), events=tuple(e for e in model.events if e.singular != "branch"))
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":

@@ -1,8 +1,8 @@
-"""Outputs of a model with loops: the template's expressions over arrays of elements, not n written-out ones.
+"""Outputs of a model with families: the template's expressions over arrays of elements, not n written-out ones.
 
     y_i = e(x, z_i, z_(i+1), kappa_i, S, ...),   S = sum over the elements
 
-Chain: template.py, Solution -> looped_outputs (here).
+Chain: template.py, Solution -> family_outputs (here).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 import sympy as sp
 
 from ..definition.model import Model
-from ..definition.template import Loops, named
+from ..definition.template import Families, named
 
 
 @functools.lru_cache(maxsize=64)
-def names(loops: Loops) -> dict[str, tuple[int, int | None]]:
+def names(families: Families) -> dict[str, tuple[int, int | None]]:
     """Name of every output -> (block, element or None)."""
     places: dict[str, tuple[int, int | None]] = {}
-    for b, (name, _) in enumerate(loops.template.model.outputs):
-        family = loops.template.output_families[b]
-        for k in range(loops.sizes[family]) if family is not None else [None]:
+    for b, (name, _) in enumerate(families.template.model.outputs):
+        family = families.template.output_families[b]
+        for k in range(families.sizes[family]) if family is not None else [None]:
             places[named(name, k)] = b, k
     return places
 
@@ -39,22 +39,22 @@ def evaluate(
     p: Sequence[float],
 ) -> np.ndarray:
     """Values of an output, shape (nt,); `function(symbols, expression)` makes a numpy function."""
-    loops = model.loops
-    assert loops is not None
-    template = loops.template
-    block, k = names(loops)[name]
+    families = model.families
+    assert families is not None
+    template = families.template
+    block, k = names(families)[name]
     arrays = {"states": x, "multipliers": mult, "parameters": np.asarray(p, float)[:, None]}
     numbers: dict[sp.Symbol, tuple[str, int]] = {}
     for kind in arrays:
         for b, item in enumerate(getattr(template.model, kind)):
             numbers[item.symbol if kind == "multipliers" else item] = kind, b
-    starts = {kind: loops.starts(kind) for kind in arrays}
+    starts = {kind: families.starts(kind) for kind in arrays}
     sums = {s: (family, e) for s, family, e in template.sums}
 
     def member(s: sp.Symbol) -> np.ndarray:
         """The n values of a symbol of elements, shape (n, nt) or (n, 1)."""
         place = template.place[s]
-        n = loops.sizes[place.family]
+        n = families.sizes[place.family]
         if place.base is None:
             return np.arange(1.0, n + 1)[:, None]
         kind, b = numbers[place.base]
@@ -73,7 +73,7 @@ def evaluate(
             return t
         if s in sums:
             family, e = sums[s]
-            return np.broadcast_to(value(e), (loops.sizes[family], len(t))).sum(axis=0)
+            return np.broadcast_to(value(e), (families.sizes[family], len(t))).sum(axis=0)
         if s in template.place:
             return member(s)
         kind, b = numbers[s]
@@ -88,4 +88,4 @@ def evaluate(
         return np.array(np.broadcast_to(result, t.shape), float)
     family = template.output_families[block]
     assert family is not None
-    return np.broadcast_to(result, (loops.sizes[family], len(t)))[k].astype(float)
+    return np.broadcast_to(result, (families.sizes[family], len(t)))[k].astype(float)

@@ -18,7 +18,7 @@ from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import Model, Select
 from ..definition.views import substitutes
-from . import outputs as looped_outputs
+from . import outputs as family_outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
 if TYPE_CHECKING:
@@ -192,9 +192,9 @@ class Solution:
 
     @functools.cached_property
     def _expressions(self) -> Mapping[str, Any]:
-        """Name -> expression; with families that are looped over, its place among the template's."""
-        if self.model.loops is not None:
-            return looped_outputs.names(self.model.loops)
+        """Name -> expression; with a template, its place among the template's."""
+        if self.model.families is not None:
+            return family_outputs.names(self.model.families)
         outputs = {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
         return substitutes(self.system) | outputs
 
@@ -205,8 +205,8 @@ class Solution:
         if name in self._expressions:
             values = [self.parameters[str(p)] for p in self.model.parameters]
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
-                if self.model.loops is not None:
-                    return looped_outputs.evaluate(self.model, name, _function, t, x, mult, values)
+                if self.model.families is not None:
+                    return family_outputs.evaluate(self.model, name, _function, t, x, mult, values)
                 result = vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
@@ -421,9 +421,9 @@ class Solution:
 @functools.lru_cache(maxsize=256)
 def _is_slip_velocity(model: Model, j: int) -> bool:
     """Whether the surface of multiplier j is a state's rate, up to a function of time: then one slips on it."""
-    loops = model.loops
-    if loops is not None:
-        model, j = loops.template.model, loops.locate("multipliers", j)[0]
+    families = model.families
+    if families is not None:
+        model, j = families.template.model, families.locate("multipliers", j)[0]
     h = model.multipliers[j].surface
     if h is None:
         return False

@@ -1,4 +1,4 @@
-"""Pointwise functions of a model with loops: the same C functions as fields.py, their length independent of n.
+"""Pointwise functions of a model with families: the same C functions as fields.py, their length independent of n.
 
 Chain: template.py -> Graph (dag.py) -> sections.py -> text (this file) -> native.py.
 """
@@ -27,7 +27,7 @@ def sizes(body: Writer, count: int) -> None:
         body.line(f"m{f} = n{f}")
 
 
-class LoopedFields:
+class FamilyFields:
     """Writes `fields`, `linear` and `act` of one template."""
 
     def __init__(self, model: Model):

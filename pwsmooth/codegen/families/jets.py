@@ -1,4 +1,4 @@
-"""Taylor jets of a model with loops: the programs of jets.py, order by order over all elements.
+"""Taylor jets of a model with families: the programs of jets.py, order by order over all elements.
 
     for every order k:   shared part -> loop over elements -> sums -> shared part -> ...
 
@@ -23,11 +23,11 @@ from ..machine.sums import LANES
 from ..taylor.jets import FLAGS
 from ..taylor.recurrences import AFFINE, CONSTANT, label, plain, rewrite
 from .memory import CONDITIONS, ElementMemory
-from .orders import LoopedDegrees, LoopedOrderK, LoopedOrderZero
+from .orders import FamilyDegrees, FamilyOrderK, FamilyOrderZero
 from .sections import Root, Sections
 
 
-class LoopedJet(ElementMemory):
+class FamilyJet(ElementMemory):
     """Writes `jet_slip` of one template; constants of its text say where the rows are.
 
     `_solve`, `_frozen` and the like are for the general program (sliding.py).
@@ -52,7 +52,7 @@ class LoopedJet(ElementMemory):
             for a in graph.reach(nodes, through=True)
             if graph.nodes[a].op == "var" and len(graph.nodes[a].data) == 3
         )
-        self.degrees = LoopedDegrees(graph, self.rates, self._solved(), seen)
+        self.degrees = FamilyDegrees(graph, self.rates, self._solved(), seen)
         self.source = Source()
         self.slots: dict[tuple[int, str], int] = {}
         self.closed: set[int] = set()
@@ -78,7 +78,7 @@ class LoopedJet(ElementMemory):
     def _factorise(self, start: Writer) -> None:
         pass
 
-    def _solve(self, code: LoopedOrderK, loop: Writer, final: bool) -> None:
+    def _solve(self, code: FamilyOrderK, loop: Writer, final: bool) -> None:
         pass
 
     def _frozen(self, i: int, rate: str) -> str:
@@ -92,7 +92,7 @@ class LoopedJet(ElementMemory):
 
     def write(self) -> str:
         graph, lay = self.graph, self.layout
-        self.zero_code = LoopedOrderZero(graph, Writer(1), self.degrees, set(), lay)
+        self.zero_code = FamilyOrderZero(graph, Writer(1), self.degrees, set(), lay)
         first = self._orders(Writer(2), None)
         families = [self.code.family(u) for u in first.rows]
         self.row_families, self.row_starts = families, starts(families)
@@ -129,7 +129,7 @@ class LoopedJet(ElementMemory):
         }
         return self.source.text()
 
-    def _bounds(self, body: Writer, order_k: LoopedOrderK) -> None:
+    def _bounds(self, body: Writer, order_k: FamilyOrderK) -> None:
         """Places of the rows of the whole and of the scratch numbers."""
         for row, family in enumerate(self.row_families):
             if family is None:
@@ -154,9 +154,9 @@ class LoopedJet(ElementMemory):
 
     # ---- orders
 
-    def _orders(self, loop: Writer, known: LoopedOrderK | None) -> LoopedOrderK:
+    def _orders(self, loop: Writer, known: FamilyOrderK | None) -> FamilyOrderK:
         """Write a block of four orders; without `known` to see what they need."""
-        code = self.code = LoopedOrderK(self.graph, loop, self.degrees, self.layout)
+        code = self.code = FamilyOrderK(self.graph, loop, self.degrees, self.layout)
         if known is not None:
             code.known_from(known)
         for node in (*self.states, *self._multiplier_rows()):
@@ -176,7 +176,7 @@ class LoopedJet(ElementMemory):
             self._order(code, loop, known is not None)
         return code
 
-    def _order(self, code: LoopedOrderK, loop: Writer, final: bool) -> None:
+    def _order(self, code: FamilyOrderK, loop: Writer, final: bool) -> None:
         lay = self.layout
         for i, node in enumerate(self.states):
             if lay.states[i] is None:
@@ -242,7 +242,7 @@ class LoopedJet(ElementMemory):
         self.closed |= fresh
         return lines
 
-    def _close_shared(self, code: LoopedOrderK, loop: Writer) -> None:
+    def _close_shared(self, code: FamilyOrderK, loop: Writer) -> None:
         for operand, row in code.rows.items():
             if code.family(operand) is None and self.degrees.of(plain(operand)) != CONSTANT:
                 loop.line(f"rows[o{row} + k] = {code.last_value(operand)}")
@@ -260,7 +260,7 @@ class LoopedJet(ElementMemory):
                 if self.graph.level[node] is None:
                     loop.line(f"z{node} = 0.0")
 
-    def _block_sums(self, sums: Writer, code: LoopedOrderK) -> None:
+    def _block_sums(self, sums: Writer, code: FamilyOrderK) -> None:
         """The parts of all products that are known at the start of a block of orders."""
         for f in (None, *range(len(self.layout.periodic))):
             calls = []
@@ -280,11 +280,11 @@ class LoopedJet(ElementMemory):
 
     # ---- before the orders
 
-    def _start(self, order_k: LoopedOrderK) -> Writer:
+    def _start(self, order_k: FamilyOrderK) -> Writer:
         """Values at the start of the step, into rows and slots."""
         graph, lay = self.graph, self.layout
         start = Writer(1)
-        code = self.zero_code = LoopedOrderZero(graph, start, self.degrees, order_k.reciprocals, lay)
+        code = self.zero_code = FamilyOrderZero(graph, start, self.degrees, order_k.reciprocals, lay)
         true = [*self.rates, *(h for h, has in zip(self.h, self.has_surface, strict=True) if has)]
         true += [*self.residuals, *self._multiplier_rows()]
         everything = self.covered([*self.states, *true])

@@ -13,7 +13,7 @@ import re
 
 from ..graph.dag import Graph
 from ..layout import Count, Layout, neighbour
-from .orders import LoopedOrderK, LoopedOrderZero
+from .orders import FamilyOrderK, FamilyOrderZero
 
 CONDITIONS = ("rel", "and", "or", "not", "true", "false", "inside")
 NAMES = re.compile(r"\b(?:[vrslkzw]\d+|on\d+|c[123][xw]\d+|o\d+(?:[pm]\d+)?)\b")
@@ -29,7 +29,7 @@ class ElementMemory:
         (family, name) -> number of the slot.
     row_families, row_starts : list
         Family and first place of every block of rows.
-    code, zero_code : LoopedOrderK, LoopedOrderZero
+    code, zero_code : FamilyOrderK, FamilyOrderZero
         What writes the orders and the start.
     """
 
@@ -38,8 +38,8 @@ class ElementMemory:
     slots: dict[tuple[int, str], int]
     row_families: list[int | None]
     row_starts: list[Count]
-    code: LoopedOrderK
-    zero_code: LoopedOrderZero
+    code: FamilyOrderK
+    zero_code: FamilyOrderZero
 
     def slot(self, family: int, name: str, index: str = "") -> str:
         """Text of a number that an element keeps."""

@@ -1,4 +1,4 @@
-"""Order 0 and order k of the Taylor programs of a model with loops: degrees, selections, rows of neighbours.
+"""Order 0 and order k of the Taylor programs of a model with families: degrees, selections, rows of neighbours.
 
 Chain: recurrences.py, sections.py -> orders (here) -> jets.py, sliding.py.
 """
@@ -15,7 +15,7 @@ def solved_name(j: int) -> str:
     return f"on{j}"
 
 
-class LoopedDegrees(Degrees):
+class FamilyDegrees(Degrees):
     """Degrees where only the multipliers `solved` ever move: kinks and crossings keep their sides in a step."""
 
     def __init__(self, graph, rates, solved, never_affine):
@@ -38,7 +38,7 @@ class Sided(Placed):
         return super()._branches(key)
 
 
-class LoopedOrderZero(Sided, OrderZero):
+class FamilyOrderZero(Sided, OrderZero):
     """Values at the start of the step, of the whole or of one element."""
 
     def __init__(self, graph, writer, degrees, reciprocals, layout):
@@ -52,7 +52,7 @@ class LoopedOrderZero(Sided, OrderZero):
         super()._ensure(node, needed)
 
 
-class LoopedOrderK(Sided, OrderK):
+class FamilyOrderK(Sided, OrderK):
     """Coefficients of order k, of the whole or of one element."""
 
     def __init__(self, graph, writer, degrees, layout):
@@ -60,7 +60,7 @@ class LoopedOrderK(Sided, OrderK):
         self.solving = False  # the multipliers of this order are not known yet
         self.layout = layout
 
-    def known_from(self, other: LoopedOrderK) -> None:
+    def known_from(self, other: FamilyOrderK) -> None:
         """Take over what a first writing of the orders has found to be needed."""
         for name in ("rows", "products", "reciprocals", "carried", "transient"):
             setattr(self, name, getattr(other, name))

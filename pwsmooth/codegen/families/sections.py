@@ -1,4 +1,4 @@
-"""Code of a model with loops: shared parts and loops over elements, in an order that has every sum when it is needed.
+"""Code of a model with families: shared parts and loops over elements, in an order that has each sum when it is needed.
 
     shared -> loop over elements, adding sums up -> shared -> ... -> last loop
 
@@ -64,7 +64,7 @@ class Placed:
 
 
 class ElementCode(Placed, ScalarCode):
-    """ScalarCode of a model with loops."""
+    """ScalarCode of a model with families."""
 
     def __init__(self, graph: Graph, writer: Writer, layout: Layout):
         super().__init__(graph, writer)

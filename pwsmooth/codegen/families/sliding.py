@@ -1,4 +1,4 @@
-"""Taylor jets of a model with loops while multipliers are solved: the general program of jets.py, in two passes.
+"""Taylor jets of a model with families while multipliers are solved: the general program of jets.py, in two passes.
 
 Order k of every residual is found with all lambda_k = 0; it is linear in them, with the slopes G of order 0, so that
 
@@ -7,7 +7,7 @@ Order k of every residual is found with all lambda_k = 0; it is linear in them, 
 
 gives them: lambda from D - sum B_i Y_i, Y_i = A_i^-1 C_i, then lambda_i = -A_i^-1 g_i - Y_i lambda, in O(n). The second
 pass makes order k of everything with them. (A residual of an element that depends on other elements' multipliers has
-no such form; looping.py writes the copies out.)
+no such form; one_element.py writes the elements out.)
 Returns 1 where A_i or the system of the whole is singular.
 
 Chain: jets.py -> sliding (here) -> native.py.
@@ -18,12 +18,12 @@ from __future__ import annotations
 from ..graph.scalar import Writer
 from ..graph.slopes import derivative
 from .fields import solvable
-from .jets import LoopedJet
-from .orders import LoopedOrderK
+from .jets import FamilyJet
+from .orders import FamilyOrderK
 from .sections import Root, Sections
 
 
-class LoopedGeneral(LoopedJet):
+class FamilyGeneral(FamilyJet):
     """Writes `jet_general` of one template."""
 
     name, arguments = "jet_general", "t, x, mult, p, mask, K, stride, rows, scratch"
@@ -165,7 +165,7 @@ class LoopedGeneral(LoopedJet):
 
     # ---- order k: multipliers
 
-    def _solve(self, code: LoopedOrderK, loop: Writer, final: bool) -> None:
+    def _solve(self, code: FamilyOrderK, loop: Writer, final: bool) -> None:
         """The first pass: residuals with lambda_k = 0, then the multipliers of this order."""
         scopes = [set(scope) for scope in code.scopes]
         code.solving = True

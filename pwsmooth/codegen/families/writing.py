@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from ...definition.model import Model
 from ..taylor.recurrences import NoRecurrence
-from .jets import LoopedJet
-from .sliding import LoopedGeneral
+from .jets import FamilyJet
+from .sliding import FamilyGeneral
 
 
-def write_looped_jets(model: Model) -> dict[str, str]:
+def write_family_jets(model: Model) -> dict[str, str]:
     """Sources as of jets.write_jets."""
     try:
-        sources = {"slip": LoopedJet(model).write()}
-        general = LoopedGeneral(model)
+        sources = {"slip": FamilyJet(model).write()}
+        general = FamilyGeneral(model)
         return sources | ({"general": general.write()} if general.residuals else {})
     except NoRecurrence as reason:
         return {"none": f"# no jets: {reason}\n"}

@@ -54,8 +54,8 @@ RECIPROCAL = {
 class Graph(Nodes):
     """The nodes of one model; `expression` gives that of any sympy expression in its symbols."""
 
-    def __init__(self, model: Model, looped: bool = True):
-        self.template = template = model.loops.template if model.loops and looped else None
+    def __init__(self, model: Model, by_element: bool = True):
+        self.template = template = model.families.template if model.families and by_element else None
         self.model = model = template.model if template else model
         families: dict[str, tuple[int | None, ...]] = {}
         if template:

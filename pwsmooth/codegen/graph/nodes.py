@@ -34,7 +34,7 @@ class Nodes:
     fun (name), fun2 (name), sel (multiplier; arguments: branch at +1, branch at -1, affine form),
     ite (condition, then, else), and the conditions rel (relation), and, or, not, true, false.
 
-    Of a model with loops the graph is that of its template, and `level` holds the family that a node belongs to, or
+    Of a model with families the graph is that of its template, and `level` holds the family that a node belongs to, or
     None. There a var of a neighbour is (kind, index, offset), the number of an element is the var ("i", family),
     total (family) sums its argument over the elements, and inside (family, offset) asks whether there is a neighbour.
     """

@@ -23,7 +23,7 @@ class GradedGraph(Graph):
     """The nodes of a model without multipliers; pow nodes with exponent -1/2 are reciprocal roots."""
 
     def __init__(self, model: Model):
-        super().__init__(model, looped=False)
+        super().__init__(model, by_element=False)
         self.first_memory = len(model.states)  # memories stand in the lanes as states do
         self._under_roots: set[sp.Expr] = set()
 

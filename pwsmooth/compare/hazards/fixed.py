@@ -57,7 +57,7 @@ def longest_stable(method: str, jacobian: np.ndarray) -> float:
 def _steps(method: str) -> Callable[..., Any]:
     """run(rates, t0, x0, h, steps, p), compiled once for all right-hand sides, which are arguments of one type.
 
-    Loops over the components, since every assignment between arrays compiles the text of its error message.
+    Families over the components, since every assignment between arrays compiles the text of its error message.
     """
     from numba import njit, types
 

@@ -1,9 +1,9 @@
-"""Reading a system for one element of each family: the looped form, whose symbolic work does not grow with n.
+"""Reading a system for one element of each family: the template, whose symbolic work does not grow with n.
 
 Symbols of elements become plain symbols with "[]" in their name and sums become symbols of their own, so that lifting
-and lowering see an ordinary system of one element. What has no looped form (see `Family`) raises `NotLooped`, and the
-System writes the copies out, also of fewer than `LOOPED_FROM` elements: straight code is faster there.
-Chain: family.py -> looping (here), reading.py, lowering.py -> template.py.
+and lowering see an ordinary system of one element. What has no template (see `Family`) raises `NoTemplate`, and the
+System writes the elements out, also of fewer than `TEMPLATE_FROM` elements: straight code is faster there.
+Chain: family.py -> one_element (here), reading.py, lowering.py -> template.py.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from .primitives import Memory
 from .reading import Definition
 from .regularity import second_derivative, total_derivative
 from .singular import watched
-from .template import MARK, Loops, Place, Template, named, with_loops
+from .template import MARK, Families, Place, Template, family_model, named
 
-LOOPED_FROM = 8
+TEMPLATE_FROM = 8
 
 
-class NotLooped(ValueError):
-    """This system has no looped form; its copies are written out."""
+class NoTemplate(ValueError):
+    """This system has no template; its elements are written out."""
 
 
 class OneElement(Expansion):
@@ -86,7 +86,7 @@ class OneElement(Expansion):
     def _place(self, symbol, family, base):
         place = self.places.setdefault(symbol, Place(self.number(family), base))
         if place.family != self.number(family):
-            raise NotLooped(f"two families have members named {symbol}")
+            raise NoTemplate(f"two families have members named {symbol}")
 
     # ---- what `definition.read` asks for
 
@@ -112,7 +112,7 @@ class OneElement(Expansion):
 
 @dataclass(frozen=True)
 class Element:
-    """What a System with families knows without writing their copies out."""
+    """What a System with families knows without writing their elements out."""
 
     definition: Definition  # of one element
     model: Model
@@ -122,12 +122,12 @@ class Element:
 
     def check_values(self, parameters):
         """`checks.values_fit` for the first element, and for every one that has a parameter 0."""
-        loops = self.model.loops
-        families = loops.template.families("parameters")
-        blocks = list(zip(loops.template.model.parameters, families, strict=True))
-        elements = [(s, k) for s, f in blocks if f is not None for k in range(loops.sizes[f])]
-        for k in sorted({0, *(k for s, k in elements if parameters[loops.symbol(s, k)] == 0)}):
-            at = {s: parameters[loops.symbol(s, k)] for s, f in blocks if f is None or k < loops.sizes[f]}
+        families = self.model.families
+        of = families.template.families("parameters")
+        blocks = list(zip(families.template.model.parameters, of, strict=True))
+        elements = [(s, k) for s, f in blocks if f is not None for k in range(families.sizes[f])]
+        for k in sorted({0, *(k for s, k in elements if parameters[families.symbol(s, k)] == 0)}):
+            at = {s: parameters[families.symbol(s, k)] for s, f in blocks if f is None or k < families.sizes[f]}
             try:
                 checks.values_fit(self.definition.field, at)
             except ValueError as error:
@@ -135,7 +135,7 @@ class Element:
 
 
 def read(rates, time, parameters, outputs, events, contacts, algebraic):
-    """The `Element` of a system with families, or None where their copies have to be written out."""
+    """The `Element` of a system with families, or None where their elements have to be written out."""
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
     if not any(isinstance(e, MemberSum) or involved(e) for e in pieces):
@@ -144,27 +144,27 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
     try:
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, one)
         template = _template(plain, one)
-        loops = Loops(template, tuple(f.n for f in one.families))
-        far = [abs(p.offset) >= loops.sizes[p.family] for p in one.places.values()]
-        if min(loops.sizes) < LOOPED_FROM or any(far):
+        families = Families(template, tuple(f.n for f in one.families))
+        far = [abs(p.offset) >= families.sizes[p.family] for p in one.places.values()]
+        if min(families.sizes) < TEMPLATE_FROM or any(far):
             return None
-        model = with_loops(loops)
+        model = family_model(families)
         memories = [
             Memory(named(m.name, k), m.initial)
             for m in plain.memories
-            for k in (range(loops.sizes[one.places[m].family]) if m in one.places else [None])
+            for k in (range(families.sizes[one.places[m].family]) if m in one.places else [None])
         ]
-        return Element(plain, model, _values(loops, one, parameters or {}), tuple(memories), one.groups)
+        return Element(plain, model, _values(families, one, parameters or {}), tuple(memories), one.groups)
     except (ValueError, TypeError):
         # Definition errors too: the written-out system raises them again, in the user's names.
         return None
 
 
-def _values(loops, one, numbers):
-    """Parameter -> value of the model with loops, in the order given."""
+def _values(families, one, numbers):
+    """Parameter -> value of the model with families, in the order given."""
     given = spread(numbers, one.groups, "`parameters`")
     values = {key if isinstance(key, str) else key.name: value for key, value in given.items()}
-    return {s: checks.parameter_value(s, values[s.name]) for s in loops.symbols("parameters")}
+    return {s: checks.parameter_value(s, values[s.name]) for s in families.symbols("parameters")}
 
 
 def _template(plain, one):
@@ -174,13 +174,13 @@ def _template(plain, one):
         if isinstance(s, Memory):
             places[lifting.plain(s)] = places.pop(s)
     if field.contacts:
-        raise NotLooped("contacts")
+        raise NoTemplate("contacts")
     neighbours = {s for s, p in places.items() if p.base != s and p.base is not None}
 
     def family(*expressions):
         families = {places[s].family for e in expressions for s in e.free_symbols if s in places}
         if len(families) > 1:
-            raise NotLooped("members of several families in one equation")
+            raise NoTemplate("members of several families in one equation")
         return families.pop() if families else None
 
     renamed = {}
@@ -190,7 +190,7 @@ def _template(plain, one):
             renamed[lam] = lam if MARK in lam.name else sp.Symbol(lam.name + MARK, **lam._assumptions_orig)
             places[lam] = places[renamed[lam]] = Place(number, renamed[lam])
         if h.free_symbols & neighbours:
-            raise NotLooped("a surface between neighbours")
+            raise NoTemplate("a surface between neighbours")
     field = field.map(lambda e: e.xreplace(renamed))
     field = replace(field, switches=tuple((renamed.get(lam, lam), h) for lam, h in field.switches))
     watch = watched(field, neighbours)
@@ -203,11 +203,11 @@ def _template(plain, one):
         if family(*timed) is not None or (
             event.surface is not None and event.surface.free_symbols & neighbours
         ):
-            raise NotLooped("an event of elements at given times, or between neighbours")
+            raise NoTemplate("an event of elements at given times, or between neighbours")
     sums = tuple((s, one.number(f), e) for (s, e), (f, _) in zip(field.sums, one.sums.values(), strict=True))
     for x, rate in (*zip(field.states, field.rates, strict=True), *field.algebraic):
         if family(rate) not in (None, family(x)):
-            raise NotLooped("members outside of their rates")
+            raise NoTemplate("members outside of their rates")
     multipliers, more = _multipliers(field, sums, places)
     model = lowering.lower(replace(field, switches=(), algebraic=()), watch=watch)
     used = set().union(*(e.free_symbols for e in field.expressions()))
@@ -235,14 +235,14 @@ def _check_couplings(multipliers, sums, places):
             continue
         free = m.residual.free_symbols
         if any(places[s].base in solved and places[s].base != s for s in free & places.keys()):
-            raise NotLooped("elements that act on their neighbours' multipliers")
+            raise NoTemplate("elements that act on their neighbours' multipliers")
         waiting, inside = list(free & sums.keys()), set()
         while waiting:
             symbols = sums[waiting.pop()].free_symbols
             inside |= symbols
             waiting += symbols & sums.keys()
         if inside & own:
-            raise NotLooped("elements that act on each other's multipliers")
+            raise NoTemplate("elements that act on each other's multipliers")
 
 
 def _multipliers(field, sums, places):
@@ -282,9 +282,9 @@ def _multipliers(field, sums, places):
     for index, ((lam, h), residual) in enumerate(zip(field.switches, residuals, strict=True)):
         regularity, hidden = lowering.classify(lone, index, sampled(residual))
         if hidden and regularity == "sliding":
-            raise NotLooped("a hidden term on a surface that slides")
+            raise NoTemplate("a hidden term on a surface that slides")
         if regularity == "crossing" and second_derivative(lone, index, sampled(residual)) is not None:
-            raise NotLooped("a switch that can slide to second order")
+            raise NoTemplate("a switch that can slide to second order")
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden))
     result += [Multiplier(a, "algebraic", r) for a, r in field.algebraic]
     _check_couplings(result, inner | {s: e for s, (_, e) in more.items()}, places)

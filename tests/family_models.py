@@ -1,11 +1,11 @@
-"""Systems with families for the tests of their looped form, and both forms of them."""
+"""Systems with families for the tests of their template, and both forms of them."""
 
 import contextlib
 
 import sympy as sp
 
 from pwsmooth import Algebraic, Event, Family, Switch, System
-from pwsmooth.definition import looping
+from pwsmooth.definition import one_element
 
 t, x, v, s = sp.symbols("t x v s", real=True)
 
@@ -121,25 +121,25 @@ MODELS = {
 
 
 @contextlib.contextmanager
-def looped_from(n):
-    """Families are looped over from n elements on."""
-    before, looping.LOOPED_FROM = looping.LOOPED_FROM, n
+def template_from(n):
+    """Families have a template from n elements on."""
+    before, one_element.TEMPLATE_FROM = one_element.TEMPLATE_FROM, n
     try:
         yield
     finally:
-        looping.LOOPED_FROM = before
+        one_element.TEMPLATE_FROM = before
 
 
 def both(name, n):
-    """(looped system, the same with its copies written out, start, span)."""
+    """(template system, the same with its elements written out, start, span)."""
     arguments, start, span = MODELS[name](n)
     arguments = {"time": t} | arguments
-    with looped_from(1):
-        looped = System(**arguments)
-    with looped_from(10**9):
-        copies = System(**arguments)
-    assert looped.model.loops is not None and copies.model.loops is None
-    return looped, copies, start, span
+    with template_from(1):
+        template = System(**arguments)
+    with template_from(10**9):
+        written = System(**arguments)
+    assert template.model.families is not None and written.model.families is None
+    return template, written, start, span
 
 
 def friction_chain(n):
