@@ -219,7 +219,7 @@ def test_taylor_for_a_function_without_a_recurrence_is_refused_with_the_other_me
     options = Options("taylor", 1e-8, np.array([1e-9]), True, math.inf, 1000, None, False)
     with pytest.raises(ValueError, match=message):
         EventDriven(model, options)
-    assert EventDriven(model, options._replace(method="auto")).pair
+    assert EventDriven(model, options._replace(method="auto")).one_step == "rk"
 
 
 @pytest.mark.parametrize("option", [{"order": 12}, {"strict": True}])

@@ -81,7 +81,7 @@ class Problem(Bundle):
     layer_unit: "int"
     others_unit: "int"
     fold_unit: "int"
-    rk_unit: "int"  # 0 where no step can need the Runge-Kutta pair
+    step_unit: "int"  # a method of one step (step/methods/); 0 where no step can need it
     look_slip: (
         "int"  # 1: the last Taylor coefficients may not tell how far they hold: the end of a step is looked at
     )

@@ -50,13 +50,14 @@ from .step.meeting import find_first, first_graze
 from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
-from .step.rungekutta import propose_pair, refine_by_pair
 from .step.steps import (
     dot,
     keep_in_sight,
     powers,
     propose_jet,
+    propose_pair,
     reach_singular_surface,
+    refine_by_pair,
 )
 from .surface.sliding import follow, mask_solved
 from .work import Work
@@ -182,9 +183,9 @@ def propose(P, C, S, R, W):
     if P.pair == 0:
         h = propose_jet(P, C, S, W)
         singular = step.mult_row < 0
-        if singular and P.jet_fold == 0 and P.rk_unit == 0:
+        if singular and P.jet_fold == 0 and P.step_unit == 0:
             return Outcome.SINGULAR
-    if P.rk_unit != 0 and not h > max(1e-9 * S.step, 1e-13 * span):
+    if P.step_unit != 0 and not h > max(1e-9 * S.step, 1e-13 * span):
         # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as delta^1.5 at
         # touch-down.
         h = propose_pair(P, C, S, W)
@@ -209,14 +210,7 @@ def propose(P, C, S, R, W):
             return Outcome.NOT_FINITE
     step.singular, step.arcs, step.unsure = int(singular), int(arcs), unsure
     if unsure:
-        flat_rows = P.flat_slip
-        if step.time_row >= 0:
-            flat_rows = P.flat_fold
-        else:
-            h = min(h, step.stop - S.t)
-            if step.sliding:
-                flat_rows = P.flat_general
-        h = keep_in_sight(C, step.rows, flat_rows, h, W)
+        h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)
     W.end.stopped = 0
     if step.time_row < 0:
         if step.kind != PAIR and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):

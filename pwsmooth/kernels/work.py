@@ -99,7 +99,7 @@ class Meeting(Bundle):
 
 
 class Pair(Bundle):
-    """A step of the Runge-Kutta pair: see rungekutta.py."""
+    """A step of the Runge-Kutta pair: see methods/."""
 
     next_step: "float"
     longest: "float"  # in a run of Taylor steps

@@ -29,7 +29,7 @@ _KEPT_BYTES = 2**21  # of first buffers, which the next run finds again
 _KEPT = 16  # choices of options that a thread keeps of a model
 _LARGE = 2**27  # bytes, above which the next buffers hold twice as many at most
 LOOSEST = 1e-6  # looser tolerances were seen to take wrong turns
-FINEST_OF_THE_PAIR = 1e-13  # its stages' roundings keep it from less
+FINEST_OF_ONE_STEP = 1e-13  # roundings of the stages keep a method of one step from less
 
 
 def _next_room(room: int, first: int, t0: float, t: float, t_end: float) -> int:
@@ -61,17 +61,13 @@ class Options(NamedTuple):
         ValueError, TypeError
             An option that no event-driven run has.
         """
-        if self.method not in ("auto", "taylor", "rk"):
-            raise ValueError(
-                f"`method` is {self.method!r}, which no event-driven run has; choose 'auto', 'taylor', 'rk' or 'stiff' "
-                "(the others are for `system.smoothed(...)`)."
-            )
+        one_step = check_method(self.method)
         order = self.order
         if order is not None:
             order = checks.whole(order, "`order`", 8, 31)
-            if self.method == "rk":
+            if one_step:
                 raise ValueError(
-                    f"`order` is {order}, but method='rk' has its own; leave `order` out, or use 'taylor'."
+                    f"`order` is {order}, but method={self.method!r} has its own; leave `order` out, or use 'taylor'."
                 )
         return Options(
             self.method,
@@ -83,6 +79,19 @@ class Options(NamedTuple):
             order,
             checks.flag(self.strict, "`strict`"),
         )
+
+
+def check_method(method: Any) -> bool:
+    """Whether this is a method of one step; refuses what no event-driven run has."""
+    from ..codegen.machine.units import METHODS
+
+    if method not in ("auto", "taylor", *METHODS):
+        own = ", ".join(map(repr, METHODS))
+        raise ValueError(
+            f"`method` is {method!r}, which no event-driven run has; choose 'auto', 'taylor', {own} or 'stiff' (the "
+            "others are for `system.smoothed(...)`)."
+        )
+    return method in METHODS
 
 
 def prepared_run(model: Model, options: Options) -> EventDriven:
@@ -119,7 +128,7 @@ class EventDriven:
     """
 
     def __init__(self, model: Model, options: Options):
-        from ..codegen.machine.units import trajectory_loop
+        from ..codegen.machine.units import METHODS, trajectory_loop
 
         self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
@@ -129,11 +138,12 @@ class EventDriven:
             raise ValueError(
                 "`method` is 'taylor', but a function of this system has no Taylor recurrence; use 'rk'."
             )
-        self.pair = options.method == "rk" or not parts.has_jets
-        rtol = max(options.rtol, FINEST_OF_THE_PAIR) if self.pair else options.rtol
+        # Which of the methods of one step; none with series.
+        self.one_step = options.method if options.method in METHODS else "" if parts.has_jets else "rk"
+        rtol = max(options.rtol, FINEST_OF_ONE_STEP) if self.one_step else options.rtol
         atol = options.atol
-        # The pair's interpolant has degree 7.
-        self.order = 7 if self.pair else options.order or _order_for(rtol, parts.code.by_responses)
+        # Their polynomials have degree 7 at most.
+        self.order = 7 if self.one_step else options.order or _order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
         self.work = parts.work(self.order)
         self.words = event_words(model)
@@ -182,7 +192,7 @@ class EventDriven:
 
         `p` has one value per symbol of model.parameters, `times` are the wanted ones or None.
         """
-        problem = self.parts.problem(p, self.pair)
+        problem = self.parts.problem(p, self.one_step)
         if kicks is not None:
             problem = kicks.problem(problem)
         control, state = self.timed(t0, t1, system.parameters), self.begin(t0, start)

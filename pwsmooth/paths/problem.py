@@ -52,8 +52,8 @@ class CompiledProblem:
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
         expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
         self.fixed = dict(
-            **{name: unit_address(name) for name in UNITS if name not in ("run", "rk_unit")},
-            rk_unit=0,
+            **{name: unit_address(name) for name in UNITS if name != "run"},
+            step_unit=0,
             pair=0,
             n=code.n,
             m=code.m,
@@ -169,25 +169,25 @@ class CompiledProblem:
         """What this thread keeps for its next run."""
         return self._scratch.__dict__.setdefault(what, {})
 
-    def problem(self, p: np.ndarray, runge_kutta: bool = False):
-        """The Problem at parameter values p (one per symbol of model.parameters), for jets or for the pair.
+    def problem(self, p: np.ndarray, method: str = ""):
+        """The Problem at parameter values p (one per symbol of model.parameters), for jets or a method of one step.
 
         This thread's last one is kept: some forty arrays, half of the cost of a short run, depend on p alone.
         """
         kept = self.kept("problems")
-        known, made = kept.get(runge_kutta, (None, None))
+        known, made = kept.get(method, (None, None))
         if known != p.tobytes():
-            made = self.new_problem(p.copy(), runge_kutta)
-            kept[runge_kutta] = p.tobytes(), made
+            made = self.new_problem(p.copy(), method)
+            kept[method] = p.tobytes(), made
         made.p[:] = p  # a sweep writes each orbit's values there
         return made
 
-    def new_problem(self, p: np.ndarray, runge_kutta: bool = False):
+    def new_problem(self, p: np.ndarray, method: str = ""):
         """A Problem that nobody else has."""
         fixed = self.fixed
-        if runge_kutta or self.singular:
-            fixed = fixed | dict(rk_unit=unit_address("rk_unit"))
-        if runge_kutta:
+        if method or self.singular:
+            fixed = fixed | dict(step_unit=unit_address(method or "rk"))
+        if method:
             fixed = fixed | dict(pair=1, jet_fold=0)
         at = dict(zip(self.model.parameters, p.tolist(), strict=True))
         ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]

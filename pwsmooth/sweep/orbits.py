@@ -39,7 +39,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             options["max_step"], options["max_steps"], options["order"], False,
         ),
     )  # fmt: skip
-    problem = run.parts.problem(base, run.pair)
+    problem = run.parts.problem(base, run.one_step)
     n, m, ne = len(model.states), len(model.multipliers), len(model.events)
     p = np.tile(base, (count, 1))
     x0 = np.tile(np.array(plan.start, float), (count, 1))

@@ -21,7 +21,7 @@ from ..definition.lambdified import numpy_function
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..paths import memory
-from ..paths.event_driven import LOOSEST
+from ..paths.event_driven import LOOSEST, check_method
 from ..paths.stiff_events import switched_by_events
 from ..paths.stiff_steps import LOOSEST_RTOL
 from ..results.records import Outcome
@@ -318,8 +318,6 @@ def _options(system, options):
         switched_by_events(model)  # refuses what slides
         if order is not None:
             raise ValueError("`order` belongs to Taylor steps; leave it out with method='stiff'.")
-    elif not smoothed and checked["method"] not in ("auto", "taylor", "rk"):
-        raise ValueError(
-            f"`method` is {checked['method']!r}; an event-driven sweep knows 'auto', 'taylor', 'rk' and 'stiff'."
-        )
+    elif not smoothed:
+        check_method(checked["method"])
     return tuple(sorted(checked.items()))

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
+from pathlib import Path
+from pkgutil import iter_modules
 
 import llvmlite.binding as llvm
 
@@ -24,9 +26,13 @@ UNITS = {
     "others_unit": ("instant.other_motions", "report_other_motions"),
     "start_unit": ("instant.starting", "start"),
     "instant_unit": ("instant.instants", "at_instant"),
-    "rk_unit": ("step.rungekutta", "rk_step"),
     "approach_unit": ("step.singular", "approach"),
     "run": ("trajectory", "run"),
+}
+# Those of the methods of one step, of which a run needs one at most: each is a file.
+METHODS = {
+    m.name: (f"step.methods.{m.name}", "step")
+    for m in iter_modules([str(Path(__file__).parents[2] / "kernels/step/methods")])
 }
 # Units that only some runs need: they are no fields of the Problem.
 MORE_UNITS = {
@@ -99,7 +105,7 @@ def _resolve_symbols() -> None:
 @cache
 def unit_address(name: str) -> int:
     """Address of a unit: from its object file, or compiled by numba now."""
-    module, function = (UNITS | MORE_UNITS | STIFF_UNITS)[name]
+    module, function = (UNITS | METHODS | MORE_UNITS | STIFF_UNITS)[name]
     file = f"{module}.{function}.{machine_mark()}.o"
     content = kernels().read(file)
     if content is None:

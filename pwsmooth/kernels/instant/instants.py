@@ -130,7 +130,7 @@ def _arrivals(P, C, S, R, W, size, jumped):
             record_event(S, R, j, EV_CROSSING if came != SOLVED else EV_RESET, came, S.status[j])
         if came != SOLVED:
             note_interval(S.last[j], S.t)
-        if S.status[j] != SOLVED and P.rk_unit != 0:
+        if S.status[j] != SOLVED and P.step_unit != 0:
             step_inside(P, S, j, W)
     return GO_ON
 
@@ -179,7 +179,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
         else:
             went = -status[j]
             if jumped:
-                if P.rk_unit != 0:
+                if P.step_unit != 0:
                     step_inside(P, S, j, W)
                 went = 1 if leading_order(P, C, S, W, j) > 0 else -1
             if went != status[j]:
@@ -200,7 +200,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 hold_second_order(P, S, R, W, 1)
                 record_ambiguity(S, R, j, AMB_CHATTERING, S.status[j])
                 S.minute = 0
-            if P.rk_unit != 0:
+            if P.step_unit != 0:
                 step_inside(P, S, j, W)
     if fold >= 0:
         S.layers += 1
@@ -289,7 +289,7 @@ def _note_what_is_met(P, S, W):
         W.firing.switch_level[j] = math.nan
         if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
-        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.rk_unit != 0:
+        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.step_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
 
 

@@ -79,8 +79,8 @@ call_fold = caller("P, C, S, W, j, toward", types.int64)
 # isolate; see roots.py.
 call_root = caller("roots, degree", types.float64)
 
-# rk_step: the step's size, its polynomials in W.step.rows.
-call_rk = caller("P, C, S, W, h, refine", types.float64)
+# step: the step's size, its polynomials in W.step.rows.
+call_step = caller("P, C, S, W, h, refine", types.float64)
 
 
 @intrinsic

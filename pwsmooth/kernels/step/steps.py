@@ -1,7 +1,7 @@
 """One step's polynomial: Taylor jets of the states, the solved multipliers and the surfaces.
 
 Two programs give one: all multipliers fixed (slip), or some solved (general). Beside them stand the arc (arc.py) and
-the Runge-Kutta pair (rungekutta.py).
+the methods of one step (methods/).
 """
 
 import math
@@ -14,6 +14,7 @@ from ..machine.pointers import (
     bits_float,
     call_jet_general,
     call_jet_slip,
+    call_step,
     float_bits,
     powers8,
     sum8,
@@ -125,7 +126,7 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
 
 
 @kernel
-def keep_in_sight(C, rows, flat_rows, h, W):
+def keep_in_sight(P, C, h, W):
     """h, shortened so that no argument of a flat function goes far on it, seen from the distance to 0 at which it is.
 
     tanh(u), exp(-u) and erf(u) tell nothing of what they do at 0 where u is large: a step over it, back to where they
@@ -133,8 +134,11 @@ def keep_in_sight(C, rows, flat_rows, h, W):
     """
     if at(W.step.power, 1) != h:
         powers(W.step.power, h)
+    flat_rows = P.flat_general if W.step.sliding else P.flat_slip
+    if W.step.time_row >= 0:
+        flat_rows = P.flat_fold
     for a in range(len(flat_rows)):
-        row = rows[flat_rows[a]]
+        row = W.step.rows[flat_rows[a]]
         allowed = max(_FLAT_SHARE * abs(at(row, 0)), _FLAT_REACH)
         change = variation(row, W.step.power, C.order)
         while change > allowed:
@@ -187,6 +191,23 @@ def propose_jet(P, C, S, W):
     if step.mult_row < 0:
         return S.step if P.jet_fold != 0 else math.nan
     return taylor_step_size(P, C, S, step.rows, surface_rows(P, step.kind), step.mult_row, step.sliding, W)
+
+
+@kernel
+def propose_pair(P, C, S, W):
+    """Overwrites the step by one of the pair; returns its length, 0 where none can be made and nan where it failed."""
+    W.step.kind, W.step.mult_row = PAIR, P.n
+    return call_step(P.step_unit, P, C, S, W, min(S.step, min(C.max_step, W.step.stop - S.t)), -1)
+
+
+@kernel
+def refine_by_pair(P, C, S, W, h):
+    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
+    first = 0
+    for i in range(P.m + P.ne):
+        if W.meeting.tau[i] < W.meeting.tau[first]:
+            first = i
+    return call_step(P.step_unit, P, C, S, W, h, first)
 
 
 @kernel

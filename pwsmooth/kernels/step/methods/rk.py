@@ -11,11 +11,11 @@ import numpy as np
 from numba import types
 from scipy.integrate._ivp import dop853_coefficients as dop
 
-from ..machine.compiling import inlined_kernel, kernel, unit
-from ..machine.pointers import call_fields, call_linear, call_newton, call_rk
-from ..state import CONTACT, PAIR, SOLVED, Control, Problem, State
-from ..surface.sliding import mask_solved, surface_size
-from ..work import Work
+from ...machine.compiling import inlined_kernel, kernel, unit
+from ...machine.pointers import call_fields, call_linear, call_newton
+from ...state import CONTACT, SOLVED, Control, Problem, State
+from ...surface.sliding import mask_solved, surface_size
+from ...work import Work
 
 _A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
 _E3, _E5 = dop.E3.copy(), dop.E5.copy()
@@ -274,11 +274,8 @@ def _end_of_minute_arc(P, C, S, W, i, h):
 
 
 @unit(types.float64, Problem, Control, State, Work, types.float64, types.int64)
-def rk_step(P, C, S, W, h, refine):
-    """A step of at most h with its polynomials in W.step.rows, S left at its start; returns its size, nan if it failed.
-
-    `refine` >= 0: a step to the zero of that surface (or exit of that multiplier), which lies near h.
-    """
+def step(P, C, S, W, h, refine):
+    """A step of at most h, or one to the zero of a surface near h: the contract of this folder."""
     pair = W.pair
     n, m = P.n, P.m
     pair.solves = 0
@@ -352,20 +349,3 @@ def rk_step(P, C, S, W, h, refine):
     _try_step(P, C, S, W, h)
     _polynomials(P, S, W, h)
     return h
-
-
-@kernel
-def propose_pair(P, C, S, W):
-    """Overwrites the step by one of the pair; returns its length, 0 where none can be made and nan where it failed."""
-    W.step.kind, W.step.mult_row = PAIR, P.n
-    return call_rk(P.rk_unit, P, C, S, W, min(S.step, min(C.max_step, W.step.stop - S.t)), -1)
-
-
-@kernel
-def refine_by_pair(P, C, S, W, h):
-    """Overwrites the step by one that ends where the first surface is met, near h; returns its length, or nan."""
-    first = 0
-    for i in range(P.m + P.ne):
-        if W.meeting.tau[i] < W.meeting.tau[first]:
-            first = i
-    return call_rk(P.rk_unit, P, C, S, W, h, first)
