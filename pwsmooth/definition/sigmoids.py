@@ -85,7 +85,8 @@ class Sigmoid:
             Dimensionless, >= 0.
         """
         if self.exponent is None:
-            return 2 / sp.sqrt(sp.pi) * sp.exp(-(sp.erfinv(lam) ** 2))
+            x = sp.Dummy()
+            return (1 / self.inverse(x).diff(x)).subs(x, lam)
         return (1 - lam**2) ** self.exponent
 
     def inverse(self, lam):
