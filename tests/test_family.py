@@ -155,3 +155,11 @@ def test_a_plain_memory_may_stand_in_an_element():
     (f,) = Family(2).symbols("f")
     system = System({f: -f * Memory("gain", 2)})
     assert system.model.n_memory == 1
+
+
+def test_a_member_and_its_neighbours_are_printed_in_one_order_in_every_process():
+    # They have one name; what sympy does not tell apart it sorts by hashes, which no two processes share.
+    ring = Family(3, periodic=True)
+    (y,) = ring.symbols("y")
+    beside = [ring.neighbour(y, k) for k in (2, -1, 1)]
+    assert [str(s) for s in sorted([y, *beside], key=sp.default_sort_key)] == ["y[-1]", "y", "y[+1]", "y[+2]"]

@@ -183,6 +183,11 @@ class Member(sp.Symbol):
         outside = sp.S.NaN if self.outside is None else self.outside
         return (*super()._hashable_content(), *family, self.offset, outside)
 
+    def sort_key(self, order=None):
+        """A neighbour has the name of the member itself: the offset decides in which order they are printed."""
+        one = sp.S.One
+        return self.class_key(), (3, (self.name, self.family.name, self.offset)), one.sort_key(), one
+
     def _sympystr(self, printer):
         return self.name if not self.offset else f"{self.name}[{self.offset:+d}]"
 
