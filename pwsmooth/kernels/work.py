@@ -156,11 +156,11 @@ class Contacts(Bundle):
     at_rest: "f8[contacts]"
     load: "f8[contacts]"
     impulse: "f8[contacts]"
-    restitution: "f8[contacts]"
-    sequel: "f8[contacts]"
+    together: "f8[contacts]"  # speeds after the impulses
     delassus: "f8[contacts, contacts]"
     pivots: "f8[contacts, contacts + 1]"
-    before: "f8[n]"  # state before and after a rebound
+    first: "f8[n]"  # state before all, and before and after a rebound
+    before: "f8[n]"
     after: "f8[n]"
 
 

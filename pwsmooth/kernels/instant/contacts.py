@@ -170,35 +170,35 @@ def _complementarity(contacts, size):
 
 
 @kernel
-def _apart_from_single_impacts(contacts, size):
+def _apart_from_single_impacts(P, S, W, size):
     """Largest difference between the speeds after the impulses and after rebounds one by one, from either end.
 
-    Relative to the largest speed of approach.
+    Relative to the largest speed of approach. One that rests and is hit through another has its own restitution then.
     """
+    contacts = W.contacts
     scale, apart = 0.0, 0.0
     for a in range(size):
         scale = max(scale, abs(contacts.speed[a]))
+        for b in range(size):
+            contacts.together[a] += contacts.delassus[a, b] * contacts.impulse[b]
+    for i in range(P.n):
+        contacts.first[i] = S.x[i]
     for turn in range(2):
-        for a in range(size):
-            contacts.sequel[a] = contacts.speed[a]
         for _ in range(200 * size):
             found = -1
             for k in range(size):
                 a = k if turn == 0 else size - 1 - k
-                if found < 0 and contacts.sequel[a] < -_EQUAL * scale:
+                if found < 0 and approach_speed(P, S, contacts.touching[a], W) < -_EQUAL * scale:
                     found = a
             if found < 0:
                 break
-            impulse = (
-                -(1.0 + contacts.restitution[found]) * contacts.sequel[found] / contacts.delassus[found, found]
-            )
-            for a in range(size):
-                contacts.sequel[a] += contacts.delassus[a, found] * impulse
+            _rebound(P, S, W, contacts.touching[found])
+            for i in range(P.n):
+                S.x[i] = contacts.after[i]
         for a in range(size):
-            speed = contacts.speed[a] - contacts.sequel[a]
-            for b in range(size):
-                speed += contacts.delassus[a, b] * contacts.impulse[b]
-            apart = max(apart, abs(speed))
+            apart = max(apart, abs(contacts.together[a] - approach_speed(P, S, contacts.touching[a], W)))
+        for i in range(P.n):
+            S.x[i] = contacts.first[i]
     return apart / scale
 
 
@@ -214,17 +214,14 @@ def _collide(P, S, R, W, size):
     if size > 1:
         _find_couplings(P, S, W, size)
     for a in range(size if size > 1 else 0):
-        contacts.load[a] = contacts.speed[a]
-        contacts.restitution[a] = 0.0
+        contacts.load[a] = contacts.together[a] = contacts.speed[a]
         if contacts.speed[a] < -contacts.at_rest[a]:
-            after = _rebound(P, S, W, contacts.touching[a])
-            contacts.restitution[a] = -after / contacts.speed[a]
-            contacts.load[a] -= after
+            contacts.load[a] -= _rebound(P, S, W, contacts.touching[a])
             together = together or _coupled(W.contacts, a, size)
     if together:
         if not _complementarity(W.contacts, size):
             return False
-        if _apart_from_single_impacts(W.contacts, size) > 1e-9:
+        if _apart_from_single_impacts(P, S, W, size) > 1e-9:
             record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
     for a in range(size):
         j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
