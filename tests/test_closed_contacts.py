@@ -121,7 +121,7 @@ def test_what_depends_on_the_order_of_impacts_is_recorded():
 
 
 def test_a_contact_that_rests_and_is_hit_through_another_one_may_rebound():
-    # A mass falls onto one, four times heavier, that rests on the floor; between them nothing bounces. Together both stop.
+    # A mass falls onto one, four times heavier, that rests on the floor; they stay together. Together both stop.
     # One by one both go down with a fifth of the speed, the floor throws the lower one back with half of that, and this
     # outweighs the upper one: they leave the floor.
     lower, upper = Unilateral(x, restitution=HALF, name="A"), Unilateral(y - x, name="B")
