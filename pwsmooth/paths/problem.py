@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from ..codegen import compile_model
-from ..codegen.machine.units import UNITS, unit_address
+from ..codegen.machine.units import UNITS, unit_address, unit_addresses
 from ..definition.folds import fold_model
 from ..definition.model import EventSpec, Model, Multiplier
 from ..definition.pointwise import fingerprint
@@ -52,7 +52,7 @@ class CompiledProblem:
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
         expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
         self.fixed = dict(
-            **{name: unit_address(name) for name in UNITS if name != "run"},
+            **self._units(),
             step_unit=0,
             pair=0,
             n=code.n,
@@ -164,6 +164,21 @@ class CompiledProblem:
             result[f"own_{name}"] = self.nrows
             self.nrows += own
         return result
+
+    def _units(self) -> dict[str, int]:
+        """Addresses of what this model calls, 0 for the rest; the loop is compiled with them."""
+        needed = {"run", "start_unit"}
+        if self.code.m or self.code.ne:
+            needed |= {"instant_unit", "root_unit"}
+        if self.code.m:
+            needed |= {"newton_unit", "layer_unit", "others_unit"}
+        if self.fold:
+            needed.add("fold_unit")
+        if any(e.singular for e in self._text.events):
+            needed.add("approach_unit")
+        called = [name for name in UNITS if name in needed]
+        found = dict(zip(called, unit_addresses(called), strict=True))
+        return {name: found.get(name, 0) for name in UNITS if name != "run"}
 
     def kept(self, what: str) -> dict:
         """What this thread keeps for its next run."""

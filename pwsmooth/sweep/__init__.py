@@ -153,11 +153,12 @@ def sweep(
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
     """
+    from ..codegen.machine.compiling import cores
     from ..definition import checks
     from ..results.records import Outcome
     from .dataset import make_dataset
     from .plan import make_plan
-    from .running import chunk_target, cores, run_chunks
+    from .running import chunk_target, run_chunks
 
     workers = checks.optional(checks.integer(1, 10_000))(workers, "`workers`")
     chunk = checks.optional(checks.integer(1))(chunk, "`chunk`")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..codegen.machine.compiling import cores
 from ..paths.budget import Stop
 from .axes import Axes
 from .chunk import run_chunk
@@ -25,11 +25,6 @@ from .plan import Plan
 _SECONDS = 0.5  # of work in a chunk: a kill costs no more, and the hand-over little beside it
 _MOST = 16384  # points in a chunk: bounds the memory of the chunks in flight
 _PILOTS = 8
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def chunk_target(plan: Plan, axes: Axes, workers: int, deadline: float = math.inf) -> int:

@@ -8,6 +8,7 @@ time to the first solution).
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from pkgutil import iter_modules
@@ -15,19 +16,20 @@ from pkgutil import iter_modules
 import llvmlite.binding as llvm
 
 from .cache import kernels, load_kernels
+from .compiling import announced, compile_beside, cores
 from .objects import link, machine_mark
 
-# Name in state.Problem -> (kernel module, function).
+# Name in state.Problem -> (kernel module, function). The largest come first: parts are compiled beside each other.
 UNITS = {
-    "root_unit": ("step.roots", "isolate"),
-    "newton_unit": ("surface.sliding", "newton"),
-    "layer_unit": ("surface.layer", "layer"),
-    "fold_unit": ("step.arc", "fold_jet"),
-    "others_unit": ("instant.other_motions", "report_other_motions"),
-    "start_unit": ("instant.starting", "start"),
-    "instant_unit": ("instant.instants", "at_instant"),
-    "approach_unit": ("step.singular", "approach"),
     "run": ("trajectory", "run"),
+    "instant_unit": ("instant.instants", "at_instant"),
+    "start_unit": ("instant.starting", "start"),
+    "layer_unit": ("surface.layer", "layer"),
+    "root_unit": ("step.roots", "isolate"),
+    "approach_unit": ("step.singular", "approach"),
+    "newton_unit": ("surface.sliding", "newton"),
+    "others_unit": ("instant.other_motions", "report_other_motions"),
+    "fold_unit": ("step.arc", "fold_jet"),
 }
 # Those of the methods of one step, of which a run needs one at most: each is a file.
 METHODS = {
@@ -42,14 +44,14 @@ MORE_UNITS = {
     "diffuse": ("noise.path", "diffuse"),
     "diffuse_many": ("noise.many", "diffuse_many"),
 }
-# Those of the smoothed path; all but the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
+# Those of the smoothed path; behind the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
 STIFF_UNITS = {
+    "stiff_run": ("stiff.loop", "integrate"),
     "attempt_unit": ("stiff.radau", "attempt_unit"),
     "taylor_unit": ("stiff.step", "taylor_unit"),
     "events_unit": ("stiff.events", "events_unit"),
     "dense_factor": ("stiff.dense", "dense_factor"),
     "dense_solve": ("stiff.dense", "dense_solve"),
-    "stiff_run": ("stiff.loop", "integrate"),
 }
 # What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
 _NEVER_CALLED = (
@@ -102,14 +104,33 @@ def _resolve_symbols() -> None:
         llvm.add_symbol(name, ctypes.addressof(ctypes.c_char.in_dll(ctypes.pythonapi, name)))
 
 
+def _stored(name: str) -> tuple[str, str, str]:
+    """Module and function of a unit, and the file that its object code is kept in."""
+    module, function = (UNITS | METHODS | MORE_UNITS | STIFF_UNITS)[name]
+    return module, function, f"{module}.{function}.{machine_mark()}.o"
+
+
+def unit_addresses(names: Iterable[str]) -> list[int]:
+    """Addresses of units; those that no cache has are compiled beside each other first."""
+
+    def kept(name: str) -> bool:
+        return kernels().read(_stored(name)[2]) is not None
+
+    missing = [name for name in names if not kept(name)]
+    if len(missing) > 1 and cores() > 1:
+        with announced(len(missing)):
+            compile_beside(missing, kept)
+    return [unit_address(name) for name in names]
+
+
 @cache
 def unit_address(name: str) -> int:
     """Address of a unit: from its object file, or compiled by numba now."""
-    module, function = (UNITS | METHODS | MORE_UNITS | STIFF_UNITS)[name]
-    file = f"{module}.{function}.{machine_mark()}.o"
+    module, function, file = _stored(name)
     content = kernels().read(file)
     if content is None:
-        compiled = getattr(load_kernels(module), function).compiled
+        with announced(1):
+            compiled = getattr(load_kernels(module), function).compiled
         _kept.append(compiled)
         # numba has no public way to an object file; without this one every process would load numba.
         image = compiled._library._get_compiled_object()
@@ -134,6 +155,6 @@ def trajectory_loop():
 def stiff_loop():
     """kernels.stiff.loop.integrate as a Python function of a Core and a number of steps, and the addresses of the
     units that it calls."""
-    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(unit_address("stiff_run"))
-    others = [unit_address(name) for name in STIFF_UNITS if name != "stiff_run"]
+    loop, *others = unit_addresses(STIFF_UNITS)
+    run = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64)(loop)
     return lambda core, steps: run(core.address, steps), others
