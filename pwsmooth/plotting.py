@@ -21,6 +21,7 @@ __all__ = [
     "direction_arrows",
     "new_figure",
     "phase",
+    "plot_phase",
     "plot_solution",
     "sticking_regions",
     "style",
@@ -282,9 +283,10 @@ def direction_arrows(
 
 
 class _Run(Protocol):
-    """What is drawn of a Solution, which itself calls `plot_solution`."""
+    """What is drawn of a Solution, which itself calls these."""
 
     t: np.ndarray
+    status: np.ndarray
     dense: Any
 
     @property
@@ -342,23 +344,77 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     if len(panels) != len(wanted):
         raise ValueError(f"`axes` holds {len(panels)} Axes for {len(wanted)} names; give one for each.")
     solved = [s for s in sol.segments if any(v == 0 for v in s.status)]
+    t = _times(sol)
     for ax, name in zip(panels, wanted):
         for segment in solved:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
-        ax.plot(*_curve(sol, name), color=COLOUR["exact"])
+        ax.plot(t, sol[name] if t is sol.t else sol(t, name), color=COLOUR["exact"])
         ax.set_ylabel(str(name))
         ax.margins(x=0)
     panels[-1].set_xlabel(str(sol.model.time))
     return panels
 
 
-def _curve(sol: _Run, name: Any, each: int = 16) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
+def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
+    """Draw two names against each other, in the colours of the first switch or contact that changes.
+
+    Parameters
+    ----------
+    sol : Solution
+        What is drawn.
+    names : (str or Symbol, str or Symbol)
+        States, multipliers or outputs, the horizontal one first.
+    axes : Axes or sequence of one, optional
+        A new figure without.
+
+    Returns
+    -------
+    ndarray of Axes, shape (1,)
+        Where it was drawn.
+
+    Raises
+    ------
+    ValueError
+        Not two names, or not one Axes.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, plotting, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> solution = solve(System({x: v, v: -x - sp.sign(v)}), (0, 10), {x: 3.5, v: 0}, dense_output=True)
+    >>> (ax,) = plotting.plot_phase(solution, ("x", "v"))
+    >>> ax.get_xlabel(), ax.get_ylabel()
+    ('x', 'v')
+    """
+    pair = [str(name) for name in names] if not isinstance(names, str) else [names]
+    if len(pair) != 2:
+        raise ValueError(f"`phase` is {names!r}; give two names, the horizontal one first.")
+    if axes is None:
+        from matplotlib import pyplot
+
+        with style():
+            _, axes = pyplot.subplots(figsize=(4.5, 3.6), layout="constrained")
+    panels = np.atleast_1d(np.asarray(axes, dtype=object))
+    if len(panels) != 1:
+        raise ValueError(f"`axes` holds {len(panels)} Axes for one phase portrait; give one.")
+    t = _times(sol)
+    curves = [sol[name] if t is sol.t else sol(t, name) for name in pair]
+    changing = [status for status in sol.status if np.ptp(status)]
+    if changing:
+        by_phase(panels[0], np.sign(changing[0][np.searchsorted(sol.t, t, side="right") - 1]), *curves)
+    else:
+        panels[0].plot(*curves, color=COLOUR["exact"])
+    panels[0].set(xlabel=pair[0], ylabel=pair[1])
+    return panels
+
+
+def _times(sol: _Run, each: int = 16) -> np.ndarray:
+    """`each` points a step where there is dense output, else the solution's own times; jumps keep both their sides."""
     if sol.dense is None or len(sol.t) < 2:
-        return sol.t, sol[name]
+        return sol.t
     starts, ends = sol.t[:-1], sol.t[1:]
     longer = ends > starts
     starts, ends = starts[longer], ends[longer]
     # A step's last point belongs to the step: exactly at its end the next one begins.
-    times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
-    return times, sol(times, name)
+    return np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()

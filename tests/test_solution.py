@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, solve
+from pwsmooth import System, Unilateral, solve
 from pwsmooth.definition.model import LayerState, Model, Multiplier, Select
 from pwsmooth.results.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from pwsmooth.results.solution import Solution
@@ -206,9 +206,59 @@ def test_the_dataset_holds_every_name_and_its_provenance():
     pytest.importorskip("xarray")
     data = block_solution().to_dataset()
     assert {"y", "v", "lam", "mu", "status_lam", "event_kind"} <= set(data.variables)
-    np.testing.assert_array_equal(data["mu"], block_solution()["mu"])
+    # The stick begins at t = 1, where the run has two columns: the data set has the second one.
+    np.testing.assert_array_equal(data["mu"], block_solution()["mu"][[0, 1, 2, 3, 5, 6, 7]])
     assert data.attrs["parameter rho"] == 3.0 and data.attrs["tolerance rtol"] == 1e-9
     assert data["event_time"].item() == 1.0 and data["event_kind"].item() == "stick"
+
+
+def bouncing():
+    """A ball dropped from 1/2 at gravity 1 onto a floor with e = 1/2: at t = 1 it turns from -1 to 1/2."""
+    wall = Unilateral(y, restitution=sp.Rational(1, 2), name="R")
+    system = System({y: v, v: -1 + wall.reaction}, outputs={"energy": y + v**2 / 2})
+    return solve(system, (0, 1.5), [0.5, 0], dense_output=True)
+
+
+def test_the_dataset_can_be_interpolated_and_has_both_sides_of_a_jump():
+    pytest.importorskip("xarray")
+    data = bouncing().to_dataset()
+    assert float(data["v"].sel(time=1.0, method="nearest")) == pytest.approx(0.5)
+    assert data.interp(time=[0.25, 0.5]).sizes["time"] == 2
+    for side, speed in (("states_before", -1), ("states_after", 0.5)):
+        assert float(data[side].sel(state_name="v").item()) == pytest.approx(speed)
+
+
+def test_a_table_has_a_row_an_instant_and_a_sample_as_many_as_are_asked_for():
+    pytest.importorskip("pandas")
+    run = bouncing()
+    table, sample = run.to_dataframe(), run.sample(7)
+    assert table.index.is_unique and {"y", "v", "R", "status_R", "energy"} == set(table.columns)
+    # Every 1/4; at the impact the side after it, then y = (t - 1)/2 - (t - 1)^2/2.
+    assert list(sample.index) == [0, 0.25, 0.5, 0.75, 1, 1.25, 1.5]
+    np.testing.assert_allclose(sample["y"], [0.5, 0.46875, 0.375, 0.21875, 0, 0.09375, 0.125], atol=1e-12)
+    np.testing.assert_allclose(sample["v"], [0, -0.25, -0.5, -0.75, 0.5, 0.25, 0], atol=1e-12)
+    with pytest.raises(ValueError, match="`n` is 1; give an integer >= 2"):
+        run.sample(1)
+    with pytest.raises(ValueError, match="dense_output=True"):
+        solve(run.system, (0, 1), [0.5, 0]).sample(3)
+
+
+def test_a_phase_portrait_has_the_colours_of_the_switch_that_changes():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from pwsmooth import plotting
+
+    run = solve(System({y: v, v: -y - sp.sign(v)}), (0, 20), [3.5, 0], dense_output=True)
+    (ax,) = run.plot(phase=("y", v))
+    colours = [line.get_color() for line in ax.lines]
+    # From 3.5 to the left as far as -1.5, to the right as far as -0.5, where it sticks.
+    assert colours == [plotting.COLOUR[k] for k in ("left", "right", "stick")]
+    for wrong, said in ((("y",), "give two names"), ("yv", "give two names")):
+        with pytest.raises(ValueError, match=said):
+            run.plot(phase=wrong)
+    with pytest.raises(ValueError, match="give one of the two"):
+        run.plot(["y"], phase=("y", "v"))
 
 
 def test_the_plot_is_smooth_with_dense_output_and_shades_the_stick():

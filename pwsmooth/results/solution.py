@@ -22,6 +22,7 @@ from . import outputs as family_outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 MANY = 64  # multipliers, whose itinerary nobody reads
@@ -338,31 +339,81 @@ class Solution:
     # ---- other forms -------------------------------------------------------------------------------
 
     def to_dataset(self) -> xarray.Dataset:
-        """The solution as a labelled data set.
+        """The solution as a labelled data set, whose times are unique: `interp` and `sel(method="nearest")` take it.
 
         Returns
         -------
         xarray.Dataset
-            Every state, multiplier, status and output over time, the events, and provenance as attributes.
+            Every state, multiplier, status and output over time, at an event those after it; the events with the states
+            before and after them, nan where `t_eval` left them out; provenance as attributes.
         """
         import xarray
 
-        data: dict[str, Any] = {name: ("time", row) for name, row in zip(self.states, self.x)}
-        data.update({name: ("time", row) for name, row in zip(self.multipliers, self.mult)})
-        data.update({f"status_{name}": ("time", row) for name, row in zip(self.multipliers, self.status)})
-        data.update({name: ("time", self[name]) for name in self.outputs})
+        last = np.append(self.t[1:] != self.t[:-1], True)
+        data: dict[str, Any] = {name: ("time", row[last]) for name, row in zip(self.states, self.x)}
+        data.update({name: ("time", row[last]) for name, row in zip(self.multipliers, self.mult)})
+        data.update({f"status_{name}": ("time", row[last]) for name, row in zip(self.multipliers, self.status)})
+        data.update({name: ("time", self[name][last]) for name in self.outputs})
         data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
         data["event_switch"] = ("event", np.array([e.switch for e in self.events], dtype=str))
+        at = np.array([e.time for e in self.events], dtype=float)
+        columns = {
+            "states_before": np.searchsorted(self.t, at),
+            "states_after": np.searchsorted(self.t, at, side="right") - 1,
+        }
+        for name, column in columns.items():
+            column = np.clip(column, 0, len(self.t) - 1)
+            data[name] = ("event", "state_name"), np.where(self.t[column] == at, self.x[:, column], np.nan).T
         attributes: dict[str, Any] = {f"parameter {k}": v for k, v in self.parameters.items()}
         attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
         attributes.update({f"cost {k}": v for k, v in self.cost.items()})
         attributes["outcome"] = self.message
         if self.noise is not None:
             attributes["noise"] = str(self.noise)
-        times = ("event", np.array([e.time for e in self.events], dtype=float))
-        return xarray.Dataset(data, coords={"time": self.t, "event_time": times}, attrs=attributes)
+        coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self.states)}
+        return xarray.Dataset(data, coords=coordinates, attrs=attributes)
 
-    def plot(self, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The solution as a table over time: what `to_dataset` has over time, a column each.
+
+        Returns
+        -------
+        pandas.DataFrame
+            With unique times as its index, at an event the values after it. `pandas.DataFrame(solution.events)` is a
+            table of the events.
+        """
+        data = self.to_dataset()
+        return data[
+            [name for name, column in data.data_vars.items() if column.dims == ("time",)]
+        ].to_dataframe()
+
+    def sample(self, n: int) -> pandas.DataFrame:
+        """States, multipliers and outputs at n instants evenly over the span.
+
+        Parameters
+        ----------
+        n : int
+            Number of instants, the ends among them.
+
+        Returns
+        -------
+        pandas.DataFrame
+            With the times as its index, at an event the values after it.
+
+        Raises
+        ------
+        ValueError
+            No dense output was kept.
+        """
+        import pandas
+
+        t = np.linspace(self.t[0], self.t[-1], checks.whole(n, "`n`", 2))
+        names = (*self.states, *self.multipliers, *self.outputs)
+        return pandas.DataFrame({name: self(t, name) for name in names}, index=pandas.Index(t, name="time"))
+
+    def plot(
+        self, names: Sequence[Any] | None = None, axes: Any = None, *, phase: Sequence[Any] | None = None
+    ) -> np.ndarray:
         """States (or `names`) against time, one Axes each, with the stuck or sliding segments shaded.
 
         Parameters
@@ -371,15 +422,28 @@ class Solution:
             States, multipliers or outputs.
         axes : sequence of Axes, optional
             Where to draw, one for each name; a new figure by default.
+        phase : (str or Symbol, str or Symbol), optional
+            Two states, multipliers or outputs to draw against each other instead, in the colours of the first switch.
 
         Returns
         -------
         ndarray of Axes
-            One for each name.
+            One for each name, or one.
+
+        Raises
+        ------
+        ValueError
+            `names` and `phase` together.
         """
         from .. import plotting
 
-        return plotting.plot_solution(self, names, axes)
+        if phase is None:
+            return plotting.plot_solution(self, names, axes)
+        if names is not None:
+            raise ValueError(
+                "`names` are drawn against time and `phase` against each other; give one of the two."
+            )
+        return plotting.plot_phase(self, phase, axes)
 
     # ---- repr --------------------------------------------------------------------------------------
 
