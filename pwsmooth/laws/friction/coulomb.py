@@ -10,7 +10,7 @@ import sympy as sp
 
 from ..contract import Law, Pieces, law, parameter
 from ..inclusions import clip
-from .stribeck import _Static, stribeck
+from .stribeck import StribeckLaw, stribeck
 
 
 @law
@@ -37,7 +37,7 @@ class Coulomb(Law):
 
 
 @law
-class StaticKinetic(_Static):
+class StaticKinetic(StribeckLaw):
     """Two levels: sticking up to F_s, slip at F_c; what exceeds F_c is a hidden term.
 
         f = F_c lam (1 + rho (1 - lam^2)) + sigma2 v,    max over lam of f = F_s at v = 0
@@ -90,7 +90,7 @@ class StaticKinetic(_Static):
 
 
 @law
-class StribeckFriction(_Static):
+class StribeckFriction(StribeckLaw):
     """Stribeck friction, f = g(v) Sgn(v) + sigma2 v: the limit of LuGre and XKY for stiff bristles.
 
     Examples

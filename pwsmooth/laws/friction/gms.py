@@ -11,11 +11,11 @@ import sympy as sp
 
 from ...definition.primitives import Event
 from ..contract import Pieces, law, parameter
-from .stribeck import _Static, stribeck
+from .stribeck import StribeckLaw, stribeck
 
 
 @law
-class GMS(_Static):
+class GMS(StribeckLaw):
     """Generalised Maxwell-slip: elements that stick or slip, with a Stribeck curve and lag in slip.
 
     The defaults are the reference set of the multistate law (chosen), with C = F_c/tau_d.

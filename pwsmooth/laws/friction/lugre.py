@@ -12,11 +12,11 @@ import math
 import sympy as sp
 
 from ..contract import Pieces, law, parameter
-from .stribeck import _Static, stribeck
+from .stribeck import StribeckLaw, stribeck
 
 
 @law
-class LuGre(_Static):
+class LuGre(StribeckLaw):
     """LuGre's law with constant bristle damping.
 
     The defaults are the standard example's (for 1 kg).

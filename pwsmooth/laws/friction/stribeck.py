@@ -10,7 +10,7 @@ def stribeck(v, p):
     return p.F_c + (p.F_s - p.F_c) * sp.exp(-((v / p.v_s) ** 2))
 
 
-class _Static(Law):
+class StribeckLaw(Law):
     """A law with static friction F_s, no smaller than the kinetic one; steady on the Stribeck curve."""
 
     F_c: float

@@ -12,11 +12,11 @@ import sympy as sp
 
 from ..contract import Pieces, law, parameter
 from ..inclusions import clip, sat_of_sgn
-from .stribeck import _Static, stribeck
+from .stribeck import StribeckLaw, stribeck
 
 
 @law
-class XKY(_Static):
+class XKY(StribeckLaw):
     """Xiong, Kikuuwe and Yamamoto's continuous law with one state.
 
     The defaults are LuGre's standard ones.
@@ -55,7 +55,7 @@ class XKY(_Static):
 
 
 @law
-class MultistateXKY(_Static):
+class MultistateXKY(StribeckLaw):
     """Xiong, Kikuuwe and Yamamoto's law with parallel elements and frictional lag.
 
     Equations (4.13a-c) of Xiong's thesis; equations and defaults are reconstructed.
