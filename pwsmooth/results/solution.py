@@ -379,8 +379,7 @@ class Solution:
         Returns
         -------
         pandas.DataFrame
-            With unique times as its index, at an event the values after it. `pandas.DataFrame(solution.events)` is a
-            table of the events.
+            With unique times as its index, at an event the values after it. The list `events` makes a table of its own.
         """
         data = self.to_dataset()
         return data[
