@@ -153,7 +153,7 @@ def sweep(
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
     """
-    from ..codegen.machine.compiling import cores
+    from ..codegen.machine.workers import cores
     from ..definition import checks
     from ..results.records import Outcome
     from .dataset import make_dataset

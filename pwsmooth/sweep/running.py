@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..codegen.machine.compiling import cores
+from ..codegen.machine.workers import cores
 from ..paths.budget import Stop
 from .axes import Axes
 from .chunk import run_chunk

@@ -16,8 +16,8 @@ from pkgutil import iter_modules
 import llvmlite.binding as llvm
 
 from .cache import kernels, load_kernels
-from .compiling import announced, compile_beside, cores
 from .objects import link, machine_mark
+from .workers import announced, compile_beside, cores
 
 # Name in state.Problem -> (kernel module, function). The largest come first: parts are compiled beside each other.
 UNITS = {

@@ -1,4 +1,4 @@
-"""The first compilation of the core: on all processors, with a word on what takes so long."""
+"""The first compilation of the core: by workers on all cores, with a word on what takes so long."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def announced(parts: int) -> Iterator[None]:
 
 
 def compile_beside(names: list[str], kept: Callable[[str], bool]) -> None:
-    """Compiles these units into the cache, in a process for each core; what fails or is not kept is left to the caller.
+    """Compiles these units into the cache, by a worker on each core; what fails or is not kept is left to the caller.
 
     `python -c` and no pool of processes: that would run the user's script again in each of them.
     """
@@ -51,7 +51,7 @@ def compile_beside(names: list[str], kept: Callable[[str], bool]) -> None:
     turn = threading.Lock()
 
     def feed(worker) -> None:
-        with contextlib.suppress(OSError):  # a worker that has ended
+        with contextlib.suppress(OSError), worker:  # it may have ended
             while True:
                 with turn:
                     name = next(waiting, None)
@@ -60,26 +60,21 @@ def compile_beside(names: list[str], kept: Callable[[str], bool]) -> None:
                 print(name, file=worker.stdin, flush=True)
                 if not worker.stdout.readline() or not kept(name):
                     break  # it failed, or no folder takes what it made
-            worker.stdin.close()
 
-    workers: list[subprocess.Popen] = []
+    workers, threads = [], []
     environment = os.environ | {"PYTHONPATH": paths, _QUIET: "1"}
     try:
         with contextlib.suppress(OSError):  # fewer workers, or none
-            while len(workers) < min(len(names), cores()):
-                workers.append(
-                    subprocess.Popen(
-                        [sys.executable, "-c", _WORKER], text=True, env=environment,
-                        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                    )
+            for _ in range(min(len(names), cores())):
+                worker = subprocess.Popen(
+                    [sys.executable, "-c", _WORKER], text=True, env=environment,
+                    stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 )  # fmt: skip
-        threads = [threading.Thread(target=feed, args=[worker], daemon=True) for worker in workers]
-        for thread in threads:
-            thread.start()
+                workers.append(worker)
+                threads.append(threading.Thread(target=feed, args=[worker], daemon=True))
+                threads[-1].start()
         for thread in threads:
             thread.join()
     finally:
-        for worker in workers:
+        for worker in workers:  # by Ctrl-C: their threads end with them
             worker.kill()
-            worker.stdout.close()
-            worker.wait()
