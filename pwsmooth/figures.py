@@ -234,8 +234,6 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from .codegen.machine.cache import kernels
-
     modules = discover(names)
     out = Path(out)
     try:
@@ -246,8 +244,6 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
         raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
     # Off a terminal the table keeps its columns instead of folding them to 80 characters.
     console = Console() if sys.stdout.isatty() else Console(width=160)
-    if kernels().empty():
-        console.print("First run: the numerical core is compiled once, for minutes; later runs reuse it.")
     entries: dict[str, dict[str, Any]] = {}
     failures: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

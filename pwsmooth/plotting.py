@@ -334,21 +334,15 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     2
     """
     wanted = list(names) if names is not None else list(sol.states)
-    if axes is None:
-        from matplotlib import pyplot
-
-        with style():
-            size = (7.0, 0.6 + 1.5 * len(wanted))
-            _, axes = pyplot.subplots(len(wanted), 1, sharex=True, figsize=size, layout="constrained")
-    panels = np.atleast_1d(np.asarray(axes, dtype=object))
-    if len(panels) != len(wanted):
-        raise ValueError(f"`axes` holds {len(panels)} Axes for {len(wanted)} names; give one for each.")
+    panels = _panels(
+        axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
+    )
     solved = [s for s in sol.segments if any(v == 0 for v in s.status)]
-    t = _times(sol)
-    for ax, name in zip(panels, wanted):
+    t, curves = _curves(sol, wanted)
+    for ax, name, curve in zip(panels, wanted, curves):
         for segment in solved:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
-        ax.plot(t, sol[name] if t is sol.t else sol(t, name), color=COLOUR["exact"])
+        ax.plot(t, curve, color=COLOUR["exact"])
         ax.set_ylabel(str(name))
         ax.margins(x=0)
     panels[-1].set_xlabel(str(sol.model.time))
@@ -390,16 +384,8 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     pair = [str(name) for name in names] if not isinstance(names, str) else [names]
     if len(pair) != 2:
         raise ValueError(f"`phase` is {names!r}; give two names, the horizontal one first.")
-    if axes is None:
-        from matplotlib import pyplot
-
-        with style():
-            _, axes = pyplot.subplots(figsize=(4.5, 3.6), layout="constrained")
-    panels = np.atleast_1d(np.asarray(axes, dtype=object))
-    if len(panels) != 1:
-        raise ValueError(f"`axes` holds {len(panels)} Axes for one phase portrait; give one.")
-    t = _times(sol)
-    curves = [sol[name] if t is sol.t else sol(t, name) for name in pair]
+    panels = _panels(axes, 1, (4.5, 3.6), "one phase portrait; give one")
+    t, curves = _curves(sol, pair)
     changing = [status for status in sol.status if np.ptp(status)]
     if changing:
         by_phase(panels[0], np.sign(changing[0][np.searchsorted(sol.t, t, side="right") - 1]), *curves)
@@ -409,12 +395,26 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     return panels
 
 
-def _times(sol: _Run, each: int = 16) -> np.ndarray:
-    """`each` points a step where there is dense output, else the solution's own times; jumps keep both their sides."""
+def _panels(axes: Any, count: int, size: tuple[float, float], purpose: str) -> np.ndarray:
+    """So many Axes, one below the other in a new figure of this size where none are given."""
+    if axes is None:
+        from matplotlib import pyplot
+
+        with style():
+            _, axes = pyplot.subplots(count, 1, sharex=True, figsize=size, layout="constrained")
+    panels = np.atleast_1d(np.asarray(axes, dtype=object))
+    if len(panels) != count:
+        raise ValueError(f"`axes` holds {len(panels)} Axes for {purpose}.")
+    return panels
+
+
+def _curves(sol: _Run, names: Sequence[Any], each: int = 16) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
     if sol.dense is None or len(sol.t) < 2:
-        return sol.t
+        return sol.t, [sol[name] for name in names]
     starts, ends = sol.t[:-1], sol.t[1:]
     longer = ends > starts
     starts, ends = starts[longer], ends[longer]
     # A step's last point belongs to the step: exactly at its end the next one begins.
-    return np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
+    times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
+    return times, [sol(times, name) for name in names]

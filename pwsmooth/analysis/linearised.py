@@ -19,7 +19,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.model import Model
 from ..definition.regularity import total_derivative
-from ..results.solution import vectorised
+from ..results.outputs import vectorised
 
 __all__ = ["Blocks", "Linearised", "linearise"]
 

@@ -24,7 +24,8 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..results.solution import EventRecord, Solution, vectorised
+from ..results.outputs import vectorised
+from ..results.solution import EventRecord, Solution
 from .linearised import Blocks, Linearised
 
 __all__ = ["Saltation", "saltations", "tangent_projector"]

@@ -13,8 +13,8 @@ import sympy as sp
 from ..definition.model import EventSpec, Model
 from ..definition.singular import remedy
 from ..kernels import state as names
+from ..results.outputs import vectorised
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord
-from ..results.solution import vectorised
 
 _STOPPED = 1e-7  # of an argument's size: a run into a singular point stops that near
 

@@ -1,21 +1,49 @@
-"""Outputs of a model with families: the template's expressions over arrays of elements, not n written-out ones.
+"""Values of expressions along a run: numpy functions, with families over arrays of elements, not n written-out ones.
 
     y_i = e(x, z_i, z_(i+1), kappa_i, S, ...),   S = sum over the elements
 
-Chain: template.py, Solution -> family_outputs (here).
+Chain: Model, template.py -> outputs (here) -> Solution.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model
+from ..definition.lambdified import numpy_function
+from ..definition.model import Model, Select
 from ..definition.template import Families, named
+
+
+def vectorised(model: Model, expression: sp.Basic) -> Any:
+    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
+    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
+    return _function(arguments, expression, tuple((m.symbol, m.surface) for m in model.multipliers))
+
+
+@functools.lru_cache(maxsize=256)
+def _function(
+    arguments: tuple[sp.Symbol, ...], expression: sp.Basic, surfaces: tuple[tuple[sp.Symbol, Any], ...] = ()
+) -> Any:
+    """A numpy function of the symbols; a Select picks its branch where its multiplier is exactly +-1."""
+    surface = dict(surfaces)
+
+    def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
+        return sp.Piecewise(
+            (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
+        )
+
+    while expression.has(Select):
+        # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
+        expression = expression.replace(
+            lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
+            lambda e: piecewise(*e.args),
+        )
+    return numpy_function(arguments, expression, cse=True)
 
 
 @functools.lru_cache(maxsize=64)
@@ -29,16 +57,15 @@ def names(families: Families) -> dict[str, tuple[int, int | None]]:
     return places
 
 
-def evaluate(
+def of_family(
     model: Model,
     name: str,
-    function: Callable[[tuple[sp.Symbol, ...], sp.Expr], Callable[..., Any]],
     t: np.ndarray,
     x: np.ndarray,
     mult: np.ndarray,
     p: Sequence[float],
 ) -> np.ndarray:
-    """Values of an output, shape (nt,); `function(symbols, expression)` makes a numpy function."""
+    """Values of an output of a model with families, shape (nt,)."""
     families = model.families
     assert families is not None
     template = families.template
@@ -81,7 +108,7 @@ def evaluate(
 
     def value(e: sp.Expr) -> Any:
         symbols = tuple(sorted(e.free_symbols, key=str))
-        return function(symbols, e)(*map(symbol, symbols))
+        return _function(symbols, e)(*map(symbol, symbols))
 
     result = value(template.model.outputs[block][1])
     if k is None:

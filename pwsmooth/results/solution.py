@@ -15,10 +15,9 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..definition.lambdified import numpy_function
-from ..definition.model import Model, Select
+from ..definition.model import Model
 from ..definition.views import substitutes
-from . import outputs as family_outputs
+from . import outputs
 from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
 
 if TYPE_CHECKING:
@@ -28,33 +27,6 @@ if TYPE_CHECKING:
 MANY = 64  # multipliers, whose itinerary nobody reads
 
 __all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"]
-
-
-def vectorised(model: Model, expression: sp.Basic) -> Any:
-    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
-    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
-    return _function(arguments, expression, tuple((m.symbol, m.surface) for m in model.multipliers))
-
-
-@functools.lru_cache(maxsize=256)
-def _function(
-    arguments: tuple[sp.Symbol, ...], expression: sp.Basic, surfaces: tuple[tuple[sp.Symbol, Any], ...] = ()
-) -> Any:
-    """A numpy function of the symbols; a Select picks its branch where its multiplier is exactly +-1."""
-    surface = dict(surfaces)
-
-    def piecewise(lam: sp.Expr, a: sp.Expr, b: sp.Expr) -> sp.Expr:
-        return sp.Piecewise(
-            (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
-        )
-
-    while expression.has(Select):
-        # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
-        expression = expression.replace(
-            lambda e: isinstance(e, Select) and not any(a.has(Select) for a in e.args),
-            lambda e: piecewise(*e.args),
-        )
-    return numpy_function(arguments, expression, cse=True)
 
 
 def _rows(values: Any, dtype: Any, nt: int) -> np.ndarray:
@@ -195,9 +167,9 @@ class Solution:
     def _expressions(self) -> Mapping[str, Any]:
         """Name -> expression; with a template, its place among the template's."""
         if self.model.families is not None:
-            return family_outputs.names(self.model.families)
-        outputs = {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
-        return substitutes(self.system) | outputs
+            return outputs.names(self.model.families)
+        own = {str(name): sp.sympify(expression, strict=True) for name, expression in self.model.outputs}
+        return substitutes(self.system) | own
 
     def _lookup(self, name: Any, t: np.ndarray, x: np.ndarray, mult: np.ndarray) -> np.ndarray:
         name = str(name)
@@ -207,8 +179,8 @@ class Solution:
             values = [self.parameters[str(p)] for p in self.model.parameters]
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 if self.model.families is not None:
-                    return family_outputs.evaluate(self.model, name, _function, t, x, mult, values)
-                result = vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
+                    return outputs.of_family(self.model, name, t, x, mult, values)
+                result = outputs.vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]

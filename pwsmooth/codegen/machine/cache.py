@@ -109,10 +109,6 @@ class Folder:
             for _, old in sorted(found, reverse=True)[KEPT:]:
                 shutil.rmtree(old, ignore_errors=True)
 
-    def empty(self) -> bool:
-        """Whether nothing was compiled yet."""
-        return not any(place.is_dir() and any(place.iterdir()) for place in self.places)
-
 
 @cache
 def _warn_once(refused: tuple[str, ...]) -> None:

@@ -179,6 +179,7 @@ def _apart_from_single_impacts(P, S, W, size):
     scale, apart = 0.0, 0.0
     for a in range(size):
         scale = max(scale, abs(contacts.speed[a]))
+        contacts.together[a] = contacts.speed[a]
         for b in range(size):
             contacts.together[a] += contacts.delassus[a, b] * contacts.impulse[b]
     for i in range(P.n):
@@ -214,7 +215,7 @@ def _collide(P, S, R, W, size):
     if size > 1:
         _find_couplings(P, S, W, size)
     for a in range(size if size > 1 else 0):
-        contacts.load[a] = contacts.together[a] = contacts.speed[a]
+        contacts.load[a] = contacts.speed[a]
         if contacts.speed[a] < -contacts.at_rest[a]:
             contacts.load[a] -= _rebound(P, S, W, contacts.touching[a])
             together = together or _coupled(W.contacts, a, size)
