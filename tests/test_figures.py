@@ -164,20 +164,6 @@ def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
     assert next(c for text, c in verdicts.items() if text.startswith("peak lies at"))["verdict"] == "reproduced"
 
 
-def test_a_first_run_says_that_it_compiles(only, tmp_path, capsys, monkeypatch):
-    from pwsmooth.codegen.machine import cache
-
-    only(a_figure())
-    monkeypatch.setattr(cache, "roots", lambda: [tmp_path / "compiled"])
-    compiled = cache.Folder("kernels", "key")
-    monkeypatch.setattr(cache, "kernels", lambda: compiled)
-    figures.make(out=tmp_path)
-    assert "compiled once" in capsys.readouterr().out
-    compiled.write("core.o", b"")
-    figures.make(out=tmp_path)
-    assert "compiled once" not in capsys.readouterr().out
-
-
 def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path):
     """Every claim that differs is one that is known to; the reasons stand in the figures."""
     assert figures.make(out=tmp_path, fast=True)
