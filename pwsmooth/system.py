@@ -29,6 +29,7 @@ from .definition.describe import html, text
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
+from .definition.notation import rate_of, solved_for_rates, time_of, without_impulses
 from .definition.reading import read
 from .definition.regularity import Surface
 from .definition.sigmoids import sigmoid as sigmoid_of
@@ -83,9 +84,10 @@ class System:
     ----------
     rates : mapping of state to Expr
         dx/dt of every state, in the order of the states, in any consistent set of units. Here and everywhere else a
-        name may be given as a Symbol or a str.
+        name may be given as a Symbol, a str or, as `sympy.physics.mechanics` does, a function of time y(t). A term
+        c*DiracDelta(t - t0) is a jump by c at t0.
     time : Symbol, optional
-        Needed if time stands in an expression.
+        Needed if time stands in an expression and the states are no functions of it.
     parameters : mapping of Symbol to float, in the units of the model
         A value for every symbol that is nothing else.
     outputs : mapping of str to Expr, optional
@@ -96,6 +98,10 @@ class System:
         Those whose reaction stands in the rates are found without being listed.
     algebraic : sequence of Algebraic
         Unknowns that are solved inside the right-hand side.
+    mass_matrix : Matrix, shape (k, k), optional
+        M in M(t, x) dx/dt = F(t, x), for states that `rates` does not give; solved at every evaluation of the rates.
+    forcing : mapping of state to Expr, optional
+        F, with the states in the order of the rows and columns of M.
     convention : {"hidden", "filippov"}
         "hidden" keeps terms that are nonlinear in a multiplier as they are written; "filippov" replaces
         them by the convex combination of the fields on both sides.
@@ -139,7 +145,7 @@ class System:
 
     def __init__(
         self,
-        rates,
+        rates=(),
         *,
         time=None,
         parameters=None,
@@ -147,6 +153,8 @@ class System:
         events=(),
         contacts=(),
         algebraic=(),
+        mass_matrix=None,
+        forcing=None,
         convention="hidden",
     ):
         convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
@@ -156,7 +164,13 @@ class System:
             checks.mapping({} if value is None else value, f"`{name}`")
             for name, value in (("outputs", outputs), ("parameters", parameters))
         )
-        self._arguments = checks.pairs(rates, "`rates`"), time, parameters, outputs, *lists.values()
+        rates = checks.pairs(rates, "`rates`", least=0 if forcing else 1)
+        time = time_of(time, rates, checks.pairs(forcing, "`forcing`") if forcing else (), outputs.items())
+        rates = tuple((rate_of(x), e) for x, e in rates)
+        rates, lists["algebraic"] = solved_for_rates(rates, lists["algebraic"], mass_matrix, forcing)
+        rates, impulses = without_impulses(rates, time)
+        lists["events"] += impulses
+        self._arguments = rates, time, parameters, outputs, *lists.values()
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (one_element.py): n would take time ~ n and more.

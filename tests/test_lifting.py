@@ -226,9 +226,9 @@ def test_a_switch_on_a_memory_is_refused():
         lift(Switch("lam", Memory("m", 1)) * v)
 
 
-def test_steps_that_are_no_switches_are_refused():
-    with pytest.raises(ValueError, match="floor cannot be lifted"):
-        lift(sp.floor(x))
+def test_an_impulse_inside_of_an_expression_is_refused():
+    with pytest.raises(ValueError, match="DiracDelta cannot be lifted"):
+        lift(sp.DiracDelta(x))
 
 
 def test_two_switches_of_one_name_are_refused():

@@ -113,14 +113,29 @@ def expression(value, what, names=None):
             f"{what} is {shown(value)}, no expression; give a sympy expression or a number (conditions "
             "belong into Piecewise or `when`)."
         )
-    undefined = e.atoms(AppliedUndef, sp.Derivative)
-    if undefined:
-        first = sorted(map(str, undefined))[0]
-        raise ValueError(f"{what} contains {first}; states are plain Symbols here, write y and not y(t).")
+    e = plain_states(e, what)
     huge = any(abs(n.p) > _HUGE * n.q for n in e.atoms(sp.Rational))
     if huge or e.has(sp.nan, sp.zoo, sp.oo, -sp.oo, sp.I):
         raise ValueError(f"{what} is {shown(e)}, which is not a finite real expression.")
     return e
+
+
+def plain_states(e, what):
+    """An expression or condition with the symbol y for every state that it writes as a function y(t) of time."""
+    functions = e.atoms(AppliedUndef)
+    for f in sorted((*e.atoms(sp.Derivative), *functions), key=str):
+        if isinstance(f, sp.Derivative):
+            raise ValueError(f"{what} contains {f}; write the state or the expression that this rate is.")
+        if len(f.args) != 1 or type(f.args[0]) is not sp.Symbol:
+            raise ValueError(f"{what} contains {f}; a state is y or y(t), at the present time.")
+    return e.xreplace({f: named(f) for f in functions})
+
+
+def named(key):
+    """What names a state or a parameter: of a function y(t) its Symbol y, anything else as it is."""
+    if isinstance(key, AppliedUndef) and len(key.args) == 1:
+        return sp.Symbol(key.func.__name__, real=True)
+    return key
 
 
 def period(value, parameters, what="`period`"):
@@ -226,6 +241,7 @@ def values_fit(field, parameters):
 
 def lookup(key, symbols, what, owner):
     """The one of `symbols` that a Symbol or name stands for."""
+    key = named(key)
     if not isinstance(key, (str, sp.Symbol)):
         raise TypeError(f"{what} names {shown(key)}; give a Symbol or its name.")
     name = str(getattr(key, "name", key))
@@ -263,16 +279,16 @@ def mapping(value, what, contents="names to values"):
 def values(value, what):
     """A mapping of Symbols or names to numbers, as name -> float."""
     given = mapping(value, what, "Symbols or names to numbers")
-    return {str(key): number(entry, f"{what}, value of {key}") for key, entry in given.items()}
+    return {str(named(key)): number(entry, f"{what}, value of {key}") for key, entry in given.items()}
 
 
-def pairs(value, what):
-    """A mapping, or pairs of what stands for one, as a tuple of pairs, of which there is at least one."""
+def pairs(value, what, least=1):
+    """A mapping, or pairs of what stands for one, as a tuple of pairs, of which there are at least so many."""
     found = tuple(value.items() if isinstance(value, Mapping) else several(value, what))
     for item in found:
         if not isinstance(item, (tuple, list)) or len(item) != 2:
             raise TypeError(f"{what} contains {shown(item)}; give a dict of states to rates, or pairs of them.")
-    if not found:
+    if len(found) < least:
         raise ValueError(f"{what} is empty; give the rate of at least one state.")
     return tuple(map(tuple, found))
 
@@ -419,6 +435,7 @@ def initial_state(x0, states, initial_memory, gone):
         given = {}
         by_name = {s.name: s for s in (*memories, *states)}
         for key, value in x0.items():
+            key = named(key)
             name = key.name if isinstance(key, sp.Symbol) else str(key)
             if name in gone:
                 raise ValueError(

@@ -94,6 +94,53 @@ class Family:
         names = checks.name(names, "`names`")
         return tuple(Member(name, self, **assumptions) for name in names.replace(",", " ").split())
 
+    def at(self, member, place):
+        """The symbol of one element, or of several: to start it, to look at it, to couple it with what is no element.
+
+        Parameters
+        ----------
+        member : Member
+            A symbol of this family, or a memory.
+        place : int or slice
+            1, ..., n, as in the names of the symbols; -1, ..., -n from the end. A slice counts so too, both ends
+            included.
+
+        Returns
+        -------
+        Symbol, or tuple of Symbol
+            As they stand in `System.states`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            A symbol of another family; a place that the family does not have.
+
+        Examples
+        --------
+        The last of four masses pulls at a weight:
+
+        >>> import sympy as sp
+        >>> from pwsmooth import Family
+        >>> chain = Family(4)
+        >>> (x,) = chain.symbols("x")
+        >>> chain.at(x, -1), chain.at(x, slice(2, 3))
+        (x_4, (x_2, x_3))
+        """
+        if not isinstance(member, (Member, MemberMemory)) or member.family != self:
+            raise TypeError(f"`member` is {checks.shown(member)}; give a symbol of this family.")
+        if isinstance(place, slice):
+            first = 1 if place.start is None else self._place(place.start)
+            last = self.n if place.stop is None else self._place(place.stop)
+            step = 1 if place.step is None else checks.whole(place.step, "the step of `place`", 1)
+            return tuple(member.of_element(k - 1) for k in range(first, last + 1, step))
+        return member.of_element(self._place(place) - 1)
+
+    def _place(self, place):
+        place = checks.whole(place, "`place`", -self.n, self.n)
+        if place == 0:
+            raise ValueError(f"`place` is 0; give 1 to {self.n}, or -1 to {-self.n} from the end.")
+        return place if place > 0 else self.n + 1 + place
+
     @checks.door(name=checks.name)
     def memory(self, name, initial=0.0):
         """A Memory of the element.
@@ -408,6 +455,7 @@ def spread(values, groups, what):
     """A mapping by name with the entries of members written out: a scalar for all, or one value each."""
     result = {}
     for key, value in values.items():
+        key = checks.named(key)
         names = groups.get(key if isinstance(key, str) else getattr(key, "name", None))
         if names is None:
             result[key] = value

@@ -40,4 +40,7 @@ def _printer() -> Any:
         def _print_Float(self, e: sp.Float) -> str:
             return repr(float(e))
 
+        def _print_Whole(self, e: sp.Expr) -> str:
+            return self._print(sp.floor(e.args[0] + sp.S.Half))
+
     return Printer

@@ -3,6 +3,7 @@
     sign h                    ->  lambda
     Abs(a), Max(a, b), ...    ->  Select(lambda, a, -a), Select(lambda, a, b), ...
     Piecewise((a, x > y), (b, True))  ->  Select(lambda, a, b),  lambda the switch of x - y
+    floor u                   ->  Select(lambda, even, odd),  lambda the switch of sin(pi u), which tells their parity
 
 Surfaces equal up to a constant factor are one switch. A product surface, sign(x*y), is taken factor by factor:
 its zero set has a corner that no single multiplier describes. An inner switch inside an outer surface is a
@@ -13,10 +14,12 @@ Chain: primitives.py -> lifting (here) -> lowering.py -> system.py.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import sympy as sp
 from sympy.core.relational import Relational
 
-from .model import Select, core
+from .model import Select, Whole, core
 from .pointwise import draw, fingerprint, value
 from .primitives import Memory, Reaction, Switch
 
@@ -31,7 +34,13 @@ _QUOTIENTS = {
     sp.sech: lambda u: 1 / sp.cosh(u),
     sp.csch: lambda u: 1 / sp.sinh(u),
 }
-_UNSUPPORTED = (sp.floor, sp.ceiling, sp.frac, sp.Mod, sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
+_BY_FLOOR: dict[type, Callable[..., sp.Expr]] = {
+    sp.floor: lambda floor, u: floor(u),
+    sp.ceiling: lambda floor, u: -floor(-u),
+    sp.frac: lambda floor, u: u - floor(u),
+    sp.Mod: lambda floor, u, period: u - period * floor(u / period),
+}
+_UNSUPPORTED = (sp.DiracDelta, sp.re, sp.im, sp.conjugate, sp.arg)
 
 
 class Lifting:
@@ -97,6 +106,8 @@ class Lifting:
             return self._lift(_QUOTIENTS[e.func](*args), sides)
         if isinstance(e, sp.atan2):
             return self._angle(args[0], args[1], sides)
+        if e.func in _BY_FLOOR and any(self._moves(a) for a in args):
+            return _BY_FLOOR[e.func](lambda u: self._floor(u, sides), *args)
         if isinstance(e, _UNSUPPORTED) and any(self._moves(a) for a in args):
             raise ValueError(
                 f"{e} stands in the system, but {e.func.__name__} cannot be lifted. Declare symbols "
@@ -232,6 +243,14 @@ class Lifting:
             lambda sides: sp.pi * self._sign(y, sides) - 2 * sp.atan(y / (r - x)),
             sides,
         )
+
+    def _floor(self, u, sides):
+        """floor u, from the parity of the integer below: a rounding of u beside an integer changes nothing."""
+        wave = sp.sin(sp.pi * u)
+        if not self._may_register and self._find(wave) is None:
+            return sp.floor(u)
+        even, odd = (2 * Whole((u - parity - sp.S.Half) / 2) + parity for parity in (0, 1))
+        return self._choose(wave, _const(even), _const(odd), sides)
 
     def _inside_kinks(self, func, args):
         """A root or logarithm of Max(0, d) is taken of the active branch: its series at 0 does not exist."""

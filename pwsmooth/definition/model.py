@@ -90,6 +90,22 @@ class Above(sp.Function):
     nargs = 2
 
 
+class Whole(sp.Function):
+    """The integer nearest to u, where motions come no nearer to the middle between two: its series ends at order 0."""
+
+    nargs = 1
+
+    @classmethod
+    def eval(cls, u):
+        return sp.floor(u + sp.S.Half) if u.is_number else None
+
+    def fdiff(self, argindex=1):
+        return sp.S.Zero
+
+    def _eval_is_integer(self):
+        return True
+
+
 @dataclass(frozen=True)
 class Multiplier:
     """One unknown of the right-hand side that is fixed or solved; see the table above."""

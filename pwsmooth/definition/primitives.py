@@ -232,7 +232,7 @@ class Algebraic:
     residual: sp.Expr
 
     def __init__(self, unknown, residual):
-        residual = checks.expression(residual, "`residual` of an Algebraic")
+        residual, unknown = checks.expression(residual, "`residual` of an Algebraic"), checks.named(unknown)
         if isinstance(unknown, str):
             named = [s for s in residual.free_symbols if s.name == unknown]
             unknown = named[0] if len(named) == 1 else sp.Symbol(unknown, real=True)
@@ -346,7 +346,7 @@ class Event:
                 f"`update` of an Event is {checks.shown(update)}; give a dict of state or memory to value."
             )
         update = tuple(
-            (key, checks.expression(value, f"`update` of an Event, value of {key}"))
+            (checks.named(key), checks.expression(value, f"`update` of an Event, value of {key}"))
             for key, value in (update or {}).items()
         )
         when = sp.true if when is True else sp.false if when is False else when
@@ -354,6 +354,7 @@ class Event:
             raise TypeError(
                 f"`when` of an Event is {checks.shown(when)}; give a condition, as sp.Eq(flag, 0) or v > 0."
             )
+        when = checks.plain_states(when, "`when` of an Event")
         terminal = checks.flag(terminal, "`terminal` of an Event")
         name = None if name is None else _name(name, "Event")
         values = (surface, every, at or (), direction, update, when, terminal, name)

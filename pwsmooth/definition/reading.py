@@ -126,6 +126,7 @@ class _Names:
 
     def __call__(self, key, what):
         """The symbol that a Symbol or a string names."""
+        key = checks.named(key)
         if isinstance(key, str):
             return self.by_name.get(key) or self.add(sp.Symbol(key, real=True))
         if isinstance(key, sp.Symbol):

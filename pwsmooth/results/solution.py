@@ -193,6 +193,7 @@ class Solution:
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """A state, multiplier or output by name (or Symbol), at the solution's times; "t" gives the times."""
+        name = checks.named(name)
         if str(name) == "t" or str(name) == str(self.model.time):
             return self.t
         return self._lookup(name, self.t, self.x, self.mult)

@@ -76,6 +76,11 @@ class Degrees:
 
     def __init__(self, graph: Graph, rates: list[int], general: bool, never_affine=frozenset()):
         self.graph, self.rates, self.general = graph, rates, general
+        # The slope of such a state cannot be written before its value: it contains a floor of it.
+        stairs = {
+            i for i, r in enumerate(rates) if any(graph.nodes[a].data == "floor" for a in graph.reach([r]))
+        }
+        never_affine = never_affine | stairs
         # (degree with fixed multipliers, multipliers it moves with): optimistic, raised until consistent.
         self.states = [(CONSTANT, 0)] * len(rates)
         while True:
@@ -111,6 +116,8 @@ class Degrees:
             if kind == "mult":
                 return CONSTANT, 1 << index if self.general else 0
             return (AFFINE if kind == "t" else CONSTANT), 0
+        if op == "fun" and data == "floor":
+            return CONSTANT, 0  # of what moves only `Whole` has come so far
         if op == "sel":
             used = args if self.general else args[:2]
             pairs = [self.pair(a) for a in used]

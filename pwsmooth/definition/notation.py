@@ -1,0 +1,143 @@
+"""Notation that means other notation: mass matrices, impulses, states written as functions of time.
+
+    M(t, x) du/dt = F(t, x)      ->  an algebraic unknown for every rate that its row does not give
+    DiracDelta(t - t0) on a rate ->  a jump of that state at t0
+    y(t), Derivative(y(t), t)    ->  the state y, and as a key its rate
+
+Chain: primitives.py -> **notation** -> reading.py.
+"""
+
+from __future__ import annotations
+
+import sympy as sp
+from sympy.core.function import AppliedUndef
+
+from . import checks
+from .primitives import Algebraic, Event
+
+
+def time_of(time, *mappings):
+    """`time`, or the one symbol of which the states are functions where they are written as y(t)."""
+    written = [e for pairs in mappings for pair in pairs for e in pair if isinstance(e, sp.Basic)]
+    functions = sorted({f for e in written for f in e.atoms(AppliedUndef)}, key=str)
+    clocks = {f.args[0] for f in functions if isinstance(f.args[0], sp.Symbol)}
+    if time is None and len(clocks) == 1 and clocks.isdisjoint(x for pairs in mappings for x, _ in pairs):
+        return clocks.pop()
+    if other := [f for f in functions if str(f.args[0]) != str(time)]:
+        raise ValueError(
+            f"the system contains {other[0]}; what is written as a function is a state at the present time, as y(t) "
+            "with time=t."
+        )
+    return time
+
+
+def rate_of(key):
+    """The state whose rate a key of `rates` names: y, y(t) or Derivative(y(t), t)."""
+    if isinstance(key, sp.Derivative) and key.derivative_count == 1:
+        key = key.expr
+    return checks.named(key)
+
+
+# ---- mass matrices
+
+
+def solved_for_rates(rates, algebraic, mass_matrix, forcing):
+    """(rates, algebraic) with the equations M dx/dt = F: an unknown for each rate that stands in several rows.
+
+    A row with one entry gives its rate at once, such as dq/dt = u in the full matrix of a mechanism.
+    """
+    if mass_matrix is None and forcing is None:
+        return rates, algebraic
+    if mass_matrix is None or forcing is None:
+        raise ValueError("`mass_matrix` and `forcing` belong together: M(t, x) dx/dt = F(t, x); give both.")
+    force = {
+        rate_of(x): checks.expression(e, f"`forcing` of {x}") for x, e in checks.pairs(forcing, "`forcing`")
+    }
+    states, forces = list(force), list(force.values())
+    n = len(states)
+    try:
+        M = sp.ImmutableMatrix(mass_matrix)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"`mass_matrix` is {checks.shown(mass_matrix)}; give a matrix of expressions."
+        ) from None
+    if M.shape != (n, n):
+        raise ValueError(
+            f"`mass_matrix` has the shape {M.shape}, and `forcing` {n} states; give one row and one column for each."
+        )
+    M = M.applyfunc(lambda e: checks.expression(e, "`mass_matrix`"))
+    known = {states[i]: forces[i] / M[i, i] for i in range(n) if _alone(M, i)}
+    unknown = {
+        x: sp.Symbol(f"d{x.name}/dt", real=True)
+        if isinstance(x, sp.Symbol)
+        else sp.Symbol(f"d{x}/dt", real=True)
+        for x in states
+        if x not in known
+    }
+    found = known | unknown
+    residuals = [
+        Algebraic(unknown[x], sp.Add(*(M[i, j] * found[y] for j, y in enumerate(states))) - forces[i])
+        for i, x in enumerate(states)
+        if x in unknown
+    ]
+    return (*rates, *found.items()), (*residuals, *algebraic)
+
+
+def _alone(M, i):
+    """Whether row i gives the rate of its own state; a row of zeros, or one without it, is an error."""
+    entries = [j for j in range(M.cols) if M[i, j] != 0]
+    if i not in entries:
+        raise ValueError(
+            f"row {i + 1} of `mass_matrix` has no entry in its own column; order the rows of `mass_matrix` and "
+            "`forcing` as the states, so that each has its own rate."
+        )
+    return entries == [i]
+
+
+# ---- impulses
+
+
+def without_impulses(rates, time):
+    """(rates, events): every c*DiracDelta(a*t + b) on a rate as a jump by c/|a| at t = -b/a."""
+    jumps: dict[sp.Expr, dict] = {}
+    smooth = []
+    for x, e in rates:
+        for delta in sorted(e.atoms(sp.DiracDelta), key=str) if isinstance(e, sp.Expr) else ():
+            instant, slope = _instant(delta, time)
+            impulse = sp.Dummy(real=True)
+            e = e.xreplace({delta: impulse})
+            strength, e = e.diff(impulse), e.xreplace({impulse: sp.S.Zero})
+            if impulse in strength.free_symbols:
+                raise ValueError(
+                    f"the rate of {x} is not linear in {delta}; an impulse stands as a term c*{delta}."
+                )
+            jump = (strength / sp.Abs(slope)).xreplace({time: instant})
+            at = jumps.setdefault(instant, {})
+            at[x] = at.get(x, 0) + jump
+        smooth.append((x, e))
+    for instant, at in jumps.items():
+        for x, jump in at.items():
+            if moved := [y for y in at if y in jump.free_symbols]:
+                raise ValueError(
+                    f"the impulse on {x} at t = {instant} is multiplied by {checks.listing(moved)}, which jumps then: "
+                    "the product has no value. Give an Event with the values after the impulse."
+                )
+    events = tuple(
+        Event(at=instant, update={x: x + jump for x, jump in at.items()}, name=f"impulse at {instant}")
+        for instant, at in jumps.items()
+    )
+    return tuple(smooth), events
+
+
+def _instant(delta, time):
+    """(t0, a) of DiracDelta(a*(t - t0))."""
+    argument, *order = delta.args
+    slope = argument.diff(time) if time is not None else sp.S.Zero
+    inside = slope.free_symbols | (argument - slope * (time or 0)).expand().free_symbols
+    if slope == 0 or time in inside or any(order):
+        raise ValueError(
+            f"{delta} stands in a rate; an impulse is DiracDelta(t - t0), with time and numbers or parameters in it. "
+            "What the state decides is an Event(surface, update=...) or a Unilateral; impulses again and again are an "
+            "Event(every=...)."
+        )
+    return (time - argument / slope).expand(), slope
