@@ -20,6 +20,7 @@ _HOME = {
     "Unilateral": "definition.primitives",
     "Algebraic": "definition.primitives",
     "Family": "definition.family",
+    "Drive": "definition.drives",
     "Kicks": "noise.kicks",
     "Diffusion": "noise.diffusion",
     "ensemble": "sweep.ensemble",

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from .definition import checks
+from .definition.drives import Drive
 from .laws import Law
-from .scenes import Table, prescribed_motion
+from .scenes import prescribed_motion
 
 __all__ = ["Fit", "compare", "fit"]
 
@@ -156,10 +157,11 @@ def fit(
     >>> import numpy as np
     >>> from pwsmooth.fit import fit
     >>> from pwsmooth.laws.friction import Dahl
-    >>> from pwsmooth.scenes import Table, prescribed_motion
+    >>> from pwsmooth import Drive
+    >>> from pwsmooth.scenes import prescribed_motion
     >>> times = np.linspace(0, 3, 61)
     >>> x = 3e-5 * np.sin(4 * times)
-    >>> data = prescribed_motion(Dahl(F_c=1.2, sigma0=8e4), position=Table(times, x)).solve(t_eval=times)["force"]
+    >>> data = prescribed_motion(Dahl(F_c=1.2, sigma0=8e4), position=Drive(times, x)).solve(t_eval=times)["force"]
     >>> found = fit(Dahl(), times, x, data)
     >>> round(found.values["F_c"], 6), round(found.values["sigma0"], 2)
     (1.2, 80000.0)
@@ -171,7 +173,7 @@ def fit(
             f"`t`, `motion` and `force` have the shapes {t.shape}, {motion.shape}, {force.shape}; give one "
             "sequence of the same length each."
         )
-    scene = prescribed_motion(law, **{kind: Table(t, motion)})
+    scene = prescribed_motion(law, **{kind: Drive(t, motion)})
     forward = _Forward(law, scene, _free(law, free), t, settle, rtol)
     data = force[forward.used]
     if len(data) <= len(forward.names):

@@ -117,7 +117,7 @@ def solve(
         system = kicks.system if kicks else system
     model = system.model
     t0, t1 = checks.span(t_span)
-    start = system.initial_state(x0)
+    start = system.initial_state(x0, t0)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers

@@ -26,6 +26,7 @@ import sympy as sp
 
 from .definition import checks, one_element
 from .definition.describe import html, text
+from .definition.drives import drive
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
@@ -102,6 +103,8 @@ class System:
         M in M(t, x) dx/dt = F(t, x), for states that `rates` does not give; solved at every evaluation of the rates.
     forcing : mapping of state to Expr, optional
         F, with the states in the order of the rows and columns of M.
+    drives : mapping of symbol to Drive, or to (times, values), optional
+        Sampled inputs, which stand in the expressions as symbols; pairs of arrays are a cubic spline.
     convention : {"hidden", "filippov"}
         "hidden" keeps terms that are nonlinear in a multiplier as they are written; "filippov" replaces
         them by the convex combination of the fields on both sides.
@@ -155,6 +158,7 @@ class System:
         algebraic=(),
         mass_matrix=None,
         forcing=None,
+        drives=None,
         convention="hidden",
     ):
         convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
@@ -170,7 +174,9 @@ class System:
         rates, lists["algebraic"] = solved_for_rates(rates, lists["algebraic"], mass_matrix, forcing)
         rates, impulses = without_impulses(rates, time)
         lists["events"] += impulses
-        self._arguments = rates, time, parameters, outputs, *lists.values()
+        drives = checks.mapping({} if drives is None else drives, "`drives`", "symbols to (times, values)")
+        drives = tuple((key, drive(record, f"`drives` of {key}")) for key, record in drives.items())
+        self._arguments = rates, time, parameters, outputs, *lists.values(), drives
         self._convention = convention
         self._view: View | None = None
         # Families are lowered as one element where that can be (one_element.py): n would take time ~ n and more.
@@ -232,13 +238,15 @@ class System:
             terms += [HiddenTerm(x.name, lam, hidden_part(e, lam)) for x, e in inside if surface.nonlinear(e)]
         return tuple(terms)
 
-    def initial_state(self, x0):
+    def initial_state(self, x0, t0=None):
         """The initial state as a list of floats; memories not named start at their initial value.
 
         Parameters
         ----------
         x0 : mapping of state to float, or sequence of float, length n
             In the units of the states.
+        t0 : float, in the unit of the model's time, optional
+            Start of the run: where drives are in their records; by default at their beginning.
 
         Returns
         -------
@@ -252,12 +260,18 @@ class System:
         """
         if "start" not in self._cache:
             memory = {plain(m): m.initial for m in (self._element or self.definition).memories}
+            cells = [
+                (index, table) for e in self.model.events for table in e.tables[:1] for index, _ in e.update
+            ]
             gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
-            self._cache["start"] = self.states[: len(self.states) - len(memory)], memory, gone
-        states, memory, gone = self._cache["start"]
+            self._cache["start"] = self.states[: len(self.states) - len(memory)], memory, gone, cells
+        states, memory, gone, cells = self._cache["start"]
         if not isinstance(x0, (tuple, list)) and isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
-        return checks.initial_state(x0, states, memory, gone)
+        start = checks.initial_state(x0, states, memory, gone)
+        for index, table in cells if t0 is not None else ():
+            start[index] = table.cell(t0)
+        return start
 
     def with_parameters(self, parameters):
         """The same view with other values of some parameters; nothing is derived or compiled anew.

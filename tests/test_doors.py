@@ -13,6 +13,7 @@ import sympy as sp
 import pwsmooth
 from pwsmooth import (
     Diffusion,
+    Drive,
     Event,
     Family,
     System,
@@ -24,7 +25,7 @@ from pwsmooth import (
     sweep,
 )
 from pwsmooth.laws.friction import Coulomb, Dahl
-from pwsmooth.scenes import Scene, Table, block_on_belt, force_driven, prescribed_motion
+from pwsmooth.scenes import Scene, block_on_belt, force_driven, prescribed_motion
 from pwsmooth.sweep import Period, Points
 
 t, x, v, k = sp.symbols("t x v k", real=True)
@@ -71,7 +72,7 @@ REFUSED = {
     "last of Points": ("last", lambda: Points("x", last=-1)),
     "law of a scene": ("law", lambda: force_driven("Coulomb", 1)),
     "start of a Scene": ("start", lambda: Scene("s", BLOCK, 5, (0, 1))),
-    "times of a Table": ("times", lambda: Table("abc", [1, 2, 3, 4])),
+    "times of a Drive": ("times", lambda: Drive("abc", [1, 2, 3, 4])),
     "a name where times stand": ("t", lambda: solve(BLOCK, (0, 1), START, dense_output=True)("x")),
     "a name that is none": ("name", lambda: solve(BLOCK, (0, 1), START, dense_output=True)(0.5, "mu")),
 }  # fmt: skip

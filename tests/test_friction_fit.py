@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from pwsmooth import Drive
 from pwsmooth.fit import compare, fit
 from pwsmooth.laws import friction
-from pwsmooth.scenes import Table, force_driven, prescribed_motion, t
+from pwsmooth.scenes import force_driven, prescribed_motion, t
 
 TIMES = np.linspace(0, 3, 241)
 # Presliding and sliding through the Stribeck range (1 mm/s), with reversals.
@@ -19,7 +20,7 @@ NOISE = 0.01
 
 @pytest.fixture(scope="module")
 def data():
-    clean = prescribed_motion(TRUE, position=Table(TIMES, MOTION)).solve(t_eval=TIMES)["force"]
+    clean = prescribed_motion(TRUE, position=Drive(TIMES, MOTION)).solve(t_eval=TIMES)["force"]
     return clean + NOISE * np.random.default_rng(3).normal(size=TIMES.size)
 
 
@@ -80,7 +81,7 @@ def test_a_parameter_that_the_data_does_not_see_has_no_finite_error():
 def test_elements_are_fitted_one_by_one():
     x = 0.5 * np.sin(4 * TIMES) * (1 - TIMES / 6)
     law = friction.MaxwellSlip(kappa=(3.0, 1.0), strength=(0.3, 0.4))
-    force = prescribed_motion(law, position=Table(TIMES, x)).solve(t_eval=TIMES)["force"]
+    force = prescribed_motion(law, position=Drive(TIMES, x)).solve(t_eval=TIMES)["force"]
     found = fit(friction.MaxwellSlip(kappa=(2.5, 1.2), strength=(0.25, 0.5)), TIMES, x, force)
     assert list(found.values) == ["kappa_1", "kappa_2", "strength_1", "strength_2"]
     assert list(found.values.values()) == pytest.approx([3.0, 1.0, 0.3, 0.4], rel=1e-5)
@@ -97,10 +98,10 @@ def test_bad_data_is_named():
         fit(law, TIMES, MOTION, MOTION, kind="speed")
     with pytest.raises(ValueError, match="`force` is nan at index 0"):
         fit(law, TIMES, MOTION, np.full(TIMES.size, np.nan))
-    with pytest.raises(ValueError, match="`times` of a Table must increase; 0.5 follows 1"):
-        Table([0, 1, 0.5, 2], [0, 0, 0, 0])
-    with pytest.raises(ValueError, match="covers .*begin with it"):
-        prescribed_motion(law, position=Table(TIMES, MOTION), t_span=(0, 4))
+    with pytest.raises(ValueError, match="`times` of a Drive must increase; 0.5 follows 1"):
+        Drive([0, 1, 0.5, 2], [0, 0, 0, 0])
+    with pytest.raises(ValueError, match="covers .*stay inside of it"):
+        prescribed_motion(law, position=Drive(TIMES, MOTION), t_span=(0, 4))
 
 
 # ---- measured drives
@@ -109,7 +110,7 @@ def test_bad_data_is_named():
 def test_a_table_is_followed_as_its_spline():
     times = np.concatenate([np.linspace(0, 1, 30), np.linspace(1.01, 2, 60)])
     values = 3e-5 * np.sin(5 * times)
-    scene = prescribed_motion(friction.Dahl(), position=Table(times, values))
+    scene = prescribed_motion(friction.Dahl(), position=Drive(times, values))
     run = scene.solve(dense_output=True)
     spline = np.abs(run(times, "position") - values).max()
     assert spline < 1e-9 * 3e-5
@@ -123,5 +124,5 @@ def test_a_table_is_followed_as_its_spline():
 
 def test_a_force_may_be_a_table_too():
     times = np.linspace(0, 4, 81)
-    run = force_driven(friction.Coulomb(F_c=1e-9), Table(times, np.cos(times)), m=2.0).solve(t_eval=[4.0])
+    run = force_driven(friction.Coulomb(F_c=1e-9), Drive(times, np.cos(times)), m=2.0).solve(t_eval=[4.0])
     assert run["v"][0] == pytest.approx(math.sin(4) / 2, abs=1e-5)

@@ -35,11 +35,12 @@ for name, unit in Dahl.units().items():
 # never turned.
 from scipy.optimize import brentq
 
-from pwsmooth.scenes import Table, block_on_belt, falling_ball, prescribed_motion
+from pwsmooth import Drive
+from pwsmooth.scenes import block_on_belt, falling_ball, prescribed_motion
 
 turns = np.array([0, 1, 0.2, 0.7, -1, 1])
 times = np.concatenate([[0], np.cumsum(np.abs(np.diff(turns)))])
-path = Table(times, turns)  # a spline through the samples
+path = Drive(times, turns)  # a spline through the samples
 laws = {
     "Dahl": dahl,
     "LuGre": LuGre(

@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from ..definition.model import Model
+from ..definition.model import Model, tables_of
 from .machine import cache
 
 _compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
@@ -53,6 +53,7 @@ class Compiled:
         self._families = model.families
         self._key = cache.fingerprint(model.families.template if model.families else model)
         self._sizes = model.families.sizes if model.families else ()
+        self._tables = tuple(tables_of(model))
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
@@ -61,7 +62,7 @@ class Compiled:
             return None
         from .machine import native
 
-        code = native.load(texts[name], self._sizes)
+        code = native.load(texts[name], self._sizes, self._tables)
         self._modules.append(code)
         return code
 

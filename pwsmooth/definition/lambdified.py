@@ -12,6 +12,8 @@ from typing import Any
 
 import sympy as sp
 
+from .model import Table
+
 
 def numpy_function(arguments: sp.Symbol | Sequence[sp.Symbol], expression: Any, *, cse: bool = False) -> Any:
     """A function of numbers or arrays for an expression or a Tuple of them; `cse` shares common subexpressions.
@@ -21,7 +23,12 @@ def numpy_function(arguments: sp.Symbol | Sequence[sp.Symbol], expression: Any, 
     >>> numpy_function(x, x * (1 / 3))(1.0) == 1 / 3
     True
     """
-    return sp.lambdify(arguments, expression, modules=["scipy", "numpy"], printer=_printer()(), cse=cse)
+    tables = {_in_code(table): table.rows for table in sp.sympify(expression).atoms(Table)}
+    return sp.lambdify(arguments, expression, modules=[tables, "scipy", "numpy"], printer=_printer()(), cse=cse)
+
+
+def _in_code(table: Table) -> str:
+    return "table_" + table.name.encode().hex()
 
 
 @functools.cache
@@ -39,6 +46,10 @@ def _printer() -> Any:
 
         def _print_Float(self, e: sp.Float) -> str:
             return repr(float(e))
+
+        def _print_Entry(self, e: sp.Expr) -> str:
+            table, row, column = e.args
+            return f"{_in_code(table)}[numpy.asarray({self._print(row)}, int), {column}]"
 
         def _print_Whole(self, e: sp.Expr) -> str:
             return self._print(sp.floor(e.args[0] + sp.S.Half))

@@ -48,9 +48,10 @@ class Lifting:
 
     `dynamic` symbols make a surface move: time, states, unknowns and reactions. Memories and parameters do not, so that
     conditions on them stay `Piecewise`. `user_switches` come first: their names win over those of lifted functions.
+    `stand_ins` says what stands for symbols that are expressions, as those of drives.
     """
 
-    def __init__(self, dynamic, user_switches=()):
+    def __init__(self, dynamic, user_switches=(), stand_ins=None):
         self.dynamic = frozenset(dynamic)
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
@@ -58,7 +59,7 @@ class Lifting:
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
         self._by_fingerprint: dict[tuple, list[tuple[float, sp.Symbol]]] = {}
-        self._symbols: dict[sp.Symbol, sp.Expr] = {}  # a user's symbol -> what stands for it
+        self._symbols: dict[sp.Symbol, sp.Expr] = dict(stand_ins or {})  # a user's symbol -> what stands for it
         self._memo: dict[tuple, sp.Basic] = {}
         self._may_register = True
         for switch in user_switches:

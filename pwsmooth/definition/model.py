@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, cast
 
+import numpy as np
 import sympy as sp
 
 
@@ -106,6 +107,61 @@ class Whole(sp.Function):
         return True
 
 
+class Table(sp.AtomicExpr):
+    """The pieces of a sampled drive up to time `end`: in each row t_k, c_d, ..., c_0 (drives.py).
+
+    Generated code reads it in memory, and its text knows its name alone, so that one text serves every record.
+    """
+
+    def __new__(cls, name, rows, end):
+        self = super().__new__(cls)
+        self.name, self.rows, self.end = name, np.ascontiguousarray(rows), end
+        return self
+
+    def __getnewargs__(self):
+        return self.name, self.rows, self.end
+
+    def __getstate__(self):
+        return None
+
+    def _hashable_content(self):
+        return self.name, self.rows.tobytes(), self.end
+
+    def _sympystr(self, printer):
+        return f"Table({self.name!r})"
+
+    _sympyrepr = _sympystr
+
+    @property
+    def instants(self):
+        """Times at which a cell ends and the next one begins, shape (n - 2,)."""
+        return self.rows[1:, 0]
+
+    def cell(self, t):
+        """Number of the cell that a run is in from time t on."""
+        return float(np.searchsorted(self.instants, t, side="right"))
+
+    def check(self, t0, t1):
+        """Refuses a span that goes beyond the record."""
+        if not self.rows[0, 0] <= t0 <= t1 <= self.end:
+            raise ValueError(
+                f"the run goes from {t0:g} to {t1:g}, but the record of the drive {self.name!r} from "
+                f"{self.rows[0, 0]:g} to {self.end:g}; stay inside of it, or lengthen the record."
+            )
+
+
+class Entry(sp.Function):
+    """Entry(table, row, column): a number of a table, constant along a smooth piece of the motion."""
+
+    nargs = 3
+
+    def fdiff(self, argindex=1):
+        return sp.S.Zero
+
+    def _eval_is_real(self):
+        return True
+
+
 @dataclass(frozen=True)
 class Multiplier:
     """One unknown of the right-hand side that is fixed or solved; see the table above."""
@@ -127,7 +183,7 @@ class Multiplier:
 
 @dataclass(frozen=True)
 class EventSpec:
-    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at`.
+    """A lowered Event: a zero of `surface`, or the instants `every`, 2*every, ... or `at` (of a drive, its table).
 
     With `singular` it is no event of the user's: `surface` is an argument at whose zero the function `name` has a
     "pole", the "end" of its domain or a "branch" point (singular.py).
@@ -142,6 +198,12 @@ class EventSpec:
     update: tuple[tuple[int, sp.Expr], ...] = ()  # (index of state, its new value from the values before)
     terminal: bool = False
     singular: str = ""
+    recorded: bool = True
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """Those of the drives whose samples are its instants."""
+        return tuple(at for at in self.at if isinstance(at, Table))
 
     def writes(self, states: Sequence[sp.Symbol]) -> list[tuple[int, sp.Expr, bool]]:
         """(index of state, expression, whether that is added): an update x + e adds e if e does not read x.
@@ -211,3 +273,8 @@ class Model:
     def __getstate__(self) -> dict[str, Any]:
         # Hashes differ from process to process.
         return {name: value for name, value in self.__dict__.items() if name != "_hash"}
+
+
+def tables_of(model: Model) -> list[Table]:
+    """The tables that code of the model reads, in the order of their numbers there."""
+    return [table for event in model.events for table in event.tables]

@@ -134,7 +134,7 @@ class Element:
                 raise ValueError(named(str(error), k)) from None
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic):
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled):
     """The `Element` of a system with families, or None where their elements have to be written out."""
     whole = [*rates, *outputs.items()]
     pieces = [e for pair in whole for e in pair if isinstance(e, sp.Basic)]
@@ -142,7 +142,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic):
         return None
     one = OneElement()
     try:
-        plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, one)
+        plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, one)
         template = _template(plain, one)
         families = Families(template, tuple(f.n for f in one.families))
         far = [abs(p.offset) >= families.sizes[p.family] for p in one.places.values()]

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import sympy as sp
 
-from .model import Select, Whole
+from .model import Entry, Select, Whole
 
 NAN = math.nan
 # A base that is negative by less than this lies on its surface up to rounding: delta**1.5 at delta = -1e-17.
@@ -58,6 +58,8 @@ def _value(e, point):
         if lam == -1:
             return _value(e.args[2], point)
         return ((1 + lam) * _value(e.args[1], point) + (1 - lam) * _value(e.args[2], point)) / 2
+    if isinstance(e, Entry):
+        return draw(sp.Symbol(str(e)), 0)
     if isinstance(e, Whole):
         return math.floor(_value(e.args[0], point) + 0.5)
     if isinstance(e, sp.Piecewise):

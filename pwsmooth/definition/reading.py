@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from . import checks
+from . import checks, drives
 from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
@@ -35,7 +35,7 @@ class Definition:
     field: Field
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic, families=None):
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled=(), families=None):
     """The `Definition` of the arguments of a System; `families` writes families out, or only their one element."""
     pairs = list(rates)
     written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
@@ -62,13 +62,32 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
     checks.states(states)
     time = _time(time, names, states)
     updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
-    memories = tuple(dict.fromkeys(s for s in (*symbols, *updated) if isinstance(s, Memory)))
+    pieces = drives.pieces([(names(u, "`drives`"), drive) for u, drive in sampled], time)
+    if unused := [u for u in pieces if u not in symbols]:
+        raise ValueError(
+            f"`drives` names {checks.listing(unused)}, which stands nowhere in this system; leave it out."
+        )
+    outputs = {u.name: u for u in pieces} | outputs
+    memories = tuple(
+        dict.fromkeys(
+            [
+                *(s for s in (*symbols, *updated) if isinstance(s, Memory)),
+                *(cell for _, cell, _ in pieces.values()),
+            ]
+        )
+    )
     unknowns = [names(a.unknown, "`algebraic`") for a in algebraic]
-    taken = {time: "time", **dict.fromkeys(states, "a state"), **dict.fromkeys(unknowns, "an unknown")}
+    taken = {
+        time: "time",
+        **dict.fromkeys(states, "a state"),
+        **dict.fromkeys(unknowns, "an unknown"),
+        **dict.fromkeys(pieces, "a drive"),
+    }
     values = _parameters(families.parameters(parameters), names, symbols, taken | meanings)
 
-    moving |= {time, *states, *unknowns, *map(plain, reactions)}
-    lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)])
+    moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces}
+    stand_ins = {u: value for u, (value, _, _) in pieces.items()}
+    lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)], stand_ins)
     # Rates first: their surfaces give the switches their order.
     lifted = {
         "rates": tuple(lift(e) for _, e in pairs),
@@ -76,7 +95,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, families
         "sums": tuple((s, lift(e)) for s, (_, e) in families.sums.items()),
     }
     gaps = [lift(R.gap) for R in reactions]
-    specs = _events(events, lift, [*states, *memories], [*states, *memories, *unknowns, time])
+    specs = _events(events, lift, [*states, *memories], [*states, *memories, *unknowns, *pieces, time])
+    specs += drives.sampling(pieces, [*states, *memories])
     field = Field(
         time=time,
         states=tuple(states),

@@ -48,6 +48,8 @@ SLIP, GENERAL, PAIR, ARC = range(4)
 DUE, ACTS, ACTED = 1, 2, 3
 # In `carried`: no surface; a singular argument, which fires nothing; an event; a switch kept as a memory of its side.
 TIMED, SILENT, PLAIN, ALWAYS = -1, 0, 1, 2
+# `terminal` of an event that no record tells of: a sample of a drive.
+UNRECORDED = 2
 # In `left`.
 OFF, THROUGH = 1, 2
 MOST_AT_ONCE = 60  # events without progress in time before the run says that they do not converge

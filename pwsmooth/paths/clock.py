@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model
+from ..definition.model import Model, Table
 from .budget import MOST_STEPS
 
 
@@ -22,7 +22,10 @@ def instants_of_time(
     if all(event.every is None and not event.at for event in model.events):
         return instants[0], owners[0]
     for i, event in enumerate(model.events):
-        when = np.array([float(at.subs(values)) for at in event.at])
+        when = np.array([float(at.subs(values)) for at in event.at if not isinstance(at, Table)])
+        for table in event.tables:
+            table.check(t0, t1)
+            when = table.instants
         if event.every is not None:
             every = float(event.every.subs(values))
             if not every > 0:

@@ -114,7 +114,9 @@ class CompiledProblem:
             twin = families.numbered("events", "multipliers", twin)
         return dict(
             direction=self._numbers("events", [e.direction for e in events]),
-            terminal=self._numbers("events", [int(e.terminal) for e in events]),
+            terminal=self._numbers(
+                "events", [int(e.terminal) if e.recorded else state.UNRECORDED for e in events]
+            ),
             watches=int(any(e.singular for e in events)),
             watch=self._numbers("events", [KINDS.index(e.singular) for e in events]),
             watch_state=watch_state,

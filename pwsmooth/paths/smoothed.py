@@ -113,6 +113,7 @@ def own(model, t_span, start, p, options, spending, words=None):
     events = [
         EventRecord(when, *(words(i, before) if words else of_event(model, i)))
         for when, i, before, _ in run.events
+        if model.events[i].recorded
     ]
     if outcome is Outcome.EVENTS_ACCUMULATE:
         events[-1] = EventRecord(events[-1].time, events[-1].switch, "accumulation")

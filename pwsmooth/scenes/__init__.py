@@ -6,12 +6,10 @@ from .prescribed import prescribed_motion
 from .scene import Scene, assemble
 from .slider_crank import IdealSliderCrank, slider_crank
 from .sliding import block_on_belt, force_driven, friction_oscillator, position_control
-from .table import Table
 
 __all__ = [
     "IdealSliderCrank",
     "Scene",
-    "Table",
     "assemble",
     "block_on_belt",
     "falling_ball",

@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.drives import Drive
 from ..definition.lambdified import numpy_function
 from ..laws import Law
 
@@ -36,6 +37,20 @@ def expression(value: Any, what: str) -> sp.Expr:
     """A drive as an expression of `scenes.t`; any symbol of that name means time."""
     e = checks.expression(value, f"`{what}`")
     return e.xreplace({s: t for s in e.free_symbols if s.name == "t"})
+
+
+def within(t_span: Any, *drives: Any) -> tuple[float, float]:
+    """The span of a run: as wanted, else that of the first record among its drives, else (0, 1)."""
+    records = [drive for drive in drives if isinstance(drive, Drive)]
+    if t_span is None:
+        return records[0].t_span if records else (0.0, 1.0)
+    start, end = checks.span(t_span)
+    for record in records:
+        if start < record.t_span[0] or end > record.t_span[1]:
+            raise ValueError(
+                f"`t_span` is {tuple(t_span)}, but a record of the drive covers {record.t_span}; stay inside of it."
+            )
+    return start, end
 
 
 def check_continuous(e: sp.Expr, what: str, t_span: Any, parameters: Mapping[Any, Any]) -> None:

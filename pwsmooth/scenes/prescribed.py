@@ -11,10 +11,10 @@ from typing import Any
 import sympy as sp
 
 from ..definition import checks
+from ..definition.drives import Drive
 from ..laws import Law
-from .drive import check_continuous, door, expression, t, value
+from .drive import check_continuous, door, expression, t, value, within
 from .scene import Scene, scene_of
-from .table import Table, within
 
 x, v, done = sp.symbols("x v work", real=True)
 
@@ -37,13 +37,13 @@ def prescribed_motion(
     ----------
     law : Law
         Of friction or contact.
-    position, velocity : Expr of t or Table
+    position, velocity : Expr of t or Drive
         One of them, in the units of the law; a position must not jump. Symbols other than t are parameters of
         the drive.
-    normal : Expr of t or Table, optional
+    normal : Expr of t or Drive, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
-        (0, 1), or the span of the table.
+        (0, 1), or that of the record.
     period : float, s, optional
         Period of the motion.
     parameters : mapping of (Symbol or str) to float, optional
@@ -74,53 +74,57 @@ def prescribed_motion(
     if (position is None) == (velocity is None):
         raise ValueError(
             f"{'neither `position` nor `velocity` is' if position is None else '`position` and `velocity` are both'} "
-            "given to prescribed_motion; give one of them, an expression of t or a Table."
+            "given to prescribed_motion; give one of them, an expression of t or a Drive."
         )
     values = dict(parameters or {})
-    tables = {"p": position, "w": velocity, "load": normal}
-    tables = {name: drive for name, drive in tables.items() if isinstance(drive, Table)}
-    t_span = within(t_span, tables.values())
-    extra = [table.pieces(name) for name, table in tables.items()]
+    t_span = within(t_span, position, velocity, normal)
     # The constant becomes a state of rate 0: an expression without states can be no surface.
     own: dict[Any, Any] = {}
     begins: dict[Any, float] = {}
-    place, speed, acceleration = _motion(position, velocity, t_span, values)
-    if t not in speed.free_symbols and not tables.keys() & {"p", "w"}:
+    place, speed, acceleration, drives = _motion(position, velocity, t_span, values)
+    if t not in speed.free_symbols and not drives:
         begins[v], own[v] = value(speed, values | {"t": t_span[0]}, "`velocity`"), sp.S.Zero
         speed, acceleration = v, sp.S.Zero
         values = {key: value for key, value in values.items() if key in map(str, place.free_symbols)}
     own[x] = speed
     begins[x] = 0.0 if position is None else _first(position, place, t_span, values)
     load = None if normal is None else sp.Symbol("load", real=True)
-    if normal is not None and "load" not in tables:
+    if isinstance(normal, Drive):
+        drives[load] = normal
+    elif normal is not None:
         load = expression(normal, "normal")
     pieces = law.attach(position=place, velocity=speed, acceleration=acceleration, normal=load, time=t)
     if work:
         own[done], begins[done] = pieces.force * speed, 0.0
+    if "acceleration" not in law.needs:
+        drives.pop(acceleration, None)
     shown = {"force": pieces.force, "position": place, "velocity": speed}
     seen = sorted({*shown, *pieces.outputs, *(("work",) if work else ())})
     return scene_of(
-        "prescribed motion", law, t_span, own, [pieces, *extra], seen, period=period, start=begins, parameters=values,
-        outputs=shown,
+        "prescribed motion", law, t_span, own, [pieces], seen, period=period, start=begins, parameters=values,
+        outputs=shown, drives=drives,
     )  # fmt: skip
 
 
 def _motion(position, velocity, t_span, values):
-    """(position, velocity, acceleration) as expressions."""
-    if isinstance(position, Table):
-        return (sp.Symbol("p", real=True), *position.derivatives("p"))
-    if isinstance(velocity, Table):
-        return x, sp.Symbol("w", real=True), velocity.derivatives("w")[0]
+    """(position, velocity, acceleration) as expressions, and the drives among them."""
+    if isinstance(position, Drive):
+        place, speed, acceleration = symbols = sp.symbols("p p_1 p_2", real=True)
+        rate = position.derivative()
+        return *symbols, {place: position, speed: rate, acceleration: rate.derivative()}
+    if isinstance(velocity, Drive):
+        speed, acceleration = symbols = sp.symbols("w w_1", real=True)
+        return x, *symbols, {speed: velocity, acceleration: velocity.derivative()}
     if position is not None:
         place = expression(position, "position")
         check_continuous(place, "position", t_span, values)
-        return place, place.diff(t), place.diff(t, 2)
+        return place, place.diff(t), place.diff(t, 2), {}
     speed = expression(velocity, "velocity")
-    return x, speed, speed.diff(t)
+    return x, speed, speed.diff(t), {}
 
 
 def _first(position, place, t_span, values):
     """The position at the start."""
-    if isinstance(position, Table):
-        return float(position.values[0])
+    if isinstance(position, Drive):
+        return position.at(t_span[0])
     return value(place, values | {"t": t_span[0]}, "`position`")

@@ -145,6 +145,7 @@ def assemble(
     events: Iterable[Any] = (),
     contacts: Iterable[Any] = (),
     algebraic: Iterable[Any] = (),
+    drives: Mapping[Any, Any] | None = None,
     begin: float = 0.0,
 ) -> tuple[System, dict[str, float], dict[str, float]]:
     """A System of a mechanism's own equations and the pieces of its laws.
@@ -166,6 +167,8 @@ def assemble(
         The mechanism's.
     events, contacts, algebraic : iterable
         The mechanism's own Event, Unilateral and Algebraic.
+    drives : mapping of symbol to Drive, optional
+        Sampled inputs.
     begin : float, s
         Time of the start.
 
@@ -211,7 +214,7 @@ def assemble(
         first.update(piece.start)
         for name, items in parts.items():
             items += getattr(piece, name)
-    system = System(rates, time=time, parameters=values, outputs=shown, **parts)
+    system = System(rates, time=time, parameters=values, outputs=shown, drives=drives, **parts)
     groups = system.groups
     known = {p.name: v for p, v in system.parameters.items()} | ({} if time is None else {str(time): begin})
     for own in (start, first):  # the mechanism's own are numbers; a law's may be expressions of them

@@ -14,18 +14,18 @@ from typing import Any
 import sympy as sp
 
 from ..definition import checks
+from ..definition.drives import Drive
 from ..definition.primitives import Algebraic
 from ..laws import Law
-from .drive import door, expression, t
+from .drive import door, expression, t, within
 from .scene import Scene, scene_of
-from .table import Table, within
 
 x, v, e, y, i, a = sp.symbols("x v elongation y integral acceleration", real=True)
 mass, spring, damper = sp.symbols("mass spring damper", nonnegative=True)
 
 
 def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, parameters, period=None, outputs=None,
-           extra=()):  # fmt: skip
+           drives=None):  # fmt: skip
     """The scene of one body: `drive` is the force on it without friction."""
     checks.positive(parameters.get("mass", parameters.get(mass, 1.0)), "`mass`")
     load = None if normal is None else expression(normal, "normal")
@@ -35,8 +35,8 @@ def _scene(name, law, drive, rates, start, t_span, *, position=x, normal=None, p
     unknowns = [Algebraic(a, mass * a + pieces.force - drive)] if needs else []
     shown = {"friction": pieces.force, "drive": drive, **(outputs or {})}
     return scene_of(
-        name, law, t_span, rates, [pieces, *extra], (*map(str, rates), *shown, *pieces.outputs), period=period,
-        start=start, parameters=parameters, outputs=shown, algebraic=unknowns,
+        name, law, t_span, rates, [pieces], (*map(str, rates), *shown, *pieces.outputs), period=period,
+        start=start, parameters=parameters, outputs=shown, algebraic=unknowns, drives=drives,
     )  # fmt: skip
 
 
@@ -51,14 +51,14 @@ def force_driven(
     ----------
     law : Law
         Of friction.
-    force : Expr of t or Table
+    force : Expr of t or Drive
         u, N.
     m : float, kg
         Mass, > 0.
     normal : Expr of t, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
-        (0, 1), or the span of the table.
+        (0, 1), or that of the record.
     period : float, s, optional
         Period of the force.
     parameters : mapping of (Symbol or str) to float, optional
@@ -72,7 +72,7 @@ def force_driven(
     Raises
     ------
     ValueError, TypeError
-        A mass that is not positive; a force that is no expression; a span beyond the table.
+        A mass that is not positive; a force that is no expression; a span beyond the record.
 
     Notes
     -----
@@ -89,11 +89,14 @@ def force_driven(
     ['slip by tangency at 2.000000']
     """
     values = {mass: m, **(parameters or {})}
-    tables = [force] if isinstance(force, Table) else []
-    t_span = within(t_span, tables)
-    u = sp.Symbol("u", real=True) if tables else expression(force, "force")
+    t_span = within(t_span, force)
+    u, drives = sp.Symbol("u", real=True), {}
+    if isinstance(force, Drive):
+        drives = {u: force}
+    else:
+        u = expression(force, "force")
     return _scene("force-driven mass", law, u, {x: v}, {x: 0.0, v: 0.0}, t_span, normal=normal, period=period,
-                  parameters=values, extra=[table.pieces("u") for table in tables])  # fmt: skip
+                  parameters=values, drives=drives)  # fmt: skip
 
 
 @door("m", **dict.fromkeys(("k", "pull", "c"), checks.number))

@@ -140,13 +140,13 @@ def ensemble(
     """
     if parameters is not None:
         system = system.with_parameters(parameters)
+    t0, t1 = checks.span(t_span)
     if isinstance(x0, np.ndarray) and x0.ndim == 2:
         if len(x0) != count:
             raise ValueError(f"`x0` has {len(x0)} rows for {count} trajectories; give one row each.")
-        starts = np.array([system.initial_state(row) for row in x0], float)
+        starts = np.array([system.initial_state(row, t0) for row in x0], float)
     else:
-        starts = np.array([system.initial_state(x0)], float)
-    t0, t1 = checks.span(t_span)
+        starts = np.array([system.initial_state(x0, t0)], float)
     times = checks.wanted_times(t_eval, t0, t1)
     max_steps = checks.whole(max_steps, "`max_steps`", 1)
     run = DiffusionRun(system, noise) if isinstance(noise, Diffusion) else None

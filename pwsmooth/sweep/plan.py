@@ -178,7 +178,8 @@ def make_plan(
         start = dict(zip(system.states, system.initial_state(start), strict=True))
     given = {str(k): v for k, v in (start or {}).items()}
     swept = {name for name, kind in where.kinds.items() if kind == "state"}
-    initial = system.initial_state(given | {name: float(first[name][0]) for name in swept})
+    begin = checks.span(t_span)[0] if period is None and t_span is not None else 0.0
+    initial = system.initial_state(given | {name: float(first[name][0]) for name in swept}, begin)
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")

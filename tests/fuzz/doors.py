@@ -278,7 +278,7 @@ def subjects():
         "sgn_defect": dict(y=0.5, w=0.5, limit=1.0),
         "EventLog": None,
         "Scene": dict(name="s", system=system, start=start, t_span=(0, 1)),
-        "Table": dict(times=times, values=motion),
+        "Drive": dict(times=times, values=motion),
         "assemble": dict(
             rates={x: v, v: -x}, pieces=friction.Dahl().attach(velocity=v), start={x: 0.0, v: 1.0}
         ),
@@ -288,7 +288,6 @@ def subjects():
         "grazing_amplitude": dict(d=1.0, k=1.0, c=0.5, m=1.0, omega=0.8),
         "slider_crank": {},
         "clearance_joint": dict(e=(x, v), rate=(z, k), c=1e-3, R_B=0.01, R_J=0.009, normal=contact.Hertz()),
-        "within": dict(t_span=(0.0, 1.0), tables=[scenes.Table(times, motion)]),
         "sigmoid": dict(name="tanh"),
         "Sigmoid": None,
         "Function": dict(function=len, names="a"),
@@ -393,7 +392,6 @@ def subjects():
         "Scene.observe": (scene.observe, dict(solution=scene.solve())),
         "Law.attach": (friction.Coulomb().attach, word | dict(normal=1 + x**2, time=t, name="a")),
         "Law.steady_force": (friction.Coulomb().steady_force, dict(velocity=[1.0])),
-        "Table.pieces": (scenes.Table(times, motion).pieces, dict(name="a")),
         "Stroboscopic.__call__": (strobe, dict(x=start)),
         "Stroboscopic.iterate": (strobe.iterate, dict(x=start, count=2, discard=1)),
         "Stroboscopic.at_phase": (strobe.at_phase, dict(phase=0.1)),

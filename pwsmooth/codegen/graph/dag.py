@@ -12,7 +12,7 @@ from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import ITE, BooleanFalse, BooleanTrue
 
-from ...definition.model import Above, Model, Select, Whole
+from ...definition.model import Above, Entry, Model, Select, Whole, tables_of
 from .nodes import STATE, TIME, Nodes
 
 # Unary functions, by the name under which `math` has them.
@@ -121,6 +121,10 @@ class Graph(Nodes):
             return self._piecewise(e)
         if isinstance(e, Above):
             return self.make("pow", tuple(map(self.expression, e.args)), "above")
+        if isinstance(e, Entry):
+            table, row, column = e.args
+            place = self.sum(((table.rows.shape[1], self.expression(row)), (float(column), self.one)))
+            return self.make("entry", (place,), tables_of(self.model).index(table))
         if isinstance(e, Whole):
             return self.fun("floor", self.sum(((1.0, self.expression(e.args[0])), (0.5, self.one))))
         kind = type(e)

@@ -31,7 +31,8 @@ class Nodes:
 
     Operations: num (value), var (kind, index), sum (coefficients; the constant is a num node), mul, div,
     pow (None, or "above" where a negative base counts as 0),
-    fun (name), fun2 (name), sel (multiplier; arguments: branch at +1, branch at -1, affine form),
+    fun (name), fun2 (name), entry (number of a table; its argument is the place in it),
+    sel (multiplier; arguments: branch at +1, branch at -1, affine form),
     ite (condition, then, else), and the conditions rel (relation), and, or, not, true, false.
 
     Of a model with families the graph is that of its template, and `level` holds the family that a node belongs to, or

@@ -188,6 +188,8 @@ class ScalarCode:
                 # Half the cost of pow, and as exact.
                 return f"{names[0]} * " * int(exponent) + f"math.sqrt({names[0]})"
             return f"{names[0]} ** {names[1]}"
+        if op == "entry":
+            return f"table{data}[int({names[0]})]"
         if op in ("fun", "fun2"):
             if data in HELPERS:
                 self.helpers.add(data)

@@ -17,6 +17,7 @@ import ast
 
 from llvmlite import binding, ir
 
+from ...definition.model import Table
 from . import objects
 from .sums import BOOL, DOUBLE, INT, block_sum, combine
 
@@ -97,7 +98,9 @@ class Function:
         raise TypeError(f"{value.type} does not become {kind}")
 
     def element(self, node: ast.Subscript) -> ir.Value:
-        return self.builder.gep(self.pointers[node.value.id], [self.expression(node.slice)])
+        name = node.value.id
+        pointer = self.pointers[name] if name in self.pointers else self.builder.load(self.module.table(name))
+        return self.builder.gep(pointer, [self.expression(node.slice)])
 
     # ---- statements ----
 
@@ -275,6 +278,13 @@ class Module:
         for node in definitions:
             Function(self, node, self.functions[node.name])
 
+    def table(self, name: str) -> ir.GlobalVariable:
+        """The pointer to a drive's table, which is written into the loaded code."""
+        if name not in self.module.globals:
+            variable = ir.GlobalVariable(self.module, KINDS["P"], name)
+            variable.initializer = KINDS["P"](None)
+        return self.module.globals[name]
+
     def intrinsic(self, name: str, count: int) -> ir.Function:
         kind = ir.FunctionType(DOUBLE, [DOUBLE] * count)
         return self.module.declare_intrinsic(f"llvm.{name}", [DOUBLE], kind)
@@ -316,6 +326,6 @@ def build(text: str) -> bytes:
     return objects.emit(Module(text).module)
 
 
-def load(text: str, sizes: tuple[int, ...] = ()) -> objects.Code:
-    """Machine code of a generated text, with the numbers of elements of its families."""
-    return objects.load(text, build, sizes)
+def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:
+    """Machine code of a generated text, with the numbers of elements of its families and the tables of its drives."""
+    return objects.load(text, build, sizes, tables)

@@ -20,6 +20,7 @@ from weakref import WeakValueDictionary
 import llvmlite.binding as llvm
 from llvmlite import ir
 
+from ...definition.model import Table
 from .cache import models
 
 LIBM = (
@@ -112,7 +113,7 @@ def link(image: bytes) -> llvm.ExecutionEngine:
 class Code:
     """Loaded object code; it lives as long as this object."""
 
-    def __init__(self, text: str, image: bytes, sizes: tuple[int, ...] = ()):
+    def __init__(self, text: str, image: bytes, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()):
         head = ast.parse(text.partition("\ndef ")[0])  # constants stand before the functions
         self.constants = {
             node.targets[0].id: ast.literal_eval(node.value)
@@ -122,30 +123,34 @@ class Code:
         self._engine = link(image)
         for f, n in enumerate(sizes):
             ctypes.c_int64.from_address(self._engine.get_global_value_address(f"n{f}")).value = n
+        self._tables = tables
+        for i, table in enumerate(tables):
+            if place := self._engine.get_global_value_address(f"table{i}"):
+                ctypes.c_void_p.from_address(place).value = table.rows.ctypes.data
 
     def address(self, name: str) -> int:
         return self._engine.get_function_address(name)
 
 
 # Code that models share; it goes with the last of them.
-_loaded: WeakValueDictionary[tuple[str, tuple[int, ...]], Code] = WeakValueDictionary()
+_loaded: WeakValueDictionary[tuple[str, tuple[int, ...], tuple[Table, ...]], Code] = WeakValueDictionary()
 _lock = threading.Lock()
 
 
-def load(text: str, build, sizes: tuple[int, ...] = ()) -> Code:
+def load(text: str, build, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> Code:
     """Machine code of a generated source, from the cache where this machine made it before.
 
     `build(text)` gives its object code. `sizes` are the numbers of elements of its families: the loops' bounds, in
-    memory of this copy of the code.
+    memory of this copy of the code, as are the addresses of the `tables`.
     """
     name = hashlib.sha256(text.encode()).hexdigest()[:24]
     with _lock:
-        code = _loaded.get((name, sizes))
+        code = _loaded.get((name, sizes, tables))
         if code is None:
             stored = f"{name}.{machine_mark()}.o"
             image = models().read(stored)
             if image is None:
                 image = build(text)
                 models().write(stored, image)
-            code = _loaded[name, sizes] = Code(text, image, sizes)
+            code = _loaded[name, sizes, tables] = Code(text, image, sizes, tables)
         return code

@@ -18,6 +18,7 @@ import ast
 import llvmlite.binding as llvm
 from llvmlite import ir
 
+from ...definition.model import Table
 from . import native, objects
 from .sums import DOUBLE, LANE
 
@@ -263,6 +264,6 @@ def build(text: str) -> bytes:
     return objects.emit(Module(text).module)
 
 
-def load(text: str) -> objects.Code:
+def load(text: str, tables: tuple[Table, ...] = ()) -> objects.Code:
     """Machine code of a generated source with vectors, from the cache where this machine made it before."""
-    return objects.load(text, build)
+    return objects.load(text, build, tables=tables)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy as sp
 
-from ...definition.model import Model
+from ...definition.model import Model, tables_of
 from ..graph.scalar import write_update
 from ..machine import cache
 from .attempt import Attempt, possible
@@ -62,7 +62,7 @@ class CompiledStiff:
         if order not in self.codes:
             key = f"stiff{cache.fingerprint(self.model)}-radau{order}"
             texts = cache.cached_texts(key, lambda: {"radau": attempt_text(self.model, order)})
-            code = _machine_code(texts["radau"])
+            code = _machine_code(texts["radau"], self.model)
             self.codes[order] = code, code.address("radau")
         return self.codes[order][1]
 
@@ -92,13 +92,13 @@ def compile_stiff(model: Model) -> CompiledStiff:
             "Contacts and algebraic unknowns run on the event-driven path."
         )
     texts = cache.cached_texts(f"stiff{cache.fingerprint(model)}", lambda: {"stiff": stiff_text(model)})
-    return _load(model, _machine_code(texts["stiff"]))
+    return _load(model, _machine_code(texts["stiff"], model))
 
 
-def _machine_code(text):
-    from pwsmooth.codegen.machine import vectors as stiff_native
+def _machine_code(text, model):
+    from pwsmooth.codegen.machine import vectors
 
-    return stiff_native.load(text)
+    return vectors.load(text, tuple(tables_of(model)))
 
 
 def _load(model: Model, code) -> CompiledStiff:

@@ -16,6 +16,7 @@ from ..state import (
     HELD,
     SECOND_ORDER,
     THROUGH,
+    UNRECORDED,
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.sliding import surface_rounding
@@ -48,6 +49,8 @@ def _act(loop, i, t):
 @kernel
 def _record(loop, i, t):
     P, S, R, W = loop
+    if P.terminal[i] == UNRECORDED:
+        return False
     record_event(S, R, P.m + i, EV_EVENT, -S.side[i], S.side[i])
     return P.terminal[i] != 0
 
