@@ -46,7 +46,9 @@ def solve(
     system : System
         A system or one of its views (`smoothed`, `layered`).
     t_span : (float, float), in the unit of the model's time
-        Start and end, increasing.
+        Start and end. Where they decrease the run goes back in time, through crossings, impacts and events whose
+        updates have an inverse, and the solution, in the order of time, ends in `x0`; where the past is not unique it
+        begins with the outcome IRREVERSIBLE.
     x0 : mapping of state to float, or sequence of float, length n
         Initial value of every state by name or Symbol, or positionally, in the units of the states; memories may be
         left at their initial value.
@@ -109,6 +111,22 @@ def solve(
     method = checks.name(method, "`method`")
     if parameters is not None:
         system = system.with_parameters(parameters)
+    t0, t1 = checks.span(t_span, backward=True)
+    if t0 > t1:
+        if noise is not None or dense_output or method == "stiff":
+            raise ValueError(
+                "`t_span` decreases: backward in time there is no `noise`, no `dense_output` and no method 'stiff'; "
+                "give `t_eval` for wanted times."
+            )
+        from .paths.backward import solve_backward
+
+        def run(mirrored, span, times):
+            return solve(
+                mirrored, span, x0, method=method, rtol=rtol, atol=atol, t_eval=times, max_step=max_step,
+                max_steps=max_steps, max_seconds=max_seconds, order=order, strict=strict,
+            )  # fmt: skip
+
+        return solve_backward(system, *system._backward(), run, (-t0, -t1), t_eval)
     kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
         from .noise.prepared import prepared
@@ -116,7 +134,6 @@ def solve(
         kicks = prepared(system, noise, method)
         system = kicks.system if kicks else system
     model = system.model
-    t0, t1 = checks.span(t_span)
     start = system.initial_state(x0, t0)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)

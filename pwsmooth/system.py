@@ -33,6 +33,7 @@ from .definition.lowering import lower
 from .definition.notation import rate_of, solved_for_rates, time_of, without_impulses
 from .definition.reading import read
 from .definition.regularity import Surface
+from .definition.reversal import backward
 from .definition.sigmoids import sigmoid as sigmoid_of
 from .definition.views import filippov, hidden_part, layered, smoothed, time_constant, unlayered
 
@@ -418,6 +419,16 @@ class System:
         }
         view = View("layered", f"layered, {family.name} sigmoid", gone, self)
         return self._derived(field, model, values, view)
+
+    def _backward(self):
+        """(this system in s = -t, names of the contacts and events at which a run has to end)."""
+        if self._view:
+            raise ValueError(f"`t_span` decreases, and this is a {self._view.kind} view; it runs forward only.")
+        field, ends = backward(self._field, self.parameters)
+        key = "backward", ends
+        if key not in self._cache:
+            self._cache[key] = lower(field)
+        return self._derived(field, self._cache[key], {}, View("backward", "backward in time", {}, self)), ends
 
     # ---- making views
 

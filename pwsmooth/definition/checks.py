@@ -468,13 +468,13 @@ def initial_state(x0, states, initial_memory, gone):
 # ---- options of solve()
 
 
-def span(t_span, what="`t_span`"):
-    """`t_span` as two finite, increasing floats."""
+def span(t_span, what="`t_span`", backward=False):
+    """`t_span` as two finite floats, increasing; with `backward` they may also decrease."""
     try:
         t0, t1 = map(float, t_span)
     except (TypeError, ValueError, ArithmeticError, KeyError, RecursionError):
         raise TypeError(f"{what} is {shown(t_span)}; give two numbers, (start, end).") from None
-    if not (math.isfinite(t0) and math.isfinite(t1) and t0 < t1):
+    if not (math.isfinite(t0) and math.isfinite(t1) and (t0 < t1 or (backward and t0 > t1))):
         raise ValueError(f"{what} is ({t0!r}, {t1!r}); give finite times with start < end.")
     return t0, t1
 

@@ -40,6 +40,7 @@ class Outcome(IntEnum):
     OUT_OF_MEMORY = -13
     TIME_LIMIT = -14
     SINGULAR_POINT = -15
+    IRREVERSIBLE = -16
 
     @property
     def text(self) -> str:
@@ -76,6 +77,8 @@ _TEXTS = {
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion.",
+    Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
+    "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "
     "oscillation, perhaps a slow one; try another `eps_ratio`, or the smoothed view.",
     Outcome.DETERMINACY_LOST: "The solution has reached a two-fold, from which many solutions leave and none "

@@ -71,6 +71,8 @@ class Solution:
     ----------
     noise : Kicks, Diffusion or None
         What `solve` was given.
+    course : (ndarray, shape (k,), and ndarray, shape (m, k)), or None
+        As given.
 
     Notes
     -----
@@ -112,7 +114,7 @@ class Solution:
         nt = len(self.t)
         self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
         self.status = _rows(status, np.int8, nt)
-        self._course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
+        self.course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
         self.events = events
         self.dense = dense
         self.outcome = outcome
@@ -138,7 +140,8 @@ class Solution:
     @property
     def message(self) -> str:
         """The outcome in words, with what to try next."""
-        where = f" Here: {self.events[-1]}." if self.outcome is Outcome.SINGULAR_POINT and self.events else ""
+        where = {Outcome.SINGULAR_POINT: -1, Outcome.IRREVERSIBLE: 0}.get(self.outcome)
+        where = "" if where is None or not self.events else f" Here: {self.events[where]}."
         return str(self.outcome) + where
 
     # ---- names -------------------------------------------------------------------------------------
@@ -251,7 +254,7 @@ class Solution:
     @functools.cached_property
     def segments(self) -> list[Segment]:
         """Maximal intervals of constant status of the whole run; instants are dropped unless nothing else is there."""
-        t, status = self._course or (self.t, self.status)
+        t, status = self.course or (self.t, self.status)
         changes = np.flatnonzero(np.any(np.diff(status, axis=1) != 0, axis=0)) + 1
         firsts = [0, *changes.tolist()]
         lasts = [*(changes - 1).tolist(), len(t) - 1]
@@ -265,7 +268,7 @@ class Solution:
                 merged.append((i, j))
         starts, ends = (t[list(columns)].tolist() for columns in zip(*merged))
         statuses = [tuple(status[:, i].tolist()) for i, _ in merged]
-        if self._course:
+        if self.course:
             # A column of `t_eval` at an event is that of the side after it.
             firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
             merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
