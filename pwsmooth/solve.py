@@ -126,7 +126,8 @@ def solve(
                 max_steps=max_steps, max_seconds=max_seconds, order=order, strict=strict,
             )  # fmt: skip
 
-        return solve_backward(system, *system._backward(), run, (-t0, -t1), t_eval)
+        mirrored, ends = system._backward()
+        return solve_backward(system, mirrored, ends, run, (-t0, -t1), t_eval)
     kicks: Any = None  # a KickedRun or a DiffusionRun
     if noise is not None:
         from .noise.prepared import prepared

@@ -140,9 +140,10 @@ class Solution:
     @property
     def message(self) -> str:
         """The outcome in words, with what to try next."""
-        where = {Outcome.SINGULAR_POINT: -1, Outcome.IRREVERSIBLE: 0}.get(self.outcome)
-        where = "" if where is None or not self.events else f" Here: {self.events[where]}."
-        return str(self.outcome) + where
+        named = {Outcome.SINGULAR_POINT: -1, Outcome.IRREVERSIBLE: 0}
+        if self.outcome not in named or not self.events:
+            return str(self.outcome)
+        return f"{self.outcome} Here: {self.events[named[self.outcome]]}."
 
     # ---- names -------------------------------------------------------------------------------------
 
