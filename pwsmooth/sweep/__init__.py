@@ -61,6 +61,9 @@ def sweep(
     start: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
     period: Any = None,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = 1e3,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -99,12 +102,19 @@ def sweep(
     period : float or Expr, in the unit of the model's time
         Of the drive, e.g. ``2*sympy.pi/omega``. An orbit runs for `transient` periods unseen, then `periods`
         more are measured.
+    section : Expr
+        Of an autonomous system, instead of `period`: a function h of states and parameters. Its returns to h = 0
+        take the place of the periods.
+    direction : {1, -1}
+        The section is crossed with h rising or falling.
+    longest_return : float, in the unit of the model's time
+        An orbit that is not back on the section in that time has the outcome no_return_to_the_section.
     transient, periods : int
-        Of the drive: unseen, and measured.
+        Of the drive, or returns: unseen, and measured.
     t_span : (float, float), in the unit of the model's time
-        Without a drive: the span of a run.
+        Without a drive or a section: the span of a run.
     measure_from : float, in the unit of the model's time
-        Without a drive: where in the span measuring begins.
+        With `t_span`: where in the span measuring begins.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
@@ -152,6 +162,16 @@ def sweep(
     ...               measures=["itinerary", "amplitude(y)"], units={"y": "m"})
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
+
+    Van der Pol's oscillator has no drive: it is measured from return to return, here to its right turning point:
+
+    >>> x, u = sp.symbols("x u", real=True)
+    >>> mu = sp.Symbol("mu", positive=True)
+    >>> pol = System({x: u, u: mu*(1 - x**2)*u - x}, parameters={mu: 1})
+    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, start={"x": 1, "u": 0}, section=u, direction=-1,
+    ...               measures=["period", "amplitude(x)"])
+    >>> found.period_time.values.round(5).tolist()
+    [6.28711, 6.66329]
     """
     from ..codegen.machine.workers import cores
     from ..definition import checks
@@ -178,6 +198,9 @@ def sweep(
         t_span,
         measure_from,
         period,
+        section,
+        direction,
+        longest_return,
         transient,
         periods,
         units,
