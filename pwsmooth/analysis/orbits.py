@@ -24,7 +24,7 @@ from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
 from .poincare import Image, why_stopped
-from .sections import Section, Stroboscopic, Word, depends_on_time, poincare_map
+from .sections import LONGEST, Section, Stroboscopic, Word, depends_on_time, poincare_map
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
@@ -246,7 +246,7 @@ def find_orbit(
     if section is not None and symmetry is not None:
         raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
     more = {} if section is not None else {"phase": phase, "symmetry": symmetry}
-    first = poincare_map(system, period, section, direction, options, count=count or 1, **more)
+    first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
     at = np.array(system.initial_state(x0), float)
     if section is not None:
         # The guess need not lie on the section: the first return does.

@@ -29,6 +29,7 @@ from .variations import variations
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
+LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
@@ -195,7 +196,7 @@ class Section(_Map):
     count : int
         Returns a step of the map.
     longest : float, in the unit of the model's time
-        Give up after this time.
+        Give up after this time on the way to a return.
     options : mapping, optional
         For `solve`.
 
@@ -225,7 +226,7 @@ class Section(_Map):
     surface: Any = None
     direction: int = 1
     count: int = 1
-    longest: float = 1e3
+    longest: float = LONGEST
     _watched: Any = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -338,7 +339,13 @@ class Section(_Map):
 
 
 def poincare_map(
-    system: Any, period: Any, section: Any, direction: int, options: Mapping[str, Any], **more: Any
+    system: Any,
+    period: Any,
+    section: Any,
+    direction: int,
+    longest: float,
+    options: Mapping[str, Any],
+    **more: Any,
 ) -> Stroboscopic | Section:
     """The map of a driven system or of an autonomous one: `period` and `section` as they are given at a door.
 
@@ -352,7 +359,7 @@ def poincare_map(
     if section is None:
         return Stroboscopic(system, period=period, options=options, **more)
     surface = section_of(system, section, "`section`")
-    return Section(system, surface=surface, direction=direction, options=options, **more)
+    return Section(system, surface=surface, direction=direction, longest=longest, options=options, **more)
 
 
 def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
@@ -370,9 +377,10 @@ def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
 
 
 def watching(system: Any, event: EventSpec) -> Any:
-    """The same system with one more event, behind its own."""
-    model = system.model
-    names = {p for p in system.parameters if p in event.surface.free_symbols} - {*model.parameters}
+    """The same system with one more event of a surface, behind its own."""
+    model, surface = system.model, event.surface
+    assert surface is not None
+    names = {p for p in system.parameters if p in surface.free_symbols} - {*model.parameters}
     other = copy.copy(system)
     other.model = replace(
         model,

@@ -14,6 +14,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.sections import LONGEST
 from .contract import Measure, Window
 from .measures import (
     Amplitude,
@@ -63,7 +64,7 @@ def sweep(
     period: Any = None,
     section: Any = None,
     direction: int = 1,
-    longest_return: float = 1e3,
+    longest_return: float = LONGEST,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -198,14 +199,14 @@ def sweep(
         t_span,
         measure_from,
         period,
-        section,
-        direction,
-        longest_return,
         transient,
         periods,
         units,
         noise,
         options,
+        section,
+        direction,
+        longest_return,
     )
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
     deadline = math.inf if limit is None else time.time() + limit

@@ -1,30 +1,27 @@
-"""Basins of attraction and orbit diagrams: where trajectories of a driven system end, over starts and parameters.
+"""Basins of attraction and orbit diagrams: where trajectories end, over starts and parameters.
 
-Both are sweeps (sweep/) of the stroboscopic map; the attractors found are refined by Newton's method (orbits.py), so
-that a basin is the basin of a periodic orbit with known multipliers, and not of a cloud of points.
-Chain: sweep, orbits.py -> **basins**.
+Both are sweeps (sweep/) of a Poincare map, stroboscopic or of returns to a section; attractors are refined by Newton's
+method (attractors.py), so that a basin is the basin of a periodic orbit with known multipliers, and not of a cloud of
+points.
+Chain: sweep, attractors.py -> **basins**.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import PeriodicOrbit, refine
-from ..analysis.sections import Stroboscopic
+from ..analysis.orbits import PeriodicOrbit
+from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..paths.budget import whole
-from ..results.records import Outcome
+from .attractors import FAILED, UNSETTLED, Attractors, Ends
+from .plan import why_not
 
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
-
-#: Label of a start whose trajectory had not become periodic.
-UNSETTLED = -1
-#: Label of a start whose trajectory failed.
-FAILED = -2
 
 
 @dataclass(frozen=True)
@@ -40,6 +37,9 @@ class Basins:
         periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
+    reasons : ndarray of str
+        Of the same shape: why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
+        the name of the outcome; empty where it has one.
 
     Examples
     --------
@@ -57,6 +57,7 @@ class Basins:
     axes: dict[str, np.ndarray]
     labels: np.ndarray
     attractors: list[PeriodicOrbit]
+    reasons: np.ndarray
 
     @property
     def shares(self) -> np.ndarray:
@@ -96,14 +97,18 @@ class Basins:
 
 @checks.door(
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000),
+    transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
+    longest_return=checks.positive,
 )  # fmt: skip
 @whole
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
-    period: Any,
+    period: Any = None,
     *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
     start: Mapping[Any, float] | None = None,
     transient: int = 200,
     longest: int = 8,
@@ -115,17 +120,24 @@ def basins(
     Parameters
     ----------
     system : System
-        Driven with `period`.
+        Driven with `period`, or autonomous with a `section`.
     axes : mapping of state to sequence of float, any length
         The grid, in the units of the states.
     period : float or Expr, in the unit of the model's time
-        Of the drive.
+        Of the drive; or
+    section : Expr
+        A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
+        orbit at different phases cross it in the same points.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a trajectory may be on its way to the section.
     start : mapping of state to float, optional
         Values of the states that are no axes, in their units.
     transient : int
-        Periods before a trajectory is looked at.
+        Periods or returns before a trajectory is looked at. One that is slow is led on for up to 20 times as long.
     longest : int
-        Longest orbit, in periods, that counts as periodic.
+        Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
@@ -139,7 +151,9 @@ def basins(
 
     Notes
     -----
-    A sweep of the stroboscopic map, whose ends are refined by Newton's method.
+    A sweep of the Poincare map, whose ends are refined by Newton's method. A start that has not settled is tried by
+    Newton's method from its end: if that converges to an orbit that attracts, the trajectory is led on for as long as
+    the orbit's multipliers ask for, and belongs to the orbit if it comes there. These further runs are in no `store`.
 
     Examples
     --------
@@ -153,54 +167,32 @@ def basins(
     """
     from . import Period, Points, sweep
 
-    period = checks.period(period, system.parameters)
     names = [s.name for s in system.model.states]
-    data = sweep(
-        system, axes, start=start, period=period, transient=transient, periods=2 * longest,
-        measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options},
-    )  # fmt: skip
+    base = poincare_map(system, period, section, direction, longest_return, {})
+    strobed = dict(period=period, section=section, direction=direction, longest_return=longest_return)
+
+    def ends(grid: Any, **more: Any) -> Ends:
+        data = sweep(
+            system, grid, **strobed, periods=2 * longest,
+            measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options, **more},
+        )  # fmt: skip
+        points = np.stack([data[f"{name}_points"].values for name in names], axis=-1)
+        cycle, outcome = (data[name].values.reshape(-1) for name in ("period", "outcome"))
+        return Ends(points.reshape(-1, longest, len(names)), cycle, outcome)
+
+    def go_on(starts: np.ndarray, periods: int) -> Ends:
+        return ends(None, points=dict(zip(names, starts.T)), transient=periods, store=None)
+
+    found = Attractors(base, tol)
+    labels, reasons = found.find(ends(axes, start=start, transient=transient), transient, go_on)
     axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
     shape = tuple(len(values) for values in axis_values.values())
-    points = np.stack([data[f"{name}_points"].values for name in names], axis=-1).reshape(
-        -1, longest, len(names)
-    )
-    cycle = data["period"].values.reshape(-1)
-    labels = np.where(data["outcome"].values.reshape(-1) >= 0, UNSETTLED, FAILED)
-    # The same section as the sweep's strobes: whole periods after its start time.
-    base = Stroboscopic(system, period)
-    attractors: list[PeriodicOrbit] = []
-    strobes: list[np.ndarray] = []  # of each of them
-    tried: list[tuple[int, np.ndarray]] = []
-    for i in np.flatnonzero((cycle > 0) & (labels == UNSETTLED)):
-        count, at = int(cycle[i]), points[i, -1]
-        near = [k for k, points_of in enumerate(strobes) if any(_near(at, x, 10 * tol) for x in points_of)]
-        if not near:
-            if any(n == count and _near(at, x, tol) for n, x in tried):
-                continue
-            orbit = refine(replace(base, count=count), at)
-            if not (orbit.success and orbit.stable and _near(orbit.x, at, 100 * tol)):
-                tried.append((count, at))
-                continue
-            # It may be one of them that this start, still on its way to it, took for a longer one.
-            near = [k for k, points_of in enumerate(strobes) if any(_near(orbit.x, x, tol) for x in points_of)]
-            if not near:
-                near = [len(attractors)]
-                attractors.append(orbit)
-                strobes.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
-        labels[i] = near[0]
-    order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
-    settled = labels >= 0
-    labels[settled] = np.argsort(order)[labels[settled]]
-    return Basins(axis_values, labels.reshape(shape), [attractors[k] for k in order])
-
-
-def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
-    return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
+    return Basins(axis_values, labels.reshape(shape), found.orbits, reasons.reshape(shape))
 
 
 @dataclass(frozen=True)
 class OrbitDiagram:
-    """Points of the stroboscopic map over a parameter.
+    """Points of the Poincare map over a parameter.
 
     Indexing gives the points of one state, shape (number of values, kept points).
 
@@ -271,7 +263,7 @@ class OrbitDiagram:
 
 @checks.door(
     system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
-    keep=checks.integer(1, 10**7), carry=checks.flag,
+    keep=checks.integer(1, 10**7), carry=checks.flag, direction=checks.one_of(1, -1), longest_return=checks.positive,
 )  # fmt: skip
 @whole
 def orbit_diagram(
@@ -279,19 +271,22 @@ def orbit_diagram(
     parameter: Any,
     values: Sequence[float],
     start: Mapping[Any, float],
-    period: Any,
+    period: Any = None,
     *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
     transient: int = 200,
     keep: int = 40,
     carry: bool = False,
     **options: Any,
 ) -> OrbitDiagram:
-    """Find where the stroboscopic map settles, over a parameter.
+    """Find where the Poincare map settles, over a parameter.
 
     Parameters
     ----------
     system : System
-        Driven with `period`.
+        Driven with `period`, or autonomous with a `section`.
     parameter : str or Symbol
         Of the system.
     values : sequence of float, any length
@@ -299,9 +294,15 @@ def orbit_diagram(
     start : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
     period : float or Expr, in the unit of the model's time
-        Of the drive.
+        Of the drive; or
+    section : Expr
+        A surface, function of states and parameters, that an autonomous system crosses, as in `find_orbit`.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a trajectory may be on its way to the section.
     transient, keep : int
-        Periods unseen, and then shown.
+        Periods or returns unseen, and then shown.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
         back. Without it all runs are independent and use all cores.
@@ -331,31 +332,27 @@ def orbit_diagram(
     [1, 2]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
-    at_values, period = np.asarray(values), checks.period(period, system.parameters)
+    at_values = np.asarray(values)
+    base = poincare_map(system, period, section, direction, longest_return, options if carry else {})
     states = tuple(s.name for s in system.model.states)
     if not carry:
         from . import Points, sweep
 
         found = sweep(
-            system, {name: at_values.tolist()}, start=start, period=period, transient=transient, periods=keep,
+            system, {name: at_values.tolist()}, start=start, period=period, section=section, direction=direction,
+            longest_return=longest_return, transient=transient, periods=keep,
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         return OrbitDiagram(
-            name, at_values, states, points, tuple(map(_reason, found["outcome"].values.tolist()))
+            name, at_values, states, points, tuple(map(why_not, found["outcome"].values.tolist()))
         )
     at = np.array(system.initial_state(start), float)
     points, reasons = np.full((len(at_values), keep, len(states)), np.nan), []
     for k, value in enumerate(at_values):
-        step = Stroboscopic(system.with_parameters({name: value}), period, options=options)
+        step = base.with_parameters({name: value})
         points[k], reason = step._iterated(at, keep, transient)
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
     return OrbitDiagram(name, at_values, states, points, tuple(reasons))
-
-
-def _reason(outcome: int) -> str:
-    """Why a point of a sweep did not finish, from its code; empty if it did."""
-    texts = {int(o): str(o) for o in Outcome} | {int(Outcome.FINISHED): ""}
-    return texts.get(outcome, "the system refuses this value of the parameter or start.")

@@ -19,8 +19,9 @@ from .of_solution import segments_in, strobes
 class Period(Measure):
     """The variable `period`: after how many drive periods, or returns to the section, the state repeats; 0 for none.
 
-    With a section also `period_time`, how long that takes. All strobes in the second half of the window must repeat, each state within tol (1 + abs(x)). A transient that has
-    not died down to `tol`, a quasi-periodic and a chaotic orbit all give 0.
+    With a section also `period_time`, how long that takes. All strobes in the second half of the window must repeat,
+    each state within tol (1 + abs(x)). A transient that has not died down to `tol`, a quasi-periodic and a chaotic
+    orbit all give 0.
 
     Parameters
     ----------

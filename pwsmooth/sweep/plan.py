@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 
 from ..analysis.poincare import RETURN
-from ..analysis.sections import section_of, watching
+from ..analysis.sections import LONGEST, section_of, watching
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..definition.model import EventSpec
@@ -56,7 +56,9 @@ class Plan:
     setting: Setting
     options: tuple[tuple[str, Any], ...]  # of solve
     noise: Any = None
-    longest_return: float | None = None  # to the section, which is the last event of the system; None without one
+    longest_return: float | None = (
+        None  # to the section, which is the last event of the system; None without one
+    )
 
     @functools.cached_property
     def variables(self) -> dict[str, Variable]:
@@ -168,10 +170,20 @@ def _flags() -> dict[str, Any]:
     }
 
 
+def why_not(outcome: int) -> str:
+    """Why a point has no values, from its outcome; empty if it has."""
+    texts = {int(o): str(o) for o in Outcome} | {
+        int(Outcome.FINISHED): "",
+        REFUSED: "the system refuses this value of the parameter or start.",
+        NO_RETURN: "no return: it does not cross the section in this direction within `longest_return`; it may rest.",
+    }
+    return texts[outcome]
+
+
 def make_plan(
     system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
-    section: Any, direction: Any, longest_return: Any, transient: Any, periods: Any, units: Any, noise: Any,
-    options: Mapping[str, Any],
+    transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
+    section: Any = None, direction: Any = 1, longest_return: Any = LONGEST,
 ) -> tuple[Plan, Axes]:  # fmt: skip
     """The checked plan and axes; `system` is a System or a scene."""
     if hasattr(system, "system") and hasattr(system, "start"):
@@ -189,7 +201,7 @@ def make_plan(
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
     if section is not None:
         if noise is not None:
-            raise ValueError("`noise` has no returns that a `section` could count; give `t_span` instead.")
+            raise ValueError("`section` counts the returns of a flow without `noise`; leave one of them out.")
         surface = section_of(system, section, "`section`")
         direction = checks.one_of(1, -1)(direction, "`direction`")
         system = watching(system, EventSpec(RETURN, surface, direction=direction))
@@ -204,13 +216,14 @@ def make_plan(
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
-    given_ones = [n for n, e in (("period", period), ("section", section), ("t_span", t_span)) if e is not None]
-    if len(given_ones) != 1:
-        said = " and ".join(f"`{n}`" for n in given_ones) or "none of them"
+    named = [n for n, e in (("period", period), ("section", section), ("t_span", t_span)) if e is not None]
+    if not named:
         raise ValueError(
-            "give one of `period`, the period of the drive, `section`, a surface that an autonomous system crosses, and "
-            f"`t_span`, how long a run lasts; here {'are' if len(given_ones) > 1 else 'is'} {said}."
+            "give `period`, the period of the drive, `section`, a surface that an autonomous system crosses, or "
+            "`t_span`, how long a run lasts."
         )
+    if len(named) > 1:
+        raise ValueError(f"give `{named[0]}` or `{named[1]}`, not both.")
     if t_span is None:
         if measure_from is not None:
             raise ValueError(

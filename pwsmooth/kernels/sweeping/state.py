@@ -21,7 +21,9 @@ class Ensemble(Bundle):
     ratio: "f8[N, nz]"  # Problem.ratio
     x0: "f8[N, n]"
     t0: "f8[N]"
-    window: "f8[N, 2]"  # start and end of what is measured; the orbit ends there; of a section overwritten when met
+    window: (
+        "f8[N, 2]"  # start and end of what is measured; the orbit ends there; of a section overwritten when met
+    )
     period: "f8[N]"  # between two strobes; not read with a section
     quantity: "i8[nq]"  # states 0..n-1, multipliers n..n+m-1, then the model's outputs
     wanted: "i8[nq]"  # EXTREMES + INTEGRALS
