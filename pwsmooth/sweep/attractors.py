@@ -1,16 +1,19 @@
 """Which attractor each of many trajectories goes to, from its last points on a section.
 
 A trajectory that repeats is at an orbit, which Newton's method finds exactly and whose multipliers say whether it
-attracts. One that does not repeat yet may be slow: where Newton's method leads from its end to an orbit that attracts,
-it is led on for as long as the orbit's multipliers say that it takes. So it is the trajectory itself that tells where
-it goes, and never a guess from a distance.
+attracts. One that does not repeat yet may be slow: where Newton's method leads from ends like its own to orbits that
+attract, it is led on, and belongs to one of them if that draws it in, which the trajectory itself has to show: with
+d its distance from the orbit on the section, D the derivative of the map there and W weights,
+
+    V(d) = d^T P d,    P = D^T P D + W,    V falls by d^T W d a step near the orbit,
+
+it has to fall by half of that at least at every step of a window (Lyapunov's function of the orbit, Stein's equation).
 
 Chain: sweep, analysis/orbits.py -> **attractors** -> basins.py.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,155 +30,153 @@ UNSETTLED = -1
 #: Label of a start whose trajectory failed.
 FAILED = -2
 
-_PATIENCE = 20  # transients, for which a slow trajectory is led on
+WINDOW = 200  # periods or returns at least, in which an orbit has to draw a trajectory in
+_ROUNDS = 4  # of leading on: with 0, 1, 3 and 7 transients before the window
 _TRIALS = (
     8  # ends that repeat best, and as many spread over the others, from which Newton's method is tried a round
 )
-_MARGIN = 1.2  # of the time in which an orbit draws in what is near it
 
 
 @dataclass(frozen=True)
 class Ends:
-    """Where trajectories have come to: the last points on the section, after how many they repeat, how they ended."""
+    """Where trajectories have come to: their last points, after how many these repeat, and how they ended."""
 
     points: np.ndarray  # (trajectories, points, n)
     cycle: np.ndarray  # (trajectories,), 0 for none
     outcome: np.ndarray  # (trajectories,)
 
+    def only(self, which: np.ndarray) -> Ends:
+        return Ends(self.points[which], self.cycle[which], self.outcome[which])
+
 
 @dataclass
 class Attractors:
-    """Labels of trajectories, the orbits that they are indices of, and words for those that lead to none."""
+    """Orbits found so far, and the points in which each meets the section: at whatever phase, it is the same one."""
 
     map: Any  # of one period or return
     tol: float
     orbits: list[PeriodicOrbit] = field(default_factory=list)
-    points: list[np.ndarray] = field(default_factory=list)  # in which each of the orbits meets the section
+    points: list[np.ndarray] = field(default_factory=list)
 
-    @property
-    def turns(self) -> str:
-        """What lies between two points."""
-        return "returns" if isinstance(self.map, Section) else "periods"
+    def find(
+        self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Label of every trajectory and why it has none, each (trajectories,).
 
-    def find(self, ends: Ends, transient: int, go_on: Callable[[np.ndarray, int], Ends]) -> Any:
-        """(labels, reasons), each (trajectories,); `go_on(starts, periods)` leads trajectories on, unseen so long."""
-        count = len(ends.cycle)
-        labels, reasons = np.full(count, UNSETTLED), np.full(count, "", object)
-        waiting, spent, most = np.arange(count), 0, _PATIENCE * max(transient, 1)
-        while True:
-            for i, label, reason in zip(waiting, *self._settled(ends)):
+        `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns.
+        """
+        turns = "returns" if isinstance(self.map, Section) else "periods"
+        labels = np.full(len(ends.cycle), UNSETTLED)
+        reasons = np.full(len(ends.cycle), "", object)
+        waiting, done = np.arange(len(ends.cycle)), transient
+        beside: list[PeriodicOrbit] = []
+        for k in range(_ROUNDS + 1):
+            for i, (label, reason) in zip(waiting, self._settled(ends, beside)):
                 labels[i], reasons[i] = label, reason
             still = (labels[waiting] == UNSETTLED) & (ends.outcome == Outcome.FINISHED)
-            waiting, ends = waiting[still], _only(ends, still)
-            periods, slow = self._how_long(ends, most - spent)
-            for k, needed in slow.items():
-                reasons[waiting[k]] = (
-                    f"slow: Newton's method leads from its end to an orbit that attracts, but so weakly that it takes "
-                    f"some {needed:.2g} {self.turns} more to get there; give a larger `transient`."
-                )
-            if not periods:
+            waiting, ends = waiting[still], ends.only(still)
+            beside = self._attracting(ends)
+            if k == _ROUNDS or not beside:
                 break
-            periods = min(max(periods, transient), most - spent)
-            spent += periods
-            ends = go_on(ends.points[:, -1], periods)
+            unseen = (2**k - 1) * transient
+            ends = lead_on(ends.points[:, -1], unseen)
+            done += unseen + ends.points.shape[1]
+        why = (
+            "slow: Newton's method finds orbits that attract beside ends like its own, but none draws it in step by step; "
+            "give a larger `transient`"
+            if beside
+            else "unsettled: Newton's method finds no orbit that attracts beside ends like its own; it is chaotic, "
+            "quasi-periodic or slower still"
+        )
         for i in waiting:
-            reasons[i] = reasons[i] or (
-                f"unsettled: it does not repeat after {transient + spent} {self.turns}, and Newton's method finds no "
-                "orbit that attracts beside ends like its own: it is chaotic, quasi-periodic or slower still."
-            )
+            reasons[i] = reasons[i] or f"{why} (it does not repeat after {done} {turns})."
         order = np.argsort([-np.sum(labels == k) for k in range(len(self.orbits))], kind="stable")
         led = labels >= 0
         labels[led] = np.argsort(order)[labels[led]]
         self.orbits = [self.orbits[k] for k in order]
         return labels, reasons
 
-    def _settled(self, ends: Ends) -> tuple[np.ndarray, list[str]]:
-        """Labels and reasons of all ends: the attractors of those that repeat, new ones among them."""
-        labels, reasons = np.full(len(ends.cycle), UNSETTLED), []
+    def _settled(self, ends: Ends, beside: list[PeriodicOrbit]) -> list[tuple[int, str]]:
+        """Label and reason of each: of those that repeat, and of those that an orbit draws in, known or `beside`."""
+        found: list[tuple[int, str]] = []
         tried: list[tuple[int, np.ndarray, str]] = []
-        for i, (points, count, outcome) in enumerate(
-            zip(ends.points, ends.cycle.tolist(), ends.outcome.tolist())
-        ):
-            at, reason = points[-1], ""
+        for points, count, outcome in zip(ends.points, ends.cycle.tolist(), ends.outcome.tolist()):
+            at, label, reason = points[-1], None, ""
             if outcome != Outcome.FINISHED:
-                reason = why_not(outcome)
-                labels[i] = FAILED if outcome < 0 and outcome != NO_RETURN else UNSETTLED
-            elif count > 0 and (k := self._near(at, 10 * self.tol)) is not None:
-                labels[i] = k
-            elif count > 0:
-                known = next((why for n, x, why in tried if n == count and near(at, x, self.tol)), None)
-                if known is None:
-                    k, known = self._attractor(count, at)
-                    if k is None:
-                        tried.append((count, at, known))
-                    else:
-                        labels[i] = k
-                reason = known
-            reasons.append(reason)
-        return labels, reasons
+                failed = outcome < 0 and outcome != NO_RETURN
+                found.append((FAILED if failed else UNSETTLED, why_not(outcome)))
+                continue
+            if count > 0:
+                label = self._near(at, 10 * self.tol)
+                known = [why for n, x, why in tried if n == count and _near(at, x, self.tol)]
+                if label is None and known:
+                    reason = known[0]
+                elif label is None:
+                    label, reason = self._repeated(count, at)
+                    if label is None:
+                        tried.append((count, at, reason))
+            if label is None and beside:
+                drawing = next((o for o in [*self.orbits, *beside] if _draws_in(o, points, self.tol)), None)
+                label = None if drawing is None else self._index(drawing)
+            found.append((UNSETTLED, reason) if label is None else (label, ""))
+        return found
 
     def _near(self, at: np.ndarray, tol: float) -> int | None:
-        """The attractor one of whose points is this one: the first in the list, at whatever phase it is met."""
-        return next((k for k, points in enumerate(self.points) if any(near(at, x, tol) for x in points)), None)
+        return next((k for k, points in enumerate(self.points) if any(_near(at, x, tol) for x in points)), None)
 
-    def _attractor(self, count: int, at: np.ndarray) -> tuple[int | None, str]:
-        """The attractor at which a trajectory repeats after `count`, kept if it is new; or None and the reason."""
-        orbit = refine(replace(self.map, count=count), at)
-        if not orbit.success:
-            return None, f"unsettled: it repeats after {count} {self.turns}, but {orbit.message}"
-        if not orbit.stable:
-            size = np.abs(orbit.multipliers).max()
-            return (
-                None,
-                f"unsettled: it repeats, but its orbit does not attract: a multiplier has the size {size:.9g}.",
-            )
-        if not near(orbit.x, at, 100 * self.tol):
-            return None, ""  # on its way, and there is time to go on
-        # It may be one of them that this start, still on its way to it, took for a longer one.
+    def _index(self, orbit: PeriodicOrbit) -> int:
+        """Its index; an orbit that is not known yet is kept."""
         k = self._near(orbit.x, self.tol)
         if k is None:
             k = len(self.orbits)
             self.orbits.append(orbit)
             self.points.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
-        return k, ""
+        return k
 
-    def _how_long(self, ends: Ends, most: int) -> tuple[int, dict[int, float]]:
-        """Periods after which attracting orbits beside some ends have drawn these in; and the ends that need more.
+    def _repeated(self, count: int, at: np.ndarray) -> tuple[int | None, str]:
+        """The attractor at a point that repeats after `count`; or None, and what its orbit lacks."""
+        orbit = refine(replace(self.map, count=count), at)
+        if not orbit.success:
+            return None, f"unsettled: it repeats, but {orbit.message}"
+        if not orbit.stable:
+            size = np.abs(orbit.multipliers).max()
+            return None, f"unsettled: it repeats, but its orbit has a multiplier of size {size:.9g}."
+        # A slow one seems to repeat before it is there.
+        return (self._index(orbit), "") if _near(orbit.x, at, 100 * self.tol) else (None, "")
 
-        0 where no attracting orbit is found, or all need more than `most`.
-        """
-        periods, slow = 0, {}
-        back = _returns(ends.points)
+    def _attracting(self, ends: Ends) -> list[PeriodicOrbit]:
+        """Attracting orbits to which Newton's method leads from some of the ends."""
+        last = ends.points[:, -1:]
+        back = np.abs((ends.points[:, -2::-1] - last) / (1 + np.abs(last))).max(
+            axis=2
+        )  # the nearest in time first
         order = np.argsort(back.min(axis=1, initial=np.inf), kind="stable")
-        spread = order[_TRIALS :: max(1, len(order[_TRIALS:]) // _TRIALS)][:_TRIALS]
-        for i in [*order[:_TRIALS], *spread]:
-            at = ends.points[i, -1]
-            counts = dict.fromkeys(
-                [int(ends.cycle[i]) or 1, int(np.argmin(back[i])) + 1 if back.size else 1, 1]
-            )
-            found = (refine(replace(self.map, count=count), at) for count in counts)
-            orbit = next((orbit for orbit in found if orbit.success and orbit.stable), None)
-            if orbit is None:
-                continue
-            decay = -math.log(max(np.abs(orbit.multipliers).max(initial=0.0), 1e-300)) / orbit.map.count
-            far = np.abs((orbit.x - at) / (1 + np.abs(orbit.x))).max() / self.tol
-            needed = 1 + _MARGIN * math.log(max(far, 1.0)) / decay
-            if needed > most:
-                slow[i] = needed
-            else:
-                periods = max(periods, math.ceil(needed))
-        return periods, slow
+        others = order[_TRIALS:]
+        found: list[PeriodicOrbit] = []
+        for i in [*order[:_TRIALS], *others[:: max(1, len(others) // _TRIALS)][:_TRIALS]]:
+            nearest = int(np.argmin(back[i])) + 1 if back.shape[1] else 1
+            for count in dict.fromkeys([int(ends.cycle[i]) or 1, nearest, 1]):
+                orbit = refine(replace(self.map, count=count), ends.points[i, -1])
+                if orbit.success and orbit.stable:
+                    found.append(orbit)
+                    break
+        return found
 
 
-def near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
+def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
     return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
 
 
-def _only(ends: Ends, which: np.ndarray) -> Ends:
-    return Ends(ends.points[which], ends.cycle[which], ends.outcome[which])
+def _draws_in(orbit: PeriodicOrbit, points: np.ndarray, tol: float) -> bool:
+    """Whether the orbit's Lyapunov function falls along points (number, n) of the map, until they are at the orbit."""
+    from scipy.linalg import solve_discrete_lyapunov
 
-
-def _returns(points: np.ndarray) -> np.ndarray:
-    """How far the last of the points is from each before it, the nearest in time first; (trajectories, points - 1)."""
-    last = points[:, -1:]
-    return np.abs((points[:, -2::-1] - last) / (1 + np.abs(last))).max(axis=2)
+    count = orbit.map.count
+    first = int(np.argmin(np.abs(points[:count] - orbit.x).sum(axis=1)))
+    off = (points[first::count] - orbit.x) / (1 + np.abs(orbit.x))
+    size = 1 + np.abs(orbit.x)
+    derivative = orbit.jacobian * size / size[:, None]
+    form = solve_discrete_lyapunov(derivative.T, np.eye(len(size)))
+    height, share = np.einsum("ki,ij,kj->k", off, form, off), (off**2).sum(axis=1)
+    moving = share[:-1] > tol**2
+    return bool(np.all((height[1:] <= height[:-1] - share[:-1] / 2)[moving]))

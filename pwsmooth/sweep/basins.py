@@ -18,7 +18,7 @@ from ..analysis.orbits import PeriodicOrbit
 from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..paths.budget import whole
-from .attractors import FAILED, UNSETTLED, Attractors, Ends
+from .attractors import FAILED, UNSETTLED, WINDOW, Attractors, Ends
 from .plan import why_not
 
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
@@ -135,7 +135,7 @@ def basins(
     start : mapping of state to float, optional
         Values of the states that are no axes, in their units.
     transient : int
-        Periods or returns before a trajectory is looked at. One that is slow is led on for up to 20 times as long.
+        Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
     longest : int
         Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
@@ -151,9 +151,10 @@ def basins(
 
     Notes
     -----
-    A sweep of the Poincare map, whose ends are refined by Newton's method. A start that has not settled is tried by
-    Newton's method from its end: if that converges to an orbit that attracts, the trajectory is led on for as long as
-    the orbit's multipliers ask for, and belongs to the orbit if it comes there. These further runs are in no `store`.
+    A sweep of the Poincare map, whose ends are refined by Newton's method. What has not settled is led on, for up to
+    11 times as long and 800 periods or returns, while Newton's method finds orbits that attract beside such ends. It
+    belongs to the one that draws it in: whose quadratic Lyapunov function falls at every step of at least 200. These
+    further runs are in no `store`.
 
     Examples
     --------
@@ -171,20 +172,22 @@ def basins(
     base = poincare_map(system, period, section, direction, longest_return, {})
     strobed = dict(period=period, section=section, direction=direction, longest_return=longest_return)
 
-    def ends(grid: Any, **more: Any) -> Ends:
+    def ends(grid: Any, seen: int, kept: int, **more: Any) -> Ends:
         data = sweep(
-            system, grid, **strobed, periods=2 * longest,
-            measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options, **more},
+            system, grid, **strobed, periods=seen, measures=[Period(longest, tol), Points(*names, last=kept)],
+            **{"progress": False, **options, **more},
         )  # fmt: skip
         points = np.stack([data[f"{name}_points"].values for name in names], axis=-1)
         cycle, outcome = (data[name].values.reshape(-1) for name in ("period", "outcome"))
-        return Ends(points.reshape(-1, longest, len(names)), cycle, outcome)
+        return Ends(points.reshape(-1, kept, len(names)), cycle, outcome)
 
-    def go_on(starts: np.ndarray, periods: int) -> Ends:
-        return ends(None, points=dict(zip(names, starts.T)), transient=periods, store=None)
+    def lead_on(starts: np.ndarray, unseen: int) -> Ends:
+        seen = max(WINDOW, 2 * longest)
+        return ends(None, seen, seen, points=dict(zip(names, starts.T)), transient=unseen, store=None)
 
     found = Attractors(base, tol)
-    labels, reasons = found.find(ends(axes, start=start, transient=transient), transient, go_on)
+    first = ends(axes, 2 * longest, longest, start=start, transient=transient)
+    labels, reasons = found.find(first, transient, lead_on)
     axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
     shape = tuple(len(values) for values in axis_values.values())
     return Basins(axis_values, labels.reshape(shape), found.orbits, reasons.reshape(shape))
