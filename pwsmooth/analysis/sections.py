@@ -366,8 +366,10 @@ def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
     """h of a section h = 0; ValueError where the system has no returns to it that depend on states alone."""
     model, parameters = system.model, system.parameters
     e = checks.expression(surface, what, {s.name: s for s in (*model.states, *parameters)})
-    if not e.free_symbols & set(model.states) or not e.free_symbols <= {*model.states, *parameters}:
-        raise ValueError(f"{what} is {e}; give a function of states {checks.listing(model.states)}.")
+    unknown = e.free_symbols - {*model.states, *parameters}
+    if unknown or not e.free_symbols & set(model.states):
+        said = f", in which {checks.listing(unknown)} is no state or parameter of the system" if unknown else ""
+        raise ValueError(f"{what} is {e}{said}; give a function of states {checks.listing(model.states)}.")
     if depends_on_time(model):
         raise ValueError(
             f"the system depends on time, so returns to {what} are no map of its states. Give the period of the "

@@ -6,6 +6,7 @@ running.py   executors, progress      store.py     chunks on disk, resumed after
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
 periodicity.py, quantities.py, functions.py        measures, by subject
+basins.py    diagrams and basins       attractors.py  which orbit a trajectory goes to
 """
 
 from __future__ import annotations
