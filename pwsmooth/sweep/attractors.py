@@ -82,8 +82,8 @@ class Attractors:
             ends = lead_on(ends.points[:, -1], unseen)
             done += unseen + ends.points.shape[1]
         why = (
-            "slow: Newton's method finds orbits that attract beside ends like its own, but none has drawn it in; give a "
-            "larger `transient`"
+            "slow: Newton's method finds orbits that attract beside ends like its own, but none has drawn it in; "
+            "give a larger `transient`"
             if beside
             else "unsettled: Newton's method finds no orbit that attracts beside ends like its own; it is chaotic, "
             "quasi-periodic or slower still"

@@ -199,13 +199,13 @@ def make_plan(
             period, t_span = scene.period, None if scene.period else scene.t_span
     checks.system(system, "`system`")
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
+    direction = checks.one_of(1, -1)(direction, "`direction`")
+    longest_return = checks.positive(longest_return, "`longest_return`")
     if section is not None:
         if noise is not None:
             raise ValueError("`section` counts the returns of a flow without `noise`; leave one of them out.")
         surface = section_of(system, section, "`section`")
-        direction = checks.one_of(1, -1)(direction, "`direction`")
         system = watching(system, EventSpec(RETURN, surface, direction=direction))
-    longest_return = checks.positive(longest_return, "`longest_return`") if section is not None else None
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
     if start is not None and not isinstance(start, Mapping):
@@ -252,7 +252,7 @@ def make_plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
         measure_from=measure_from, period=period, transient=transient, periods=periods, measures=chosen,
         setting=setting, options=_options(system, options), noise=noise,
-        longest_return=longest_return,
+        longest_return=longest_return if section is not None else None,
     )  # fmt: skip
     clash = [name for name in plan.variables if name in where.values or name in where.dims]
     if clash:
