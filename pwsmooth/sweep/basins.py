@@ -37,8 +37,8 @@ class Basins:
         periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
-    reasons : ndarray of str
-        Of the same shape: why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
+    reasons : array of str, of the shape of the axes
+        Why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
         the name of the outcome; empty where it has one.
 
     Examples
