@@ -37,7 +37,7 @@ class Basins:
         periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
-    reasons : array of str, of the shape of the axes
+    reasons : ndarray of str, dimensionless, of the shape of the axes
         Why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
         the name of the outcome; empty where it has one.
 
@@ -165,6 +165,16 @@ def basins(
     >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
     >>> [f"{share:.3f}" for share in found.shares]
     ['0.667', '0.333']
+
+    Of two circles of an autonomous system that attract, of radius 1 and 3, the circle of radius 2 separates the basins:
+
+    >>> x, y = sp.symbols("x y", real=True)
+    >>> r2 = x**2 + y**2
+    >>> growth = (1 - r2) * (4 - r2) * (9 - r2) / 20
+    >>> circles = System({x: growth * x - y, y: growth * y + x})
+    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, start={y: 0}, section=y, transient=20)
+    >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
+    ['1.000', '1.000', '3.000']
     """
     from . import Period, Points, sweep
 
@@ -211,6 +221,8 @@ class OrbitDiagram:
         In the units of the states; nan where a run failed.
     reasons : tuple of str
         For each value why its run ended before its time, in words; empty where it did not.
+    strobed_by : str
+        What lies between two points: a "period" of the drive, or a "return" to the section.
 
     Examples
     --------
@@ -227,6 +239,7 @@ class OrbitDiagram:
     states: tuple[str, ...]
     points: np.ndarray
     reasons: tuple[str, ...]
+    strobed_by: str = "period"
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
@@ -260,7 +273,7 @@ class OrbitDiagram:
             "rasterized": True,
         }
         ax.plot(at, self[name].ravel(), **{**style, **marks})
-        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a period")
+        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a {self.strobed_by}")
         return ax
 
 
@@ -333,11 +346,19 @@ def orbit_diagram(
     >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)
     >>> [len(set(row.round(6))) for row in shown["x"]]
     [1, 2]
+
+    Without a drive, by a section: the amplitude of an oscillator that friction drives is in proportion to the friction.
+
+    >>> x, u, f = sp.symbols("x u f", real=True)
+    >>> driven = System({x: u, u: -x - u/5 + f*sp.sign(u)}, parameters={f: 1})
+    >>> orbit_diagram(driven, f, [1, 2], {x: 3, u: 0}, section=u, direction=-1, keep=1)["x"].round(4).tolist()
+    [[6.3868], [12.7736]]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
     at_values = np.asarray(values)
     base = poincare_map(system, period, section, direction, longest_return, options if carry else {})
     states = tuple(s.name for s in system.model.states)
+    strobed_by = "period" if section is None else "return"
     if not carry:
         from . import Points, sweep
 
@@ -347,15 +368,14 @@ def orbit_diagram(
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
-        return OrbitDiagram(
-            name, at_values, states, points, tuple(map(why_not, found["outcome"].values.tolist()))
-        )
+        reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]
+        return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)
     at = np.array(system.initial_state(start), float)
-    points, reasons = np.full((len(at_values), keep, len(states)), np.nan), []
+    points, reasons = np.full((len(at_values), keep, len(states)), np.nan), list[str]()
     for k, value in enumerate(at_values):
         step = base.with_parameters({name: value})
         points[k], reason = step._iterated(at, keep, transient)
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
-    return OrbitDiagram(name, at_values, states, points, tuple(reasons))
+    return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)

@@ -174,7 +174,7 @@ def why_not(outcome: int) -> str:
     """Why a point has no values, from its outcome; empty if it has."""
     texts = {int(o): str(o) for o in Outcome} | {
         int(Outcome.FINISHED): "",
-        REFUSED: "the system refuses this value of the parameter or start.",
+        REFUSED: "refused: the system does not take this value of the parameter or start.",
         NO_RETURN: "no return: it does not cross the section in this direction within `longest_return`; it may rest.",
     }
     return texts[outcome]
