@@ -177,6 +177,7 @@ def sweep(
     """
     from ..codegen.machine.workers import cores
     from ..definition import checks
+    from ..paths.budget import spending
     from ..results.records import Outcome
     from .dataset import make_dataset
     from .plan import make_plan
@@ -210,7 +211,8 @@ def sweep(
         longest_return,
     )
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
-    deadline = math.inf if limit is None else time.time() + limit
+    left = spending().deadline - time.monotonic()  # of the call that this one is part of
+    deadline = time.time() + min(left, math.inf if limit is None else limit)
     _ = plan.variables  # two measures of one name are refused before anything runs
 
     def target() -> int:

@@ -1,9 +1,9 @@
 """Which attractor each of many trajectories goes to, from its last points on a section.
 
 A trajectory that repeats is at an orbit, which Newton's method finds exactly and whose multipliers say whether it
-attracts. One that does not repeat yet may be slow: where Newton's method leads from ends like its own to orbits that
-attract, it is led on, and belongs to one of them if that draws it in, which the trajectory itself has to show: with
-d its distance from the orbit on the section, D the derivative of the map there and W weights,
+attracts. One that does not repeat is led on. Near an orbit its points obey an affine map, whose fixed point is where
+Newton's method starts; and it belongs to the orbit found if this attracts and draws it in, which the trajectory itself
+has to show: with d its distance from the orbit on the section, D the derivative of the map there and W weights,
 
     V(d) = d^T P d,    P = D^T P D + W,    V falls by d^T W d a step near the orbit,
 
@@ -14,7 +14,8 @@ Chain: sweep, analysis/orbits.py -> **attractors** -> basins.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,11 +31,12 @@ UNSETTLED = -1
 #: Label of a start whose trajectory failed.
 FAILED = -2
 
-WINDOW = 200  # periods or returns at least, in which an orbit has to draw a trajectory in
+_WINDOW = 200  # periods or returns at least, in which an orbit has to draw a trajectory in
+_FALLS = 8  # steps of the orbit at least, at which its Lyapunov function has to fall
 _ROUNDS = 4  # of leading on: with 0, 1, 3 and 7 transients before the window
-_TRIALS = (
-    8  # ends that repeat best, and as many spread over the others, from which Newton's method is tried a round
-)
+_AFFINE = 1e-2  # of the points' spread, by which they may miss an affine map: Newton's method does the rest
+_TRIALS = 32  # orbits that are looked for by Newton's method in a round
+_SAME = 1e-3  # nearer than that, relative to 1 + abs(x), two guesses are one
 
 
 @dataclass(frozen=True)
@@ -49,134 +51,174 @@ class Ends:
         return Ends(self.points[which], self.cycle[which], self.outcome[which])
 
 
+@dataclass(frozen=True)
+class _Attractor:
+    """An attracting orbit as what trajectories come to."""
+
+    orbit: PeriodicOrbit
+
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """In which it meets the section, (count, n)."""
+        return replace(self.orbit.map, count=1).iterate(self.orbit.x, self.orbit.map.count)
+
+    @functools.cached_property
+    def form(self) -> np.ndarray:
+        """P of its Lyapunov function, in units of 1 + abs(x)."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        size = 1 + np.abs(self.orbit.x)
+        return solve_discrete_lyapunov((self.orbit.jacobian * size / size[:, None]).T, np.eye(len(size)))
+
+    def meets(self, x: np.ndarray, tol: float) -> bool:
+        return any(_near(x, point, tol) for point in self.points)
+
+    def draws_in(self, points: np.ndarray, tol: float) -> bool:
+        """Whether its Lyapunov function falls along a trajectory's points (number, n), until they are at the orbit."""
+        x, count = self.orbit.x, self.orbit.map.count
+        first = int(np.argmin(np.abs(points[:count] - x).sum(axis=1)))
+        off = (points[first::count] - x) / (1 + np.abs(x))
+        height, share = np.einsum("ki,ij,kj->k", off, self.form, off), (off**2).sum(axis=1)
+        falls = height[1:] <= height[:-1] - share[:-1] / 2
+        return len(falls) >= _FALLS and bool(np.all(falls | (share[:-1] <= tol**2)))
+
+
 @dataclass
 class Attractors:
-    """Orbits found so far, and the points in which each meets the section: at whatever phase, it is the same one."""
+    """Those found so far. At whatever phase a trajectory meets one, it has the points in common with it."""
 
     map: Any  # of one period or return
+    longest: int
     tol: float
-    orbits: list[PeriodicOrbit] = field(default_factory=list)
-    points: list[np.ndarray] = field(default_factory=list)
+    found: list[_Attractor] = field(default_factory=list)
 
-    def find(
+    @property
+    def window(self) -> int:
+        """Points of a trajectory that is led on."""
+        return max(_WINDOW, 2 * self.longest, 4 * (len(self.map.system.model.states) + 3))
+
+    def label(
         self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Label of every trajectory and why it has none, each (trajectories,).
+    ) -> tuple[list[PeriodicOrbit], np.ndarray, np.ndarray]:
+        """The attractors, the largest basin first; every trajectory's label and why it has none, each (trajectories,).
 
-        `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns.
+        `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns and
+        seen for `window` more.
         """
-        turns = "returns" if isinstance(self.map, Section) else "periods"
         labels = np.full(len(ends.cycle), UNSETTLED)
         reasons = np.full(len(ends.cycle), "", object)
         waiting, done = np.arange(len(ends.cycle)), transient
-        beside: list[PeriodicOrbit] = []
         for k in range(_ROUNDS + 1):
-            for i, (label, reason) in zip(waiting, self._settled(ends, beside)):
+            before = len(waiting)
+            for i, (label, reason) in zip(waiting, self._repeating(ends)):
                 labels[i], reasons[i] = label, reason
-            still = (labels[waiting] == UNSETTLED) & (ends.outcome == Outcome.FINISHED)
+            still = (labels[waiting] == UNSETTLED) & (reasons[waiting] == "")
             waiting, ends = waiting[still], ends.only(still)
-            beside = self._attracting(ends)
-            if k == _ROUNDS or not beside:
+            if k > 0:
+                for i, (label, reason) in zip(waiting, self._drawn_in(ends)):
+                    labels[i], reasons[i] = label, reason
+                still = labels[waiting] == UNSETTLED
+                waiting, ends = waiting[still], ends.only(still)
+            if k == _ROUNDS or not len(waiting) or (k > 0 and len(waiting) == before):
                 break
             unseen = (2**k - 1) * transient
             ends = lead_on(ends.points[:, -1], unseen)
-            done += unseen + ends.points.shape[1]
-        why = (
-            "slow: Newton's method finds orbits that attract beside ends like its own, but none has drawn it in; "
-            "give a larger `transient`"
-            if beside
-            else "unsettled: Newton's method finds no orbit that attracts beside ends like its own; it is chaotic, "
-            "quasi-periodic or slower still"
-        )
+            done += unseen + self.window
+        turns = "returns" if isinstance(self.map, Section) else "periods"
         for i in waiting:
-            reasons[i] = reasons[i] or f"{why} (it does not repeat after {done} {turns})."
-        order = np.argsort([-np.sum(labels == k) for k in range(len(self.orbits))], kind="stable")
-        led = labels >= 0
-        labels[led] = np.argsort(order)[labels[led]]
-        self.orbits = [self.orbits[k] for k in order]
-        return labels, reasons
+            reasons[i] = reasons[i] or (
+                f"unsettled: after {done} {turns} it neither repeats nor is near an orbit; it is chaotic, "
+                "quasi-periodic, or slow: give a larger `transient`."
+            )
+        order = np.argsort([-np.sum(labels == k) for k in range(len(self.found))], kind="stable")
+        has_one = labels >= 0
+        labels[has_one] = np.argsort(order)[labels[has_one]]
+        return [self.found[k].orbit for k in order], labels, reasons
 
-    def _settled(self, ends: Ends, beside: list[PeriodicOrbit]) -> list[tuple[int, str]]:
-        """Label and reason of each: of those that repeat, and of those that an orbit draws in, known or `beside`."""
-        found: list[tuple[int, str]] = []
+    def _repeating(self, ends: Ends) -> list[tuple[int, str]]:
+        """Label and reason of each: neither where a trajectory may still come to an orbit."""
+        result: list[tuple[int, str]] = []
         tried: list[tuple[int, np.ndarray, str]] = []
         for points, count, outcome in zip(ends.points, ends.cycle.tolist(), ends.outcome.tolist()):
             at, label, reason = points[-1], None, ""
             if outcome != Outcome.FINISHED:
-                failed = outcome < 0 and outcome != NO_RETURN
-                found.append((FAILED if failed else UNSETTLED, why_not(outcome)))
-                continue
-            if count > 0:
-                label = self._near(at, 10 * self.tol)
+                reason = why_not(outcome)
+                label = FAILED if outcome < 0 and outcome != NO_RETURN else None
+            elif count > 0:
+                label = self._known(at, 10 * self.tol)
                 known = [why for n, x, why in tried if n == count and _near(at, x, self.tol)]
                 if label is None and known:
                     reason = known[0]
                 elif label is None:
-                    label, reason = self._repeated(count, at)
-                    if label is None:
+                    new, reason = self._attracting(count, at)
+                    # A slow one seems to repeat before it is there.
+                    if new is not None and _near(new.orbit.x, at, 100 * self.tol):
+                        label = self._index(new)
+                    else:
                         tried.append((count, at, reason))
-            if label is None and beside:
-                drawing = next((o for o in [*self.orbits, *beside] if _draws_in(o, points, self.tol)), None)
-                label = None if drawing is None else self._index(drawing)
-            found.append((UNSETTLED, reason) if label is None else (label, ""))
-        return found
+            result.append((UNSETTLED if label is None else label, reason))
+        return result
 
-    def _near(self, at: np.ndarray, tol: float) -> int | None:
-        return next((k for k, points in enumerate(self.points) if any(_near(at, x, tol) for x in points)), None)
+    def _drawn_in(self, ends: Ends) -> list[tuple[int, str]]:
+        """Label and reason of each, of attractors that draw it in, known or found beside it."""
+        result: list[tuple[int, str]] = []
+        tried: list[tuple[int, np.ndarray, _Attractor | None, str]] = []
+        for points in ends.points:
+            drawing = next((known for known in self.found if known.draws_in(points, self.tol)), None)
+            reason = ""
+            for count, guess in () if drawing is not None else _centres(points, self.longest):
+                beside = [(new, why) for n, x, new, why in tried if n == count and _near(guess, x, _SAME)]
+                if not beside and len(tried) == _TRIALS:
+                    break
+                if not beside:
+                    beside = [self._attracting(count, guess)]
+                    tried.append((count, guess, *beside[0]))
+                new, reason = beside[0]
+                if new is not None and new.draws_in(points, self.tol):
+                    drawing = new
+                    break
+                if new is not None:
+                    reason = "slow: it is near an orbit that attracts, but not drawn in yet; give a larger `transient`."
+            result.append((UNSETTLED, reason) if drawing is None else (self._index(drawing), ""))
+        return result
 
-    def _index(self, orbit: PeriodicOrbit) -> int:
-        """Its index; an orbit that is not known yet is kept."""
-        k = self._near(orbit.x, self.tol)
+    def _known(self, at: np.ndarray, tol: float) -> int | None:
+        return next((k for k, known in enumerate(self.found) if known.meets(at, tol)), None)
+
+    def _index(self, attractor: _Attractor) -> int:
+        """Its index; one that is not known yet is kept."""
+        k = self._known(attractor.orbit.x, self.tol)
         if k is None:
-            k = len(self.orbits)
-            self.orbits.append(orbit)
-            self.points.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
+            k = len(self.found)
+            self.found.append(attractor)
         return k
 
-    def _repeated(self, count: int, at: np.ndarray) -> tuple[int | None, str]:
-        """The attractor at a point that repeats after `count`; or None, and what its orbit lacks."""
+    def _attracting(self, count: int, at: np.ndarray) -> tuple[_Attractor | None, str]:
+        """The attractor to which Newton's method leads from a point; or None, and what the orbit there lacks."""
         orbit = refine(replace(self.map, count=count), at)
         if not orbit.success:
-            return None, f"unsettled: it repeats, but {orbit.message}"
-        if not orbit.stable:
-            size = np.abs(orbit.multipliers).max()
-            return None, f"unsettled: it repeats, but its orbit has a multiplier of size {size:.9g}."
-        # A slow one seems to repeat before it is there.
-        return (self._index(orbit), "") if _near(orbit.x, at, 100 * self.tol) else (None, "")
+            return None, ""
+        if orbit.stable:
+            return _Attractor(orbit), ""
+        size = np.abs(orbit.multipliers).max()
+        return None, f"unsettled: it is at an orbit that has a multiplier of size {size:.9g}."
 
-    def _attracting(self, ends: Ends) -> list[PeriodicOrbit]:
-        """Attracting orbits to which Newton's method leads from some of the ends."""
-        last = ends.points[:, -1:]
-        back = np.abs((ends.points[:, -2::-1] - last) / (1 + np.abs(last))).max(
-            axis=2
-        )  # the nearest in time first
-        order = np.argsort(back.min(axis=1, initial=np.inf), kind="stable")
-        others = order[_TRIALS:]
-        found: list[PeriodicOrbit] = []
-        for i in [*order[:_TRIALS], *others[:: max(1, len(others) // _TRIALS)][:_TRIALS]]:
-            nearest = int(np.argmin(back[i])) + 1 if back.shape[1] else 1
-            for count in dict.fromkeys([int(ends.cycle[i]) or 1, nearest, 1]):
-                orbit = refine(replace(self.map, count=count), ends.points[i, -1])
-                if orbit.success and orbit.stable:
-                    found.append(orbit)
-                    break
-        return found
+
+def _centres(points: np.ndarray, longest: int) -> Iterator[tuple[int, np.ndarray]]:
+    """(count, fixed point) of the affine maps that every count-th of a trajectory's last points (number, n) obeys."""
+    least = points.shape[1] + 3
+    for count in range(1, longest + 1):
+        some = points[::-count][: max(len(points) // 2, least)][::-1]
+        if len(some) < least:
+            return
+        middle = some.mean(axis=0)
+        off = some - middle
+        known = np.column_stack([off[:-1], np.ones(len(off) - 1)])
+        fitted, *_ = np.linalg.lstsq(known, off[1:], rcond=1e-9)
+        if np.abs(known @ fitted - off[1:]).max() <= _AFFINE * np.abs(off).max():
+            slope = np.eye(len(middle)) - fitted[:-1].T
+            yield count, middle + np.linalg.lstsq(slope, fitted[-1], rcond=1e-9)[0]
 
 
 def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
     return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
-
-
-def _draws_in(orbit: PeriodicOrbit, points: np.ndarray, tol: float) -> bool:
-    """Whether the orbit's Lyapunov function falls along points (number, n) of the map, until they are at the orbit."""
-    from scipy.linalg import solve_discrete_lyapunov
-
-    count = orbit.map.count
-    first = int(np.argmin(np.abs(points[:count] - orbit.x).sum(axis=1)))
-    off = (points[first::count] - orbit.x) / (1 + np.abs(orbit.x))
-    size = 1 + np.abs(orbit.x)
-    derivative = orbit.jacobian * size / size[:, None]
-    form = solve_discrete_lyapunov(derivative.T, np.eye(len(size)))
-    height, share = np.einsum("ki,ij,kj->k", off, form, off), (off**2).sum(axis=1)
-    moving = share[:-1] > tol**2
-    return bool(np.all((height[1:] <= height[:-1] - share[:-1] / 2)[moving]))

@@ -18,7 +18,7 @@ from ..analysis.orbits import PeriodicOrbit
 from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..paths.budget import whole
-from .attractors import FAILED, UNSETTLED, WINDOW, Attractors, Ends
+from .attractors import FAILED, UNSETTLED, Attractors, Ends
 from .plan import why_not
 
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
@@ -151,10 +151,10 @@ def basins(
 
     Notes
     -----
-    A sweep of the Poincare map, whose ends are refined by Newton's method. What has not settled is led on, for up to
-    11 times as long and 800 periods or returns, while Newton's method finds orbits that attract beside such ends. It
-    belongs to the one that draws it in: whose quadratic Lyapunov function falls at every step of at least 200. These
-    further runs are in no `store`.
+    A sweep of the Poincare map, whose ends are refined by Newton's method. Starts that have not settled are led on,
+    while more of them do, for up to 11 times as long and 800 periods or returns. Newton's method begins at the fixed
+    point of the affine map that their points obey; a start belongs to an orbit that attracts and draws it in: whose
+    quadratic Lyapunov function falls step by step through 200 of them. These further runs are in no `store`.
 
     Examples
     --------
@@ -192,15 +192,15 @@ def basins(
         return Ends(points.reshape(-1, kept, len(names)), cycle, outcome)
 
     def lead_on(starts: np.ndarray, unseen: int) -> Ends:
-        seen = max(WINDOW, 2 * longest)
-        return ends(None, seen, seen, points=dict(zip(names, starts.T)), transient=unseen, store=None)
+        window, again = attractors.window, dict(zip(names, starts.T))
+        return ends(None, window, window, points=again, transient=unseen, store=None)
 
-    found = Attractors(base, tol)
+    attractors = Attractors(base, longest, tol)
     first = ends(axes, 2 * longest, longest, start=start, transient=transient)
-    labels, reasons = found.find(first, transient, lead_on)
+    orbits, labels, reasons = attractors.label(first, transient, lead_on)
     axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
     shape = tuple(len(values) for values in axis_values.values())
-    return Basins(axis_values, labels.reshape(shape), found.orbits, reasons.reshape(shape))
+    return Basins(axis_values, labels.reshape(shape), orbits, reasons.reshape(shape))
 
 
 @dataclass(frozen=True)
