@@ -56,9 +56,7 @@ class Plan:
     setting: Setting
     options: tuple[tuple[str, Any], ...]  # of solve
     noise: Any = None
-    longest_return: float | None = (
-        None  # to the section, which is the last event of the system; None without one
-    )
+    longest_return: float | None = None  # to the section, the last event of the system; None without one
 
     @functools.cached_property
     def variables(self) -> dict[str, Variable]:
