@@ -7,11 +7,12 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import sympy as sp
 import xarray
 from friction_oscillator import coulomb, omega
 from typer.testing import CliRunner
 
-from pwsmooth import sweep
+from pwsmooth import System, sweep
 from pwsmooth.cli import app
 from pwsmooth.sweep import Function
 from pwsmooth.sweep.study import Names, StudyError, arguments_of, read_study, run_study
@@ -135,6 +136,19 @@ def test_a_scene_brings_its_start_period_and_units(tmp_path):
     assert (found.outcome >= 0).all() and found.sizes == {"spring": 2}
 
 
+def test_a_study_may_count_returns_to_a_section(tmp_path):
+    path = tmp_path / "belt.toml"
+    path.write_text(
+        'section = "v"\ndirection = -1\ntransient = 5\nperiods = 4\nmeasures = ["period", "sticks"]\n'
+        '[system]\nobject = "belt"\n[axes]\nk = [2, 3.1]\n'
+    )
+    y, v, k = sp.symbols("y v k", real=True)
+    belt = System({y: v, v: -k * y + 2 * sp.sign(1 - v) / (1 + sp.Abs(v - 1))}, parameters={k: 3})
+    system, arguments = arguments_of(read_study(path), Names({"belt": belt}))
+    found = sweep(system, **arguments | {"start": {y: 0, v: 0}})
+    assert found.period.values.tolist() == [1, 1] and (found.sticks == 1).all() and (found.stick_time > 0).all()
+
+
 def test_a_registered_name_needs_no_code(study):
     text = STUDY.replace("model.py:last", "last").replace("model.py:oscillator", "oscillator")
     study.write_text(text.replace("parameters = { c = 0.1 }", ""))
@@ -188,13 +202,15 @@ def test_views_are_named_in_the_study(study):
 
 def test_the_page_on_sweeps_runs_as_it_stands(tmp_path):
     page = (Path(__file__).resolve().parent.parent / "docs" / "sweeps.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```{code-cell} python\n---\n.*?\n---\n(.*?)```", page, flags=re.DOTALL)
+    code, circuit = re.findall(r"```{code-cell} python\n---\n.*?\n---\n(.*?)```", page, flags=re.DOTALL)
     data, text = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     matplotlib.use("Agg")
     names = {}
     # A tenth of the grid in each direction.
     exec(compile(code.replace("36)", "5)").replace("25)", "4)"), "sweeps.md", "exec"), names)
     assert names["found"].sizes == {"k": 5, "sigma": 4} and (names["found"].outcome == 0).all()
+    exec(compile(circuit.replace("500)", "5)"), "sweeps.md", "exec"), names)
+    assert names["shown"].points.shape == (5, 100, 3) and not any(names["shown"].reasons)
     study = tmp_path / "study.toml"
     study.write_text(text)
     assert read_study(study).axes["sigma"].values().size == 25

@@ -24,7 +24,7 @@ from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
 from .poincare import Image, why_stopped
-from .sections import Section, Stroboscopic, Word, depends_on_time
+from .sections import LONGEST, Section, Stroboscopic, Word, depends_on_time, poincare_map
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
@@ -243,26 +243,17 @@ def find_orbit(
     >>> orbit.success, len(orbit.word)
     (True, 1)
     """
-    if (period is None) == (section is None):
-        said = "neither `period` nor `section` is" if period is None else "`period` and `section` are both"
-        raise ValueError(
-            f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
-        )
+    if section is not None and symmetry is not None:
+        raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
+    more = {} if section is not None else {"phase": phase, "symmetry": symmetry}
+    first = poincare_map(system, period, section, direction, LONGEST, options, count=count or 1, **more)
     at = np.array(system.initial_state(x0), float)
-    first: Stroboscopic | Section
     if section is not None:
-        first = Section(system, surface=section, direction=direction, count=count or 1, options=options)
-        if symmetry is not None:
-            raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
         # The guess need not lie on the section: the first return does.
         reached = first.image(at)
         if not reached.success:
             return none_found(first, at, f"from the first guess no return: {reached.reason}")
         at = reached.x
-    else:
-        first = Stroboscopic(
-            system, period=period, count=count or 1, phase=phase, symmetry=symmetry, options=options
-        )
     if transient:
         points, reason = first._iterated(at, transient + 1)
         if reason:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import sympy as sp
 
 from ..definition import checks
 from ..definition.model import EventSpec, Model, of_event
@@ -28,6 +29,7 @@ from .variations import variations
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
+LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
@@ -194,7 +196,7 @@ class Section(_Map):
     count : int
         Returns a step of the map.
     longest : float, in the unit of the model's time
-        Give up after this time.
+        Give up after this time on the way to a return.
     options : mapping, optional
         For `solve`.
 
@@ -224,33 +226,21 @@ class Section(_Map):
     surface: Any = None
     direction: int = 1
     count: int = 1
-    longest: float = 1e3
+    longest: float = LONGEST
     _watched: Any = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        model = checks.system(self.system, "`system`").model
-        symbols = {*model.states, *self.system.parameters}
-        surface = checks.expression(self.surface, "`surface`", {s.name: s for s in symbols})
+        checks.system(self.system, "`system`")
         checks.fields(
             self, count=checks.integer(1), direction=checks.one_of(1, -1), longest=checks.positive,
             options=checks.mapping,
         )  # fmt: skip
-        if not surface.free_symbols & set(model.states) or not surface.free_symbols <= symbols:
-            raise ValueError(
-                f"`surface` is {surface}; give a function of states {checks.listing(model.states)}."
-            )
-        if depends_on_time(model):
-            raise ValueError(
-                "the system depends on time, so returns to a surface are no map of its states. Use Stroboscopic "
-                "with the period of the forcing."
-            )
+        surface = section_of(self.system, self.surface, "`surface`")
         object.__setattr__(self, "surface", surface)
-        spec = EventSpec(RETURN, surface, direction=self.direction, when=model.time > 0, terminal=True)
-        names = {p for p in self.system.parameters if p in surface.free_symbols}
-        used = (*model.parameters, *sorted(names - {*model.parameters}, key=str))
-        watched = copy.copy(self.system)
-        watched.model = replace(model, events=(*model.events, spec), parameters=used)
-        object.__setattr__(self, "_watched", watched)
+        ends = EventSpec(
+            RETURN, surface, direction=self.direction, when=self.system.model.time > 0, terminal=True
+        )
+        object.__setattr__(self, "_watched", watching(self.system, ends))
 
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         other = super().with_parameters(values)
@@ -346,6 +336,60 @@ class Section(_Map):
         line = linearise(system.model, chosen)
         p = np.array([run.parameters[str(q)] for q in system.model.parameters])
         return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
+
+
+def poincare_map(
+    system: Any,
+    period: Any,
+    section: Any,
+    direction: int,
+    longest: float,
+    options: Mapping[str, Any],
+    **more: Any,
+) -> Stroboscopic | Section:
+    """The map of a driven system or of an autonomous one: `period` and `section` as they are given at a door.
+
+    ValueError for neither or both of them.
+    """
+    if (period is None) == (section is None):
+        said = "neither `period` nor `section` is" if period is None else "`period` and `section` are both"
+        raise ValueError(
+            f"{said} given; give one of them, the period of the forcing or a surface of an autonomous system."
+        )
+    if section is None:
+        return Stroboscopic(system, period=period, options=options, **more)
+    surface = section_of(system, section, "`section`")
+    return Section(system, surface=surface, direction=direction, longest=longest, options=options, **more)
+
+
+def section_of(system: Any, surface: Any, what: str) -> sp.Expr:
+    """h of a section h = 0; ValueError where the system has no returns to it that depend on states alone."""
+    model, parameters = system.model, system.parameters
+    e = checks.expression(surface, what, {s.name: s for s in (*model.states, *parameters)})
+    unknown = e.free_symbols - {*model.states, *parameters}
+    if unknown or not e.free_symbols & set(model.states):
+        said = f", in which {checks.listing(unknown)} is no state or parameter of the system" if unknown else ""
+        raise ValueError(f"{what} is {e}{said}; give a function of states {checks.listing(model.states)}.")
+    if depends_on_time(model):
+        raise ValueError(
+            f"the system depends on time, so returns to {what} are no map of its states. Give the period of the "
+            "forcing (`period`, or Stroboscopic) instead."
+        )
+    return e
+
+
+def watching(system: Any, event: EventSpec) -> Any:
+    """The same system with one more event of a surface, behind its own."""
+    model, surface = system.model, event.surface
+    assert surface is not None
+    names = {p for p in system.parameters if p in surface.free_symbols} - {*model.parameters}
+    other = copy.copy(system)
+    other.model = replace(
+        model,
+        events=(*model.events, event),
+        parameters=(*model.parameters, *sorted(names, key=str)),
+    )
+    return other
 
 
 def depends_on_time(model: Model) -> bool:

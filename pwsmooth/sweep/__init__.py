@@ -6,6 +6,7 @@ running.py   executors, progress      store.py     chunks on disk, resumed after
 stored.py    a store is read          identity.py  what a sweep must agree on to be resumed
 dataset.py   the result               study.py     a sweep in a TOML file
 periodicity.py, quantities.py, functions.py        measures, by subject
+basins.py    diagrams and basins       attractors.py  which orbit a trajectory goes to
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.sections import LONGEST
 from .contract import Measure, Window
 from .measures import (
     Amplitude,
@@ -61,6 +63,9 @@ def sweep(
     start: Mapping[Any, float] | Sequence[float] | None = None,
     measures: Any = ("sticks", "itinerary", "period"),
     period: Any = None,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
     transient: int = 100,
     periods: int = 20,
     t_span: Sequence[float] | None = None,
@@ -99,12 +104,19 @@ def sweep(
     period : float or Expr, in the unit of the model's time
         Of the drive, e.g. ``2*sympy.pi/omega``. An orbit runs for `transient` periods unseen, then `periods`
         more are measured.
+    section : Expr
+        Of an autonomous system, instead of `period`: a function h of states and parameters. Its returns to h = 0
+        take the place of the periods.
+    direction : {1, -1}
+        The section is crossed with h rising or falling.
+    longest_return : float, in the unit of the model's time
+        An orbit that is not back on the section in that time has the outcome no_return_to_the_section.
     transient, periods : int
-        Of the drive: unseen, and measured.
+        Of the drive, or returns: unseen, and measured.
     t_span : (float, float), in the unit of the model's time
-        Without a drive: the span of a run.
+        Without a drive or a section: the span of a run.
     measure_from : float, in the unit of the model's time
-        Without a drive: where in the span measuring begins.
+        With `t_span`: where in the span measuring begins.
     units : mapping of name to str
         Of parameters, states, outputs and time; they label coordinates and variables.
     noise : Kicks or Diffusion, optional
@@ -152,9 +164,20 @@ def sweep(
     ...               measures=["itinerary", "amplitude(y)"], units={"y": "m"})
     >>> found.itinerary.values.tolist()
     ['S R S L', 'R L']
+
+    Van der Pol's oscillator has no drive: it is measured from return to return, here to its right turning point:
+
+    >>> x, u = sp.symbols("x u", real=True)
+    >>> mu = sp.Symbol("mu", positive=True)
+    >>> pol = System({x: u, u: mu*(1 - x**2)*u - x}, parameters={mu: 1})
+    >>> found = sweep(pol, {"mu": [0.1, 1.0]}, start={"x": 1, "u": 0}, section=u, direction=-1,
+    ...               measures=["period", "amplitude(x)"])
+    >>> found.period_time.values.round(5).tolist()
+    [6.28711, 6.66329]
     """
     from ..codegen.machine.workers import cores
     from ..definition import checks
+    from ..paths.budget import spending
     from ..results.records import Outcome
     from .dataset import make_dataset
     from .plan import make_plan
@@ -183,9 +206,13 @@ def sweep(
         units,
         noise,
         options,
+        section,
+        direction,
+        longest_return,
     )
     limit = checks.optional(checks.positive)(max_seconds, "`max_seconds`")
-    deadline = math.inf if limit is None else time.time() + limit
+    left = spending().deadline - time.monotonic()  # of the call that this one is part of
+    deadline = time.time() + min(left, math.inf if limit is None else limit)
     _ = plan.variables  # two measures of one name are refused before anything runs
 
     def target() -> int:

@@ -1,30 +1,27 @@
-"""Basins of attraction and orbit diagrams: where trajectories of a driven system end, over starts and parameters.
+"""Basins of attraction and orbit diagrams: where trajectories end, over starts and parameters.
 
-Both are sweeps (sweep/) of the stroboscopic map; the attractors found are refined by Newton's method (orbits.py), so
-that a basin is the basin of a periodic orbit with known multipliers, and not of a cloud of points.
-Chain: sweep, orbits.py -> **basins**.
+Both are sweeps (sweep/) of a Poincare map, stroboscopic or of returns to a section; attractors are refined by Newton's
+method (attractors.py), so that a basin is the basin of a periodic orbit with known multipliers, and not of a cloud of
+points.
+Chain: sweep, attractors.py -> **basins**.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import PeriodicOrbit, refine
-from ..analysis.sections import Stroboscopic
+from ..analysis.orbits import PeriodicOrbit
+from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..paths.budget import whole
-from ..results.records import Outcome
+from .attractors import FAILED, UNSETTLED, Attractors, Ends
+from .plan import why_not
 
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
-
-#: Label of a start whose trajectory had not become periodic.
-UNSETTLED = -1
-#: Label of a start whose trajectory failed.
-FAILED = -2
 
 
 @dataclass(frozen=True)
@@ -40,6 +37,9 @@ class Basins:
         periodic, -2 where it failed.
     attractors : list of PeriodicOrbit
         In the order of the size of their basins.
+    reasons : ndarray of str, dimensionless, of the shape of the axes
+        Why a start has no attractor, in words that begin with "slow", "unsettled", "no return" or
+        the name of the outcome; empty where it has one.
 
     Examples
     --------
@@ -57,6 +57,7 @@ class Basins:
     axes: dict[str, np.ndarray]
     labels: np.ndarray
     attractors: list[PeriodicOrbit]
+    reasons: np.ndarray
 
     @property
     def shares(self) -> np.ndarray:
@@ -96,14 +97,18 @@ class Basins:
 
 @checks.door(
     system=checks.system, axes=checks.mapping, start=checks.optional(checks.mapping), tol=checks.positive,
-    transient=checks.integer(0), longest=checks.integer(1, 10_000),
+    transient=checks.integer(0), longest=checks.integer(1, 10_000), direction=checks.one_of(1, -1),
+    longest_return=checks.positive,
 )  # fmt: skip
 @whole
 def basins(
     system: Any,
     axes: Mapping[Any, Sequence[float]],
-    period: Any,
+    period: Any = None,
     *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
     start: Mapping[Any, float] | None = None,
     transient: int = 200,
     longest: int = 8,
@@ -115,17 +120,24 @@ def basins(
     Parameters
     ----------
     system : System
-        Driven with `period`.
+        Driven with `period`, or autonomous with a `section`.
     axes : mapping of state to sequence of float, any length
         The grid, in the units of the states.
     period : float or Expr, in the unit of the model's time
-        Of the drive.
+        Of the drive; or
+    section : Expr
+        A surface, function of states, that an autonomous system crosses, as in `find_orbit`. Two starts that meet one
+        orbit at different phases cross it in the same points.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a trajectory may be on its way to the section.
     start : mapping of state to float, optional
         Values of the states that are no axes, in their units.
     transient : int
-        Periods before a trajectory is looked at.
+        Periods or returns before a trajectory is looked at. Slow ones are led on (see Notes).
     longest : int
-        Longest orbit, in periods, that counts as periodic.
+        Longest orbit, in periods or returns, that counts as periodic.
     tol : float, dimensionless
         How near to an orbit a trajectory has come after the transient, in states (relative to 1 + abs(x)).
     **options
@@ -139,7 +151,10 @@ def basins(
 
     Notes
     -----
-    A sweep of the stroboscopic map, whose ends are refined by Newton's method.
+    A sweep of the Poincare map, whose ends are refined by Newton's method. Starts that have not settled are led on,
+    while more of them do, for up to 11 times as long and 800 periods or returns. Newton's method begins at the fixed
+    point of the affine map that their points obey; a start belongs to an orbit that attracts and draws it in: whose
+    quadratic Lyapunov function falls step by step through 200 of them. These further runs are in no `store`.
 
     Examples
     --------
@@ -150,57 +165,47 @@ def basins(
     >>> found = basins(System({x: 0 * x}, time=t, events=[clock]), {x: [-0.5, 0.1, 0.2]}, 1, transient=60)
     >>> [f"{share:.3f}" for share in found.shares]
     ['0.667', '0.333']
+
+    Of two circles of an autonomous system that attract, of radius 1 and 3, the circle of radius 2 separates the basins:
+
+    >>> x, y = sp.symbols("x y", real=True)
+    >>> r2 = x**2 + y**2
+    >>> growth = (1 - r2) * (4 - r2) * (9 - r2) / 20
+    >>> circles = System({x: growth * x - y, y: growth * y + x})
+    >>> found = basins(circles, {x: [0.5, 1.9, 2.1]}, start={y: 0}, section=y, transient=20)
+    >>> [f"{sp.Float(found.attractors[k].x[0], 4)}" for k in found.labels]
+    ['1.000', '1.000', '3.000']
     """
     from . import Period, Points, sweep
 
-    period = checks.period(period, system.parameters)
     names = [s.name for s in system.model.states]
-    data = sweep(
-        system, axes, start=start, period=period, transient=transient, periods=2 * longest,
-        measures=[Period(longest, tol), Points(*names, last=longest)], **{"progress": False, **options},
-    )  # fmt: skip
+    base = poincare_map(system, period, section, direction, longest_return, {})
+    strobed = dict(period=period, section=section, direction=direction, longest_return=longest_return)
+
+    def ends(grid: Any, seen: int, kept: int, **more: Any) -> Ends:
+        data = sweep(
+            system, grid, **strobed, periods=seen, measures=[Period(longest, tol), Points(*names, last=kept)],
+            **{"progress": False, **options, **more},
+        )  # fmt: skip
+        points = np.stack([data[f"{name}_points"].values for name in names], axis=-1)
+        cycle, outcome = (data[name].values.reshape(-1) for name in ("period", "outcome"))
+        return Ends(points.reshape(-1, kept, len(names)), cycle, outcome)
+
+    def lead_on(starts: np.ndarray, unseen: int) -> Ends:
+        window, again = attractors.window, dict(zip(names, starts.T))
+        return ends(None, window, window, points=again, transient=unseen, store=None)
+
+    attractors = Attractors(base, longest, tol)
+    first = ends(axes, 2 * longest, longest, start=start, transient=transient)
+    orbits, labels, reasons = attractors.label(first, transient, lead_on)
     axis_values = {str(getattr(key, "name", key)): np.asarray(values, float) for key, values in axes.items()}
     shape = tuple(len(values) for values in axis_values.values())
-    points = np.stack([data[f"{name}_points"].values for name in names], axis=-1).reshape(
-        -1, longest, len(names)
-    )
-    cycle = data["period"].values.reshape(-1)
-    labels = np.where(data["outcome"].values.reshape(-1) >= 0, UNSETTLED, FAILED)
-    # The same section as the sweep's strobes: whole periods after its start time.
-    base = Stroboscopic(system, period)
-    attractors: list[PeriodicOrbit] = []
-    strobes: list[np.ndarray] = []  # of each of them
-    tried: list[tuple[int, np.ndarray]] = []
-    for i in np.flatnonzero((cycle > 0) & (labels == UNSETTLED)):
-        count, at = int(cycle[i]), points[i, -1]
-        near = [k for k, points_of in enumerate(strobes) if any(_near(at, x, 10 * tol) for x in points_of)]
-        if not near:
-            if any(n == count and _near(at, x, tol) for n, x in tried):
-                continue
-            orbit = refine(replace(base, count=count), at)
-            if not (orbit.success and orbit.stable and _near(orbit.x, at, 100 * tol)):
-                tried.append((count, at))
-                continue
-            # It may be one of them that this start, still on its way to it, took for a longer one.
-            near = [k for k, points_of in enumerate(strobes) if any(_near(orbit.x, x, tol) for x in points_of)]
-            if not near:
-                near = [len(attractors)]
-                attractors.append(orbit)
-                strobes.append(replace(orbit.map, count=1).iterate(orbit.x, orbit.map.count))
-        labels[i] = near[0]
-    order = np.argsort([-np.sum(labels == k) for k in range(len(attractors))], kind="stable")
-    settled = labels >= 0
-    labels[settled] = np.argsort(order)[labels[settled]]
-    return Basins(axis_values, labels.reshape(shape), [attractors[k] for k in order])
-
-
-def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
-    return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
+    return Basins(axis_values, labels.reshape(shape), orbits, reasons.reshape(shape))
 
 
 @dataclass(frozen=True)
 class OrbitDiagram:
-    """Points of the stroboscopic map over a parameter.
+    """Points of the Poincare map over a parameter.
 
     Indexing gives the points of one state, shape (number of values, kept points).
 
@@ -216,6 +221,8 @@ class OrbitDiagram:
         In the units of the states; nan where a run failed.
     reasons : tuple of str
         For each value why its run ended before its time, in words; empty where it did not.
+    strobed_by : str
+        What lies between two points: a "period" of the drive, or a "return" to the section.
 
     Examples
     --------
@@ -232,6 +239,7 @@ class OrbitDiagram:
     states: tuple[str, ...]
     points: np.ndarray
     reasons: tuple[str, ...]
+    strobed_by: str = "period"
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
@@ -265,13 +273,13 @@ class OrbitDiagram:
             "rasterized": True,
         }
         ax.plot(at, self[name].ravel(), **{**style, **marks})
-        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a period")
+        ax.set(xlabel=self.parameter, ylabel=f"{name}, once a {self.strobed_by}")
         return ax
 
 
 @checks.door(
     system=checks.system, values=checks.numbers, start=checks.mapping, transient=checks.integer(0),
-    keep=checks.integer(1, 10**7), carry=checks.flag,
+    keep=checks.integer(1, 10**7), carry=checks.flag, direction=checks.one_of(1, -1), longest_return=checks.positive,
 )  # fmt: skip
 @whole
 def orbit_diagram(
@@ -279,19 +287,22 @@ def orbit_diagram(
     parameter: Any,
     values: Sequence[float],
     start: Mapping[Any, float],
-    period: Any,
+    period: Any = None,
     *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
     transient: int = 200,
     keep: int = 40,
     carry: bool = False,
     **options: Any,
 ) -> OrbitDiagram:
-    """Find where the stroboscopic map settles, over a parameter.
+    """Find where the Poincare map settles, over a parameter.
 
     Parameters
     ----------
     system : System
-        Driven with `period`.
+        Driven with `period`, or autonomous with a `section`.
     parameter : str or Symbol
         Of the system.
     values : sequence of float, any length
@@ -299,9 +310,15 @@ def orbit_diagram(
     start : mapping of state to float
         Of every run or, with `carry`, of the first one, in the units of the states.
     period : float or Expr, in the unit of the model's time
-        Of the drive.
+        Of the drive; or
+    section : Expr
+        A surface, function of states and parameters, that an autonomous system crosses, as in `find_orbit`.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a trajectory may be on its way to the section.
     transient, keep : int
-        Periods unseen, and then shown.
+        Periods or returns unseen, and then shown.
     carry : bool
         Begin each run where the one before ended: follows an attractor and shows hysteresis when the values come
         back. Without it all runs are independent and use all cores.
@@ -329,33 +346,36 @@ def orbit_diagram(
     >>> shown = orbit_diagram(logistic, c, [2.5, 3.2], {x: 0.3}, 1, carry=True, keep=4)
     >>> [len(set(row.round(6))) for row in shown["x"]]
     [1, 2]
+
+    Without a drive, by a section: the amplitude of an oscillator that friction drives is in proportion to the friction.
+
+    >>> x, u, f = sp.symbols("x u f", real=True)
+    >>> driven = System({x: u, u: -x - u/5 + f*sp.sign(u)}, parameters={f: 1})
+    >>> orbit_diagram(driven, f, [1, 2], {x: 3, u: 0}, section=u, direction=-1, keep=1)["x"].round(4).tolist()
+    [[6.3868], [12.7736]]
     """
     name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
-    at_values, period = np.asarray(values), checks.period(period, system.parameters)
+    at_values = np.asarray(values)
+    base = poincare_map(system, period, section, direction, longest_return, options if carry else {})
     states = tuple(s.name for s in system.model.states)
+    strobed_by = "period" if section is None else "return"
     if not carry:
         from . import Points, sweep
 
         found = sweep(
-            system, {name: at_values.tolist()}, start=start, period=period, transient=transient, periods=keep,
+            system, {name: at_values.tolist()}, start=start, period=period, section=section, direction=direction,
+            longest_return=longest_return, transient=transient, periods=keep,
             measures=[Points(*states, last=keep)], **{"progress": False, **options},
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
-        return OrbitDiagram(
-            name, at_values, states, points, tuple(map(_reason, found["outcome"].values.tolist()))
-        )
+        reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]
+        return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)
     at = np.array(system.initial_state(start), float)
-    points, reasons = np.full((len(at_values), keep, len(states)), np.nan), []
+    points, reasons = np.full((len(at_values), keep, len(states)), np.nan), list[str]()
     for k, value in enumerate(at_values):
-        step = Stroboscopic(system.with_parameters({name: value}), period, options=options)
+        step = base.with_parameters({name: value})
         points[k], reason = step._iterated(at, keep, transient)
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
-    return OrbitDiagram(name, at_values, states, points, tuple(reasons))
-
-
-def _reason(outcome: int) -> str:
-    """Why a point of a sweep did not finish, from its code; empty if it did."""
-    texts = {int(o): str(o) for o in Outcome} | {int(Outcome.FINISHED): ""}
-    return texts.get(outcome, "the system refuses this value of the parameter or start.")
+    return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)

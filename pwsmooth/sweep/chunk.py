@@ -14,7 +14,7 @@ import numpy as np
 
 from ..paths.budget import Budget, Stop, within
 from ..results.records import Outcome
-from .plan import FUNCTION_FAILED, REFUSED, Plan
+from .plan import FUNCTION_FAILED, NO_RETURN, REFUSED, Plan
 from .point import solve_point
 
 
@@ -33,11 +33,12 @@ def run_chunk(
 
 def _values(plan, columns, spending):
     result = plan.empty(len(next(iter(columns.values()))))
-    ensemble = goes_as_ensemble(plan)
+    ensemble, returns = goes_as_ensemble(plan), None
     if ensemble:
         from .orbits import run_orbits
 
         orbits = run_orbits(plan, columns)
+        returns = orbits.strobe_t if plan.longest_return is not None else None
         for measure in (m for m in plan.measures if m.compiled):
             for name, values in measure.gather(orbits, plan.setting).items():
                 result[name][:] = values
@@ -46,7 +47,7 @@ def _values(plan, columns, spending):
         result["outcome"][:] = orbits.outcome
     rest = [m for m in plan.measures if not (ensemble and m.compiled)]
     if rest or not ensemble:
-        _one_by_one(plan, columns, result, rest, ensemble, spending)
+        _one_by_one(plan, columns, result, rest, ensemble, returns, spending)
     return result
 
 
@@ -57,16 +58,16 @@ def goes_as_ensemble(plan: Plan) -> bool:
     return not (plan.noise or smoothed or dict(plan.options)["method"] == "stiff")
 
 
-def _one_by_one(plan, columns, result, measures, outcome_known, spending):
+def _one_by_one(plan, columns, result, measures, outcome_known, returns, spending):
     dense = any(getattr(m, "dense", True) for m in measures)
     for i in range(len(result["outcome"])):
-        if outcome_known and result["outcome"][i] < 0:
-            continue
+        if outcome_known and (result["outcome"][i] < 0 or (returns is not None and np.isnan(returns[i, -1]))):
+            continue  # it failed, or another event ended it before its last return
         if spending.late():
             result["outcome"][i] = Outcome.TIME_LIMIT
             continue
         try:
-            solution, window = solve_point(plan, columns, i, dense)
+            solution, window = solve_point(plan, columns, i, dense, None if returns is None else returns[i])
         except (ValueError, TypeError):
             result["outcome"][i] = REFUSED
             continue
@@ -74,7 +75,9 @@ def _one_by_one(plan, columns, result, measures, outcome_known, spending):
             result["t_reached"][i] = solution.t[-1]
             result["ambiguities"][i] = len(solution.ambiguities)
             result["outcome"][i] = solution.outcome
-            if solution.outcome < Outcome.FINISHED:
+            if window is None and solution.outcome == Outcome.FINISHED:
+                result["outcome"][i] = NO_RETURN
+            if window is None or solution.outcome < Outcome.FINISHED:
                 continue
         for measure in measures:
             try:

@@ -17,32 +17,41 @@ NOT_RUN = -128  # outcome of a point that has not run
 
 
 class Window(NamedTuple):
-    """The part of an orbit that is measured: from `start` to `end`, strobed every `period`.
+    """The part of an orbit that is measured, and the times at which it is strobed.
 
     Attributes
     ----------
-    start, end : float, in the unit of the model's time
-        Its ends.
-    period : float, in the unit of the model's time
-        Between two strobes.
-    periods : int
-        Their number; a sweep without a drive has one, as long as the window.
-    forced : bool
-        Whether there is a drive.
+    times : ndarray, shape (periods + 1,), in the unit of the model's time
+        After every period of the drive, or of the returns to the section; without either the two ends.
+    strobed : bool
+        Whether there is a drive or a section.
 
     Examples
     --------
+    >>> import numpy as np
     >>> from pwsmooth.sweep import Window
-    >>> window = Window(start=10.0, end=14.0, period=2.0, periods=2, forced=True)
-    >>> window.end - window.start == window.periods * window.period
-    True
+    >>> window = Window(np.array([10.0, 12.0, 14.0]), strobed=True)
+    >>> window.start, window.end, window.periods
+    (10.0, 14.0, 2)
     """
 
-    start: float
-    end: float
-    period: float
-    periods: int
-    forced: bool
+    times: np.ndarray
+    strobed: bool
+
+    @property
+    def start(self) -> float:
+        """Where it begins, in the unit of the model's time."""
+        return float(self.times[0])
+
+    @property
+    def end(self) -> float:
+        """Where it ends, in the unit of the model's time."""
+        return float(self.times[-1])
+
+    @property
+    def periods(self) -> int:
+        """Periods or returns in it; without a drive or a section one, as long as the window."""
+        return len(self.times) - 1
 
 
 class Variable(NamedTuple):
@@ -167,7 +176,7 @@ class Setting:
     quantities: tuple[str, ...]
     bits: tuple[int, ...]
     periods: int
-    forced: bool
+    strobed_by: str  # "period" of the drive, "return" to the section, or ""
     period_detector: Any  # the measure Period that decides for the itinerary too
     units: tuple[tuple[str, str], ...]
     time: str

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.poincare import RETURN
 from ..definition import checks
 from .contract import Measure, integer, real
 from .functions import Function, Lyapunov
@@ -35,7 +36,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Sticks(Measure):
-    """The variables `stick_time` and `sticks`: time stuck per period, and sticks per period.
+    """The variables `stick_time` and `sticks`: time stuck per period, and sticks per period (return to a section).
 
     Sliding counts as stuck, of a contact being closed; a stick is counted in the period in which it begins. Of
     several switches both have the dimension `switch`.
@@ -54,9 +55,10 @@ class Sticks(Measure):
 
     def variables(self, setting):
         dims, shape = setting.switch_dims
+        once = setting.strobed_by or "period"
         return {
-            "stick_time": real(setting, "time stuck per period", setting.time_unit, dims, shape),
-            "sticks": real(setting, "sticks per period", "1", dims, shape),
+            "stick_time": real(setting, f"time stuck per {once}", setting.time_unit, dims, shape),
+            "sticks": real(setting, f"sticks per {once}", "1", dims, shape),
         }
 
     def gather(self, orbits, setting):
@@ -82,10 +84,10 @@ class Sticks(Measure):
 
 @dataclass(frozen=True)
 class Points(Measure):
-    """The variables `<state>_points`: states at the window's start and after every period, along the dimension
-    `strobe`.
+    """The variables `<state>_points`: states at the window's start and after every period or return, along the
+    dimension `strobe`.
 
-    They are the stroboscopic (Poincare) points of a forced system.
+    They are the Poincare points of a forced system (stroboscopic) or of one with a section.
 
     Parameters
     ----------
@@ -129,7 +131,9 @@ class Points(Measure):
         count = self._count(setting)
         dim = "strobe" if self.last is None else f"last_{count}"
         return {
-            f"{name}_points": real(setting, f"{name} once a period", setting.unit(name), (dim,), (count,))
+            f"{name}_points": real(
+                setting, f"{name} once a {setting.strobed_by or 'period'}", setting.unit(name), (dim,), (count,)
+            )
             for name in self._states(setting)
         }
 
@@ -137,7 +141,7 @@ class Points(Measure):
         return self._of(orbits.strobe, setting)
 
     def of(self, solution, window, setting):
-        return self._of(strobes(solution, window), setting)
+        return self._of(strobes(solution, window, setting.strobed_by == "return"), setting)
 
     def _of(self, x, setting):
         """The last points, from the states x (..., strobes, n)."""
@@ -170,7 +174,7 @@ class Counts(Measure):
         return {"events": orbits.events_inside.copy(), "steps": orbits.steps.copy()}
 
     def of(self, solution, window, setting):
-        times = np.array([e.time for e in solution.events])
+        times = np.array([e.time for e in solution.events if e.switch != RETURN])
         return {"events": int(np.sum(times > window.start)), "steps": int(solution.cost["steps"])}
 
 

@@ -20,21 +20,21 @@ def segments_in(solution: Solution, *columns: int) -> list[tuple]:
     return pieces
 
 
-def strobes(solution: Solution, window) -> np.ndarray:
-    """States at the window's start and after every period, shape (periods + 1, n); nan where the run had ended.
+def strobes(solution: Solution, window, after: bool = False) -> np.ndarray:
+    """States at the window's strobes, shape (periods + 1, n); nan where the run had ended.
 
-    At an event the state before it, and at the end the run's last one, as the ensemble has them.
+    At an event the state before it, and at the end the run's last one, as the ensemble has them; after a return all
+    that happens with it.
     """
-    times = window.start + window.period * np.arange(window.periods + 1)
-    times[-1] = window.end
+    times = window.times
     reached = times <= solution.t[-1]
     x = np.full((len(times), len(solution.states)), np.nan)
     if solution.dense is not None and reached.any():
         x[reached] = solution(times[reached]).T
     for k in np.flatnonzero(reached):
         # Prefer the column at exactly that time: the polynomial is off by a rounding, or was not kept.
-        column = np.searchsorted(solution.t, times[k], side="right" if k == window.periods else "left")
-        column -= k == window.periods
+        last = after or k == window.periods
+        column = np.searchsorted(solution.t, times[k], side="right" if last else "left") - last
         if solution.t[column] == times[k]:
             x[k] = solution.x[:, column]
     return x

@@ -15,7 +15,7 @@ from ..paths.budget import spending
 from ..paths.event_driven import EventDriven, Options
 from ..results.records import Outcome
 from .measures import Itinerary
-from .plan import REFUSED, Plan
+from .plan import NO_RETURN, REFUSED, Plan
 from .point import solve_point
 
 _RING = 256  # segments remembered, of which the last periods' are read
@@ -30,7 +30,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     options, setting, system = dict(plan.options), plan.setting, plan.system
     model, count = system.model, len(next(iter(columns.values())))
     t0, begin, end, period = plan.windows(columns, count)
-    strobes = setting.periods + 1
+    strobes, section = setting.periods + 1, plan.longest_return is not None
     base = np.array(system.parameter_values, float)
     run = EventDriven(
         model,
@@ -41,6 +41,10 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     )  # fmt: skip
     problem = run.parts.problem(base, run.one_step)
     n, m, ne = len(model.states), len(model.multipliers), len(model.events)
+    if section:
+        terminal = problem.terminal.copy()
+        terminal[-1] = 1  # of returns only the ensemble knows which is the last one
+        problem = problem.changed(terminal=terminal)
     p = np.tile(base, (count, 1))
     x0 = np.tile(np.array(plan.start, float), (count, 1))
     for name, kind in plan.kinds:
@@ -51,7 +55,7 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
     quantities, outputs = _quantities(plan, n, m)
     # The buffers are emptied when full: small ones stay in the cache.
     now = run.begin(0.0, 0.0)
-    record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(strobes))
+    record = run.recording(max(512, 4 * (2 * m + 3 * ne + 64)), np.zeros(0 if section else strobes))
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     digits = np.zeros(m, np.int64)
     digits[list(setting.word_columns)] = 3 ** np.arange(len(setting.word_columns))
@@ -65,7 +69,10 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             ),
             run=unit_address("run"),
             outputs=run.sizes.outputs if outputs else 0,
-            longest=setting.period_detector.longest if setting.forced else 0,
+            section=ne - 1 if section else -1,
+            transient=plan.transient,
+            longest_return=plan.longest_return or 0.0,
+            longest=setting.period_detector.longest if setting.strobed_by else 0,
             period_tol=setting.period_detector.tol,
             stop=gone,
             p=p,
@@ -74,6 +81,8 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
             t0=t0,
             window=np.column_stack([begin, end]),
             period=period,
+            strobe=np.full((count, strobes, n), np.nan),
+            strobe_t=np.full((count, strobes), np.nan),
             quantity=quantities,
             wanted=setting.bits,
             word_digits=digits,
@@ -94,9 +103,9 @@ def run_orbits(plan: Plan, columns: Mapping[str, np.ndarray]) -> Any:
         else:
             go(run.control, 0, count)
     orbits.code_done = orbits.code == Outcome.FINISHED
-    orbits.ok = orbits.code >= Outcome.FINISHED
+    orbits.ok = orbits.code_done if section else orbits.code >= Outcome.FINISHED
     orbits.outcome = orbits.code.copy()
-    for i in np.flatnonzero(~orbits.ok).tolist():
+    for i in np.flatnonzero((orbits.code < Outcome.FINISHED) & (orbits.code != NO_RETURN)).tolist():
         late = orbits.code[i] == Outcome.OUT_OF_MEMORY
         orbits.outcome[i] = Outcome.TIME_LIMIT if late else _outcome(plan, columns, i)
     return orbits

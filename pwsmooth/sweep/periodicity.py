@@ -11,21 +11,22 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..definition import checks
-from .contract import Measure, Variable, integer
+from .contract import Measure, Variable, integer, real
 from .of_solution import segments_in, strobes
 
 
 @dataclass(frozen=True)
 class Period(Measure):
-    """The variable `period`: after how many drive periods the state repeats; 0 for none.
+    """The variable `period`: after how many drive periods, or returns to the section, the state repeats; 0 for none.
 
-    All strobes in the second half of the window must repeat, each state within tol (1 + abs(x)). A transient that has
-    not died down to `tol`, a quasi-periodic and a chaotic orbit all give 0.
+    With a section also `period_time`, how long that takes. All strobes in the second half of the window must repeat,
+    each state within tol (1 + abs(x)). A transient that has not died down to `tol`, a quasi-periodic and a chaotic
+    orbit all give 0.
 
     Parameters
     ----------
     longest : int
-        Largest number of periods that is looked for.
+        Largest number of periods or returns that is looked for.
     tol : float, dimensionless
         How nearly the state must repeat.
 
@@ -52,13 +53,28 @@ class Period(Measure):
         checks.fields(self, longest=checks.integer(1), tol=checks.positive)
 
     def variables(self, setting):
-        return {"period": integer(np.int16, "period in drive periods, 0 for none")}
+        if setting.strobed_by != "return":
+            return {"period": integer(np.int16, "period in drive periods, 0 for none")}
+        return {
+            "period": integer(np.int16, "period in returns to the section, 0 for none"),
+            "period_time": real(setting, "period", setting.time_unit),
+        }
 
     def gather(self, orbits, setting):
-        return {"period": np.where(orbits.code_done, orbits.found, -1).astype(np.int16)}
+        period = np.where(orbits.code_done, orbits.found, -1).astype(np.int16)
+        return self._timed(period, orbits.strobe_t, setting)
 
     def of(self, solution, window, setting):
-        return {"period": self.find(strobes(solution, window))}
+        period = self.find(strobes(solution, window, setting.strobed_by == "return"))
+        return self._timed(period, window.times, setting)
+
+    def _timed(self, period, times, setting):
+        """With the time that it takes, from the times of the strobes (..., strobes)."""
+        if setting.strobed_by != "return":
+            return {"period": period}
+        back = np.expand_dims(np.asarray(times.shape[-1] - 1 - np.maximum(period, 0)), -1)
+        since = times[..., -1] - np.take_along_axis(times, back, -1)[..., 0]
+        return {"period": period, "period_time": np.where(np.asarray(period) > 0, since, np.nan)}
 
     def find(self, x: np.ndarray) -> int:
         """The period of a sequence of states.
@@ -71,7 +87,7 @@ class Period(Measure):
         Returns
         -------
         int
-            In drive periods, 0 for none.
+            In strobes, 0 for none.
         """
         last = len(x) - 1
         for period in range(1, min(self.longest, last // 2) + 1):
@@ -89,7 +105,7 @@ class Itinerary(Measure):
     A slip-velocity switch has S stick, R slip right, L slip left; another one 0 sliding, + and - its sides; a
     contact c closed, o open. Several switches stand side by side: "S+ R+". The word begins with its first stick in
     a fixed order, so that one orbit has one word whatever its phase. "aperiodic" where `period` is 0, "..." where
-    more than 32 segments make the word. Without a drive it is the word of the whole window.
+    more than 32 segments make the word. Without a drive or a section it is the word of the whole window.
 
     Examples
     --------
@@ -112,7 +128,7 @@ class Itinerary(Measure):
     def gather(self, orbits, setting):
         words = np.where(np.arange(self.most) < orbits.word_length[:, None], orbits.word, -1)
         words[orbits.word_length < 0] = -2
-        words[setting.forced & (orbits.found == 0)] = -3
+        words[bool(setting.strobed_by) & (orbits.found == 0)] = -3
         words[~orbits.ok] = -4
         # A sweep has few different words: a dict finds them ten times faster than sorting the rows.
         number: dict[Any, int] = {}
@@ -131,7 +147,7 @@ class Itinerary(Measure):
         return self._word(statuses, setting)
 
     def _word(self, statuses, setting):
-        if setting.forced and statuses:
+        if setting.strobed_by and statuses:
             order = [tuple({0: 0, 1: 1, -1: 2}[s] for s in status) for status in statuses]
             turn = min(range(len(order)), key=lambda k: order[k:] + order[:k])
             statuses = statuses[turn:] + statuses[:turn]
@@ -140,10 +156,10 @@ class Itinerary(Measure):
 
     def of(self, solution, window, setting):
         detector = setting.period_detector
-        period = detector.find(strobes(solution, window))
-        if window.forced and not period:
+        period = detector.find(strobes(solution, window, setting.strobed_by == "return"))
+        if window.strobed and not period:
             return {"itinerary": "aperiodic"}
-        begin = window.end - max(period, 1) * window.period
+        begin = window.times[-1 - max(period, 1)]
         pieces = segments_in(solution, *setting.word_columns)
         inside = [p for p in pieces if p[0] >= begin] or pieces[-1:]
         return {"itinerary": "..." if len(inside) > self.most else self._word([p[2:] for p in inside], setting)}

@@ -16,8 +16,12 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..analysis.poincare import RETURN
+from ..analysis.sections import LONGEST, section_of, watching
 from ..definition import checks
 from ..definition.lambdified import numpy_function
+from ..definition.model import EventSpec
+from ..kernels.sweeping.state import NO_RETURN
 from ..noise.diffusion import Diffusion
 from ..noise.kicks import Kicks
 from ..paths import memory
@@ -52,10 +56,7 @@ class Plan:
     setting: Setting
     options: tuple[tuple[str, Any], ...]  # of solve
     noise: Any = None
-
-    @property
-    def forced(self) -> bool:
-        return self.period is not None
+    longest_return: float | None = None  # to the section, the last event of the system; None without one
 
     @functools.cached_property
     def variables(self) -> dict[str, Variable]:
@@ -80,11 +81,17 @@ class Plan:
         return {name: np.full((count, *v.shape), v.fill, dtype=v.dtype) for name, v in self.variables.items()}
 
     def windows(self, columns: Mapping[str, np.ndarray], count: int) -> tuple[np.ndarray, ...]:
-        """Start time, window start, window end and period of every point of a chunk; each (count,)."""
+        """Start time, window start, window end and period of every point of a chunk; each (count,).
+
+        With a section all but the first are nan: the orbit tells them.
+        """
         t0 = np.full(count, self.t0)
         for name, kind in self.kinds:
             if kind == "time":
                 t0 = np.array(columns[name], float)
+        if self.longest_return is not None:
+            unknown = np.full(count, np.nan)
+            return t0, unknown, unknown, unknown
         if self.period is None:
             begin = np.broadcast_to(self.t0 if self.measure_from is None else self.measure_from, t0.shape)
             end = t0 + self.span
@@ -100,7 +107,7 @@ class Plan:
         from ..codegen.machine.cache import fingerprint
         from .identity import digest as told
 
-        floats = sorted(map(sp.srepr, self.period.atoms(sp.Float))) if self.forced else []
+        floats = sorted(map(sp.srepr, self.period.atoms(sp.Float))) if self.period else []
         own = ("pwsmooth.sweep.", "pwsmooth.analysis.")
         coded = [m for m in self.measures if isinstance(m, Function) or not type(m).__module__.startswith(own)]
         items = {
@@ -114,6 +121,10 @@ class Plan:
             "noise": repr(self.noise) + (f" {told(self.noise)}" if self.noise else ""),
             "measures": "; ".join(_described(m) for m in self.measures) + (f"; {told(coded)}" if coded else ""),
         }
+        if self.longest_return is not None:
+            event = self.system.model.events[-1]
+            way = "rising" if event.direction > 0 else "falling"
+            items["section"] = f"{event.surface} = 0 {way}, within {self.longest_return!r}"
         for name, (dim, values) in axes.values.items():
             digest = hashlib.sha256(values.tobytes()).hexdigest()[:12]
             items[f"axis {name}"] = (
@@ -146,7 +157,10 @@ def _numeric(expression: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
 
 def _flags() -> dict[str, Any]:
     meanings = {o.value: o.name.lower() for o in Outcome}
-    meanings |= {REFUSED: "refused_at_the_door", FUNCTION_FAILED: "function_failed", NOT_RUN: "not_run"}
+    meanings |= {
+        REFUSED: "refused_at_the_door", FUNCTION_FAILED: "function_failed", NO_RETURN: "no_return_to_the_section",
+        NOT_RUN: "not_run",
+    }  # fmt: skip
     return {
         "long_name": "how the run ended; >= 0 is success",
         "flag_values": list(meanings),
@@ -154,9 +168,20 @@ def _flags() -> dict[str, Any]:
     }
 
 
+def why_not(outcome: int) -> str:
+    """Why a point has no values, from its outcome; empty if it has."""
+    texts = {int(o): str(o) for o in Outcome} | {
+        int(Outcome.FINISHED): "",
+        REFUSED: "refused: the system does not take this value of the parameter or start.",
+        NO_RETURN: "no return: it does not cross the section in this direction within `longest_return`; it may rest.",
+    }
+    return texts[outcome]
+
+
 def make_plan(
     system: Any, axes: Any, points: Any, start: Any, measures: Any, t_span: Any, measure_from: Any, period: Any,
     transient: Any, periods: Any, units: Any, noise: Any, options: Mapping[str, Any],
+    section: Any = None, direction: Any = 1, longest_return: Any = LONGEST,
 ) -> tuple[Plan, Axes]:  # fmt: skip
     """The checked plan and axes; `system` is a System or a scene."""
     if hasattr(system, "system") and hasattr(system, "start"):
@@ -168,10 +193,17 @@ def make_plan(
         units = {**getattr(scene, "units", {}), **(units or {})}
         if getattr(scene, "atol", None) and "atol" not in options:
             options = {**options, "atol": [scene.atol.get(str(s), _ATOL) for s in system.states]}
-        if period is None and t_span is None:
+        if period is None and t_span is None and section is None:
             period, t_span = scene.period, None if scene.period else scene.t_span
     checks.system(system, "`system`")
     checks.optional(checks.instance((Kicks, Diffusion), "Kicks(...) or Diffusion(...)"))(noise, "`noise`")
+    direction = checks.one_of(1, -1)(direction, "`direction`")
+    longest_return = checks.positive(longest_return, "`longest_return`")
+    if section is not None:
+        if noise is not None:
+            raise ValueError("`section` counts the returns of a flow without `noise`; leave one of them out.")
+        surface = section_of(system, section, "`section`")
+        system = watching(system, EventSpec(RETURN, surface, direction=direction))
     where = read_axes(system, axes, points)
     first = where.columns(0, 1)
     if start is not None and not isinstance(start, Mapping):
@@ -183,24 +215,29 @@ def make_plan(
     for name, kind in where.kinds.items():
         if kind == "noise" and not hasattr(noise, name):
             raise ValueError(f"an axis {name!r} needs `noise=` with a {name}, such as Kicks(..., {name}=0).")
-    if period is not None:
-        at = {p.name: p for p in system.parameters}
-        lowest = {at[name]: values.min() for name, (_, values) in where.values.items() if name in at}
-        period = checks.period(period, system.parameters | lowest)
-        if t_span is not None:
-            raise ValueError("give `period` (with `transient` and `periods`) or `t_span`, not both.")
+    named = [n for n, e in (("period", period), ("section", section), ("t_span", t_span)) if e is not None]
+    if not named:
+        raise ValueError(
+            "give `period`, the period of the drive, `section`, a surface that an autonomous system crosses, or "
+            "`t_span`, how long a run lasts."
+        )
+    if len(named) > 1:
+        raise ValueError(f"give `{named[0]}` or `{named[1]}`, not both.")
+    if t_span is None:
         if measure_from is not None:
             raise ValueError(
-                "`measure_from` belongs to `t_span`; with `period` measuring begins after `transient`."
+                "`measure_from` belongs to `t_span`; with `period` or `section` measuring begins after `transient`."
             )
         transient = checks.whole(transient, "`transient`", 0)
         periods = checks.whole(periods, "`periods`", 1)
         if not memory.fits(_PILOTS * 8 * (periods + 1) * len(system.states)):
             raise ValueError(f"`periods` is {periods}; that many points do not fit into memory. Give fewer.")
-        t0, span, measure_from = 0.0, None, None
-    elif t_span is None:
-        raise ValueError("give `period`, the period of the drive, or `t_span`, how long a run lasts.")
-    else:
+        t0, span = 0.0, None
+    if period is not None:
+        at = {p.name: p for p in system.parameters}
+        lowest = {at[name]: values.min() for name, (_, values) in where.values.items() if name in at}
+        period = checks.period(period, system.parameters | lowest)
+    elif t_span is not None:
         t0, t1 = checks.span(t_span)
         span, transient, periods = t1 - t0, 0, 1
         if measure_from is not None:
@@ -208,11 +245,13 @@ def make_plan(
             if not t0 <= measure_from < t1:
                 raise ValueError(f"`measure_from` is {measure_from:g}; give a time in [{t0:g}, {t1:g}).")
     chosen = tuple(_measure(m) for m in _listing(measures))
-    setting = _setting(system, chosen, periods, period is not None, _unit_names(units))
+    strobed_by = "period" if period is not None else "return" if section is not None else ""
+    setting = _setting(system, chosen, periods, strobed_by, _unit_names(units))
     plan = Plan(
         system=system, start=tuple(initial), kinds=tuple(where.kinds.items()), t0=t0, span=span,
         measure_from=measure_from, period=period, transient=transient, periods=periods, measures=chosen,
         setting=setting, options=_options(system, options), noise=noise,
+        longest_return=longest_return if section is not None else None,
     )  # fmt: skip
     clash = [name for name in plan.variables if name in where.values or name in where.dims]
     if clash:
@@ -248,7 +287,7 @@ def _unit_names(units):
     return tuple(sorted((str(k), str(v)) for k, v in given.items()))
 
 
-def _setting(system, measures, periods, forced, units):
+def _setting(system, measures, periods, strobed_by, units):
     model = system.model
     names = [str(mu.symbol) for mu in model.multipliers]
     sticking = tuple(
@@ -290,7 +329,7 @@ def _setting(system, measures, periods, forced, units):
     detector = next((m for m in measures if isinstance(m, Period)), Period())
     return Setting(
         states, tuple(names[j] for j in sticking), sticking, words, tuple(alphabet(model, j) for j in words),
-        tuple(quantities), tuple(quantities.values()), periods, forced, detector, units, str(model.time or "t"),
+        tuple(quantities), tuple(quantities.values()), periods, strobed_by, detector, units, str(model.time or "t"),
     )  # fmt: skip
 
 

@@ -11,12 +11,20 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.poincare import RETURN
+from ..results.records import Outcome
 from .contract import Window
 from .plan import Plan
 
 
-def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool) -> tuple[Any, Any]:
-    """Solution and window of point i of a chunk; raises what solve() refuses: no single axis shows a combination."""
+def solve_point(
+    plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bool, times: Any = None
+) -> tuple[Any, Any]:
+    """Solution and window of point i of a chunk; raises what solve() refuses: no single axis shows a combination.
+
+    With a section the run ends with the last return of the window (`times`, if they are known), or as one does that has
+    too few of them: there the window is None.
+    """
     from ..solve import solve
 
     windows = plan.windows(columns, len(next(iter(columns.values()))))
@@ -32,5 +40,32 @@ def solve_point(plan: Plan, columns: Mapping[str, np.ndarray], i: int, dense: bo
     options = {k: v for k, v in plan.options if v is not None}
     if noise is not None:
         options["noise"] = noise
-    solution = solve(plan.system, (t0, end), start, parameters=values, dense_output=dense, **options)
-    return solution, Window(begin, end, period, plan.setting.periods, plan.forced)
+
+    def run(until: float, **more: Any) -> Any:
+        return solve(plan.system, (t0, until), start, parameters=values, **more, **options)
+
+    if plan.longest_return is not None:
+        if times is None:
+            times, solution = _returns(plan, run, t0)
+            if times is None:
+                return solution, None
+        return run(times[-1], dense_output=dense), Window(times, True)
+    times = begin + period * np.arange(plan.setting.periods + 1)
+    times[-1] = end
+    return run(end, dense_output=dense), Window(times, plan.period is not None)
+
+
+def _returns(plan: Plan, run: Any, t0: float) -> tuple[Any, Any]:
+    """Times of the window's returns, None where they are too few; and the last run that was looked at."""
+    assert plan.longest_return is not None
+    wanted, span = plan.transient + plan.setting.periods + 1, plan.longest_return / 1024
+    while True:
+        solution = run(t0 + span)
+        times = solution.event_times(switch=RETURN)[:wanted]
+        enough = len(times) == wanted
+        waits = np.diff(np.concatenate([[t0], times, [] if enough else [solution.t[-1]]]))
+        if waits.max() >= plan.longest_return or not (enough or solution.outcome is Outcome.FINISHED):
+            return None, solution
+        if enough:
+            return times[plan.transient :], solution
+        span *= 2

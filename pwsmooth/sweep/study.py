@@ -2,7 +2,7 @@
 
     title = "Stick time against stiffness and drive"
     measures = ["sticks", "itinerary", "amplitude(y)"]
-    period = "2*pi/omega"            # or t_span = [0, 50]
+    period = "2*pi/omega"            # or section = "y", or t_span = [0, 50]
     transient = 100
     periods = 20
     rtol = 1e-9
@@ -42,6 +42,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
+from ..analysis.sections import LONGEST
 from ..definition import checks
 
 _HELPERS = ("assemble", "grazing_amplitude")  # functions among the scenes that make none
@@ -110,6 +111,9 @@ class Study(_Table):
     start: dict[str, float] = {}
     measures: list[str] = ["sticks", "itinerary", "period"]
     period: float | str | None = None
+    section: str | None = None
+    direction: Literal[1, -1] = 1
+    longest_return: float = LONGEST
     transient: int = 100
     periods: int = 20
     t_span: tuple[float, float] | None = None
@@ -224,7 +228,8 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
         axes={name: _values(v) for name, v in study.axes.items()},
         points={name: _values(v) for name, v in study.points.items()},
         start=study.start, measures=measures, period=study.period, transient=study.transient, periods=study.periods,
-        t_span=study.t_span, measure_from=study.measure_from, units=study.units,
+        t_span=study.t_span, measure_from=study.measure_from, units=study.units, section=study.section,
+        direction=study.direction, longest_return=study.longest_return,
     )  # fmt: skip
     options = {name: getattr(study, name) for name in ("rtol", "atol", "method", "max_steps")}
     arguments |= {name: value for name, value in options.items() if value is not None}

@@ -368,6 +368,35 @@ def subjects():
             pwsmooth.find_orbit,
             dict(system=free, x0=start, section=v, direction=-1, count=1, **short),
         ),
+        "sweep section": (
+            pwsmooth.sweep,
+            dict(
+                system=free,
+                axes={"x": [1.0, 2.0]},
+                start=start,
+                section=v,
+                direction=-1,
+                longest_return=20.0,
+                transient=2,
+                periods=2,
+                measures=["period", "points"],
+                **short,
+            ),
+        ),
+        "basins section": (
+            pwsmooth.basins,
+            dict(
+                system=free,
+                axes={"x": [1.0]},
+                start={"v": 0.0},
+                section=v,
+                direction=-1,
+                longest_return=20.0,
+                transient=5,
+                longest=2,
+                **short,
+            ),
+        ),
         "orbit_diagram carried": (
             pwsmooth.orbit_diagram,
             dict(

@@ -4,6 +4,9 @@
 
 The loop is the one of solve(), with the same tolerances and steps: a sweep gives the bits of a solve. Memory is that
 of the measures, as the record buffers are used again and again.
+
+An orbit is strobed once a period, at wanted times, or where it meets a section: a terminal event, at which the run
+comes back and goes on. So nothing of the window is known before it begins, and nothing is computed beyond its end.
 """
 
 import math
@@ -15,10 +18,10 @@ from ..intervals import forget_intervals
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_outputs, call_unit
 from ..outcome import Outcome
-from ..state import SOLVED, Control, Problem, Record, State
+from ..state import EV_EVENT, SOLVED, Control, Problem, Record, State
 from ..step.roots import low_bounds
 from ..work import Work
-from .state import EXTREMES, INTEGRALS, Ensemble
+from .state import EXTREMES, INTEGRALS, NO_RETURN, Ensemble
 
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
@@ -42,6 +45,10 @@ def _reset(P, C, S, W, E, i):
     for j in range(P.m):
         forget_intervals(S.last[j], E.t0[i])
     C.t_end = E.window[i, 1]
+    E.returns = 0
+    if E.section >= 0:
+        E.window[i, 0] = E.window[i, 1] = math.inf
+        C.t_end = E.t0[i] + E.longest_return
     restart_flags(W)  # of a run that stopped half-way
     E.has_point = E.has_piece = E.segments = 0
     for j in range(P.m):
@@ -80,6 +87,42 @@ def _piece(P, E, i, t_from, t_to):
         E.has_piece = 1
 
 
+@inlined_kernel
+def _is_return(P, R, E, a):
+    """Whether event a in the buffers is the section's."""
+    return E.section >= 0 and R.event[a, 0] == P.m + E.section
+
+
+@kernel
+def _stops(P, S, R, E):
+    """Whether a run that an event has ended ends there: whether another one than the section's ended it."""
+    if E.section < 0:
+        return True
+    for a in range(S.events):
+        if R.event[a, 1] == EV_EVENT and P.terminal[R.event[a, 0] - P.m] != 0 and not _is_return(P, R, E, a):
+            return True
+    return False
+
+
+@kernel
+def _meet_section(P, C, S, E, i):
+    """Takes note of a return of orbit i, at S; whether it was the last one."""
+    k, strobes = E.returns - E.transient, E.strobe.shape[1]
+    E.returns += 1
+    C.t_end = S.t + E.longest_return
+    if k < 0:
+        return False
+    if k == 0:
+        E.window[i, 0] = S.t
+    E.strobe_t[i, k] = S.t
+    for r in range(P.n):
+        E.strobe[i, k, r] = S.x[r]
+    if k < strobes - 1:
+        return False
+    E.window[i, 1] = S.t
+    return True
+
+
 @kernel
 def _follow_points(P, S, R, E, i):
     """Takes note of the points in the buffers: sticks and segments."""
@@ -92,7 +135,7 @@ def _follow_points(P, S, R, E, i):
         for j in range(P.m):
             E.was[j] = R.status[a, j]
     for a in range(S.events):
-        if R.event_t[a] > E.window[i, 0]:
+        if R.event_t[a] > E.window[i, 0] and not _is_return(P, R, E, a):
             E.events_inside[i] += 1
 
 
@@ -251,7 +294,7 @@ def _same(E, i, a, b, n):
 
 @kernel
 def _find_period(P, E, i):
-    """The smallest number of drive periods after which the second half of the strobes repeats, or 0."""
+    """The smallest number of strobes after which the second half of them repeats, or 0."""
     last = E.strobe.shape[1] - 1
     for period in range(1, min(E.longest, last // 2) + 1):
         repeats = True
@@ -269,7 +312,7 @@ def _find_period(P, E, i):
 @kernel
 def _keep_word(E, i):
     """The segments that begin in the last period(s) of orbit i; the one that is on if none begins."""
-    begin = E.window[i, 1] - max(E.found[i], 1) * E.period[i]
+    begin = E.strobe_t[i, E.strobe.shape[1] - 1 - max(E.found[i], 1)]
     count, ring = E.segments, len(E.segment)
     first = count
     while first > 0 and count - first < ring and E.segment_t[(first - 1) % ring] >= begin:
@@ -290,11 +333,10 @@ def ensemble(P, C, S, R, W, E, first, stop):
     failed = 0
     for i in range(first, stop):
         _reset(P, C, S, W, E, i)
-        strobes = len(R.t_eval)
-        for k in range(strobes - 1):
-            R.t_eval[k] = E.window[i, 0] + k * E.period[i]
-        if strobes > 0:
-            R.t_eval[strobes - 1] = E.window[i, 1]
+        strobes, timed = E.strobe.shape[1], E.section < 0
+        for k in range(len(R.t_eval)):
+            R.t_eval[k] = E.window[i, 0] + k * E.period[i] if k < strobes - 1 else E.window[i, 1]
+            E.strobe_t[i, k] = R.t_eval[k]
         R.x_eval[:] = math.nan
         code = Outcome.OUT_OF_MEMORY
         while code == Outcome.OUT_OF_MEMORY:
@@ -303,6 +345,10 @@ def ensemble(P, C, S, R, W, E, first, stop):
             code = call_unit(E.run, P, C, S, R, W)
             _follow_points(P, S, R, E, i)
             _follow_steps(P, C, S, R, E, i)
+            if code == Outcome.TERMINATED and not _stops(P, S, R, E):
+                code = Outcome.FINISHED if _meet_section(P, C, S, E, i) else Outcome.OUT_OF_MEMORY
+            elif code == Outcome.FINISHED and not timed:
+                code = NO_RETURN
             E.events[i] += S.events
             E.ambiguities[i] += S.ambiguities
             S.points = 0
@@ -312,17 +358,17 @@ def ensemble(P, C, S, R, W, E, first, stop):
         E.code[i] = code
         E.reached[i] = S.t
         E.steps[i] = S.steps
-        for k in range(strobes):
+        for k in range(len(R.t_eval)):
             for r in range(P.n):
                 E.strobe[i, k, r] = R.x_eval[k, r]
-        if code == Outcome.FINISHED and strobes > 0:
+        if code == Outcome.FINISHED and timed and strobes > 0:
             # The run's own last state: its polynomial is a rounding off, and off the surface of a stick.
             for r in range(P.n):
                 E.strobe[i, strobes - 1, r] = S.x[r]
         E.found[i] = _find_period(P, E, i) if code == Outcome.FINISHED else 0
         E.word_length[i] = 0
-        if code == Outcome.FINISHED or code == Outcome.TERMINATED:
+        if code == Outcome.FINISHED or (code == Outcome.TERMINATED and timed):
             _keep_word(E, i)
-        else:
+        elif code < 0:
             failed += 1
     return failed

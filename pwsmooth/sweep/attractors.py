@@ -1,0 +1,224 @@
+"""Which attractor each of many trajectories goes to, from its last points on a section.
+
+A trajectory that repeats is at an orbit, which Newton's method finds exactly and whose multipliers say whether it
+attracts. One that does not repeat is led on. Near an orbit its points obey an affine map, whose fixed point is where
+Newton's method starts; and it belongs to the orbit found if this attracts and draws it in, which the trajectory itself
+has to show: with d its distance from the orbit on the section, D the derivative of the map there and W weights,
+
+    V(d) = d^T P d,    P = D^T P D + W,    V falls by d^T W d a step near the orbit,
+
+it has to fall by half of that at least at every step of a window (Lyapunov's function of the orbit, Stein's equation).
+
+Chain: sweep, analysis/orbits.py -> **attractors** -> basins.py.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..analysis.orbits import PeriodicOrbit, refine
+from ..analysis.sections import Section
+from ..results.records import Outcome
+from .plan import NO_RETURN, why_not
+
+#: Label of a start whose trajectory had not become periodic.
+UNSETTLED = -1
+#: Label of a start whose trajectory failed.
+FAILED = -2
+
+_WINDOW = 200  # periods or returns at least, in which an orbit has to draw a trajectory in
+_FALLS = 8  # steps of the orbit at least, at which its Lyapunov function has to fall
+_ROUNDS = 4  # of leading on: with 0, 1, 3 and 7 transients before the window
+_AFFINE = 1e-2  # of the points' spread, by which they may miss an affine map: Newton's method does the rest
+_TRIALS = 32  # orbits that are looked for by Newton's method in a round
+_SAME = 1e-3  # nearer than that, relative to 1 + abs(x), two guesses are one
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where trajectories have come to: their last points, after how many these repeat, and how they ended."""
+
+    points: np.ndarray  # (trajectories, points, n)
+    cycle: np.ndarray  # (trajectories,), 0 for none
+    outcome: np.ndarray  # (trajectories,)
+
+    def only(self, which: np.ndarray) -> Ends:
+        return Ends(self.points[which], self.cycle[which], self.outcome[which])
+
+
+@dataclass(frozen=True)
+class _Attractor:
+    """An attracting orbit as what trajectories come to."""
+
+    orbit: PeriodicOrbit
+
+    @functools.cached_property
+    def points(self) -> np.ndarray:
+        """In which it meets the section, (count, n)."""
+        return replace(self.orbit.map, count=1).iterate(self.orbit.x, self.orbit.map.count)
+
+    @functools.cached_property
+    def form(self) -> np.ndarray:
+        """P of its Lyapunov function, in units of 1 + abs(x)."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        size = 1 + np.abs(self.orbit.x)
+        return solve_discrete_lyapunov((self.orbit.jacobian * size / size[:, None]).T, np.eye(len(size)))
+
+    def meets(self, x: np.ndarray, tol: float) -> bool:
+        return any(_near(x, point, tol) for point in self.points)
+
+    def draws_in(self, points: np.ndarray, tol: float) -> bool:
+        """Whether its Lyapunov function falls along a trajectory's points (number, n), until they are at the orbit."""
+        x, count = self.orbit.x, self.orbit.map.count
+        first = int(np.argmin(np.abs(points[:count] - x).sum(axis=1)))
+        off = (points[first::count] - x) / (1 + np.abs(x))
+        height, share = np.einsum("ki,ij,kj->k", off, self.form, off), (off**2).sum(axis=1)
+        falls = height[1:] <= height[:-1] - share[:-1] / 2
+        return len(falls) >= _FALLS and bool(np.all(falls | (share[:-1] <= tol**2)))
+
+
+@dataclass
+class Attractors:
+    """Those found so far. At whatever phase a trajectory meets one, it has the points in common with it."""
+
+    map: Any  # of one period or return
+    longest: int
+    tol: float
+    found: list[_Attractor] = field(default_factory=list)
+
+    @property
+    def window(self) -> int:
+        """Points of a trajectory that is led on."""
+        return max(_WINDOW, 2 * self.longest, 4 * (len(self.map.system.model.states) + 3))
+
+    def label(
+        self, ends: Ends, transient: int, lead_on: Callable[[np.ndarray, int], Ends]
+    ) -> tuple[list[PeriodicOrbit], np.ndarray, np.ndarray]:
+        """The attractors, the largest basin first; every trajectory's label and why it has none, each (trajectories,).
+
+        `lead_on(starts, turns)` leads trajectories on from these starts, unseen for so many periods or returns and
+        seen for `window` more.
+        """
+        labels = np.full(len(ends.cycle), UNSETTLED)
+        reasons = np.full(len(ends.cycle), "", object)
+        waiting, done = np.arange(len(ends.cycle)), transient
+        for k in range(_ROUNDS + 1):
+            before = len(waiting)
+            for i, (label, reason) in zip(waiting, self._repeating(ends)):
+                labels[i], reasons[i] = label, reason
+            still = (labels[waiting] == UNSETTLED) & (reasons[waiting] == "")
+            waiting, ends = waiting[still], ends.only(still)
+            if k > 0:
+                for i, (label, reason) in zip(waiting, self._drawn_in(ends)):
+                    labels[i], reasons[i] = label, reason
+                still = labels[waiting] == UNSETTLED
+                waiting, ends = waiting[still], ends.only(still)
+            if k == _ROUNDS or not len(waiting) or (k > 0 and len(waiting) == before):
+                break
+            unseen = (2**k - 1) * transient
+            ends = lead_on(ends.points[:, -1], unseen)
+            done += unseen + self.window
+        turns = "returns" if isinstance(self.map, Section) else "periods"
+        for i in waiting:
+            reasons[i] = reasons[i] or (
+                f"unsettled: after {done} {turns} it neither repeats nor is near an orbit; it is chaotic, "
+                "quasi-periodic, or slow: give a larger `transient`."
+            )
+        order = np.argsort([-np.sum(labels == k) for k in range(len(self.found))], kind="stable")
+        has_one = labels >= 0
+        labels[has_one] = np.argsort(order)[labels[has_one]]
+        return [self.found[k].orbit for k in order], labels, reasons
+
+    def _repeating(self, ends: Ends) -> list[tuple[int, str]]:
+        """Label and reason of each: neither where a trajectory may still come to an orbit."""
+        result: list[tuple[int, str]] = []
+        tried: list[tuple[int, np.ndarray, str]] = []
+        for points, count, outcome in zip(ends.points, ends.cycle.tolist(), ends.outcome.tolist()):
+            at, label, reason = points[-1], None, ""
+            if outcome != Outcome.FINISHED:
+                reason = why_not(outcome)
+                label = FAILED if outcome < 0 and outcome != NO_RETURN else None
+            elif count > 0:
+                label = self._known(at, 10 * self.tol)
+                known = [why for n, x, why in tried if n == count and _near(at, x, self.tol)]
+                if label is None and known:
+                    reason = known[0]
+                elif label is None:
+                    new, reason = self._attracting(count, at)
+                    # A slow one seems to repeat before it is there.
+                    if new is not None and _near(new.orbit.x, at, 100 * self.tol):
+                        label = self._index(new)
+                    else:
+                        tried.append((count, at, reason))
+            result.append((UNSETTLED if label is None else label, reason))
+        return result
+
+    def _drawn_in(self, ends: Ends) -> list[tuple[int, str]]:
+        """Label and reason of each, of attractors that draw it in, known or found beside it."""
+        result: list[tuple[int, str]] = []
+        tried: list[tuple[int, np.ndarray, _Attractor | None, str]] = []
+        for points in ends.points:
+            drawing = next((known for known in self.found if known.draws_in(points, self.tol)), None)
+            reason = ""
+            for count, guess in () if drawing is not None else _centres(points, self.longest):
+                beside = [(new, why) for n, x, new, why in tried if n == count and _near(guess, x, _SAME)]
+                if not beside and len(tried) == _TRIALS:
+                    break
+                if not beside:
+                    beside = [self._attracting(count, guess)]
+                    tried.append((count, guess, *beside[0]))
+                new, reason = beside[0]
+                if new is not None and new.draws_in(points, self.tol):
+                    drawing = new
+                    break
+                if new is not None:
+                    reason = "slow: it is near an orbit that attracts, but not drawn in yet; give a larger `transient`."
+            result.append((UNSETTLED, reason) if drawing is None else (self._index(drawing), ""))
+        return result
+
+    def _known(self, at: np.ndarray, tol: float) -> int | None:
+        return next((k for k, known in enumerate(self.found) if known.meets(at, tol)), None)
+
+    def _index(self, attractor: _Attractor) -> int:
+        """Its index; one that is not known yet is kept."""
+        k = self._known(attractor.orbit.x, self.tol)
+        if k is None:
+            k = len(self.found)
+            self.found.append(attractor)
+        return k
+
+    def _attracting(self, count: int, at: np.ndarray) -> tuple[_Attractor | None, str]:
+        """The attractor to which Newton's method leads from a point; or None, and what the orbit there lacks."""
+        orbit = refine(replace(self.map, count=count), at)
+        if not orbit.success:
+            return None, ""
+        if orbit.stable:
+            return _Attractor(orbit), ""
+        size = np.abs(orbit.multipliers).max()
+        return None, f"unsettled: it is at an orbit that has a multiplier of size {size:.9g}."
+
+
+def _centres(points: np.ndarray, longest: int) -> Iterator[tuple[int, np.ndarray]]:
+    """(count, fixed point) of the affine maps that every count-th of a trajectory's last points (number, n) obeys."""
+    least = points.shape[1] + 3
+    for count in range(1, longest + 1):
+        some = points[::-count][: max(len(points) // 2, least)][::-1]
+        if len(some) < least:
+            return
+        middle = some.mean(axis=0)
+        off = some - middle
+        known = np.column_stack([off[:-1], np.ones(len(off) - 1)])
+        fitted, *_ = np.linalg.lstsq(known, off[1:], rcond=1e-9)
+        if np.abs(known @ fitted - off[1:]).max() <= _AFFINE * np.abs(off).max():
+            slope = np.eye(len(middle)) - fitted[:-1].T
+            yield count, middle + np.linalg.lstsq(slope, fitted[-1], rcond=1e-9)[0]
+
+
+def _near(a: np.ndarray, b: np.ndarray, tol: float) -> bool:
+    return bool(np.all(np.abs(a - b) <= tol * (1 + np.abs(b))))
