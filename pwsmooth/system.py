@@ -74,6 +74,7 @@ class View(NamedTuple):
     title: str
     gone: dict[sp.Symbol, str]  # states of the original that this view does not have, and why
     original: System
+    arguments: dict  # of the method of that kind, which made it
 
 
 class System:
@@ -327,7 +328,9 @@ class System:
         field, model = self._cache[key]
         kept = field.states
         gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
-        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self)
+        view = View(
+            "smoothed", f"smoothed, {family.name} sigmoid", gone, self, {"eps": eps, "sigmoid": sigmoid}
+        )
         return self._derived(field, model, widths, view)
 
     def layered(self, ratios, *, sigmoid="algebraic", eps_ratio=None, time_constant=None):
@@ -388,7 +391,8 @@ class System:
         gone = {
             s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        view = View("layered", f"layered, {family.name} sigmoid", gone, self)
+        arguments = dict(ratios=ratios, sigmoid=sigmoid, eps_ratio=eps_ratio, time_constant=time_constant)
+        view = View("layered", f"layered, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, values, view)
 
     # ---- making views
@@ -444,6 +448,30 @@ class System:
         dropped = [p for p in self.parameters if p not in other.parameters]
         other._notes = tuple(f"{p} drops out of this view" for p in dropped)
         return other
+
+    # ---- in files
+
+    def _written(self):
+        """What was written, views and values: a nest that definition/tree.py can write, and `_read` reads."""
+        values = {p.name: value for p, value in self.parameters.items()}
+        if self._view:
+            return {"view": self._view.kind, "of": self._view.original._written(), "values": values} | {
+                "arguments": self._view.arguments
+            }
+        names = ("rates", "time", "parameters", "outputs", "events", "contacts", "algebraic")
+        return dict(zip(names, self._arguments)) | {"convention": self._convention, "values": values}
+
+    @classmethod
+    def _read(cls, written):
+        """The System of `_written`; KeyError, TypeError or ValueError for what is none."""
+        if "view" in written:
+            original = cls._read(written["of"])
+            make = {"smoothed": original.smoothed, "layered": original.layered}[written["view"]]
+            system = make(**written["arguments"])
+        else:
+            system = cls(**{name: part for name, part in written.items() if name != "values"})
+        # A run with kicks has one parameter more, their period.
+        return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})
 
     def __repr__(self):
         return text(self)

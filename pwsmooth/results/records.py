@@ -267,6 +267,27 @@ class Dense:
         return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
 
 
+@dataclass(frozen=True)
+class StepPolynomials:
+    """Dense output of implicit steps, one piece a step, in powers of (t - t0)/length.
+
+    `coefficients` (ns, n, K+1) are those of the states; with `n`, the states end there and multipliers follow.
+    """
+
+    t0: np.ndarray
+    length: np.ndarray
+    coefficients: np.ndarray
+    n: int | None = None
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and multipliers (m, nt); at an event the side after it."""
+        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
+        # In units of the step: powers of the step itself underflow inside a layer.
+        x = _horner(self.coefficients, piece, (t - self.t0[piece]) / self.length[piece])
+        n = len(x) if self.n is None else self.n
+        return x[:n], x[n:]
+
+
 def _arc(coefficients: np.ndarray, end: float, t: float) -> float:
     """s in [0, end] with t(s) = t, where t(s) increases."""
     from scipy.optimize import brentq

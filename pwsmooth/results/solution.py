@@ -70,7 +70,7 @@ class Solution:
     Attributes
     ----------
     noise : Kicks, Diffusion or None
-        What `solve` was given.
+        What `solve` was given; of a loaded solution in words, as a str.
 
     Notes
     -----
@@ -309,6 +309,76 @@ class Solution:
         return np.array([e.time for e in self.events if wanted(e)])
 
     # ---- other forms -------------------------------------------------------------------------------
+
+    def save(self, path: Any) -> None:
+        """Write the solution to one file, from which `load` gives it back bit for bit.
+
+        Parameters
+        ----------
+        path : path
+            The file; an older one is replaced as a whole. No name ending is added; ".npz" tells others how to read it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            What the file cannot hold: SciPy's dense output, functions that the package does not know.
+
+        Notes
+        -----
+        A zip of NumPy arrays and one JSON text: times, states, multipliers, events, ambiguities, outcome, parameters,
+        dense output, and the system as a tree of names. `numpy.load` reads the arrays without the package. The noise of
+        a run is kept in words.
+
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> from pwsmooth import Solution, System, solve
+        >>> x = sp.Symbol("x", real=True)
+        >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}, dense_output=True)
+        >>> solution.save("relay.npz")
+        >>> again = Solution.load("relay.npz")
+        >>> again.itinerary == solution.itinerary, bool(again(0.3, "x") == solution(0.3, "x"))
+        (True, True)
+        """
+        from .files import write_whole
+        from .saving import pack
+
+        write_whole(checks.path(path, "`path`"), pack(self))
+
+    @classmethod
+    def load(cls, path: Any) -> Solution:
+        """A solution that `save` wrote. Opening a file runs nothing that is in it.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Returns
+        -------
+        Solution
+            With its system, which solves, plots and is changed as the one that was saved.
+
+        Raises
+        ------
+        ValueError
+            The file is damaged, or none that `save` wrote.
+        OSError
+            There is no such file, or it cannot be read.
+        """
+        from .saving import unpack
+
+        at = checks.path(path, "`path`")
+        content = at.read_bytes()
+        try:
+            arguments, noise = unpack(content)
+        except ValueError as error:
+            raise ValueError(
+                f"`path` is {str(at)!r}, which is damaged, or no file that Solution.save wrote: {error}."
+            ) from None
+        solution = cls(**arguments)
+        solution.noise = noise
+        return solution
 
     def to_dataset(self) -> xarray.Dataset:
         """The solution as a labelled data set, whose times are unique: `interp` and `sel(method="nearest")` take it.
