@@ -206,7 +206,7 @@ def test_a_file_of_another_kind_is_refused_in_words(entries, said, tmp_path):
 
 def test_text_in_the_place_of_an_expression_is_not_evaluated():
     text = "__import__('os').abort()"
-    for name in ("sin", "Add", "Pow", "Piecewise", "Eq"):
+    for name in ("sin", "Add", "Pow", "Piecewise", "Equality"):
         with pytest.raises(ValueError, match=f"'{name}' has parts that it cannot have"):
             tree.read([["value", text], [name, 0]])
     assert tree.read([["value", text], ["dict"], ["Symbol", 0, 1]]) == sp.Symbol(text)

@@ -107,22 +107,13 @@ def write(value: Any) -> list[list]:
         if isinstance(item, sp.Basic) and item in known:
             return known[item]
         nodes.append(_node(item, number))
-        built.append(_built(nodes[-1], built))
+        built.append(_built(nodes[-1], built))  # what could not be read is not written
         if isinstance(item, sp.Basic):
-            if built[-1] != item:
-                raise TypeError(_refused(item))
             known[item] = len(nodes) - 1
         return len(nodes) - 1
 
     number(value)
     return nodes
-
-
-def _refused(item: Any) -> str:
-    return (
-        f"{checks.shown(item)} is a {type(item).__name__}, which no file can hold; write it with elementary functions "
-        "and the package's own primitives."
-    )
 
 
 def _node(item: Any, number: Callable[[Any], int]) -> list:
@@ -141,7 +132,10 @@ def _node(item: Any, number: Callable[[Any], int]) -> list:
         name = next(name for name, (kind, _) in _NUMBERS.items() if isinstance(item, kind))
         return [name, *_NUMBERS[name][1](item)]
     if type(item) not in _NAMES:
-        raise TypeError(_refused(item))
+        raise TypeError(
+            f"{checks.shown(item)} is a {type(item).__name__}, which no file can hold; write it with elementary functions "
+            "and the package's own primitives."
+        )
     name = _NAMES[type(item)]
     parts = _RECORDS[name][1](item) if name in _RECORDS else item.args
     return [name, *map(number, parts)]
