@@ -25,7 +25,7 @@ from typing import NamedTuple
 import sympy as sp
 
 from .definition import checks, one_element
-from .definition.describe import html, text
+from .definition.describe import DescribedSystem
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
@@ -77,7 +77,7 @@ class View(NamedTuple):
     arguments: dict  # of the method of that kind, which made it
 
 
-class System:
+class System(DescribedSystem):
     """A piecewise-smooth system of differential equations, dx/dt = f(t, x, lambda; p).
 
     Parameters
@@ -472,9 +472,3 @@ class System:
             system = cls(**{name: part for name, part in written.items() if name != "values"})
         # A run with kicks has one parameter more, their period.
         return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})
-
-    def __repr__(self):
-        return text(self)
-
-    def _repr_html_(self):
-        return html(self)

@@ -133,8 +133,8 @@ def _node(item: Any, number: Callable[[Any], int]) -> list:
         return [name, *_NUMBERS[name][1](item)]
     if type(item) not in _NAMES:
         raise TypeError(
-            f"{checks.shown(item)} is a {type(item).__name__}, which no file can hold; write it with elementary functions "
-            "and the package's own primitives."
+            f"{checks.shown(item)} is a {type(item).__name__}, which no file can hold; write it with elementary "
+            "functions and the package's own primitives."
         )
     name = _NAMES[type(item)]
     parts = _RECORDS[name][1](item) if name in _RECORDS else item.args

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..definition.describe import Described, Rows, some
 from ..kernels.outcome import Outcome
 
 __all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"]
@@ -56,7 +57,26 @@ class EventRecord:
         return f"t = {self.time:.9g}: {self.kind} [{self.switch}]{note}"
 
 
-class EventLog(Sequence):
+class _Told(Described):
+    """Records that show themselves in a few lines."""
+
+    def _described(self) -> tuple[str, Rows]:
+        records: Any = self
+        if not len(records):
+            return "none", []
+        plural = {EventRecord: "events", Ambiguity: "ambiguities", Segment: "segments"}
+        return f"{len(records)} {plural[type(records[0])]}", [("", list(map(str, some(records))))]
+
+
+class Listed(_Told, list):
+    """A list of records."""
+
+    def __getitem__(self, i: Any) -> Any:
+        found = super().__getitem__(i)
+        return Listed(found) if isinstance(i, slice) else found
+
+
+class EventLog(_Told, Sequence):
     """The events of a solution, put into words when they are asked for: a long run has many.
 
     It is a sequence of `EventRecord`.
@@ -88,7 +108,7 @@ class EventLog(Sequence):
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
-            return [self[k] for k in range(*i.indices(len(self)))]
+            return Listed(self[k] for k in range(*i.indices(len(self))))
         return self._words(float(self.times[i]), *self.codes[i].tolist())
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
@@ -112,12 +132,9 @@ class EventLog(Sequence):
         accepted = np.array([wanted(self[int(i)]) for i in first])
         return self.times[accepted[which.ravel()]].astype(float)
 
-    def __repr__(self) -> str:
-        return repr(list(self))
-
     def __reduce__(self) -> tuple[Any, ...]:
         # The functions that make the words exist in this process only: pickle the records themselves.
-        return list, (list(self),)
+        return Listed, (list(self),)
 
 
 def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,6 +222,9 @@ class Segment:
     status: tuple[int, ...]
     first: int
     last: int
+
+    def __str__(self) -> str:
+        return f"t = {self.start:.9g} to {self.end:.9g}: {self.name}"
 
     @property
     def duration(self) -> float:
