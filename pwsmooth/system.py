@@ -328,9 +328,8 @@ class System(DescribedSystem):
         field, model = self._cache[key]
         kept = field.states
         gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
-        view = View(
-            "smoothed", f"smoothed, {family.name} sigmoid", gone, self, {"eps": eps, "sigmoid": sigmoid}
-        )
+        arguments = dict(eps=eps, sigmoid=family.name)
+        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, widths, view)
 
     def layered(self, ratios, *, sigmoid="algebraic", eps_ratio=None, time_constant=None):
@@ -391,7 +390,7 @@ class System(DescribedSystem):
         gone = {
             s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        arguments = dict(ratios=ratios, sigmoid=sigmoid, eps_ratio=eps_ratio, time_constant=time_constant)
+        arguments = dict(ratios=ratios, sigmoid=family.name, eps_ratio=eps_ratio, time_constant=time_constant)
         view = View("layered", f"layered, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, values, view)
 
@@ -455,9 +454,8 @@ class System(DescribedSystem):
         """What was written, views and values: a nest that definition/tree.py can write, and `_read` reads."""
         values = {p.name: value for p, value in self.parameters.items()}
         if self._view:
-            return {"view": self._view.kind, "of": self._view.original._written(), "values": values} | {
-                "arguments": self._view.arguments
-            }
+            kind, *_, original, arguments = self._view
+            return {"view": kind, "of": original._written(), "arguments": arguments, "values": values}
         names = ("rates", "time", "parameters", "outputs", "events", "contacts", "algebraic")
         return dict(zip(names, self._arguments)) | {"convention": self._convention, "values": values}
 

@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Algebraic, Event, Family, Kicks, Memory, Solution, Switch, System, Unilateral, solve
+from pwsmooth import (
+    Algebraic,
+    Diffusion,
+    Event,
+    Family,
+    Kicks,
+    Memory,
+    Solution,
+    Switch,
+    System,
+    Unilateral,
+    solve,
+)
 from pwsmooth.definition import tree
 from pwsmooth.laws.friction import MaxwellSlip
 from pwsmooth.results.saving import unpack
@@ -86,6 +98,11 @@ def kicked():
     return solve(HIDDEN, (0, 2), {x: 0, v: 0, z: 0}, noise=Kicks(0.1, every=0.25, on="v"), dense_output=True)
 
 
+def diffused():
+    noise = Diffusion({v: 0.1 * k}, step=1 / 32)
+    return solve(HIDDEN.smoothed(0.1), (0, 1), {x: 0, v: 0.2, z: 0}, noise=noise)
+
+
 def without_dense_output():
     return solve(HIDDEN, (0, 9), {x: 0.2, v: 0.3, z: 0}, t_eval=np.linspace(1, 2, 5))
 
@@ -100,6 +117,7 @@ RUNS = [
     stiff,
     ambiguous,
     kicked,
+    diffused,
     without_dense_output,
 ]
 

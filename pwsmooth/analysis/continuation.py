@@ -106,7 +106,7 @@ class Branch(Described):
         """
         import pandas
 
-        names = [str(s) for s in self.orbits[0].system.states] if self.orbits else []
+        names = [str(s) for s in self.orbits[0].system.states]
         return pandas.DataFrame(
             {
                 self.parameter: self.values,

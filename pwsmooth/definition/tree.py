@@ -97,7 +97,7 @@ _SCALARS = (str, bool, int, float, NoneType)
 def write(value: Any) -> list[list]:
     """Nodes of a nest of equations, primitives, dicts, sequences and numbers; the last one is the whole.
 
-    TypeError for what has no name in the list, and for what would not come back as it is.
+    TypeError for what has no name in the list.
     """
     nodes: list[list] = []
     built: list[Any] = []
@@ -169,9 +169,9 @@ def _built(node: Any, before: list[Any]) -> Any:
     values = [before[part] for part in parts]
     if name == "list":
         return values
-    if name == "dict" and len(values) % 2 == 0:
-        return dict(zip(values[::2], values[1::2]))
     try:
+        if name == "dict" and len(values) % 2 == 0:
+            return dict(zip(values[::2], values[1::2]))
         if name in _RECORDS:
             _, _, make, kinds = _RECORDS[name]
             if len(kinds) == len(values) and all(map(isinstance, values, kinds)):

@@ -89,7 +89,7 @@ def unpack(content: bytes) -> tuple[dict[str, Any], Any]:
         return _arguments(text, arrays), text["noise"]
     except KeyError as error:
         raise ValueError(f"it has no {error}") from None
-    except (*_DAMAGES, TypeError, AttributeError, IndexError) as error:
+    except (*_DAMAGES, TypeError, AttributeError, LookupError, ArithmeticError) as error:
         raise ValueError(str(error) or type(error).__name__) from None
 
 

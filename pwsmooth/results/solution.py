@@ -338,6 +338,8 @@ class Solution(Described):
         ------
         TypeError, ValueError
             What the file cannot hold: SciPy's dense output, functions that the package does not know.
+        OSError
+            The file cannot be written.
 
         Notes
         -----

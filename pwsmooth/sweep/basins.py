@@ -7,6 +7,7 @@ Chain: sweep, orbits.py -> **basins**.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -275,12 +276,11 @@ class OrbitDiagram(Described):
             "rasterized": True,
         }
         ax.plot(at, self[name].ravel(), **{**dots, **marks})
+        on_axis = {"marker": "|", "linestyle": "none", "transform": ax.get_xaxis_transform()}
         for (word, failed), colour in zip(
-            self.failures.items(), ("left", "right", "fast", "approximation", "mark")
+            self.failures.items(), itertools.cycle(("left", "right", "fast", "mark"))
         ):
-            ax.plot(
-                failed, 0 * failed, "|", color=COLOUR[colour], transform=ax.get_xaxis_transform(), label=word
-            )
+            ax.plot(failed, 0 * failed, color=COLOUR[colour], label=word, **on_axis)
         if self.failures:
             ax.legend()
         ax.set(xlabel=self.parameter, ylabel=f"{name}, once a period")
