@@ -109,9 +109,45 @@ def sweep(
         bool, typer.Option("--allow-code", help="Let the study run code: 'file.py:name', a file beside it.")
     ] = False,
 ) -> None:
-    """Run a parameter study into a Zarr store that survives any kill.
+    r"""Run a parameter study into a Zarr store that survives any kill.
 
-    The file is data: it names scenes, laws, axes and measures of the package. The page on sweeps describes it.
+    The file is data: it names scenes, laws, axes and measures of the package, and reading it runs nothing. An example:
+
+        measures = ["sticks", "itinerary", "amplitude(y)"]
+        period = "2*pi/omega"
+        \[system]
+        scene = "friction_oscillator"
+        law = "HiddenStatic"
+        arguments = { omega = 1.1 }
+        \[axes]
+        amplitude = { from = 0.6, to = 3, count = 25 }
+        spring = \[2, 3.1, 4]
+
+    Keys of the file:
+        title          what the study is called
+        measures       what is kept: sticks, itinerary, period, amplitude(y), ...
+        period         of the drive, a number or a formula in parameters
+        section        without a drive: a surface, as y, from return to return of which is measured
+        direction      of the section: 1, -1 or 0
+        longest_return the time after which a return is given up
+        transient      periods or returns that are not measured, 100 by default
+        periods        periods or returns that are measured, 20 by default
+        t_span         without a drive: start and end, as \[0, 50]
+        measure_from   without a drive: the time at which measuring begins
+        rtol, atol     tolerances
+        method         of solve
+        max_steps      bound on the steps of an orbit
+
+    Its tables:
+        \[system]      scene and law, or object (see --allow-code); law_parameters,
+                      arguments of the scene, parameters; a view, as
+                      layered = { z = inf } or smoothed = { eps = 1e-3 }
+        \[axes]        parameters or states: lists, or { from, to, count } with
+                      spacing = "linear" or "log"
+        \[points]      lists of one length that are swept together
+        \[start]       initial values of states
+        \[units]       of parameters and states, as words
+        \[kicks]       arguments of Kicks: size, every, on, ...
     """
     with _in_words("sweep", "interrupted; finished chunks are kept, --resume goes on."):
         from pwsmooth.sweep.study import run_study

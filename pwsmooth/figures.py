@@ -9,9 +9,7 @@ from __future__ import annotations
 import importlib
 import io
 import json
-import os
 import sys
-import tempfile
 import time
 import traceback
 from collections.abc import Iterable, Sequence
@@ -19,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from .results.files import PARTIAL, write_whole
 
 __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
 
@@ -238,7 +238,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     out = Path(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for leftover in out.glob(f"{_PARTIAL}*"):  # of a run that was killed
+        for leftover in out.glob(f"{PARTIAL}*"):  # of a run that was killed
             leftover.unlink(missing_ok=True)
     except OSError as error:
         raise FiguresError(f"`--out` {out} cannot be written: {error.strerror}") from error
@@ -316,22 +316,6 @@ def _write_records(out: Path, entries: dict[str, dict[str, Any]]) -> None:
     write_whole(path, (json.dumps(merged, indent=2, ensure_ascii=False) + "\n").encode())
     parts = [f"## Figure {name}. {entry['title']}\n\n{entry['caption']}\n" for name, entry in merged.items()]
     write_whole(out / "captions.md", "\n".join(parts).encode())
-
-
-_PARTIAL = ".partial-"
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write `path` so that it holds either its old content or all of the new one, also after Ctrl-C."""
-    handle, name = tempfile.mkstemp(prefix=_PARTIAL, suffix=path.suffix, dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(name, 0o644)  # mkstemp's files are their owner's alone
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:

@@ -6,7 +6,7 @@ Nothing here solves or chooses parameters; figures, experiments and `Solution.pl
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -21,6 +21,7 @@ __all__ = [
     "direction_arrows",
     "new_figure",
     "phase",
+    "plot_layer",
     "plot_phase",
     "plot_solution",
     "sticking_regions",
@@ -295,6 +296,7 @@ class _Run(Protocol):
     def segments(self) -> Any: ...
     @property
     def model(self) -> Any: ...
+    def _layer(self, switch: Any, t: float | None) -> Any: ...
     def __getitem__(self, name: Any) -> np.ndarray: ...
     def __call__(self, t: Any, name: Any = None) -> np.ndarray: ...
 
@@ -334,7 +336,7 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     2
     """
     wanted = list(names) if names is not None else list(sol.states)
-    panels = _panels(
+    panels = axes_for(
         axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
     )
     solved = [s for s in sol.segments if any(v == 0 for v in s.status)]
@@ -384,7 +386,7 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     pair = [str(name) for name in names] if not isinstance(names, str) else [names]
     if len(pair) != 2:
         raise ValueError(f"`phase` is {names!r}; give two names, the horizontal one first.")
-    panels = _panels(axes, 1, (4.5, 3.6), "one phase portrait; give one")
+    panels = axes_for(axes, 1, (4.5, 3.6), "one phase portrait; give one")
     t, curves = _curves(sol, pair)
     changing = [status for status in sol.status if np.ptp(status)]
     if changing:
@@ -395,7 +397,102 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     return panels
 
 
-def _panels(axes: Any, count: int, size: tuple[float, float], purpose: str) -> np.ndarray:
+def plot_layer(sol: _Run, switch: Any = None, t: float | None = None, ax: Any = None) -> Axes:
+    """Draw the field in which a multiplier moves through its layer: what decides whether a solution crosses or stays.
+
+    Attracting roots are full circles, repelling ones are open; an arrow leads from the multiplier before to that after.
+    With one state as fast as the layer (`System.layered`) the flow of both is drawn, and where each stands still.
+
+    Parameters
+    ----------
+    sol : Solution
+        What is drawn.
+    switch : Switch, Symbol or str, optional
+        The first that meets its surface, without.
+    t : float, in the unit of the model's time, optional
+        The event of the switch nearest to it; the first one without.
+    ax : Axes, optional
+        A new figure without.
+
+    Returns
+    -------
+    Axes
+        Where it was drawn.
+
+    Raises
+    ------
+    ValueError
+        A switch that does not meet its surface, a solution without a column at that instant, a family.
+
+    Notes
+    -----
+    lambda' = Lambda'(u) g(lambda), g = dh/dt on the surface h = 0, with time and states frozen.
+
+    Source: Jeffrey, On the mathematical basis of solid friction, for the layer system.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Switch, System, plotting, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> lam = Switch("lam", v)
+    >>> static = System({x: v, v: -x - lam * (1 + 3 * (1 - lam**2))})
+    >>> solution = solve(static, (0, 10), {x: 3.5, v: 0})
+    >>> plotting.plot_layer(solution, t=10).get_title()
+    'layer of lam at t = 3.14159'
+    """
+    layer = sol._layer(switch, t)
+    (ax,) = axes_for(ax, 1, (4.5, 3.2), "one layer; give one")
+    if layer.z is None:
+        ax.axhline(0, color=COLOUR["mark"], linewidth=0.8)
+        ax.plot(layer.lam, layer.g, color=COLOUR["exact"])
+        for i in np.flatnonzero(np.diff(np.sign(layer.g))):
+            a, b = layer.g[i : i + 2]
+            root = layer.lam[i] - a * (layer.lam[i + 1] - layer.lam[i]) / (b - a)
+            fill = "full" if b < a else "none"
+            ax.plot(root, 0, "o", color=COLOUR["stick"], fillstyle=fill, clip_on=False)
+        if layer.after != layer.before:
+            arrow = dict(arrowstyle="-|>", color=COLOUR["fast"], linewidth=1.6, shrinkA=0, shrinkB=0)
+            ax.annotate("", (layer.after, 0), (layer.before, 0), arrowprops=arrow, zorder=4)
+        ax.set_ylabel("dh/dt")
+    else:
+        ax.streamplot(
+            layer.lam, layer.z, layer.dlam, layer.dz, color=COLOUR["fast"], linewidth=0.7, arrowsize=0.8
+        )
+        for speed, colour in ((layer.dlam, "stick"), (layer.dz, "approximation")):
+            if np.ptp(np.sign(speed)):
+                ax.contour(layer.lam, layer.z, speed, [0], colors=COLOUR[colour])
+        ax.set_ylabel(layer.state)
+    ax.set(xlabel=layer.switch, xlim=(-1, 1), title=f"layer of {layer.switch} at t = {layer.time:.6g}")
+    return ax
+
+
+def areas(
+    axes: Mapping[str, np.ndarray], labels: np.ndarray, names: Mapping[int, str], ax: Any, colours: Any
+) -> Axes:
+    """Labels over the first two axes: -2 white, -1 grey, others in colours; what is there has an entry for a legend."""
+    from matplotlib.colors import ListedColormap
+
+    new, (ax,) = ax is None, axes_for(ax, 1, (6.5, 4.0), "one picture; give one")
+    chosen = colours or [COLOUR[k] for k in ("right", "left", "stick", "fast", "smoothed", "approximation")]
+    paint = ["white", LINEAR_SHADE, *(chosen[k % len(chosen)] for k in range(max(1, labels.max() + 1)))]
+    (x, at), (y, others) = [*axes.items(), ("", np.array([0.0, 1.0]))][:2]
+    shown = labels.reshape(*labels.shape[:2], -1)[:, :, 0] if labels.ndim > 1 else np.stack([labels, labels], 1)
+    ax.pcolormesh(
+        at, others, shown.T, cmap=ListedColormap(paint), vmin=-2.5, vmax=len(paint) - 2.5, rasterized=True
+    )
+    for label in np.unique(shown)[::-1]:
+        square = dict(color=paint[label + 2], markeredgecolor=COLOUR["mark"], markeredgewidth=0.5)
+        ax.plot([], [], "s", label=names[int(label)], **square)
+    if new:
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
+    ax.set(xlabel=x, ylabel=y)
+    if labels.ndim == 1:
+        ax.set_yticks([])
+    return ax
+
+
+def axes_for(axes: Any, count: int, size: tuple[float, float], purpose: str) -> np.ndarray:
     """So many Axes, one below the other in a new figure of this size where none are given."""
     if axes is None:
         from matplotlib import pyplot

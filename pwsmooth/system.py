@@ -25,7 +25,7 @@ from typing import NamedTuple
 import sympy as sp
 
 from .definition import checks, one_element
-from .definition.describe import html, text
+from .definition.describe import DescribedSystem
 from .definition.drives import drive
 from .definition.family import spread
 from .definition.lifting import plain
@@ -77,9 +77,10 @@ class View(NamedTuple):
     title: str
     gone: dict[sp.Symbol, str]  # states of the original that this view does not have, and why
     original: System
+    arguments: dict  # of the method of that kind, which made it
 
 
-class System:
+class System(DescribedSystem):
     """A piecewise-smooth system of differential equations, dx/dt = f(t, x, lambda; p).
 
     Parameters
@@ -176,7 +177,7 @@ class System:
         rates, impulses = without_impulses(rates, time)
         lists["events"] += impulses
         drives = checks.mapping({} if drives is None else drives, "`drives`", "symbols to (times, values)")
-        drives = tuple((key, drive(record, f"`drives` of {key}")) for key, record in drives.items())
+        drives = {key: drive(record, f"`drives` of {key}") for key, record in drives.items()}
         self._arguments = rates, time, parameters, outputs, *lists.values(), drives
         self._convention = convention
         self._view: View | None = None
@@ -356,7 +357,8 @@ class System:
         field, model = self._cache[key]
         kept = field.states
         gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
-        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self)
+        arguments = dict(eps=eps, sigmoid=family.name)
+        view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, widths, view)
 
     def layered(self, ratios, *, sigmoid="algebraic", eps_ratio=None, time_constant=None):
@@ -417,7 +419,8 @@ class System:
         gone = {
             s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        view = View("layered", f"layered, {family.name} sigmoid", gone, self)
+        arguments = dict(ratios=ratios, sigmoid=family.name, eps_ratio=eps_ratio, time_constant=time_constant)
+        view = View("layered", f"layered, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, values, view)
 
     def _backward(self):
@@ -428,7 +431,9 @@ class System:
         key = "backward", ends
         if key not in self._cache:
             self._cache[key] = lower(field)
-        return self._derived(field, self._cache[key], {}, View("backward", "backward in time", {}, self)), ends
+        return self._derived(
+            field, self._cache[key], {}, View("backward", "backward in time", {}, self, {})
+        ), ends
 
     # ---- making views
 
@@ -484,8 +489,25 @@ class System:
         other._notes = tuple(f"{p} drops out of this view" for p in dropped)
         return other
 
-    def __repr__(self):
-        return text(self)
+    # ---- in files
 
-    def _repr_html_(self):
-        return html(self)
+    def _written(self):
+        """What was written, views and values: a nest that definition/tree.py can write, and `_read` reads."""
+        values = {p.name: value for p, value in self.parameters.items()}
+        if self._view:
+            kind, *_, original, arguments = self._view
+            return {"view": kind, "of": original._written(), "arguments": arguments, "values": values}
+        names = ("rates", "time", "parameters", "outputs", "events", "contacts", "algebraic", "drives")
+        return dict(zip(names, self._arguments)) | {"convention": self._convention, "values": values}
+
+    @classmethod
+    def _read(cls, written):
+        """The System of `_written`; KeyError, TypeError or ValueError for what is none."""
+        if "view" in written:
+            original = cls._read(written["of"])
+            make = {"smoothed": original.smoothed, "layered": original.layered}[written["view"]]
+            system = make(**written["arguments"])
+        else:
+            system = cls(**{name: part for name, part in written.items() if name != "values"})
+        # A run with kicks has one parameter more, their period.
+        return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})

@@ -1,7 +1,9 @@
 """The command line: what it accepts, what it prints, how it ends."""
 
+import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 from typer.testing import CliRunner
@@ -71,3 +73,30 @@ def test_python_minus_m_is_the_same_command(run, arguments, code):
     # Older runners of click do not keep the two streams apart.
     assert (result.returncode, result.stdout + result.stderr) == (here.exit_code, here.output)
     assert result.returncode == code and bool(result.stderr) == (code != 0)
+
+
+def test_the_help_of_a_sweep_describes_the_file(run):
+    """Its example is a study, and every key of a study stands in it."""
+    from pwsmooth.sweep.study import Study, SystemTable
+
+    text = run("sweep", "--help").output
+    example = re.search(r"An\s+example:\s(.*?)Keys\s+of\s+the\s+file:", text, flags=re.DOTALL)[1]
+    study = Study.model_validate(tomllib.loads(example))
+    assert study.system.scene == "friction_oscillator" and len(study.axes) == 2
+    for key in (*Study.model_fields, *SystemTable.model_fields):
+        assert re.search(rf"\b{key}\b", text), key
+
+
+@pytest.mark.parametrize("width", [30, 60, 80])
+def test_numbers_of_a_table_are_never_cut(width, monkeypatch, capsys):
+    from pwsmooth.compare.exact import report
+    from pwsmooth.compare.exact.contract import Check, ExactProblem
+
+    monkeypatch.setenv("COLUMNS", str(width))
+    check = Check("a quantity whose name takes more than one line", 1.76547949871234, 1.76547949871235, 1e-12)
+    report.run([], of=[ExactProblem("one", "a statement", "exact", lambda: [check])])
+    shown = re.split(r"^ +[\d.]+ s$", capsys.readouterr().out, flags=re.MULTILINE)[0]
+    numbers = f"{check.computed:.15g} {check.exact:.15g} {check.error:.1e} {check.tolerance:.1e}"
+    assert "…" not in shown
+    assert sorted(re.findall(r"\d", shown)) == sorted(re.findall(r"\d", numbers))
+    assert width < 80 or all(number in shown for number in numbers.split())

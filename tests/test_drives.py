@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
-from pwsmooth import Drive, Event, Family, System, solve, sweep
+from pwsmooth import Drive, Event, Family, Solution, System, solve, sweep
 from pwsmooth.analysis.variations import variations
 from pwsmooth.codegen.machine import cache
 
@@ -201,3 +201,14 @@ def test_bad_records_are_refused(make, said):
 def test_what_is_no_record_is_refused():
     with pytest.raises(TypeError, match="give \\(times, values\\) or a Drive"):
         System({y: -u}, drives={u: 3})
+
+
+def test_a_saved_solution_has_its_record(tmp_path):
+    drive = Drive(TIMES, VALUES)
+    rate = sp.Symbol("rate", real=True)
+    solution = solve(System({y: rate - u}, drives={u: drive, rate: drive.derivative()}), SPAN, {y: 0})
+    solution.save(tmp_path / "run")
+    loaded = Solution.load(tmp_path / "run")
+    assert loaded["u"].tobytes() == solution["u"].tobytes()
+    assert solve(loaded.system, SPAN, {y: 0}).x.tobytes() == solution.x.tobytes()
+    assert "Drive(700 samples" in repr(loaded.system)

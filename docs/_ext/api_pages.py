@@ -48,8 +48,7 @@ def _module_page(module: str, names: dict[str, object]) -> str:
     # pwsmooth.sweep is a module and, as an attribute of pwsmooth, the function: references mean the function.
     twice = "   :no-index:\n" if module in public_names() else ""
     parts = [_title(module, "="), f".. automodule:: {module}\n{twice}", f".. currentmodule:: {module}\n"]
-    parts.append(".. list-table::\n   :widths: 30 70\n")
-    parts.append("".join(f"   * - :obj:`{name}`\n     - {_summary(value)}\n" for name, value in names.items()))
+    parts.append(_table(module, names))
     if module == FRONT:
         parts.append(".. toctree::\n   :hidden:\n\n" + "".join(f"   {module}/{name}\n" for name in names))
         for name, value in names.items():
@@ -57,6 +56,12 @@ def _module_page(module: str, names: dict[str, object]) -> str:
             write(API / module / f"{name}.rst", text)
         return "\n".join(parts)
     return "\n".join([*parts, *(_entry(name, value) for name, value in names.items())])
+
+
+def _table(module: str, names: dict[str, object]) -> str:
+    """A line a name: a link to its entry, and the first sentence of its docstring."""
+    rows = [f"   * - :obj:`~{module}.{name}`\n     - {_summary(value)}\n" for name, value in names.items()]
+    return ".. list-table::\n   :widths: 30 70\n\n" + "".join(rows)
 
 
 def _entry(name: str, value: object) -> str:
@@ -96,9 +101,10 @@ def _index(by_module: dict[str, dict[str, object]]) -> str:
     groups["More"] = list(left)
     for heading, modules in groups.items():
         if modules:
-            parts += [_title(heading, "-"), ".. list-table::\n   :widths: 35 65\n"]
+            parts.append(_title(heading, "-"))
             for module in modules:
                 doc = (importlib.import_module(module).__doc__ or "").strip().split("\n\n")[0]
-                parts.append(f"   * - :doc:`{module}`\n     - {' '.join(doc.split())}\n")
+                parts.append(f":doc:`{module}`: {' '.join(doc.split())}\n")
+                parts.append(_table(module, by_module[module]))
             parts.append(".. toctree::\n   :hidden:\n\n" + "".join(f"   {m}\n" for m in modules))
     return "\n".join(parts)

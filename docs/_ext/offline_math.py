@@ -28,7 +28,14 @@ def copy_mathjax(app, error):
             copy_asset(source, target if source.is_dir() else target.parent)
 
 
+def formulas_in_outputs(app, page, template, context, doctree):
+    """A page whose outputs have formulas needs MathJax as one that has its own."""
+    if "class='math'" in context.get("body", ""):
+        context["has_maths_elements"] = True
+
+
 def setup(app):
+    app.connect("html-page-context", formulas_in_outputs, priority=400)  # before Sphinx asks
     app.connect("build-finished", copy_mathjax)
     app.config.mathjax_path = f"mathjax/{ENTRY}"
     # No context menu: its accessibility parts would be fetched when opened. Overlong formulas scroll (site.css).

@@ -9,17 +9,22 @@ Chain: arclength.py, bifurcations.py -> **continuation**.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..definition import checks
+from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -27,8 +32,8 @@ __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
-@dataclass
-class Branch:
+@dataclass(repr=False)
+class Branch(Described):
     """Periodic orbits along a parameter.
 
     Attributes
@@ -90,12 +95,75 @@ class Branch:
         """
         return [b for b in self.bifurcations if b.kind == kind]
 
-    def __repr__(self) -> str:
-        low, high = self.values.min(), self.values.max()
-        lines = [
-            f"Branch: {len(self.orbits)} orbits, {self.parameter} from {low:.9g} to {high:.9g}; {self.end}"
-        ]
-        return "\n".join([*lines, *(f"  {b}" for b in self.bifurcations)])
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The orbits as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row an orbit: the parameter, the point on the section, the period, whether it is stable, and the largest
+            modulus of its multipliers.
+        """
+        import pandas
+
+        names = [str(s) for s in self.orbits[0].system.states]
+        return pandas.DataFrame(
+            {
+                self.parameter: self.values,
+                **dict(zip(names, self.x)),
+                "period": [orbit.period for orbit in self.orbits],
+                "stable": self.stable,
+                "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+            }
+        )
+
+    def plot(self, name: Any = None, ax: Any = None) -> Any:
+        """A state of the orbits over the parameter: stable ones as lines, others dashed, bifurcations marked.
+
+        Parameters
+        ----------
+        name : str or Symbol, optional
+            A state, on the section; by default the first one.
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+            The same.
+
+        Raises
+        ------
+        ValueError
+            No state of that name.
+        """
+        from ..plotting import COLOUR, axes_for
+
+        states = self.orbits[0].system.states
+        k = 0 if name is None else states.index(checks.lookup(name, states, "`name`", "state"))
+        (ax,) = axes_for(ax, 1, (5.5, 3.6), "one branch; give one")
+        q, x, stable = self.values, self.x[k], self.stable
+        changes = (np.flatnonzero(np.diff(stable)) + 1).tolist()
+        for first, end in zip([0, *changes], [*changes, len(q)]):
+            piece = slice(first, end + 1)  # as far as the first orbit of the next one
+            ax.plot(q[piece], x[piece], "-" if stable[first] else "--", color=COLOUR["exact"])
+        kinds = dict.fromkeys(b.kind for b in self.bifurcations)
+        for kind, mark in zip(kinds, itertools.cycle("osD^vP*X")):
+            points = [(b.parameter, b.orbit.x[k]) for b in self.of_kind(kind)]
+            ax.plot(*zip(*points), mark, color=COLOUR["left"], fillstyle="none", label=kind)
+        if kinds:
+            ax.legend()
+        ax.set(xlabel=self.parameter, ylabel=f"{states[k]} on the section")
+        return ax
+
+    def _described(self) -> tuple[str, Rows]:
+        q = self.values
+        span = f", {self.parameter} from {q.min():.9g} to {q.max():.9g}" if q.size else ""
+        found = [line.strip() for b in self.bifurcations for line in str(b).splitlines()]
+        return f"Branch: {len(q)} orbits{span}; {self.end}", {
+            "stable": [f"{np.sum(self.stable)} of {len(q)}"],
+            "bifurcations": found,
+        }.items()
 
 
 @checks.door(

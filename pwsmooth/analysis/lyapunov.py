@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
+from ..definition.describe import Described, Rows, listed
 from ..paths.budget import whole
 from ..results.records import Outcome
 from ..results.solution import Solution
@@ -30,8 +31,8 @@ _PIECES = 20  # means over as many parts of the run give the error
 _CHUNK = 500.0  # time whose polynomials are kept at once
 
 
-@dataclass(frozen=True)
-class LyapunovExponents:
+@dataclass(frozen=True, repr=False)
+class LyapunovExponents(Described):
     """Exponents, largest first, and how well the run determines them.
 
     Attributes
@@ -68,6 +69,39 @@ class LyapunovExponents:
     time: float
     outcome: Outcome
     degenerate: tuple[str, ...] = ()
+
+    def plot(self, ax: Any = None) -> Any:
+        """The exponents in order, with their errors; those that are -inf as triangles at the lower edge.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+            The same.
+        """
+        from ..plotting import COLOUR, axes_for
+
+        (ax,) = axes_for(ax, 1, (4.5, 3.0), "one picture; give one")
+        number = np.arange(1, len(self.exponents) + 1)
+        finite, gone = np.isfinite(self.exponents), np.isneginf(self.exponents)
+        ax.axhline(0, color=COLOUR["mark"], linewidth=0.8)
+        ax.errorbar(number[finite], self.exponents[finite], self.errors[finite], fmt="o", color=COLOUR["exact"])
+        if gone.any():
+            low = dict(color=COLOUR["exact"], clip_on=False, transform=ax.get_xaxis_transform())
+            ax.plot(number[gone], 0.0 * number[gone], "v", **low, label="-inf")
+            ax.legend()
+        ax.set(xlabel="number", ylabel="Lyapunov exponent", xticks=number)
+        return ax
+
+    def _described(self) -> tuple[str, Rows]:
+        return f"LyapunovExponents over {self.time:.9g}: {self.outcome}", {
+            "exponents": listed([f"{e:.6g} +- {d:.1g}" for e, d in zip(self.exponents, self.errors)]),
+            "degenerate": list(self.degenerate),
+        }.items()
 
 
 class _Frame:

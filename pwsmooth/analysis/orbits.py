@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks, pointwise
+from ..definition.describe import Described, Rows, listed, number, some, values
 from ..paths.budget import whole
 from ..results.solution import Solution
 from ..solve import solve
@@ -37,8 +38,8 @@ _REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one p
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
-@dataclass(frozen=True)
-class PeriodicOrbit:
+@dataclass(frozen=True, repr=False)
+class PeriodicOrbit(Described):
     """A periodic orbit, or the best that Newton's method reached (`success` False, `message` why).
 
     Attributes
@@ -157,17 +158,20 @@ class PeriodicOrbit:
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}
         return solve(self.system, (t0, t0 + periods * self.period), list(map(float, self.x)), **chosen)
 
-    def __repr__(self) -> str:
-        sizes = ", ".join(f"{m:.6g}" for m in self.multipliers)
+    def _described(self) -> tuple[str, Rows]:
         unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
         holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
         kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
-        state = ", ".join(f"{k} = {v:.9g}" for k, v in self.start.items())
-        events = " | ".join(kind for _, kind, _ in self.word) or "no events"
-        head = (
+        found = (
             f"PeriodicOrbit: {kind}, period {self.period:.9g}" if self.success else f"No orbit: {self.message}"
         )
-        return f"{head}\n  at         {state}\n  multipliers {sizes}\n  events      {events}"
+        return found, {
+            "at": values(self.start, self.x),
+            "multipliers": listed(list(map(number, self.multipliers))),
+            "events": [" | ".join(some([kind for _, kind, _ in self.word])) or "none"],
+            "message": [self.message] if self.success else [],
+            "degenerate": list(self.degenerate),
+        }.items()
 
 
 @checks.door(

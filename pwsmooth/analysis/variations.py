@@ -19,7 +19,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..paths.smoothed import StepPolynomials
+from ..results.records import StepPolynomials
 from ..results.solution import Dense, Solution
 from .linearised import Linearised, linearise
 from .saltation import Saltation, saltations, tangent_projector
@@ -217,7 +217,7 @@ def _steps(solution: Solution) -> _Steps:
         return _Steps(
             dense.t0, dense.t1, dense.length, dense.coefficients, dense.mult_coefficients, time, False
         )
-    if isinstance(dense, StepPolynomials):
+    if isinstance(dense, StepPolynomials) and dense.n is None:
         if any(event.update for event in solution.model.events):
             raise ValueError(
                 "`solution` is a smoothed run whose events change the state: its variations are not available. "

@@ -76,6 +76,7 @@ class Drive:
                 f"`times` of a Drive must increase; {self.times[i + 1]:g} follows {self.times[i]:g}."
             )
         self.t_span = float(self.times[0]), float(self.times[-1])
+        self.samples, self.derivatives = self.values, 0
         self.rows = self._rows()
 
     @classmethod
@@ -168,6 +169,7 @@ class Drive:
         if degree == 0:
             raise ValueError(f"{self!r} is constant between its samples and jumps there; it has no derivative.")
         other = copy.copy(self)
+        other.derivatives += 1
         other.rows = np.hstack([self.rows[:, :1], self.rows[:, 1:-1] * np.arange(degree, 0, -1)])
         other.values = other.at(self.times)
         return other
@@ -185,6 +187,19 @@ class Drive:
     def __repr__(self):
         first, last = self.t_span
         return f"Drive({len(self.times)} samples over ({first:g}, {last:g}), kind={self.kind!r})"
+
+
+def written(drive):
+    """(times, samples, kind, derivatives): what `rewritten` makes the drive of."""
+    return drive.times, drive.samples, drive.kind, drive.derivatives
+
+
+def rewritten(times, samples, kind, derivatives):
+    """The drive of what `written` gave."""
+    made = Drive(times, samples, kind)
+    for _ in range(derivatives):
+        made = made.derivative()
+    return made
 
 
 def _is_number(text):

@@ -35,7 +35,7 @@ class Definition:
     field: Field
 
 
-def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled=(), families=None):
+def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, families=None):
     """The `Definition` of the arguments of a System; `families` writes families out, or only their one element."""
     pairs = list(rates)
     written = tuple((x, checks.expression(e, f"`rates`, the rate of {x}")) for x, e in pairs)
@@ -62,7 +62,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled=
     checks.states(states)
     time = _time(time, names, states)
     updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
-    pieces = drives.pieces([(names(u, "`drives`"), drive) for u, drive in sampled], time)
+    pieces = drives.pieces([(names(u, "`drives`"), drive) for u, drive in sampled.items()], time)
     if unused := [u for u in pieces if u not in symbols]:
         raise ValueError(
             f"`drives` names {checks.listing(unused)}, which stands nowhere in this system; leave it out."

@@ -13,29 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..definition.pointwise import value
-from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome
+from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord, Outcome, StepPolynomials
 from ..results.solution import Solution
 from .budget import Budget
 from .words import singular_cause, singular_record
-
-
-@dataclass(frozen=True)
-class StepPolynomials:
-    """Dense output, one piece a step: `coefficients` (ns, n, K+1) in powers of (t - t0)/length."""
-
-    t0: np.ndarray
-    length: np.ndarray
-    coefficients: np.ndarray
-
-    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States (n, nt) and no multipliers (0, nt); at an event the side after it."""
-        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
-        # In units of the step: powers of the step itself underflow inside a layer.
-        s = (t - self.t0[piece]) / self.length[piece]
-        x = np.zeros((len(t), self.coefficients.shape[1]))
-        for k in range(self.coefficients.shape[2] - 1, -1, -1):
-            x = x * s[:, None] + self.coefficients[piece, :, k]
-        return x.T, np.zeros((0, len(t)))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ Chain: solve -> **this file** -> stiff_steps.py; the first side of every switch 
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -100,19 +100,6 @@ def switched_by_events(model: Model) -> Model:
     )
 
 
-@dataclass(frozen=True)
-class Divided:
-    """Dense output of states and sides together, as states and multipliers."""
-
-    whole: Any
-    n: int
-
-    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States (n, nt) and multipliers (m, nt)."""
-        x, _ = self.whole(t)
-        return x[: self.n], x[self.n :]
-
-
 def solve_stiff(
     system: Any, t_span: tuple[float, float], start: np.ndarray, p: np.ndarray, rtol: float, atol: np.ndarray,
     times: np.ndarray | None, dense: bool, max_step: float, spending: Budget,
@@ -150,7 +137,7 @@ def solve_stiff(
     t, x, events, polynomials, outcome, cost = pieces
     side = x[n:]
     return Solution(
-        system, t, x[:n], side, side.astype(np.int8), events, Divided(polynomials, n) if dense else None, outcome, cost,
+        system, t, x[:n], side, side.astype(np.int8), events, polynomials and replace(polynomials, n=n), outcome, cost,
         {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, ambiguities, system.parameters,
         None if times is None else course(columns[0], columns[1][n:]),
     )  # fmt: skip

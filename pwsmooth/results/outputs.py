@@ -19,9 +19,9 @@ from ..definition.model import Model, Select
 from ..definition.template import Families, named
 
 
-def vectorised(model: Model, expression: sp.Basic) -> Any:
-    """A numpy function of (t, *x, *mult, *p) for an expression or a Tuple of them."""
-    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters)
+def vectorised(model: Model, expression: sp.Basic, further: tuple[sp.Symbol, ...] = ()) -> Any:
+    """A numpy function of (t, *x, *mult, *p, *further) for an expression or a Tuple of them."""
+    arguments = (model.time, *model.states, *(m.symbol for m in model.multipliers), *model.parameters, *further)
     return _function(arguments, expression, tuple((m.symbol, m.surface) for m in model.multipliers))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..definition.describe import Described, Rows, some
 from ..kernels.outcome import Outcome
 
 __all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"]
@@ -56,7 +57,26 @@ class EventRecord:
         return f"t = {self.time:.9g}: {self.kind} [{self.switch}]{note}"
 
 
-class EventLog(Sequence):
+class _Told(Described):
+    """Records that show themselves in a few lines."""
+
+    def _described(self) -> tuple[str, Rows]:
+        records: Any = self
+        if not len(records):
+            return "none", []
+        plural = {EventRecord: "events", Ambiguity: "ambiguities", Segment: "segments"}
+        return f"{len(records)} {plural[type(records[0])]}", [("", list(map(str, some(records))))]
+
+
+class Listed(_Told, list):
+    """A list of records."""
+
+    def __getitem__(self, i: Any) -> Any:
+        found = super().__getitem__(i)
+        return Listed(found) if isinstance(i, slice) else found
+
+
+class EventLog(_Told, Sequence):
     """The events of a solution, put into words when they are asked for: a long run has many.
 
     It is a sequence of `EventRecord`.
@@ -88,7 +108,7 @@ class EventLog(Sequence):
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
-            return [self[k] for k in range(*i.indices(len(self)))]
+            return Listed(self[k] for k in range(*i.indices(len(self))))
         return self._words(float(self.times[i]), *self.codes[i].tolist())
 
     def times_of(self, wanted: Callable[[EventRecord], bool]) -> np.ndarray:
@@ -112,12 +132,9 @@ class EventLog(Sequence):
         accepted = np.array([wanted(self[int(i)]) for i in first])
         return self.times[accepted[which.ravel()]].astype(float)
 
-    def __repr__(self) -> str:
-        return repr(list(self))
-
     def __reduce__(self) -> tuple[Any, ...]:
         # The functions that make the words exist in this process only: pickle the records themselves.
-        return list, (list(self),)
+        return Listed, (list(self),)
 
 
 def course(t: np.ndarray, status: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -206,6 +223,9 @@ class Segment:
     first: int
     last: int
 
+    def __str__(self) -> str:
+        return f"t = {self.start:.9g} to {self.end:.9g}: {self.name}"
+
     @property
     def duration(self) -> float:
         """Length, in the unit of the model's time."""
@@ -265,6 +285,27 @@ class Dense:
             for i in np.flatnonzero(np.any(self.time_coefficients[piece, 2:] != 0, axis=1)):
                 s[i] = _arc(self.time_coefficients[piece[i]], self.length[piece[i]], t[i])
         return _horner(self.coefficients, piece, s), _horner(self.mult_coefficients, piece, s)
+
+
+@dataclass(frozen=True)
+class StepPolynomials:
+    """Dense output of implicit steps, one piece a step, in powers of (t - t0)/length.
+
+    `coefficients` (ns, n, K+1) are those of the states; with `n`, the states end there and multipliers follow.
+    """
+
+    t0: np.ndarray
+    length: np.ndarray
+    coefficients: np.ndarray
+    n: int | None = None
+
+    def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States (n, nt) and multipliers (m, nt); at an event the side after it."""
+        piece = np.clip(np.searchsorted(self.t0, t, side="right") - 1, 0, len(self.t0) - 1)
+        # In units of the step: powers of the step itself underflow inside a layer.
+        x = _horner(self.coefficients, piece, (t - self.t0[piece]) / self.length[piece])
+        n = len(x) if self.n is None else self.n
+        return x[:n], x[n:]
 
 
 def _arc(coefficients: np.ndarray, end: float, t: float) -> float:

@@ -15,10 +15,11 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.describe import Described, Rows, listed, values
 from ..definition.model import Model
 from ..definition.views import substitutes
 from . import outputs
-from .records import Ambiguity, Dense, EventLog, EventRecord, Outcome, Segment
+from .records import Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
     import pandas
@@ -34,7 +35,7 @@ def _rows(values: Any, dtype: Any, nt: int) -> np.ndarray:
     return values if values.ndim == 2 else values.reshape(-1, nt)
 
 
-class Solution:
+class Solution(Described):
     """A solved trajectory.
 
     Indexing gives a state, multiplier or output by name at the solution's times, `solution["v"]`; calling it
@@ -70,7 +71,7 @@ class Solution:
     Attributes
     ----------
     noise : Kicks, Diffusion or None
-        What `solve` was given.
+        What `solve` was given; of a loaded solution in words, as a str.
     course : (ndarray, shape (k,), and ndarray, shape (m, k)), or None
         As given.
 
@@ -115,12 +116,12 @@ class Solution:
         self.x, self.mult = _rows(x, float, nt), _rows(mult, float, nt)
         self.status = _rows(status, np.int8, nt)
         self.course = course and (course[0], _rows(course[1], np.int8, len(course[0])))
-        self.events = events
+        self.events = events if isinstance(events, EventLog) else Listed(events)
         self.dense = dense
         self.outcome = outcome
         self.cost = dict(cost)
         self.tolerances = dict(tolerances)
-        self.ambiguities = list(ambiguities)
+        self.ambiguities = Listed(ambiguities)
         # A Symbol's name is what str() gives, a hundred times sooner.
         self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
@@ -180,15 +181,30 @@ class Solution:
         if name in self.states:
             return x[self.states.index(name)]
         if name in self._expressions:
-            values = [self.parameters[str(p)] for p in self.model.parameters]
+            p = [self.parameters[str(p)] for p in self.model.parameters]
             with np.errstate(all="ignore"):  # branches that are not selected may be undefined there
                 if self.model.families is not None:
-                    return outputs.of_family(self.model, name, t, x, mult, values)
-                result = outputs.vectorised(self.model, self._expressions[name])(t, *x, *mult, *values)
+                    return outputs.of_family(self.model, name, t, x, mult, p)
+                result = outputs.vectorised(self.model, self._expressions[name])(t, *x, *mult, *p)
             return np.array(np.broadcast_to(result, t.shape), dtype=float)
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
         raise KeyError(f"{name!r} is {self._none_of_these}")
+
+    def _meant(self, name: str) -> str:
+        """What a name in the place of times may have meant."""
+        kinds = {
+            "a state": self.states,
+            "a multiplier": self.multipliers,
+            "an output": self.outputs,
+            "a parameter": self.parameters,
+        }
+        kind = next((kind for kind, names in kinds.items() if name in names), None)
+        if kind is None:
+            return f"give times. It is {self._none_of_these}"
+        if kind == "a parameter":
+            return f"it is a parameter, whose value is solution.parameters[{name!r}]. Give times here."
+        return f"it is {kind}: solution[{name!r}] at the solution's times, solution(t, {name!r}) at others."
 
     @property
     def _none_of_these(self) -> str:
@@ -219,15 +235,15 @@ class Solution:
 
         Raises
         ------
-        ValueError
-            No dense output was kept, or a time lies outside the solved span.
+        ValueError, TypeError
+            No dense output was kept, or a time lies outside the solved span; a name in the place of times.
         """
+        if isinstance(t, (str, sp.Symbol)):
+            raise TypeError(f"`t` is {str(t)!r}; {self._meant(str(t))}")
         if self.dense is None:
             raise ValueError(
                 "No dense output was kept; solve with `dense_output=True` for values between steps."
             )
-        if isinstance(t, str):
-            raise TypeError(f"`t` is {t!r}; give times, and the name behind them: solution(t, {t!r}).")
         at = checks.array(t, "`t`")
         if name is not None and str(checks.key(name, "`name`")) not in (
             *self.states,
@@ -273,7 +289,7 @@ class Solution:
             # A column of `t_eval` at an event is that of the side after it.
             firsts = [0, *np.searchsorted(self.t, starts[1:]).tolist(), len(self.t)]
             merged = [(i, j - 1) for i, j in zip(firsts, firsts[1:])]
-        return [self._segment(*piece) for piece in zip(starts, ends, statuses, merged)]
+        return Listed(self._segment(*piece) for piece in zip(starts, ends, statuses, merged))
 
     def _segment(self, start: float, end: float, status: tuple[int, ...], columns: tuple[int, int]) -> Segment:
         names = [
@@ -314,6 +330,78 @@ class Solution:
         return np.array([e.time for e in self.events if wanted(e)])
 
     # ---- other forms -------------------------------------------------------------------------------
+
+    def save(self, path: Any) -> None:
+        """Write the solution to one file, from which `load` gives it back bit for bit.
+
+        Parameters
+        ----------
+        path : path
+            The file; an older one is replaced as a whole. No name ending is added; ".npz" tells others how to read it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            What the file cannot hold: SciPy's dense output, functions that the package does not know.
+        OSError
+            The file cannot be written.
+
+        Notes
+        -----
+        A zip of NumPy arrays and one JSON text: times, states, multipliers, events, ambiguities, outcome, parameters,
+        dense output, and the system as a tree of names. `numpy.load` reads the arrays without the package. The noise of
+        a run is kept in words.
+
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> from pwsmooth import Solution, System, solve
+        >>> x = sp.Symbol("x", real=True)
+        >>> solution = solve(System({x: -2 * sp.sign(x)}), (0, 5), {x: 1}, dense_output=True)
+        >>> solution.save("relay.npz")
+        >>> again = Solution.load("relay.npz")
+        >>> again.itinerary == solution.itinerary, bool(again(0.3, "x") == solution(0.3, "x"))
+        (True, True)
+        """
+        from .files import write_whole
+        from .saving import pack
+
+        write_whole(checks.path(path, "`path`"), pack(self))
+
+    @classmethod
+    def load(cls, path: Any) -> Solution:
+        """A solution that `save` wrote. Opening a file runs nothing that is in it.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Returns
+        -------
+        Solution
+            With its system, which solves, plots and is changed as the one that was saved.
+
+        Raises
+        ------
+        ValueError
+            The file is damaged, or none that `save` wrote.
+        OSError
+            There is no such file, or it cannot be read.
+        """
+        from .saving import unpack
+
+        at = checks.path(path, "`path`")
+        content = at.read_bytes()
+        try:
+            arguments, noise = unpack(content)
+        except ValueError as error:
+            raise ValueError(
+                f"`path` is {str(at)!r}, which is damaged, or no file that Solution.save wrote: {error}."
+            ) from None
+        solution = cls(**arguments)
+        solution.noise = noise
+        return solution
 
     def to_dataset(self) -> xarray.Dataset:
         """The solution as a labelled data set, whose times are unique: `interp` and `sel(method="nearest")` take it.
@@ -421,41 +509,56 @@ class Solution:
             )
         return plotting.plot_phase(self, phase, axes)
 
+    def plot_layer(self, switch: Any = None, t: float | None = None, ax: Any = None) -> Any:
+        """The layer of a switch at an event: the field in which its multiplier moves there, see `plotting.plot_layer`.
+
+        Parameters
+        ----------
+        switch : Switch, Symbol or str, optional
+            The first that meets its surface, without.
+        t : float, in the unit of the model's time, optional
+            The event of the switch nearest to it; the first one without.
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+            Where it was drawn.
+
+        Raises
+        ------
+        ValueError
+            A switch that does not meet its surface, a solution without a column at that instant, a family.
+        """
+        from .. import plotting
+
+        return plotting.plot_layer(self, switch, t, ax)
+
+    def _layer(self, switch: Any, t: float | None) -> Any:
+        from .layers import layer_of
+
+        return layer_of(self, switch, t)
+
     # ---- repr --------------------------------------------------------------------------------------
 
-    def _summary(self) -> list[tuple[str, str]]:
-        kinds = Counter(event.kind for event in self.events)
+    def _described(self) -> tuple[str, Rows]:
         if len(self.mult) <= MANY:
             steps = self.itinerary
             shown = " | ".join(steps[:6]) + (f" | ... ({len(steps)} segments)" if len(steps) > 6 else "")
         else:
             shown = f"of {len(self.mult)} multipliers; see `segments` and `events`"
-        rows = [
-            ("time", f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"),
-            ("end", ", ".join(f"{n} = {v:.9g}" for n, v in zip(self.states, self.x[:, -1]))),
-            ("events", ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"),
-            ("itinerary", shown),
-            ("cost", ", ".join(f"{k} {v}" for k, v in self.cost.items())),
-            ("tolerances", ", ".join(f"{k} {v}" for k, v in self.tolerances.items())),
-        ]
-        if self.noise is not None:
-            rows.append(("noise", str(self.noise)))
-        if self.ambiguities:
-            rows.append(("ambiguities", "; ".join(str(a) for a in self.ambiguities[:3])))
-        return rows
-
-    def __repr__(self) -> str:
-        rows = self._summary()
-        return "\n".join([f"Solution: {self.message}", *(f"  {key:<11} {value}" for key, value in rows)])
-
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        body = "".join(
-            f"<tr><th style='text-align:left'>{key}</th><td style='text-align:left'>{escape(value)}</td></tr>"
-            for key, value in self._summary()
-        )
-        return f"<table><caption><b>Solution</b> {escape(self.message)}</caption>{body}</table>"
+        kinds = Counter(event.kind for event in self.events)
+        return f"Solution: {self.message}", {
+            "time": [f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"],
+            "end": values(self.states, self.x[:, -1]),
+            "events": listed([f"{count} {kind}" for kind, count in kinds.items()]) or ["none"],
+            "itinerary": [shown],
+            "cost": listed([f"{k} {v}" for k, v in self.cost.items()]),
+            "tolerances": listed([f"{k} {v}" for k, v in self.tolerances.items()]),
+            "noise": [] if self.noise is None else [str(self.noise)],
+            "ambiguities": list(map(str, self.ambiguities)),
+        }.items()
 
 
 @functools.lru_cache(maxsize=256)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..definition import checks
+from ..definition.describe import Described, Rows, listed, values
 from ..laws import Pieces
 from ..results.solution import Solution
 from ..solve import solve
@@ -21,8 +22,8 @@ __all__ = ["Scene", "assemble"]
 ATOL = 1e-12  # solve's own, for a state of size 1
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Described):
     """A model ready to run: mechanism, law and drive as one System, with its start and its span.
 
     Parameters
@@ -76,6 +77,17 @@ class Scene:
             period=checks.optional(checks.positive), observables=checks.mapping, units=checks.mapping,
             note=checks.name, atol=checks.mapping,
         )  # fmt: skip
+
+    def _described(self) -> tuple[str, Rows]:
+        _, of_system = self.system._described()
+        return f"Scene: {self.name}", {
+            "span": [f"{self.t_span[0]:.9g} to {self.t_span[1]:.9g}"],
+            "period": [] if self.period is None else [f"{self.period:.9g}"],
+            "start": values(self.start, self.start.values()),
+            "observables": listed(list(self.observables)),
+            "note": [self.note] if self.note else [],
+            **dict(of_system),
+        }.items()
 
     def solve(self, t_span: Any = None, x0: Any = None, **options: Any) -> Solution:
         """Solve the system from `start` over `t_span`; both may be replaced.

@@ -8,6 +8,7 @@ Chain: sweep, attractors.py -> **basins**.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from ..analysis.orbits import PeriodicOrbit
 from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
+from ..definition.describe import Described, Rows, number
 from ..paths.budget import whole
 from .attractors import FAILED, UNSETTLED, Attractors, Ends
 from .plan import why_not
@@ -24,8 +26,8 @@ from .plan import why_not
 __all__ = ["FAILED", "UNSETTLED", "Basins", "OrbitDiagram", "basins", "orbit_diagram"]
 
 
-@dataclass(frozen=True)
-class Basins:
+@dataclass(frozen=True, repr=False)
+class Basins(Described):
     """Which attractor every start leads to.
 
     Attributes
@@ -64,35 +66,36 @@ class Basins:
         """Part of the starts that each attractor takes."""
         return np.array([np.mean(self.labels == k) for k in range(len(self.attractors))])
 
-    def plot(self, ax: Any, colours: Sequence[str] | None = None) -> Any:
-        """The basins over the first two axes.
+    def plot(self, ax: Any = None, colours: Sequence[str] | None = None) -> Any:
+        """The basins over the first two axes; further ones at their first value.
 
         Parameters
         ----------
-        ax : Axes
-            Where to draw.
+        ax : Axes, optional
+            Where to draw; a new figure by default.
         colours : sequence of str, optional
             One for each attractor.
 
         Returns
         -------
         Axes
-            The same.
+            The same, with a legend of the attractors, and of starts that are unsettled or failed.
         """
-        from matplotlib.colors import ListedColormap
+        from ..plotting import areas
 
-        from ..plotting import COLOUR
+        names = {k: f"{k + 1}: period {orbit.period:.6g}" for k, orbit in enumerate(self.attractors)}
+        return areas(self.axes, self.labels, names | {UNSETTLED: "unsettled", FAILED: "failed"}, ax, colours)
 
-        (x, values), (y, others) = list(self.axes.items())[:2]
-        shown = list(
-            colours or (COLOUR["right"], COLOUR["left"], COLOUR["stick"], COLOUR["fast"], COLOUR["smoothed"])
-        )
-        paint = ListedColormap(["white", "#BDBDBD", *shown])
-        ax.pcolormesh(
-            values, others, self.labels.T, cmap=paint, vmin=-2.5, vmax=len(shown) - 0.5, rasterized=True
-        )
-        ax.set(xlabel=x, ylabel=y)
-        return ax
+    def _described(self) -> tuple[str, Rows]:
+        starts = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
+        rows: list[tuple[str, list[str]]] = []
+        for orbit, share in zip(self.attractors, self.shares):
+            sizes = ", ".join(map(number, orbit.multipliers))
+            rows.append((f"{share:.1%}", [f"period {orbit.period:.9g}, multipliers {sizes}"]))
+        for label, word in ((UNSETTLED, "unsettled"), (FAILED, "failed")):
+            if share := np.mean(self.labels == label):
+                rows.append((f"{share:.1%}", [word]))
+        return f"Basins of {len(self.attractors)} attractors, from {starts}", rows
 
 
 @checks.door(
@@ -203,8 +206,8 @@ def basins(
     return Basins(axis_values, labels.reshape(shape), orbits, reasons.reshape(shape))
 
 
-@dataclass(frozen=True)
-class OrbitDiagram:
+@dataclass(frozen=True, repr=False)
+class OrbitDiagram(Described):
     """Points of the Poincare map over a parameter.
 
     Indexing gives the points of one state, shape (number of values, kept points).
@@ -245,15 +248,21 @@ class OrbitDiagram:
         """Points of one state, shape (values, kept points)."""
         return self.points[:, :, self.states.index(str(name))]
 
-    def plot(self, ax: Any, name: Any, **marks: Any) -> Any:
-        """The diagram of one state.
+    @property
+    def failures(self) -> dict[str, np.ndarray]:
+        """Why runs failed, in a word or two -> the values of the parameter at which they did, in its unit."""
+        words = [reason.partition(":")[0] for reason in self.reasons]
+        return {word: self.values[[w == word for w in words]] for word in dict.fromkeys(words) if word}
+
+    def plot(self, ax: Any = None, name: Any = None, **marks: Any) -> Any:
+        """The diagram of one state; where runs failed, a mark on the axis says why.
 
         Parameters
         ----------
-        ax : Axes
-            Where to draw.
-        name : str or Symbol
-            The state.
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+        name : str or Symbol, optional
+            The state, by default the first one.
         **marks
             For matplotlib's `plot`.
 
@@ -262,19 +271,37 @@ class OrbitDiagram:
         Axes
             The same.
         """
-        from ..plotting import COLOUR
+        from ..plotting import COLOUR, axes_for
 
+        (ax,) = axes_for(ax, 1, (7.0, 3.6), "one diagram; give one")
+        name = self.states[0] if name is None else name
         at = np.repeat(self.values, self.points.shape[1])
-        style = {
+        dots = {
             "color": COLOUR["exact"],
             "marker": ".",
             "markersize": 1.2,
             "linestyle": "none",
             "rasterized": True,
         }
-        ax.plot(at, self[name].ravel(), **{**style, **marks})
+        ax.plot(at, self[name].ravel(), **{**dots, **marks})
+        on_axis = {"marker": "|", "linestyle": "none", "transform": ax.get_xaxis_transform()}
+        for (word, failed), colour in zip(
+            self.failures.items(), itertools.cycle(("left", "right", "fast", "mark"))
+        ):
+            ax.plot(failed, 0 * failed, color=COLOUR[colour], label=word, **on_axis)
+        if self.failures:
+            ax.legend()
         ax.set(xlabel=self.parameter, ylabel=f"{name}, once a {self.strobed_by}")
         return ax
+
+    def _described(self) -> tuple[str, Rows]:
+        count, kept, _ = self.points.shape
+        span = f"{self.values.min():.9g} to {self.values.max():.9g}"
+        return f"OrbitDiagram of {', '.join(self.states)} over {self.parameter}", {
+            "values": [f"{count}, {span}"],
+            "kept": [f"{kept} points of each"],
+            "failed": [f"{len(at)} {word}, first at {at[0]:.9g}" for word, at in self.failures.items()],
+        }.items()
 
 
 @checks.door(

@@ -1,29 +1,4 @@
-"""A sweep in a TOML file: `pwsmooth sweep STUDY.toml`.
-
-    title = "Stick time against stiffness and drive"
-    measures = ["sticks", "itinerary", "amplitude(y)"]
-    period = "2*pi/omega"            # or section = "y", or t_span = [0, 50]
-    transient = 100
-    periods = 20
-    rtol = 1e-9
-
-    [system]
-    scene = "friction_oscillator"    # of pwsmooth.scenes
-    law = "HiddenStatic"             # of pwsmooth.laws
-    arguments = { omega = 1.1 }
-    parameters = { rho = 0 }
-    layered = { z = inf }            # a view; or smoothed = { eps = 1e-3 }
-
-    [axes]
-    amplitude = { from = 0.6, to = 3, count = 25 }   # spacing = "log"
-    spring = [2, 3.1, 4]
-
-    [start]
-    y = 0.5
-    v = 0.3
-
-    [units]
-    spring = "N/m"
+"""A sweep in a TOML file: `pwsmooth sweep STUDY.toml`, whose --help lists the keys and shows one.
 
 A study is data: it names scenes and laws of the package, and what the caller of run_study() registers in `names`.
 Only with allow_code=True (--allow-code) may it also name code in a file beside it: object = "models.py:oscillator"

@@ -28,19 +28,20 @@ def run(names: Sequence[str], of: Sequence[ExactProblem] | None = None) -> bool:
         console.print(f"\n[bold]{verdict.problem.name}[/]  {verdict.problem.statement}", highlight=False)
         if verdict.failure:
             console.print(f"  [red]failed[/] {verdict.failure}", highlight=False, markup=True)
-        table = Table("quantity", box=None, pad_edge=False, padding=(0, 2, 0, 2), header_style="dim")
-        for title in ("computed", "exact", "error", "tolerance"):
-            table.add_column(title, justify="right")
-        table.add_column("")
-        for check in verdict.checks:
-            mark = "ok" if check.holds else "[red]MISS[/]"
-            numbers = (
-                f"{check.computed:.15g}",
-                f"{check.exact:.15g}",
-                f"{check.error:.1e}",
-                f"{check.tolerance:.1e}",
-            )
-            table.add_row(check.quantity, *numbers, mark)
+        rows = [
+            (f"{check.computed:.15g}", f"{check.exact:.15g}", f"{check.error:.1e}", f"{check.tolerance:.1e}")
+            for check in verdict.checks
+        ]
+        titles = ("computed", "exact", "error", "tolerance")
+        table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 1), header_style="dim")
+        table.add_column("quantity", overflow="fold")
+        # Numbers stand in one line each, the quantity gives way; where that is not enough they are folded, not cut.
+        needed = sum(3 + max(map(len, column)) for column in zip(titles, *rows))
+        for title in titles:
+            table.add_column(title, justify="right", no_wrap=needed + 16 <= console.width, overflow="fold")
+        table.add_column("", no_wrap=True)
+        for check, numbers in zip(verdict.checks, rows):
+            table.add_row(check.quantity, *numbers, "ok" if check.holds else "[red]MISS[/]")
         if verdict.checks:
             console.print(table, highlight=False)
         console.print(f"  {verdict.seconds:.2f} s", style="dim", highlight=False)

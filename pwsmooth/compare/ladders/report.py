@@ -46,7 +46,7 @@ def write(ladder: Ladder, out: Path) -> tuple[Path, Path]:
     import io
 
     from ... import plotting
-    from ...figures import write_whole
+    from ...results.files import write_whole
 
     out.mkdir(parents=True, exist_ok=True)
     stem = f"ladder {ladder.scene} {ladder.observable.name}".replace(" ", "_")
