@@ -1,0 +1,129 @@
+"""Every page of the gallery runs, and its numbers are those of a closed form or of a computation by other means.
+
+The references use nothing of the package: matrix exponentials, or DOP853 restarted at every event by loops here.
+"""
+
+import functools
+import re
+import runpy
+import warnings
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+GALLERY = Path(__file__).resolve().parent.parent / "docs" / "gallery"
+
+
+@functools.cache
+def page(name):
+    """The names that a page's script leaves behind."""
+    from matplotlib import pyplot
+
+    (path,) = GALLERY.glob(f"*/plot_{name}.py")
+    backend = matplotlib.get_backend()
+    pyplot.switch_backend("Agg")
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "FigureCanvasAgg is non-interactive")
+            names = runpy.run_path(str(path))
+        assert pyplot.get_fignums(), f"{name} draws nothing"
+        return names
+    finally:
+        pyplot.close("all")
+        pyplot.switch_backend(backend)
+
+
+def until(rates, x, t, end, *surfaces, max_step=0.02):
+    """DOP853 from (t, x) to `end` or the first zero of a surface h(t, x), given with its direction (h, sign).
+
+    Steps are short because SciPy looks for zeros by the sign at their ends.
+    """
+    watched = []
+    for surface, direction in surfaces:
+
+        def event(s, y, surface=surface):
+            return surface(s, y)
+
+        event.terminal, event.direction = True, direction
+        watched.append(event)
+    run = solve_ivp(
+        rates, (t, end), x, method="DOP853", rtol=1e-12, atol=1e-13, max_step=max_step, events=watched or None
+    )
+    fired = next((k for k, times in enumerate(run.t_events or []) if len(times)), None)
+    return run.t[-1], run.y[:, -1], fired
+
+
+def test_every_page_is_tested():
+    named = set(re.findall(r'page\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")))
+    assert named == {path.stem.removeprefix("plot_") for path in GALLERY.glob("*/plot_*.py")}
+
+
+# ---- mechanics and machines
+
+
+def test_the_bouncing_ball_flips_where_the_closed_form_says():
+    ball = page("bouncing_ball")
+    assert abs(ball["flip"].parameter - ball["exact"]) < 1e-9
+    # Phase of the bounce: the table's speed there is pi (1 - e)/(1 + e), so that e returns the ball to its height.
+    orbit = ball["orbit"].solution()
+    (bounce,) = orbit.event_times("impact")
+    assert abs(1.4 * np.cos(bounce) - np.pi / 3) < 1e-9
+
+
+# ---- control and electronics
+
+
+def test_the_buck_converter_flips_where_its_saltation_matrix_says():
+    T, R, L, C, gain = 0.4, 22, 20, 0.047, 8.4
+    A = np.array([[-1 / (R * C), 1e-3 / C], [-1e3 / L, 0]])
+    ramp = (8.2 - 3.8) / T
+
+    def multiplier(E):
+        """The smallest of the orbit that conducts from tau to the next clock."""
+        drive = np.array([0, 1e3 * E / L])
+        rest = np.linalg.solve(A, -drive)
+
+        def at_switching(tau):
+            on, off = expm(A * (T - tau)), expm(A * tau)
+            return off @ np.linalg.solve(np.eye(2) - on @ off, rest - on @ rest)
+
+        tau = brentq(lambda s: gain * (at_switching(s)[0] - 11.3) - 3.8 - ramp * s, 1e-6, T - 1e-6, xtol=1e-14)
+        normal = np.array([gain, 0])
+        salt = np.eye(2) + np.outer(drive, normal) / (normal @ (A @ at_switching(tau)) - ramp)
+        return np.linalg.eigvals(expm(A * (T - tau)) @ salt @ expm(A * tau)).real.min()
+
+    exact = brentq(lambda E: multiplier(E) + 1, 23, 26, xtol=1e-12)
+    assert abs(page("buck")["flip"].parameter - exact) < 1e-7
+
+
+def test_chuas_circuit_agrees_with_dop853_and_its_exponents_with_the_mean_divergence():
+    chua = page("chua")
+
+    def rates(side):
+        slope, offset = (-8 / 7, 0) if side == 0 else (-5 / 7, -3 / 7 * side)
+        return lambda t, x: [
+            9 * (x[1] - x[0] - slope * x[0] - offset),
+            x[0] - x[1] + x[2],
+            -100 / 7 * x[1],
+        ]
+
+    right, left = lambda t, x: x[0] - 1, lambda t, x: x[0] + 1
+    borders = {0: [((right, 1), 1), ((left, -1), -1)], 1: [((right, -1), 0)], -1: [((left, 1), 0)]}
+    t, x, side, passages = 0.0, [0.1, 0, 0], 0, []
+    while True:
+        t, x, fired = until(rates(side), x, t, 15, *(surface for surface, _ in borders[side]))
+        if fired is None:
+            break
+        side = borders[side][fired][1]
+        passages.append(t)
+    ours = chua["sol"].event_times()[: len(passages)]
+    # The motion is chaotic: what DOP853 leaves open has grown by exp(0.32 * 15) and more.
+    assert len(passages) > 5 and np.abs(ours - passages).max() < 1e-8
+    assert np.abs(chua["sol"](15.0) - x).max() < 1e-8
+    found = chua["found"]
+    assert abs(found.exponents[1]) < 3 * found.errors[1] and found.exponents[0] > 10 * found.errors[0]
+    assert abs(found.exponents.sum() - chua["divergence"]) < 3 * np.linalg.norm(found.errors)
