@@ -74,6 +74,34 @@ def test_the_bouncing_ball_flips_where_the_closed_form_says():
     assert abs(1.4 * np.cos(bounce) - np.pi / 3) < 1e-9
 
 
+def test_the_rocking_block_is_at_rest_when_its_infinite_sum_says():
+    rocking = page("rocking_block")
+    last = rocking["sol"].events[-1]
+    assert last.kind == "accumulation" and abs(last.time - rocking["exact"]) < 1e-9
+    assert np.all(rocking["sol"](np.linspace(last.time, 16, 9)) == 0)
+
+
+def test_the_gears_lose_contact_where_the_linear_amplitude_says_and_move_as_dop853_says():
+    gears = page("gear_backlash")
+    grazings = [b.parameter for b in gears["branch"].of_kind("grazing")]
+    np.testing.assert_allclose(grazings, gears["exact"], rtol=0, atol=1e-8)
+    assert len(gears["branch"].of_kind("fold")) == 2
+    # Orbits that lose contact, stable and unstable, return after a period of SciPy's as well.
+    loose = [o for o in gears["branch"].orbits if len(o.word) == 2][::5]
+    assert {o.stable for o in loose} == {True, False}
+    for orbit in loose:
+        omega = 2 * np.pi / orbit.period
+
+        def rates(t, x, omega=omega):
+            g = x[0] - 1 if x[0] > 1 else x[0] + 1 if x[0] < -1 else 0.0
+            return [x[1], 0.1 + 0.05 * np.cos(omega * t) - 0.1 * x[1] - g]
+
+        start = orbit.map.start_time
+        _, x, _ = until(rates, orbit.x, start, start + orbit.period)
+        # g is continuous: DOP853 crosses its kinks with an error of the third order of the step.
+        assert np.abs(x - orbit.x).max() < 1e-6
+
+
 # ---- control and electronics
 
 
@@ -127,3 +155,54 @@ def test_chuas_circuit_agrees_with_dop853_and_its_exponents_with_the_mean_diverg
     found = chua["found"]
     assert abs(found.exponents[1]) < 3 * found.errors[1] and found.exponents[0] > 10 * found.errors[0]
     assert abs(found.exponents.sum() - chua["divergence"]) < 3 * np.linalg.norm(found.errors)
+
+
+# ---- earth, climate and life
+
+
+def test_three_blocks_of_the_fault_slip_when_dop853_says():
+    from pwsmooth import solve
+
+    n, ell, alpha, nu, end = 3, 3.0, 2.5, 0.01, 250.0
+    u0 = [0.1, -0.2, 0.3]
+    ours = solve(page("burridge_knopoff")["fault"](n), (0, end), {"u": u0, "v": 0.0})
+    K = ell**2 * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1]]) + np.eye(n)
+
+    def pull(i, t, x):
+        return nu * t - K[i] @ x[:n]
+
+    def slip(i, t, x):
+        force = pull(i, t, x)
+        return int(np.sign(force)) if abs(force) > 1 else 0
+
+    t, x, log = 0.0, np.array([*u0, 0, 0, 0]), []
+    slips = [slip(i, t, x) for i in range(n)]
+    while True:
+
+        def rates(t, x, slips=tuple(slips)):
+            a = [s and pull(i, t, x) - s / (1 + 2 * alpha * abs(x[n + i])) for i, s in enumerate(slips)]
+            return np.array([*(x[n:] * np.abs(slips)), *a])
+
+        surfaces = [
+            ((lambda t, x, i=i: x[n + i]), -slips[i])
+            if slips[i]
+            else ((lambda t, x, i=i: abs(pull(i, t, x)) - 1), 1)
+            for i in range(n)
+        ]
+        t, x, fired = until(rates, x, t, end, *surfaces, max_step=0.1 if any(slips) else 100.0)
+        if fired is None:
+            break
+        log.append(t)
+        if slips[fired]:
+            x[n + fired], slips[fired] = 0.0, slip(fired, t, x)
+        else:
+            slips[fired] = int(np.sign(pull(fired, t, x)))
+    times = ours.event_times()
+    assert len(log) == len(times) > 20
+    assert np.abs(times - log).max() < 1e-6
+    assert np.abs(ours.x[:n, -1] - x[:n]).max() < 1e-6
+
+
+def test_the_fault_keeps_up_with_the_plate():
+    fault = page("burridge_knopoff")
+    assert abs(fault["moment"].sum() / fault["n"] / 1500 / 0.01 - 1) < 0.05
