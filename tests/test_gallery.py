@@ -13,7 +13,7 @@ import matplotlib
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 GALLERY = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
@@ -155,6 +155,92 @@ def test_chuas_circuit_agrees_with_dop853_and_its_exponents_with_the_mean_diverg
     found = chua["found"]
     assert abs(found.exponents[1]) < 3 * found.errors[1] and found.exponents[0] > 10 * found.errors[0]
     assert abs(found.exponents.sum() - chua["divergence"]) < 3 * np.linalg.norm(found.errors)
+
+
+def test_the_thermostat_cycles_as_its_exponentials_do_and_over_a_day_as_dop853_says():
+    room = page("thermostat")
+    assert abs(room["period"] - room["exact"]) < 1e-9
+    t, x, on, log = 0.0, [19.0], 1, []
+    while True:
+
+        def rates(t, x, on=on):
+            return [-(x[0] - 4 - 6 * np.cos(2 * np.pi * (t - 15) / 24)) / 8 + 5 * on]
+
+        surface = (lambda t, x: x[0] - 21, 1) if on else (lambda t, x: x[0] - 19, -1)
+        t, x, fired = until(rates, x, t, 48, surface)
+        if fired is None:
+            break
+        on = 1 - on
+        log.append(t)
+    np.testing.assert_allclose(room["sol"].event_times(), log, rtol=0, atol=1e-7)
+
+
+def test_the_motor_breaks_loose_at_its_peak_current_and_creeps_as_dop853_says():
+    motor = page("dc_motor")
+    assert motor["loose"].kind == "adding-sliding"
+    assert abs(motor["loose"].parameter - motor["exact"]) < 1e-9
+    # One period of the creep at d = 0.6: stick, slip from k i = M_c on, stick again where the speed is back at 0.
+    U, R, L, k, J, b, M_c, T, d = 12.0, 1.0, 2e-3, 0.05, 1e-4, 1e-4, 0.15, 1e-3, 0.6
+    x, slipping, travel = np.zeros(3), False, None
+    for clock in range(60):
+        for begin, end, volts in ((0, d, U), (d, 1, -U)):
+            t = (clock + begin) * T
+            while t < (clock + end) * T:
+
+                def rates(t, x, volts=volts, slipping=slipping):
+                    force = (k * x[0] - b * x[1] - M_c) / J if slipping else 0.0
+                    return [(volts - R * x[0] - k * x[1]) / L, force, x[1]]
+
+                surface = (lambda t, x: x[1], -1) if slipping else (lambda t, x: k * x[0] - M_c, 1)
+                t, x, fired = until(rates, x, t, (clock + end) * T, surface, max_step=T / 20)
+                if fired is not None:
+                    slipping, x[1] = not slipping, 0.0
+        travel, x[2] = x[2], 0.0
+    duty = motor["duty"]
+    ours = float(motor["found"]["omega_mean"][np.argmin(np.abs(duty - d))])
+    assert abs(ours / (travel / T) - 1) < 1e-5
+
+
+def test_the_relay_orbit_folds_where_the_map_of_its_slides_touches_the_diagonal():
+    zeta, omega, kappa = 0.05, 10.0, 0.05
+
+    def first(A, x, zero, end=3.0):
+        """State at the first fall of `zero` through 0 along x' = A x."""
+        flow = [expm(A * end / 600)]
+        before = x
+        for k in range(600):
+            after = flow[0] @ before
+            if k and zero(before) > 0 >= zero(after):
+                s = brentq(lambda s, x=before: zero(expm(A * s) @ x), 0, end / 600, xtol=1e-15)
+                return expm(A * s) @ before
+            before = after
+        return np.full(len(x), np.nan)
+
+    def half_return(x3, rho):
+        """x3 where the second slide from (0, 1, x3) ends, at (0, -1, x3), mirrored."""
+        process = np.array(
+            [
+                [-2 * zeta * omega - kappa, 1, 0, -1],
+                [-2 * zeta * omega * kappa - omega**2, 0, 1, -2 * rho],
+                [-(omega**2) * kappa, 0, 0, -(rho**2)],
+                [0, 0, 0, 0],
+            ]
+        )
+        zeros = np.array([[-2 * rho, 1], [-(rho**2), 0]])
+        for end in (1, -1):
+            _, *slide, _ = first(process, np.array([0, 1, x3, 1.0]), lambda x: x[0])
+            _, x3 = first(zeros, np.array(slide), lambda x, end=end: 1 - end * x[0])
+        return -x3
+
+    def gap(rho):
+        """Smallest value of the map minus its argument: negative between two fixed points."""
+        found = minimize_scalar(
+            lambda x3: half_return(x3, rho) - x3, bounds=(2, 5), method="bounded", options={"xatol": 1e-9}
+        )
+        return found.fun
+
+    fold = brentq(gap, -2.4, -2.2, xtol=1e-9)
+    assert abs(page("relay_feedback")["fold"].parameter - fold) < 1e-7
 
 
 # ---- earth, climate and life
