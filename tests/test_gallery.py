@@ -292,3 +292,58 @@ def test_three_blocks_of_the_fault_slip_when_dop853_says():
 def test_the_fault_keeps_up_with_the_plate():
     fault = page("burridge_knopoff")
     assert abs(fault["moment"].sum() / fault["n"] / 1500 / 0.01 - 1) < 0.05
+
+
+def test_neurons_spike_when_their_exponentials_say_and_end_in_the_common_beat():
+    from pwsmooth import solve
+
+    neurons = page("spiking_neurons")
+    assert abs(neurons["beat"] - neurons["exact"]) < 1e-6
+    n, I, epsilon, tau, end = 6, 1.1, 0.4, 0.05, 40.0
+    v = np.random.default_rng(3).uniform(0, 1, n)
+    ours = solve(neurons["network"](n), (0, end), {"v": list(v), "s": 0})
+    t, s, log = 0.0, 0.0, []
+
+    def later(v, s, wait):
+        rest, fast = np.exp(-wait), np.exp(-wait / tau)
+        return I + (v - I) * rest + s * (rest - fast) / (1 / tau - 1)
+
+    while True:  # all charge alike: the fullest is the next
+        k = int(np.argmax(v))
+        wait = brentq(lambda wait, v=v[k], s=s: later(v, s, wait) - 1, 0, 10, xtol=1e-15) if v[k] < 1 else 0.0
+        if t + wait > end:
+            break
+        t, v, s = t + wait, later(v, s, wait), s * np.exp(-wait / tau)
+        v[k], s = 0.0, s + epsilon / n
+        log.append((t, f"spike {k + 1}"))
+    assert [e.switch for e in ours.events] == [name for _, name in log]
+    assert np.abs(ours.event_times() - [t for t, _ in log]).max() < 1e-8
+
+
+def test_predators_slide_to_the_pseudo_equilibrium_as_the_linear_equation_says():
+    world = page("predator_prey")
+    sol = world["sol"]
+    (arrival,) = sol.event_times("stick")
+
+    def hunting(t, x):
+        return [x[0] * (1 - x[0] / 4) - x[0] * x[1], 0.5 * x[0] * x[1] - 0.4 * x[1]]
+
+    t, x, _ = until(hunting, [2.5, 0.3], 0, 60, (lambda t, x: x[0] - 1, -1))
+    assert abs(t - arrival) < 1e-8
+    times = np.linspace(arrival, 60, 7)
+    exact = 1 + (x[1] - 1) * np.exp(-0.3 * (times - t))  # y* = 1 and m - b = 0.3 of the page
+    assert np.abs(sol(times, "y") - exact).max() < 1e-8 and np.all(sol(times[1:], "x") == 1)
+    assert abs(sol["u"][-1] - 0.75) < 1e-8 and abs(world["exact"] - 1) < 1e-12
+
+
+def test_the_ocean_reverses_where_airy_functions_say_and_returns_as_dop853_says():
+    ocean = page("ocean_boxes")
+    assert abs(ocean["reversal"] - ocean["exact"]) < 1e-6
+    mu = 1e-3
+
+    def drier(t, x):
+        return [0.25 + mu * (200 - t) - abs(1 - x[0]) * x[0]]
+
+    t, x = 100.0, [float(ocean["sol"](100.0, "S"))]
+    t, x, _ = until(drier, x, t, 520, (lambda t, x: x[0] - 1, -1), max_step=1.0)
+    assert abs(t - ocean["sol"].event_times("crossing")[-1]) < 1e-6
