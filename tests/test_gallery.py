@@ -102,6 +102,31 @@ def test_the_gears_lose_contact_where_the_linear_amplitude_says_and_move_as_dop8
         assert np.abs(x - orbit.x).max() < 1e-6
 
 
+def test_the_drill_string_sticks_and_slips_up_to_where_a_slip_of_dop853_just_touches_rest():
+    J, k, c, T_c, T_s, omega_s = 400.0, 500.0, 150.0, 4000.0, 7000.0, 2.0
+
+    def lowest(Omega):
+        """Speed at the end of the slip that begins where the stick ends: 0 where the stick has length 0."""
+
+        def rates(t, x):
+            torque = T_c + (T_s - T_c) * np.exp(-max(x[1], 0) / omega_s)
+            return [Omega - x[1], (k * x[0] + c * (Omega - x[1]) - torque) / J]
+
+        def acceleration(t, x):
+            return rates(t, x)[1]
+
+        t, x, _ = until(rates, [(T_s - c * Omega) / k, 0], 0, 20, (acceleration, -1))
+        return until(rates, x, t, 20, (acceleration, 1))[1][1]
+
+    exact = brentq(lowest, 6.5, 7.5, xtol=1e-10)
+    drill = page("drill_string")
+    assert abs(drill["highest"] - exact) < 1e-5
+    assert drill["branch"].of_kind("grazing-sliding")
+    # The unstable branch leads to the Hopf point, as a square root does.
+    last = drill["branch"].orbits[-1]
+    assert drill["size"][-1] < 0.5 and abs(last.system.parameter_values[-1] - drill["hopf"]) < 0.02
+
+
 # ---- control and electronics
 
 
