@@ -57,6 +57,46 @@ def until(rates, x, t, end, *surfaces, max_step=0.02):
     return run.t[-1], run.y[:, -1], fired
 
 
+def stick_slip(pull, strengths, weakening, V, x, end, section=None):
+    """Blocks of mass 1 under pull(t, positions) on a ground of speed V, its friction strength/(1 + weakening |w|).
+
+    The state at `end` or at the section's first rise, and the times of all events.
+    """
+    n = len(strengths)
+
+    def slip(i, t, x):
+        force = pull(t, x[:n])[i]
+        return -int(np.sign(force)) if abs(force) > strengths[i] else 0
+
+    t, x, log = 0.0, np.array(x, float), []
+    slips = [int(np.sign(V - x[n + i])) or slip(i, t, x) for i in range(n)]
+    while True:
+
+        def rates(t, x, slips=tuple(slips)):
+            forces = pull(t, x[:n])
+            return [V if not s else v for s, v in zip(slips, x[n:])] + [
+                s and f + s * strength / (1 + weakening * abs(V - v))
+                for s, f, strength, v in zip(slips, forces, strengths, x[n:])
+            ]
+
+        surfaces = [
+            ((lambda t, x, i=i: V - x[n + i]), -slips[i])
+            if slips[i]
+            else ((lambda t, x, i=i: abs(pull(t, x[:n])[i]) - strengths[i]), 1)
+            for i in range(n)
+        ]
+        if section:
+            surfaces.append((section, 1))
+        t, x, fired = until(rates, x, t, end, *surfaces, max_step=0.1 if any(slips) or section else 100.0)
+        if fired in (None, n):
+            return x, log
+        log.append(t)
+        if slips[fired]:
+            x[n + fired], slips[fired] = V, slip(fired, t, x)
+        else:
+            slips[fired] = -int(np.sign(pull(t, x[:n])[fired]))
+
+
 def test_every_page_is_tested():
     named = set(re.findall(r'page\("(\w+)"\)', Path(__file__).read_text(encoding="utf-8")))
     assert named == {path.stem.removeprefix("plot_") for path in GALLERY.glob("*/plot_*.py")}
@@ -125,6 +165,80 @@ def test_the_drill_string_sticks_and_slips_up_to_where_a_slip_of_dop853_just_tou
     # The unstable branch leads to the Hopf point, as a square root does.
     last = drill["branch"].orbits[-1]
     assert drill["size"][-1] < 0.5 and abs(last.system.parameter_values[-1] - drill["hopf"]) < 0.02
+
+
+def test_the_two_masses_double_their_period_where_a_map_of_dop853_has_the_multiplier_minus_one():
+    blocks = page("two_masses_on_belt")
+    V, kappa = blocks["flip"].parameter, 1.2
+    K = np.array([[1 + kappa, -kappa], [-kappa, 1 + kappa]])
+
+    def section(t, x):
+        return x[0] - x[1] if t > 1 else 1.0  # not where it starts
+
+    def image(y):
+        """The return to x1 = x2 from (x, V, x, v2): block 1 sticks there."""
+        start = [y[0], y[0], V, y[1]]
+        x, _ = stick_slip(lambda t, u: -K @ u, [1, 1.3], 3.0, V, start, 20.0, section)
+        return x[[0, 3]]
+
+    y = blocks["flip"].orbit.x[[0, 3]]
+    assert np.abs(image(y) - y).max() < 1e-7
+    h = 1e-5
+    jacobian = np.column_stack([(image(y + h * e) - image(y - h * e)) / (2 * h) for e in np.eye(2)])
+    assert abs(np.linalg.eigvals(jacobian).real.min() + 1) < 1e-4
+
+
+def test_the_antilock_brake_stops_where_dop853_does_and_the_locked_wheel_where_its_line_ends():
+    brake = page("antilock_brake")
+    assert abs(brake["locked"]["x"][-1] - brake["exact"]) < 1e-6
+    m, j, g = 400.0, 10.0, 9.81
+
+    def force(x):
+        s = 1 - x[2] / x[1]
+        return m * g * (1.28 * (1 - np.exp(-24 * s)) - 0.52 * s)
+
+    t, x, valve, holds = 0.0, np.array([0, 30, 30, 0.0]), 1, False
+    while True:
+
+        def rates(t, x, valve=valve, holds=holds):
+            f = force(x)
+            return [x[1], -f / m, 0.0 if holds else (f - x[3]) / j, 2e4 * valve]
+
+        t, x, fired = until(
+            rates, x, t, 9,
+            (lambda t, x: 1 - x[2] / x[1] - 0.25, 1) if valve > 0 else (lambda t, x: 1 - x[2] / x[1] - 0.1, -1),
+            (lambda t, x: x[1] - 1, -1),
+            (lambda t, x: force(x) - x[3], 1) if holds else (lambda t, x: x[2], -1),
+        )  # fmt: skip
+        if fired == 0:
+            valve = -valve
+        elif fired == 1:
+            break
+        else:
+            holds, x[2] = not holds, 0.0
+    assert abs(brake["antilock"]["x"][-1] - x[0]) < 1e-6
+    assert len(brake["antilock"].event_times("stick")) >= 2
+
+
+def test_the_force_of_the_lugre_law_is_that_of_radau_and_its_parameters_are_found():
+    from scipy.interpolate import CubicSpline
+
+    lugre = page("lugre_fit")
+    t, true = lugre["t"], lugre["true"]
+    position = CubicSpline(t, lugre["x"])
+
+    def rate(t, z):
+        v = position(t, 1)
+        g = true.F_c + (true.F_s - true.F_c) * np.exp(-((v / true.v_s) ** 2))
+        return v - true.sigma0 * abs(v) / g * z
+
+    run = solve_ivp(rate, (0, 2), [0.0], method="Radau", rtol=1e-8, atol=1e-13, t_eval=t, max_step=5e-3)
+    force = true.sigma0 * run.y[0] + true.sigma1 * rate(t, run.y[0]) + true.sigma2 * position(t, 1)
+    assert np.abs(force - lugre["exact"]).max() < 1e-4
+    found = lugre["found"]
+    assert found.success and all(
+        abs(value - getattr(true, name)) < 3 * found.errors[name] for name, value in found.values.items()
+    )
 
 
 # ---- control and electronics
@@ -278,36 +392,7 @@ def test_three_blocks_of_the_fault_slip_when_dop853_says():
     u0 = [0.1, -0.2, 0.3]
     ours = solve(page("burridge_knopoff")["fault"](n), (0, end), {"u": u0, "v": 0.0})
     K = ell**2 * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1]]) + np.eye(n)
-
-    def pull(i, t, x):
-        return nu * t - K[i] @ x[:n]
-
-    def slip(i, t, x):
-        force = pull(i, t, x)
-        return int(np.sign(force)) if abs(force) > 1 else 0
-
-    t, x, log = 0.0, np.array([*u0, 0, 0, 0]), []
-    slips = [slip(i, t, x) for i in range(n)]
-    while True:
-
-        def rates(t, x, slips=tuple(slips)):
-            a = [s and pull(i, t, x) - s / (1 + 2 * alpha * abs(x[n + i])) for i, s in enumerate(slips)]
-            return np.array([*(x[n:] * np.abs(slips)), *a])
-
-        surfaces = [
-            ((lambda t, x, i=i: x[n + i]), -slips[i])
-            if slips[i]
-            else ((lambda t, x, i=i: abs(pull(i, t, x)) - 1), 1)
-            for i in range(n)
-        ]
-        t, x, fired = until(rates, x, t, end, *surfaces, max_step=0.1 if any(slips) else 100.0)
-        if fired is None:
-            break
-        log.append(t)
-        if slips[fired]:
-            x[n + fired], slips[fired] = 0.0, slip(fired, t, x)
-        else:
-            slips[fired] = int(np.sign(pull(fired, t, x)))
+    x, log = stick_slip(lambda t, u: nu * t - K @ u, [1, 1, 1], 2 * alpha, 0.0, [*u0, 0, 0, 0], end)
     times = ours.event_times()
     assert len(log) == len(times) > 20
     assert np.abs(times - log).max() < 1e-6
