@@ -382,6 +382,23 @@ def test_the_relay_orbit_folds_where_the_map_of_its_slides_touches_the_diagonal(
     assert abs(page("relay_feedback")["fold"].parameter - fold) < 1e-7
 
 
+def test_twisting_comes_to_rest_when_its_series_says_and_switches_when_dop853_says():
+    twisting = page("twisting")
+    assert abs(twisting["reached"] - twisting["exact"]) < 1e-9
+    t, x, log = 0.0, np.array([0.0, 1.0]), []
+    sx, sv = 1, 1
+    while len(log) < 16:
+
+        def rates(t, x, force=-2.0 * sx - sv):
+            return [x[1], 0.8 * np.sin(2 * t) + force]
+
+        t, x, fired = until(rates, x, t, 6, (lambda t, x: x[0], -sx), (lambda t, x: x[1], -sv))
+        sx, sv = (-sx, sv) if fired == 0 else (sx, -sv)
+        log.append(t)
+    assert np.abs(twisting["run"].event_times()[:16] - log).max() < 1e-8
+    assert np.all(twisting["run"](twisting["times"]) == 0)
+
+
 # ---- earth, climate and life
 
 
