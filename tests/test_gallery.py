@@ -102,6 +102,18 @@ def test_every_page_is_tested():
     assert named == {path.stem.removeprefix("plot_") for path in GALLERY.glob("*/plot_*.py")}
 
 
+def test_both_columns_of_the_page_for_newcomers_find_the_same():
+    text = (GALLERY.parent / "coming_from.md").read_text(encoding="utf-8")
+    theirs, ours, ball = re.findall(r"^```python\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    names = {}
+    exec(theirs, names)
+    sticks = names["sticks"]
+    exec(ours, names)
+    np.testing.assert_allclose(names["sol"].event_times("stick"), sticks, rtol=0, atol=1e-7)
+    exec(ball, names)
+    np.testing.assert_allclose(names["rests"], 2 * 20 / 9.8 / (1 - 0.9), rtol=1e-9)
+
+
 # ---- mechanics and machines
 
 

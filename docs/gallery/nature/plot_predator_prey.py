@@ -42,8 +42,8 @@ print(f"y = {sol['y'][-1]:.9f}, by hand {exact:.9f}")
 print(f"hunting {sol['u'][-1]:.6f} of the time, by hand {rho / a / exact:.6f}")
 
 # %%
-# From everywhere the paths come to the threshold, and then along it. Without the refuge (grey) they spiral
-# in to the other rest state.
+# The phase portrait: from everywhere the paths come to the threshold, and then along it. Without the refuge
+# (grey) they spiral in to the other rest state.
 fig, ax = plt.subplots(figsize=(7, 3.8))
 open_world = solve(
     world, (0, 100), {x: 2.5, y: 0.3}, parameters={h: 1e-6}, dense_output=True
