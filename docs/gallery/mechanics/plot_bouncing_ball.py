@@ -44,16 +44,18 @@ print(f"flip at Gamma = {flip.parameter:.12f}")
 print(f"closed form     {exact:.12f}")
 
 # %%
-# What comes after it, by running on from value to value. Beyond the chaos the ball comes to rest on the
-# table in every period, through infinitely many bounces, and all is forgotten.
-values = np.linspace(1.1, 2.6, 301)
+# What comes after it is a cascade to chaos; each run begins at the orbit above.
+values = np.linspace(1.3, 1.9, 301)
 diagram = orbit_diagram(
-    ball, Gamma, values, orbit.start, 2 * sp.pi, transient=60, keep=60
+    ball, Gamma, values, orbit.start, 2 * sp.pi, transient=80, keep=60
 )
-fig, ax = plt.subplots(figsize=(7, 3.4))
+fig, ax = plt.subplots(figsize=(7, 3.6))
 diagram.plot(ax, v)
-ax.plot(branch.values, branch.x[1], color="#D55E00", label="one bounce a period")
-ax.axvline(exact, color="#D55E00", linestyle=":", label="closed form of the flip")
-ax.set(xlabel=r"$\Gamma = A\omega^2/g$", ylabel="velocity at $t = 2\\pi k$")
+ax.plot(
+    branch.values, branch.x[1], color="#D55E00", label="one bounce a period"
+)
+ax.axvline(exact, color="#D55E00", linestyle=":", label="flip, closed form")
+ax.set(xlabel=r"$\Gamma = A\omega^2/g$", ylim=(-3.4, -1.2))
+ax.set_ylabel(r"velocity at $t = 2\pi k$")
 ax.legend(loc="upper left")
 plt.show()
