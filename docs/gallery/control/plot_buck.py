@@ -61,7 +61,10 @@ fig, ax = plt.subplots(figsize=(7, 3.4))
 diagram.plot(ax, i)
 ax.axvline(flip.parameter, color="#D55E00", linestyle=":")
 ax.annotate(
-    "period doubling", (flip.parameter - 0.15, 500), ha="right", color="#D55E00"
+    "period doubling",
+    (flip.parameter - 0.15, 500),
+    ha="right",
+    color="#D55E00",
 )
 ax.set(xlabel="input voltage E (V)", ylabel="current at the clock (mA)")
 plt.show()

@@ -40,7 +40,9 @@ motor = System(
 # The locked motor is a periodic orbit like any other. Followed in :math:`d` it ends to stick where the peak
 # of the current reaches :math:`M_c/k`, a bifurcation that is located; by hand the peak is :math:`\frac
 # UR\,\frac{1 - 2a + c}{1 - c}` with :math:`a = e^{-dTR/L}`, :math:`c = e^{-TR/L}`.
-locked = find_orbit(motor, {i: 0, w: 0, s: 0}, period=T, phase=0.3, transient=20)
+locked = find_orbit(
+    motor, {i: 0, w: 0, s: 0}, period=T, phase=0.3, transient=20
+)
 branch = follow(locked, d, to=0.6)
 loose = branch.bifurcations[0]
 
@@ -71,7 +73,11 @@ average = (k * U * (2 * duty - 1) / R - M_c) / (b + k**2 / R)
 fig, ax = plt.subplots(figsize=(7, 3.2))
 ax.semilogy(duty, found["omega_mean"], color="#0072B2", label="exact")
 ax.plot(
-    duty, np.where(average > 0, average, np.nan), "--", color="0.5", label="averaged voltage"
+    duty,
+    np.where(average > 0, average, np.nan),
+    "--",
+    color="0.5",
+    label="averaged voltage",
 )
 ax.axvline(exact, color="#D55E00", linestyle=":", label="breaks loose")
 ax.set(xlabel="duty ratio d", ylabel="mean speed (rad/s)", ylim=(1e-4, 50))

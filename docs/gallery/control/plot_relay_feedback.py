@@ -36,9 +36,7 @@ loop = System(
     parameters={rho: -2.5},
     outputs={"u": u},
 )
-orbit = find_orbit(
-    loop, {x1: 0.1, x2: 0.5, x3: 0.3}, section=x2, transient=60
-)
+orbit = find_orbit(loop, {x1: 0.1, x2: 0.5, x3: 0.3}, section=x2, transient=60)
 orbit
 
 # %%

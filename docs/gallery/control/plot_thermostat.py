@@ -52,15 +52,19 @@ print(f"closed form   {exact:.12f} h")
 
 # %%
 # And over a day:
-sol = solve(
-    room, (0, 48), {T: 19}, parameters={swing: 6}, dense_output=True
-)
+sol = solve(room, (0, 48), {T: 19}, parameters={swing: 6}, dense_output=True)
 times = np.linspace(0, 48, 2000)
 fig, ax = plt.subplots(figsize=(7, 3))
 ax.plot(times, sol(times, "T"), color="#0072B2", label="room")
 ax.plot(times, sol(times, "outside"), color="0.5", label="outside")
 ax.fill_between(
-    times, 0, 2 * sol(times, "q"), step="post", color="#D55E00", lw=0, label="heater"
+    times,
+    0,
+    2 * sol(times, "q"),
+    step="post",
+    color="#D55E00",
+    lw=0,
+    label="heater",
 )
 ax.set(xlabel="t (h)", ylabel="temperature (°C)", xlim=(0, 48), ylim=(-3, 27))
 ax.legend(ncols=3, loc="upper center")

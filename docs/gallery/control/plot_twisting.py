@@ -48,12 +48,16 @@ run = solve(
     control, (0, 6), {x: 0, v: 1}, parameters={d: 0.8}, dense_output=True
 )
 times = np.linspace(run.event_times("accumulation")[-1], 6, 200)
+total = run(times, "control") + 0.8 * np.sin(2 * times)
 print(f"x and v: {np.abs(run(times)).max():g}")
-print(f"control + d: {np.abs(run(times, 'control') + 0.8 * np.sin(2 * times)).max():.1e}")
+print(f"control + d: {np.abs(total).max():.1e}")
 
 # %%
 fig, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2))
-for name, result, colour in (("d = 0", sol, "#0072B2"), ("d = 0.8 sin 2t", run, "#D55E00")):
+for name, result, colour in (
+    ("d = 0", sol, "#0072B2"),
+    ("d = 0.8 sin 2t", run, "#D55E00"),
+):
     table = result.sample(3000)
     left.plot(table["x"], table["v"], color=colour, label=name)
     right.plot(table.index, table["control"], color=colour, linewidth=0.8)

@@ -10,8 +10,13 @@ speed :math:`\omega`; the torque of the rock falls with the speed of the bit:
     \dot\varphi = \Omega - \omega, \qquad J\dot\omega = k\varphi + c\,(\Omega - \omega) - T(\omega), \qquad
     T = \bigl(T_c + (T_s - T_c)\,e^{-|\omega|/\omega_s}\bigr) \operatorname{sign}\omega
 
-Even turning is stable where :math:`c > -T'(\Omega)`, above :math:`\Omega_{\rm H} = \omega_s \ln\frac{T_s -
-T_c}{c\,\omega_s}`. **From which speed on is one rid of stick-slip?** Not from there.
+Even turning is stable where :math:`c > -T'(\Omega)`, that is, above the Hopf bifurcation at
+
+.. math::
+
+    \Omega_{\rm H} = \omega_s \ln\frac{T_s - T_c}{c\,\omega_s} .
+
+**From which speed on is one rid of stick-slip?** Not from there.
 """
 
 # %%
@@ -40,7 +45,9 @@ sol = solve(string, (0, 60), {phi: 0, omega: 0}, dense_output=True)
 # %%
 # The orbit that sticks and slips, followed upwards in the speed of the top drive. Its stick shrinks to
 # nothing; what goes on from there slips only, is unstable, and leads back down to :math:`\Omega_{\rm H}`.
-orbit = find_orbit(string, {phi: 10, omega: 0}, section=omega - 5, transient=30)
+orbit = find_orbit(
+    string, {phi: 10, omega: 0}, section=omega - 5, transient=30
+)
 branch = follow(orbit, Omega, to=10, longest_step=0.05)
 highest = branch.values.max()
 hopf = omega_s * np.log((T_s - T_c) / (c * omega_s))
@@ -48,7 +55,8 @@ print(f"even turning is stable from  Omega = {hopf:.5f} rad/s")
 print(f"stick-slip is possible up to Omega = {highest:.5f} rad/s")
 
 # %%
-# Between the two a jolt decides.
+# Between the two a jolt decides. A slip that SciPy's DOP853 integrates from the end of a stick, and that
+# just touches rest, gives the same upper speed: the page's test.
 size = [np.ptp(o.solution().sample(300)["omega"]) / 2 for o in branch.orbits]
 fig, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2))
 sol.plot(["omega"], [left])

@@ -46,11 +46,12 @@ for found in branch.bifurcations:
 
 # %%
 # By hand: the linear amplitude is :math:`F_m` at two frequencies.
-square = 1 - 2 * zeta**2 + np.array([1, -1]) * np.sqrt(
-    (1 - 2 * zeta**2) ** 2 - 1 + (F_a / F_m) ** 2
+b = 1 - 2 * zeta**2
+exact = np.sqrt(
+    b + np.array([1, -1]) * np.sqrt(b**2 - 1 + (F_a / F_m) ** 2)
 )
-exact = np.sqrt(square)
 print("contact is lost at", exact)
+
 
 # %%
 # The resonance leans to lower frequencies, since a mesh that opens is softer. Between the two folds there

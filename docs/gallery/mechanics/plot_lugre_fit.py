@@ -30,7 +30,7 @@ measured = exact + np.random.default_rng(1).normal(0, 0.02, t.size)
 
 # %%
 # Six parameters at once, from the textbook's values as a first guess. Every run of the fit is an exact one,
-# with the reversals :math:`v = 0` located.
+# with the reversals :math:`v = 0` located, and the force along the true law is that of SciPy's Radau.
 found = fit(LuGre(sigma2=10), t, x, measured)
 print(f"{'':8}{'true':>10}{'found':>12}{'error':>10}{'off by':>10}")
 for name, value in found.values.items():

@@ -13,7 +13,7 @@ A slender block rocks about one corner and then the other; at each change it los
 It is tilted by :math:`\theta_0` and let go. **After which time does it stand still?** There are infinitely
 many impacts: a quarter period from the amplitude :math:`\varphi\alpha` takes
 :math:`\operatorname{artanh}\sqrt{\varphi(2 - \varphi)}/p`, and the next amplitude :math:`\varphi^+` follows
-from the energy, :math:`1 - \varphi_{n+1} = \sqrt{1 - r^2\,\varphi\,(2 - \varphi)}`; the times add up to a
+from the energy, :math:`1 - \varphi^+ = \sqrt{1 - r^2\,\varphi\,(2 - \varphi)}`; the times add up to a
 finite sum.
 """
 

@@ -52,7 +52,9 @@ print(orbit)
 print(f"period doubling at V = {flip.parameter:.8f}")
 
 # %%
-# What the blocks do there instead: the returns to :math:`x_1 = x_2`, over the speed of the belt.
+# The return map, computed with SciPy's DOP853 restarted at every stick and slip, has the multiplier -1 at
+# the same speed: the page's test. What the blocks do there instead: the returns to :math:`x_1 = x_2`, over
+# the speed of the belt.
 fig, ax = plt.subplots(figsize=(7, 3.6))
 point = orbit.x
 for speed in np.linspace(0.36, 0.1, 131):

@@ -29,9 +29,7 @@ def fault(n, ell=3.0, alpha=2.5, nu=0.01):
     """A chain of n blocks with free ends."""
     blocks = Family(n, name="block")
     u, v = blocks.symbols("u v")
-    pull = ell**2 * (
-        blocks.neighbour(u, 1) - 2 * u + blocks.neighbour(u, -1)
-    )
+    pull = ell**2 * (blocks.neighbour(u, 1) - 2 * u + blocks.neighbour(u, -1))
     friction = sp.sign(v) / (1 + 2 * alpha * sp.Abs(v))
     return System({u: v, v: pull + nu * t - u - friction}, time=t)
 
@@ -51,24 +49,23 @@ ends = np.flatnonzero(change == -1)
 begins = np.flatnonzero(change == 1)[: len(ends)]
 moved = sol.x[:n, ends] - sol.x[:n, begins]
 late = sol.t[begins] > 500
-moment = moved[:, late].sum(axis=0)
-print(f"{len(moment)} earthquakes, the largest over {np.max((moved > 0).sum(axis=0))} blocks")
-print(f"mean speed of the fault {moment.sum() / n / 1500:.5f}, of the plate 0.01000")
+moment, slipped = moved[:, late].sum(axis=0), moved[:, late] > 0
+speed = moment.sum() / n / 1500
+largest = np.sort(moment)[-len(moment) // 4 :].sum() / moment.sum()
+print(f"{len(moment)} earthquakes over up to {slipped.sum(axis=0).max()} blocks")
+print(f"mean speed of the fault {speed:.5f}, of the plate 0.01000")
+print(f"the largest quarter carries {largest:.1%} of the slip")
 
 # %%
 # In the long run the fault keeps up with the plate; but most earthquakes are small, and a few large ones
-# carry nearly all.
+# carry nearly all. That the chain is solved correctly was seen on three blocks, all of whose sticks and
+# slips are where SciPy's DOP853, restarted at each of them, finds them.
 fig, (left, right) = plt.subplots(
     1, 2, figsize=(7.5, 3.4), width_ratios=(2, 1)
 )
-for k in np.flatnonzero(late):
-    blocks = np.flatnonzero(moved[:, k] > 0) + 1
-    left.plot(
-        [sol.t[begins[k]]] * 2,
-        [blocks[0] - 0.5, blocks[-1] + 0.5],
-        color="#0072B2",
-        linewidth=1,
-    )
+first = np.argmax(slipped, axis=0) + 0.5
+last = n - np.argmax(slipped[::-1], axis=0) + 0.5
+left.vlines(sol.t[begins[late]], first, last, color="#0072B2", linewidth=1)
 left.set(xlabel="t", ylabel="block", title="Ruptures", xlim=(1500, 2000))
 right.loglog(
     np.sort(moment)[::-1], np.arange(1, len(moment) + 1), color="#0072B2"

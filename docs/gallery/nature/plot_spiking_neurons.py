@@ -52,13 +52,16 @@ beat = np.diff(sol.event_times(switch="spike 1"))[-1]
 
 def common(T):
     rest, fast = np.exp([-T, -T / tau])
-    return I * (1 - rest) + epsilon / (1 - fast) * (rest - fast) / (1 / tau - 1)
+    return I * (1 - rest) + epsilon / (1 - fast) * (rest - fast) / (
+        1 / tau - 1
+    )
 
 
 exact = brentq(lambda T: common(T) - 1, 0.5, 5, xtol=1e-14)
 print(f"period {beat:.9f}, by hand {exact:.9f}")
 
 # %%
+# That every single spike is in its place was seen on six neurons, whose charging is a sum of exponentials.
 # Groups form, grow and swallow each other.
 when = sol.event_times()
 who = np.array([int(e.switch.split()[1]) for e in sol.events])
