@@ -125,12 +125,15 @@ def draw_thumbnail(figure):
     for words in [*shown.texts, shown.get_legend(), *figure.texts, *figure.legends]:
         if words:
             words.remove()
-    shown.set(xticks=[], yticks=[], xlabel="", ylabel="", title="")
+    shown.set(xticks=[], yticks=[], xlabel="", ylabel="")
     shown.minorticks_off()
-    shown.set_title("")
+    for side in ("left", "center", "right"):
+        shown.set_title("", loc=side)
     for line in shown.lines:
         line.set(linewidth=2 * line.get_linewidth(), markersize=2 * line.get_markersize())
     figure.set_size_inches(4, 2.8)
+    figure.set_layout_engine("none")
+    shown.set_position((0.04, 0.04, 0.92, 0.92))
     return figure
 
 

@@ -72,4 +72,5 @@ right.plot(
 right.plot([hopf, 9], [0, 0], color="#009E73", label="even turning")
 right.set(xlabel=r"top drive $\Omega$ (rad/s)", ylabel="amplitude (rad/s)")
 right.legend()
+right.set_label("thumbnail")
 plt.show()
