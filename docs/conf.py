@@ -53,6 +53,7 @@ exclude_patterns = [
     "_ext",
     "tutorials",
     "howto",
+    "gallery",
     "jupyter_execute",
     "**/.ipynb_checkpoints",
     "**/README.rst",
@@ -89,7 +90,7 @@ nb_output_stderr = "show"
 nb_render_markdown_format = "myst"
 
 
-GALLERIES = [name for name in ("tutorials", "howto") if list((DOCS / name).glob("plot_*.py"))]
+GALLERIES = [name for name in ("tutorials", "howto", "gallery") if list((DOCS / name).rglob("plot_*.py"))]
 
 
 def house_style(gallery_conf, where):
@@ -102,7 +103,43 @@ def house_style(gallery_conf, where):
     matplotlib.rcParams.update(_RC | {"figure.figsize": (7.0, 3.0), "figure.constrained_layout.use": True})
 
 
+def pictures(block, block_vars, gallery_conf, **options):
+    """A script's pictures, and as the first of them, unseen on its page, the thumbnail."""
+    import matplotlib.pyplot as plt
+    from sphinx_gallery.scrapers import matplotlib_scraper
+
+    paths, figures = block_vars["image_path_iterator"], [plt.figure(n) for n in plt.get_fignums()]
+    path = next(paths) if figures and not len(paths) else None
+    shown = matplotlib_scraper(block, block_vars, gallery_conf, **options)
+    if path:
+        draw_thumbnail(figures[0]).savefig(path, dpi=100)
+    return shown
+
+
+def draw_thumbnail(figure):
+    """The curves of one panel (the first, or the one with the label "thumbnail"), thick and without words."""
+    shown = next((ax for ax in figure.axes if ax.get_label() == "thumbnail"), figure.axes[0])
+    for ax in figure.axes:
+        if ax is not shown:
+            ax.remove()
+    for words in [*shown.texts, shown.get_legend(), *figure.texts, *figure.legends]:
+        if words:
+            words.remove()
+    shown.set(xticks=[], yticks=[], xlabel="", ylabel="")
+    shown.minorticks_off()
+    for side in ("left", "center", "right"):
+        shown.set_title("", loc=side)
+    for line in shown.lines:
+        line.set(linewidth=2 * line.get_linewidth(), markersize=2 * line.get_markersize())
+    figure.set_size_inches(4, 2.8)
+    figure.set_layout_engine("none")
+    shown.set_position((0.04, 0.04, 0.92, 0.92))
+    return figure
+
+
 sphinx_gallery_conf = {
+    "image_scrapers": (pictures,),
+    "subsection_order": ["gallery/mechanics", "gallery/control", "gallery/nature", "*"],
     "examples_dirs": GALLERIES,
     "gallery_dirs": [f"auto/{name}" for name in GALLERIES],
     "filename_pattern": r"/plot_",
