@@ -20,6 +20,7 @@ from weakref import WeakValueDictionary
 import llvmlite.binding as llvm
 from llvmlite import ir
 
+from ...kernels.machine import NEVER_CALLED
 from .cache import models
 from .workers import announced
 
@@ -36,8 +37,6 @@ _LEVELS = {
 }
 
 
-# What kernels name for the release of an array, which they never do (kernels/machine/compiling.py).
-NEVER_CALLED = "pws_MemInfo_call_dtor"
 _nothing = ctypes.CFUNCTYPE(None)(lambda: None)
 
 

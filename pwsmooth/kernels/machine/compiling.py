@@ -12,10 +12,9 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 from numba.extending import overload, register_jitable
 
+from . import NEVER_CALLED
 from .bundle import bundle_type
 
-# The name that numba's release of an array takes, of the same length: kernels have only arrays that are lent.
-NEVER_CALLED = b"pws_MemInfo_call_dtor"
 kernel = register_jitable(error_model="numpy")
 # A few lines each, called every step: as calls they would cost more in passing arrays than in work.
 inlined_kernel = register_jitable(error_model="numpy", forceinline=True)
@@ -61,7 +60,9 @@ class Unit:
         made.library.get_pointer_to_function(self.symbol)
         # numba has no public way to it. It frees an array by a function whose name is that of the whole process, so
         # that numba would call what stands in for it here.
-        return made.library._get_compiled_object().replace(b"NRT_MemInfo_call_dtor\0", NEVER_CALLED + b"\0")
+        return made.library._get_compiled_object().replace(
+            b"NRT_MemInfo_call_dtor\0", NEVER_CALLED.encode() + b"\0"
+        )
 
 
 def unit(restype, *arguments):
