@@ -21,7 +21,9 @@ from setuptools.command.build_py import build_py
 def get_requires_for_build_wheel(config_settings=None):
     """What compiles the kernels, in the versions that the package runs with."""
     project = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))["project"]
-    compilers = [d for d in project["dependencies"] if d.startswith(("llvmlite", "numba", "numpy", "sympy"))]
+    compilers = [
+        d for d in project["dependencies"] if d.startswith(("llvmlite", "numba", "numpy", "scipy", "sympy"))
+    ]
     return [*build_meta.get_requires_for_build_wheel(config_settings), *compilers]
 
 
