@@ -104,9 +104,9 @@ def machine_mark() -> str:
 
 def level_settings(level: str) -> dict[str, str]:
     """The environment in which numba compiles for all processors of a level, in the same way on all machines."""
-    # Without features of its own numba adds those of the processor that compiles.
-    features = "+sse2" if level in _LEVELS else ""
-    return {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": features, "NUMBA_DISABLE_INTEL_SVML": "1"}
+    settings = {"NUMBA_CPU_NAME": level, "NUMBA_DISABLE_INTEL_SVML": "1"}
+    # Without features numba adds those of the processor that compiles, but to "generic"; these every level has.
+    return settings | ({"NUMBA_CPU_FEATURES": "+sse2"} if level in _LEVELS else {})
 
 
 def all_levels() -> list[str]:
