@@ -34,33 +34,31 @@ class CompiledKernels(build_py):
         super().run()
         if self.editable_mode:
             return
-        root = Path(self.build_lib).resolve()
-        sys.path.insert(0, str(root))
-        sys.dont_write_bytecode = True
-        from pwsmooth.codegen.machine.cache import SHIPPED
+        # The package itself, as it stands beside this file: what compiles it is no requirement of a source archive.
+        from pwsmooth.codegen.machine.cache import PACKAGE, SHIPPED
         from pwsmooth.codegen.machine.objects import all_levels, level_settings
         from pwsmooth.codegen.machine.units import ALL
 
-        shutil.rmtree(SHIPPED, ignore_errors=True)  # of an earlier build
+        root = Path(self.build_lib).resolve()
+        shipped = root / SHIPPED.relative_to(PACKAGE.parent)
+        shutil.rmtree(shipped, ignore_errors=True)  # of an earlier build
         usual = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
-        usual |= {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", "PWSMOOTH_CACHE_DIR": str(SHIPPED)}
+        usual |= {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", "PWSMOOTH_CACHE_DIR": str(shipped)}
         for level in all_levels():
             program = "from pwsmooth.codegen.machine.units import ALL, unit_addresses; unit_addresses(ALL)"
             command = [sys.executable, "-c", program]
             subprocess.run(command, env=usual | level_settings(level), cwd=root, check=True)
-            made = [*SHIPPED.glob(f"*/*.{level}.o")]
+            made = [*shipped.glob(f"*/*.{level}.o")]
             if len(made) != len(ALL):
-                raise RuntimeError(
-                    f"{len(made)} of {len(ALL)} parts of the kernels are in {SHIPPED} for {level}"
-                )
+                raise RuntimeError(f"{len(made)} of {len(ALL)} parts of the kernels are in {shipped} for {level}")
 
 
 class PlatformWheel(bdist_wheel):
     """A wheel for one platform and any Python."""
 
-    def finalize_options(self):
-        super().finalize_options()
-        self.root_is_pure = False
+    def initialize_options(self):
+        super().initialize_options()
+        self.distribution.has_ext_modules = lambda: True  # machine code, if none that Python loads
 
     def get_tag(self):
         tag = super().get_tag()[2].replace("universal2", platform.machine())
