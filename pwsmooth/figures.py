@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
@@ -286,7 +286,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int 
 _Attempt = tuple[list[Claim], str, float]  # claims, what went wrong, seconds
 
 
-def _attempts(modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int) -> Iterator[_Attempt]:
+def _attempts(modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int) -> Generator[_Attempt, None, None]:
     """One attempt after another, in the order of the figures, however many run at a time."""
     if jobs == 1:
         for module in modules.values():
