@@ -50,7 +50,9 @@ class CompiledKernels(build_py):
             subprocess.run(command, env=usual | level_settings(level), cwd=root, check=True)
             made = [*shipped.glob(f"*/*.{level}.o")]
             if len(made) != len(ALL):
-                raise RuntimeError(f"{len(made)} of {len(ALL)} parts of the kernels are in {shipped} for {level}")
+                raise RuntimeError(
+                    f"{len(made)} of {len(ALL)} parts of the kernels are in {shipped} for {level}"
+                )
 
 
 class PlatformWheel(bdist_wheel):

@@ -286,7 +286,9 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int 
 _Attempt = tuple[list[Claim], str, float]  # claims, what went wrong, seconds
 
 
-def _attempts(modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int) -> Generator[_Attempt, None, None]:
+def _attempts(
+    modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int
+) -> Generator[_Attempt, None, None]:
     """One attempt after another, in the order of the figures, however many run at a time."""
     if jobs == 1:
         for module in modules.values():
@@ -294,6 +296,7 @@ def _attempts(modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int) 
         return
     # Not forked: this process has threads.
     context = multiprocessing.get_context("spawn")
+    others = {*context.active_children()}
     with ProcessPoolExecutor(jobs, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         attempts = [pool.submit(_attempt_named, name, out, fast) for name in modules]
         try:
@@ -304,7 +307,7 @@ def _attempts(modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int) 
                     yield [], f"{error}\n", 0.0
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in context.active_children():  # all others have ended, but for Ctrl-C
+            for process in {*context.active_children()} - others:  # by Ctrl-C they are in the midst of a figure
                 process.terminate()
 
 

@@ -7,10 +7,10 @@ The name carries the hash of every source that can reach the code in it, so that
                                                    <hash of source>.<machine>.o: their machine code (objects.py)
 
 Machine code of kernels names nothing of Python's or numba's and serves every version of them; a wheel brings it
-(setup.py), in a root that is only read. What is generated may change with the version of sympy or llvmlite: the hash
-of models holds these. Every file begins with the sha256 of its place and its content. A file that does not bear it
-out, as of a disk that lost a page, or that another user may have written, is none: its content is made again. Code is
-looked up in every folder of the roots, kept in the first that takes it, and in memory alone where none does.
+(build_backend.py), in a root that is only read. What is generated may change with the version of sympy or llvmlite:
+the hash of models holds these. Every file begins with the sha256 of its place and its content. A file that does not
+bear it out, as of a disk that lost a page, or that another user may have written, is none: its content is made again.
+Code is looked up in every folder of the roots, kept in the first that takes it, and in memory alone where none does.
 
 Chain: Model -> fingerprint -> (text cache, or symbolic work) -> native.load -> objects.load.
 """
@@ -60,9 +60,10 @@ def roots() -> list[Path]:
 
 def _trusted(found: os.stat_result, path: Path) -> bool:
     """Whether only the user, root, or who installed the package can have written it: machine code is run unread."""
-    if _USER is None or path.resolve().is_relative_to(PACKAGE):
+    if _USER is None:
         return True  # Windows: a user's folders are closed to others by their access lists
-    return found.st_uid in (0, _USER) and not found.st_mode & 0o022
+    closed = found.st_uid in (0, _USER) and not found.st_mode & 0o022
+    return closed or path.resolve().is_relative_to(PACKAGE)
 
 
 def _lock(stream: IO) -> None:

@@ -35,8 +35,6 @@ _LEVELS = {
     "x86-64-v3": "avx avx2 bmi bmi2 f16c fma lzcnt movbe",
     "x86-64-v2": "cx16 popcnt sahf sse3 sse4.1 sse4.2 ssse3",
 }
-
-
 _nothing = ctypes.CFUNCTYPE(None)(lambda: None)
 
 
