@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 from stiff_models import dense_relaxation, friction, slowed_chain, two_blocks, values
 
+from pwsmooth.codegen.machine.cache import load_kernels
 from pwsmooth.codegen.machine.units import unit_address
 from pwsmooth.codegen.stiff import functions as codegen
 from pwsmooth.definition.model import EventSpec, Model, Select
