@@ -1,7 +1,8 @@
 """The command `pwsmooth figures`: finds the figures of a checkout, makes them, and tabulates their claims.
 
 A figure is one file `paper_figures/figure_NN.py` with NAME, TITLE, CAPTION and `draw(fast)`, which returns a
-matplotlib Figure and its Claims. Files appear whole or not at all: written beside their place, then moved.
+matplotlib Figure and its Claims. Figures that keep runs for each other say so by one word, SHARES: they are made in one
+process. Files appear whole or not at all: written beside their place, then moved.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Generator, Iterable, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -297,12 +298,17 @@ def _attempts(
     # Not forked: this process has threads.
     context = multiprocessing.get_context("spawn")
     others = {*context.active_children()}
+    sharing: dict[str, list[str]] = {}
+    for name, module in modules.items():
+        sharing.setdefault(getattr(module, "SHARES", name), []).append(name)
     with ProcessPoolExecutor(jobs, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
-        attempts = [pool.submit(_attempt_named, name, out, fast) for name in modules]
+        futures: dict[str, Future[dict[str, _Attempt]]] = {}
+        for names in sorted(sharing.values(), key=len, reverse=True):  # what may take longest begins first
+            futures |= dict.fromkeys(names, pool.submit(_attempts_of, names, out, fast))
         try:
-            for attempt in attempts:
+            for name in modules:
                 try:
-                    yield attempt.result()
+                    yield futures[name].result()[name]
                 except BrokenExecutor as error:  # killed, as where memory is short: the pool has ended with it
                     yield [], f"{error}\n", 0.0
         finally:
@@ -311,8 +317,8 @@ def _attempts(
                 process.terminate()
 
 
-def _attempt_named(name: str, out: Path, fast: bool) -> _Attempt:
-    return _attempt(discover([name])[name], out, fast)
+def _attempts_of(names: list[str], out: Path, fast: bool) -> dict[str, _Attempt]:
+    return {name: _attempt(module, out, fast) for name, module in discover(names).items()}
 
 
 def _attempt(module: ModuleType, out: Path, fast: bool) -> _Attempt:
