@@ -305,6 +305,7 @@ def _attempts(
         futures: dict[str, Future[dict[str, _Attempt]]] = {}
         for names in sorted(sharing.values(), key=len, reverse=True):  # what may take longest begins first
             futures |= dict.fromkeys(names, pool.submit(_attempts_of, names, out, fast))
+        pool.submit(int)  # only from now on does the pool surely notice the end of the process that began last
         try:
             for name in modules:
                 try:

@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # The command line, the solver's two paths, impacts, stores, pages: none of many minutes.
 TESTS = (
     "test_levels",
+    "test_cli",
     "test_exact_switching",
     "test_smooth_path",
     "test_contact_laws",

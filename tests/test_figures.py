@@ -201,7 +201,7 @@ A_SCRIPT = """
 import os, signal, time
 from matplotlib.figure import Figure
 from pwsmooth.figures import Claim
-NAME, TITLE, CAPTION = "{name}", "Figure {name}", "A caption."
+NAME, TITLE, CAPTION, SHARES = "{name}", "Figure {name}", "A caption.", "{shares}"
 def draw(fast):
     {first}
     return Figure(figsize=(1, 1)), [Claim("it is drawn", "yes", "yes", True)]
@@ -212,13 +212,13 @@ def draw(fast):
 def start(tmp_path):
     """Starts `pwsmooth figures ... --jobs 2` in a checkout whose figures begin their drawing so."""
 
-    def start(*begins):
+    def start(*begins, shares=()):
         shutil.copytree(Path(figures.__file__).parent, tmp_path / "pwsmooth")
         (tmp_path / "pyproject.toml").touch()
         (tmp_path / "paper_figures").mkdir()
         for name, first in enumerate(begins, 1):
             path = tmp_path / "paper_figures" / f"figure_{name:02d}.py"
-            path.write_text(A_SCRIPT.format(name=name, first=first))
+            path.write_text(A_SCRIPT.format(name=name, first=first, shares=name not in shares and name))
         names = [str(name) for name, _ in enumerate(begins, 1)]
         return subprocess.Popen(
             [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
@@ -239,9 +239,21 @@ def test_of_several_at_a_time_one_that_fails_costs_no_other_and_the_order_is_kep
     assert list(json.loads((tmp_path / "made" / "claims.json").read_text())) == ["1", "3"]
 
 
+def test_figures_that_keep_runs_for_each_other_are_made_in_one_process(start, tmp_path):
+    noted = "open(NAME, 'w').write(str(os.getpid())); time.sleep(0.5)"
+    process = start(noted, noted, noted, shares=(1, 3))
+    printed, _ = process.communicate()
+    assert process.returncode == 0, printed
+    one, two, three = ((tmp_path / name).read_text() for name in "123")
+    assert one == three != two
+    assert [line[:9] for line in printed.splitlines() if line.startswith("figure  ")] == [
+        "figure  1", "figure  2", "figure  3",
+    ]  # fmt: skip
+
+
 def test_a_process_that_is_killed_is_reported_and_the_command_ends(start):
     process = start("os.kill(os.getpid(), signal.SIGKILL)", "time.sleep(60)")
-    printed, _ = process.communicate(timeout=60)
+    printed, _ = process.communicate(timeout=50)
     assert process.returncode == 1 and "FAILED: figures 1, 2" in printed and "terminated abruptly" in printed
 
 
