@@ -7,6 +7,7 @@ from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
 NAME = "11"
+SHARES = "kicked"
 TITLE = "Small noise: nonlinear sticking persists"
 CAPTION = """
 Smoothed system, eps = beta = 0.001, rho = 3, k = 3.1, c = 0.1, N = 1, sigma = 2.4, omega = 1; after every 1/500 of a

@@ -7,6 +7,7 @@ from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
 NAME = "12"
+SHARES = "kicked"
 TITLE = "Large noise: nonlinear sticking is broken up"
 CAPTION = """
 As figure 11 with kappa = 5 eps. The source says that such kicks destroy nonlinear sticking and that the system then

@@ -9,6 +9,7 @@ from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, by_phase, new_figure
 
 NAME = "13"
+SHARES = "kicked"
 TITLE = "Friction characteristics under small and under large noise"
 CAPTION = """
 Friction coefficient mu against v of figure 11 (i, kappa = eps/5) and of figure 12 (ii, kappa = 5 eps): one period

@@ -64,6 +64,7 @@ def figures(
         "figures"
     ),
     fast: Annotated[bool, typer.Option("--fast", help="Coarser curves and shorter sweeps.")] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Figures made at a time; one a core without.")] = None,
 ) -> None:
     """Make the figures of the solid-friction paper, and the table of what it claims.
 
@@ -75,7 +76,7 @@ def figures(
         if list_only:
             machinery.print_list()
             return
-        all_made = machinery.make(names or [], out=out, fast=fast)
+        all_made = machinery.make(names or [], out=out, fast=fast, jobs=jobs)
     if not all_made:
         raise typer.Exit(1)
 
@@ -157,6 +158,18 @@ def sweep(
     codes = data.outcome.values.ravel().tolist()
     told = ", ".join(f"{codes.count(code)} {names[code].replace('_', ' ')}" for code in sorted(set(codes)))
     typer.echo(f"{data.outcome.size} points: {told}; {store}")
+
+
+@app.command()
+def warmup() -> None:
+    """Compile the whole numerical core now, on all cores, instead of each part when it is first needed.
+
+    A wheel brings it compiled, and nothing is left to do. Models are still compiled when they are first solved.
+    """
+    with _in_words("warmup", "interrupted; the parts that are compiled are kept."):
+        from pwsmooth.paths.warmup import warm_up
+
+        typer.echo(f"{warm_up()} parts of the numerical core are compiled.")
 
 
 @app.command()

@@ -1,7 +1,8 @@
 """The command `pwsmooth figures`: finds the figures of a checkout, makes them, and tabulates their claims.
 
 A figure is one file `paper_figures/figure_NN.py` with NAME, TITLE, CAPTION and `draw(fast)`, which returns a
-matplotlib Figure and its Claims. Files appear whole or not at all: written beside their place, then moved.
+matplotlib Figure and its Claims. Figures that keep runs for each other say so by one word, SHARES: they are made in one
+process. Files appear whole or not at all: written beside their place, then moved.
 """
 
 from __future__ import annotations
@@ -9,15 +10,21 @@ from __future__ import annotations
 import importlib
 import io
 import json
+import multiprocessing
+import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from .codegen.machine.workers import cores
+from .paths.warmup import warm_up
 from .results.files import PARTIAL, write_whole
 
 __all__ = ["Claim", "FiguresError", "discover", "make", "print_list"]
@@ -197,7 +204,7 @@ def print_list() -> None:
         console.print(f"{name:>3}  {module.TITLE}", highlight=False, soft_wrap=True)
 
 
-def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
+def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int | None = 1) -> bool:
     """Make figures and write `figure_NN.png`, `figure_NN.pdf`, `captions.md` and `claims.json` into `out`.
 
     Parameters
@@ -208,6 +215,9 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
         Made if missing.
     fast : bool
         Coarser curves and shorter sweeps.
+    jobs : int or None
+        Figures that are made at a time, each in a process of its own where it is more than one; one a core for None.
+        A script that asks for several is guarded by ``if __name__ == "__main__"``.
 
     Returns
     -------
@@ -217,7 +227,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     Raises
     ------
     FiguresError
-        There is no checkout, a name is unknown, or `out` cannot be written.
+        There is no checkout, a name is unknown, `jobs` is below 1, or `out` cannot be written.
 
     Examples
     --------
@@ -234,6 +244,9 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    jobs = cores() if jobs is None else jobs
+    if jobs < 1:
+        raise FiguresError(f"`jobs` is {jobs}; at least one figure is made at a time")
     modules = discover(names)
     out = Path(out)
     try:
@@ -247,20 +260,20 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     entries: dict[str, dict[str, Any]] = {}
     failures: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
+    jobs = min(jobs, len(modules))
+    if jobs > 1 and not names:
+        warm_up()  # once, before each process finds out that it has to
+    with Progress(*columns, console=console) as progress, closing(_attempts(modules, out, fast, jobs)) as made:
         task = progress.add_task("figures", total=len(modules))
         for name, module in modules.items():
             progress.update(task, description=f"figure {name}")
-            begun = time.perf_counter()
-            try:
-                claims = _make_one(module, out, fast)
-            except Exception:  # one broken figure must not cost the others
+            claims, wrong, seconds = next(made)
+            if wrong:
                 failures.append(name)
-                progress.console.print(f"figure {name} FAILED\n{traceback.format_exc()}", markup=False)
+                progress.console.print(f"figure {name} FAILED\n{wrong}", markup=False)
             else:
                 entries[name] = _entry(module, claims, fast)
                 _write_records(out, entries)
-                seconds = time.perf_counter() - begun
                 progress.console.print(f"figure {name:>2}  {seconds:5.1f} s  {module.TITLE}", highlight=False)
             progress.advance(task)
     print_claims(console, entries)
@@ -268,6 +281,53 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False) -> bool:
     if failures:
         console.print(f"FAILED: figures {', '.join(failures)}", style="bold red")
     return not failures
+
+
+_Attempt = tuple[list[Claim], str, float]  # claims, what went wrong, seconds
+
+
+def _attempts(
+    modules: dict[str, ModuleType], out: Path, fast: bool, jobs: int
+) -> Generator[_Attempt, None, None]:
+    """One attempt after another, in the order of the figures, however many run at a time."""
+    if jobs == 1:
+        for module in modules.values():
+            yield _attempt(module, out, fast)
+        return
+    # Not forked: this process has threads.
+    context = multiprocessing.get_context("spawn")
+    others = {*context.active_children()}
+    sharing: dict[str, list[str]] = {}
+    for name, module in modules.items():
+        sharing.setdefault(getattr(module, "SHARES", name), []).append(name)
+    with ProcessPoolExecutor(jobs, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        futures: dict[str, Future[dict[str, _Attempt]]] = {}
+        for names in sorted(sharing.values(), key=len, reverse=True):  # what may take longest begins first
+            futures |= dict.fromkeys(names, pool.submit(_attempts_of, names, out, fast))
+        pool.submit(int)  # only from now on does the pool surely notice the end of the process that began last
+        try:
+            for name in modules:
+                try:
+                    yield futures[name].result()[name]
+                except BrokenExecutor as error:  # killed, as where memory is short: the pool has ended with it
+                    yield [], f"{error}\n", 0.0
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in {*context.active_children()} - others:  # by Ctrl-C they are in the midst of a figure
+                process.terminate()
+
+
+def _attempts_of(names: list[str], out: Path, fast: bool) -> dict[str, _Attempt]:
+    return {name: _attempt(module, out, fast) for name, module in discover(names).items()}
+
+
+def _attempt(module: ModuleType, out: Path, fast: bool) -> _Attempt:
+    begun = time.perf_counter()
+    try:
+        claims, wrong = _make_one(module, out, fast), ""
+    except Exception:  # one broken figure must not cost the others
+        claims, wrong = [], traceback.format_exc()
+    return claims, wrong, time.perf_counter() - begun
 
 
 def _stem(module: ModuleType) -> str:

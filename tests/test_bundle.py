@@ -5,6 +5,7 @@ import ctypes
 import numpy as np
 import pytest
 
+from pwsmooth.codegen.machine.objects import link
 from pwsmooth.kernels.machine.block import Bundle
 
 Mixed = type("Mixed", (Bundle,), {"__annotations__": {
@@ -32,8 +33,10 @@ def test_kernels_read_and_write_numbers_arrays_and_pointers_by_name():
     one = Mixed(count=4, size=0.75, pointer=pointer, table=table.copy(), flag=[False, True])
     two = Mixed.in_one_block(Mixed.planned({"k": 3}), flag=[True, False])
     two.pointer[:] = pointer
+    engine = link(double.compiled())
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(engine.get_function_address(double.symbol))
     for bundle in (one, two):
-        ctypes.CFUNCTYPE(None, ctypes.c_void_p)(double.compiled.address)(bundle.address)
+        call(bundle.address)
     assert (one.count, one.size, one.last) == (5, 1.5, 1)
     assert (two.count, two.size, two.last) == (1, 0.0, 2)
     assert np.array_equal(one.table, table + pointer)
@@ -61,10 +64,14 @@ def test_a_bundle_inside_another_one_stands_on_its_memory():
     outer.inner.squares[:] = np.arange(7.0) ** 2
     outer.last[0] = 2.0
     assert outer.inner.squares.ctypes.data % 64 == 0
-    ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(sum_of_squares.compiled.address)(outer.address)
+    engines = [link(part.compiled()) for part in (sum_of_squares, add)]
+    whole, part = (
+        e.get_function_address(u.symbol) for e, u in zip(engines, (sum_of_squares, add), strict=True)
+    )
+    ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(whole)(outer.address)
     assert (outer.first, outer.inner.sum) == (8, 182.0)
-    part = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(add.compiled.address)
-    assert part(outer.inner.address, 6) == outer.inner.sum == 218.0
+    adding = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_int64)(part)
+    assert adding(outer.inner.address, 6) == outer.inner.sum == 218.0
 
 
 def test_a_block_is_zero_where_it_is_asked_to_be():

@@ -7,12 +7,15 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 import sympy as sp
 
 from pwsmooth import System, solve
 from pwsmooth.codegen.machine import cache, objects
+from pwsmooth.codegen.machine.workers import announced
 from pwsmooth.definition.model import Model, Multiplier
 
 X = sp.Symbol("x", real=True)
@@ -273,3 +276,94 @@ def test_linked_units_leave_the_runtime_of_numba_alone():
     ]
     assert [p.returncode for p in printed] == [0, 0], printed[1].stderr
     assert printed[0].stdout == printed[1].stdout
+
+
+COMPILES = """
+from pwsmooth.codegen.machine.units import unit_address
+from pwsmooth.kernels.machine.compiling import Unit
+compiled = Unit.compiled
+Unit.compiled = lambda unit: print("compiles") or compiled(unit)
+unit_address("newton_unit")
+"""
+
+
+def test_cold_processes_wait_for_each_other_instead_of_compiling_the_same(tmp_path):
+    env = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path), "NUMBA_DEBUG_JIT": "0"}  # nor the code of a wheel
+    command = [sys.executable, "-c", COMPILES]
+    both = [subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert sorted(process.communicate()[0] for process in both) == ["", "compiles\n"]
+    assert [process.returncode for process in both] == [0, 0]
+    assert not list(tmp_path.glob("*/.*"))  # no lock is left behind
+
+
+HOLDS = """
+import time
+from pwsmooth.codegen.machine import cache
+with cache.Folder("models", "key").alone("a.o"):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """A process that makes a.o in the folder of `folder` and does not come to an end."""
+    env = os.environ | {"PWSMOOTH_CACHE_DIR": str(tmp_path / "one")}
+    process = subprocess.Popen([sys.executable, "-c", HOLDS], env=env, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_a_lock_ends_with_the_process_that_holds_it(folder, holder):
+    entered = threading.Event()
+
+    def enter():
+        with folder.alone("a.o"):
+            entered.set()
+
+    threading.Thread(target=enter, daemon=True).start()
+    assert not entered.wait(0.5)
+    holder.kill()
+    assert entered.wait(30)
+
+
+def test_nobody_waits_for_ever_nor_for_another_file(folder, holder, monkeypatch):
+    with folder.alone("b.o"):
+        pass
+    monkeypatch.setattr(cache, "PATIENCE", 0.2)
+    with folder.alone("a.o"):
+        pass
+
+
+def test_where_no_folder_can_be_written_nobody_waits(folder, monkeypatch):
+    def refuse(place):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(folder, "_open", refuse)
+    with folder.alone("a.o"), folder.alone("a.o"):
+        pass
+
+
+def test_code_that_a_wheel_brought_is_read_and_never_written(folder, monkeypatch, tmp_path):
+    monkeypatch.setattr(cache, "SHIPPED", tmp_path / "shipped")
+    folder.write("a.o", b"code")
+    shutil.copytree(tmp_path / "one", tmp_path / "shipped")
+    shutil.rmtree(tmp_path / "one")
+    assert folder.read("a.o") == b"code"
+    folder.write("b.o", b"more")
+    assert not list((tmp_path / "shipped").rglob("b.o"))
+
+
+def test_what_takes_long_is_announced_and_what_does_not_is_not(capsys):
+    with announced("doing little", after=60):
+        pass
+    assert capsys.readouterr().err == ""
+    with announced("doing much", after=0.01):
+        time.sleep(0.2)
+    with announced("compiling"):
+        pass
+    first, second = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"pwsmooth: doing much, once for this machine and version ... \d+ s", first)
+    assert re.fullmatch(r"pwsmooth: compiling, once for this machine and version ... 0 s", second)

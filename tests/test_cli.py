@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from pwsmooth import figures
 from pwsmooth.cli import app
+from pwsmooth.codegen.machine import units
 
 
 @pytest.fixture
@@ -46,6 +47,13 @@ def test_an_interruption_ends_with_130_and_says_what_is_complete(run, tmp_path, 
     monkeypatch.setattr(figures, "make", interrupted)
     result = run("figures", "--out", str(tmp_path))
     assert result.exit_code == 130 and "complete" in result.output
+
+
+def test_warmup_leaves_nothing_of_the_core_to_compile(run):
+    result = run("warmup")
+    assert result.exit_code == 0, result.output
+    assert f"{len(units.ALL)} parts of the numerical core are compiled" in result.output
+    assert all(units._read(name) for name in units.ALL)
 
 
 def test_the_version_is_printed(run):

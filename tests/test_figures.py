@@ -2,9 +2,13 @@
 
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
+import time
 import types
+from pathlib import Path
 
 import pytest
 
@@ -176,6 +180,96 @@ def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path
     assert differ == known
     last = entries["6"]["claims"][-1]
     assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
+
+
+def test_several_at_a_time_leave_the_same_files(tmp_path, capsys):
+    for jobs in (1, 2):
+        assert figures.make(["2", "4"], out=tmp_path / str(jobs), fast=True, jobs=jobs)
+    one, two = (sorted((tmp_path / str(jobs)).iterdir()) for jobs in (1, 2))
+    assert [path.name for path in one] == [path.name for path in two]
+    assert [path.read_bytes() for path in one] == [path.read_bytes() for path in two]
+    printed = [line.split()[:2] for line in capsys.readouterr().out.splitlines() if line.startswith("figure  ")]
+    assert printed == 2 * [["figure", "2"], ["figure", "4"]]
+
+
+def test_less_than_one_at_a_time_is_refused(tmp_path):
+    with pytest.raises(FiguresError, match="`jobs` is 0"):
+        figures.make(["4"], out=tmp_path, jobs=0)
+
+
+A_SCRIPT = """
+import os, signal, time
+from matplotlib.figure import Figure
+from pwsmooth.figures import Claim
+NAME, TITLE, CAPTION, SHARES = "{name}", "Figure {name}", "A caption.", "{shares}"
+def draw(fast):
+    {first}
+    return Figure(figsize=(1, 1)), [Claim("it is drawn", "yes", "yes", True)]
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Starts `pwsmooth figures ... --jobs 2` in a checkout whose figures begin their drawing so."""
+
+    def start(*begins, shares=()):
+        shutil.copytree(Path(figures.__file__).parent, tmp_path / "pwsmooth")
+        (tmp_path / "pyproject.toml").touch()
+        (tmp_path / "paper_figures").mkdir()
+        for name, first in enumerate(begins, 1):
+            path = tmp_path / "paper_figures" / f"figure_{name:02d}.py"
+            path.write_text(A_SCRIPT.format(name=name, first=first, shares=name not in shares and name))
+        names = [str(name) for name, _ in enumerate(begins, 1)]
+        return subprocess.Popen(
+            [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, start_new_session=True,
+            env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        )  # fmt: skip
+
+    return start
+
+
+def test_of_several_at_a_time_one_that_fails_costs_no_other_and_the_order_is_kept(start, tmp_path):
+    process = start("time.sleep(1)", "raise ArithmeticError('no such orbit')", "pass")
+    printed, _ = process.communicate()
+    assert process.returncode == 1 and "no such orbit" in printed and "FAILED: figures 2" in printed
+    assert [line[:9] for line in printed.splitlines() if line.startswith("figure")][:3] == [
+        "figure  1", "figure 2 ", "figure  3",
+    ]  # fmt: skip
+    assert list(json.loads((tmp_path / "made" / "claims.json").read_text())) == ["1", "3"]
+
+
+def test_figures_that_keep_runs_for_each_other_are_made_in_one_process(start, tmp_path):
+    noted = "open(NAME, 'w').write(str(os.getpid())); time.sleep(0.5)"
+    process = start(noted, noted, noted, shares=(1, 3))
+    printed, _ = process.communicate()
+    assert process.returncode == 0, printed
+    one, two, three = ((tmp_path / name).read_text() for name in "123")
+    assert one == three != two
+    assert [line[:9] for line in printed.splitlines() if line.startswith("figure  ")] == [
+        "figure  1", "figure  2", "figure  3",
+    ]  # fmt: skip
+
+
+def test_a_process_that_is_killed_is_reported_and_the_command_ends(start):
+    process = start("os.kill(os.getpid(), signal.SIGKILL)", "time.sleep(60)")
+    printed, _ = process.communicate(timeout=50)
+    assert process.returncode == 1 and "FAILED: figures 1, 2" in printed and "terminated abruptly" in printed
+
+
+def test_ctrl_c_ends_all_processes_and_keeps_what_is_complete(start, tmp_path):
+    process = start("pass", "open('begun', 'w').close(); time.sleep(60)", "time.sleep(60)")
+    made = tmp_path / "made" / "claims.json"
+    while not ((tmp_path / "begun").exists() and made.exists()):
+        time.sleep(0.05)
+        assert process.poll() is None
+    os.killpg(process.pid, signal.SIGINT)
+    printed, _ = process.communicate(timeout=30)  # until all that hold the pipe have ended
+    assert process.returncode == 130 and "interrupted; the figures listed above are complete" in printed
+    assert "Traceback" not in printed
+    assert sorted(path.name for path in made.parent.iterdir()) == [
+        "captions.md", "claims.json", "figure_01.pdf", "figure_01.png",
+    ]  # fmt: skip
 
 
 def test_drawing_needs_no_display_and_no_pyplot():

@@ -10,6 +10,7 @@ import sympy as sp
 from stiff_models import dense_relaxation, friction, slowed_chain, two_blocks, values
 
 from pwsmooth.codegen.machine.cache import load_kernels
+from pwsmooth.codegen.machine.units import unit_address
 from pwsmooth.codegen.stiff import functions as codegen
 from pwsmooth.definition.model import EventSpec, Model, Select
 
@@ -158,10 +159,10 @@ def test_the_elimination_solves_the_real_and_the_complex_systems(model):
         call(compiled, "factor", J, mu, lu)
         call(compiled, "solve", lu, solved)
     else:
-        dense = load_kernels("stiff.dense")
-        pointers = [ctypes.cast(v.ctypes.data, ctypes.POINTER(ctypes.c_double)) for v in (J, mu, lu, solved)]
-        dense.dense_factor.compiled.ctypes(n, *pointers[:3])
-        dense.dense_solve.compiled.ctypes(n, *pointers[2:])
+        pointers = [v.ctypes.data for v in (J, mu, lu, solved)]
+        kinds = [ctypes.c_int64, *[ctypes.c_void_p] * 3]
+        ctypes.CFUNCTYPE(None, *kinds)(unit_address("dense_factor"))(n, *pointers[:3])
+        ctypes.CFUNCTYPE(None, *kinds[:3])(unit_address("dense_solve"))(n, *pointers[2:])
     for lane in range(4):
         matrix = (mu[lane] + 1j * mu[4 + lane]) * np.eye(n) - J
         expected = np.linalg.solve(matrix, right[:, lane] + 1j * right[:, 4 + lane])

@@ -22,17 +22,17 @@ def version_items() -> dict[str, str]:
     """What computes: two sweeps of equal versions on one kind of processor give equal bits."""
     from importlib.metadata import PackageNotFoundError, version
 
-    from ..codegen.machine.cache import sources_key
+    from ..codegen.machine.cache import sources_key, versions
     from ..codegen.machine.objects import machine_mark
 
     try:
         package = version("pwsmooth")
     except PackageNotFoundError:
         package = "unknown"
-    # The sources' hash holds the versions of Python, numpy, numba, llvmlite and sympy too.
+    # With the versions of Python, numpy, numba, llvmlite and sympy.
     return {
         "pwsmooth": package,
-        "sources": sources_key(),
+        "sources": sources_key(besides=versions()),
         "scipy": version("scipy"),
         "C library": "-".join(platform.libc_ver()),
         "processor": machine_mark(),

@@ -2,13 +2,15 @@
 
 The name carries the hash of every source that can reach the code in it, so that no stamp of a file decides:
 
-    <root>/kernels-<hash of kernels/>              machine code of pwsmooth.kernels (units.py)
+    <root>/kernels-<hash of kernels/>              <unit>.<machine>.o: machine code of pwsmooth.kernels (units.py)
     <root>/models-<hash of kernels/ and codegen/>  <hash of model>.json: generated sources of a model,
                                                    <hash of source>.<machine>.o: their machine code (objects.py)
 
-Every file begins with the sha256 of its place and its content. A file that does not bear it out, as of a disk that
-lost a page, or that another user may have written, is none: its content is made again. Code is looked up in every
-folder of the roots, kept in the first that takes it, and in memory alone where none does.
+Machine code of kernels names nothing of Python's or numba's and serves every version of them; a wheel brings it
+(build_backend.py), in a root that is only read. What is generated may change with the version of sympy or llvmlite:
+the hash of models holds these. Every file begins with the sha256 of its place and its content. A file that does not
+bear it out, as of a disk that lost a page, or that another user may have written, is none: its content is made again.
+Code is looked up in every folder of the roots, kept in the first that takes it, and in memory alone where none does.
 
 Chain: Model -> fingerprint -> (text cache, or symbolic work) -> native.load -> objects.load.
 """
@@ -17,6 +19,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import hashlib
 import importlib
 import json
@@ -24,16 +27,22 @@ import os
 import platform
 import shutil
 import tempfile
+import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import IO
 
 import sympy as sp
 
+from .workers import announced
+
 PACKAGE = Path(__file__).resolve().parent.parent.parent
+SHIPPED = PACKAGE / "_compiled"  # the root that a wheel brings
 KEPT = 8  # folders of a kind in a root, the ones used last
+PATIENCE = 600.0  # seconds: another process that has not made a file by then is taken to be stopped
 _USER = os.geteuid() if hasattr(os, "geteuid") else None
 
 
@@ -53,8 +62,20 @@ def _trusted(found: os.stat_result, path: Path) -> bool:
     """Whether only the user, root, or who installed the package can have written it: machine code is run unread."""
     if _USER is None:
         return True  # Windows: a user's folders are closed to others by their access lists
-    owned = found.st_uid in (0, _USER) or path.resolve().is_relative_to(PACKAGE)
-    return owned and not found.st_mode & 0o022
+    closed = found.st_uid in (0, _USER) and not found.st_mode & 0o022
+    return closed or path.resolve().is_relative_to(PACKAGE)
+
+
+def _lock(stream: IO) -> None:
+    """The system's lock on an open file, which ends with the process that holds it; an OSError where it is held."""
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+    else:
+        import fcntl
+
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class Folder:
@@ -73,7 +94,7 @@ class Folder:
 
     def read(self, file: str) -> bytes | None:
         """Content of the file; None where no trusted folder holds it undamaged."""
-        for place in self.places:
+        for place in (SHIPPED / self.name, *self.places):
             with contextlib.suppress(OSError):
                 if not _trusted(place.stat(), place):
                     continue
@@ -90,17 +111,53 @@ class Folder:
         refused = []
         for place in self.places:
             try:
-                if not place.exists():
-                    # Whatever the umask, as others may not write here; they may read, as a shared cache must be.
-                    place.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
-                    place.mkdir(mode=0o755, exist_ok=True)
-                    self._tidy(place.parent)
-                if not _trusted(place.stat(), place):
-                    raise PermissionError("it belongs to another user, or others may write to it")
+                self._open(place)
                 return write_atomically(place / file, self._mark(file, content) + content)
             except OSError as error:
                 refused.append(f"{place}: {error}")
         _warn_once(tuple(refused))
+
+    @contextlib.contextmanager
+    def alone(self, file: str) -> Iterator[None]:
+        """No other process makes this file meanwhile: it waits here, and finds it made.
+
+        Nobody waits where no folder can be written or locked, nor longer than PATIENCE.
+        """
+        for place in self.places:
+            try:
+                self._open(place)
+                stream = open(place / f".{file}.lock", "ab")
+                break
+            except OSError:
+                continue
+        else:
+            yield
+            return
+        with stream:
+            end = time.monotonic() + PATIENCE
+            while time.monotonic() < end:
+                try:
+                    _lock(stream)
+                    break
+                except OSError as error:
+                    if error.errno not in (errno.EACCES, errno.EAGAIN):
+                        break  # this disk knows no locks
+                time.sleep(0.05)
+            try:
+                yield
+            finally:  # who waits for it has it open; Windows removes no such file
+                with contextlib.suppress(OSError):
+                    os.unlink(stream.name)
+
+    def _open(self, place: Path) -> None:
+        """Makes the folder if need be; an OSError if this user cannot, or must not write there."""
+        if not place.exists():
+            # Whatever the umask, as others may not write here; they may read, as a shared cache must be.
+            place.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+            place.mkdir(mode=0o755, exist_ok=True)
+            self._tidy(place.parent)
+        if not _trusted(place.stat(), place):
+            raise PermissionError("it belongs to another user, or others may write to it")
 
     def _tidy(self, root: Path) -> None:
         """Remove the folders of older sources."""
@@ -121,17 +178,18 @@ def _warn_once(refused: tuple[str, ...]) -> None:
 
 
 @cache
-def _versions() -> str:
+def versions() -> str:
+    """What generated code may depend on beside the sources."""
     from importlib.metadata import version
 
     packages = ("numba", "llvmlite", "numpy", "sympy")
+    return "|".join((platform.python_version(), platform.machine(), *map(version, packages)))
+
+
+def sources_key(*packages: str, besides: str = "") -> str:
+    """Hash of every source of the named subpackages, or of all."""
     # The format of the files too: versions that write another one keep to their own folders.
-    return "|".join(("sha256", platform.python_version(), platform.machine(), *map(version, packages)))
-
-
-def sources_key(*packages: str) -> str:
-    """Hash of every source of the named subpackages, or of all, and of the versions that compile them."""
-    digest = hashlib.sha256(_versions().encode())
+    digest = hashlib.sha256(f"sha256|{besides}".encode())
     files = []
     for package in packages or ("",):
         files += sorted((PACKAGE / package).rglob("*.py"))
@@ -149,7 +207,7 @@ def kernels() -> Folder:
 @cache
 def models() -> Folder:
     """Generated models; the folder's name changes with any source of what a Model is, kernels or codegen."""
-    return Folder("models", sources_key("definition", "kernels", "codegen"))
+    return Folder("models", sources_key("definition", "kernels", "codegen", besides=versions()))
 
 
 def load_kernels(name: str) -> ModuleType:
@@ -216,6 +274,7 @@ def cached_texts(key: str, build: Callable[[], dict[str, str]]) -> dict[str, str
     content = models().read(f"{key}.json")
     if content is not None:
         return json.loads(content)
-    texts = build()
+    with announced("deriving the functions of a model", after=2):
+        texts = build()
     models().write(f"{key}.json", json.dumps(texts).encode())
     return texts

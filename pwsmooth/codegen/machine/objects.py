@@ -21,30 +21,22 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 
 from ...definition.model import Table
+from ...kernels.machine import NEVER_CALLED
 from .cache import models
+from .workers import announced
 
-LIBM = (
-    "tan",
-    "sinh",
-    "cosh",
-    "tanh",
-    "asin",
-    "acos",
-    "atan",
-    "asinh",
-    "acosh",
-    "atanh",
-    "erf",
-    "erfc",
-    "atan2",
-    "exp",
-    "log",
-    "sin",
-    "cos",
-    "pow",
-    "floor",
-    "ceil",
+# The functions of the C library that machine code may call; not every system has sincos.
+LIBM = tuple(
+    "tan sinh cosh tanh asin acos atan asinh acosh atanh erf erfc atan2 exp exp2 log log2 sin cos sincos pow floor "
+    "ceil".split()
 )
+# Levels of x86-64, the richest first, and the features that a processor of each has beyond the next (System V ABI).
+_LEVELS = {
+    "x86-64-v4": "avx512f avx512bw avx512cd avx512dq avx512vl",
+    "x86-64-v3": "avx avx2 bmi bmi2 f16c fma lzcnt movbe",
+    "x86-64-v2": "cx16 popcnt sahf sse3 sse4.1 sse4.2 ssse3",
+}
+_nothing = ctypes.CFUNCTYPE(None)(lambda: None)
 
 
 @cache
@@ -54,7 +46,9 @@ def _host() -> tuple[llvm.Target, str, str]:
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL(ctypes.util.find_library("m") or "ucrtbase")
     for name in LIBM:
-        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+        if function := getattr(library, name, None):
+            llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    llvm.add_symbol(NEVER_CALLED, ctypes.cast(_nothing, ctypes.c_void_p).value)
     return llvm.Target.from_default_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
@@ -88,18 +82,54 @@ def emit(translated: ir.Module) -> bytes:
 _HARMLESS = re.compile("NUMBA_(CACHE|NUM_THREADS|THREADING|WARNINGS|.*WARNING|FULL_TRACE|COLOR|CUDA)")
 
 
+def _settings() -> list[str]:
+    found = [
+        f"{k}={v}"
+        for k, v in os.environ.items()
+        if (k.startswith("NUMBA_") and not _HARMLESS.match(k)) or k == "PWSMOOTH_CHECK"
+    ]
+    with contextlib.suppress(OSError):
+        found.append(Path(".numba_config.yaml").read_text())
+    return sorted(found)
+
+
 @cache
 def machine_mark() -> str:
     """Short name of this processor and of numba's settings: object code of another one is not used."""
     _, cpu, features = _host()
-    settings = sorted(
-        f"{k}={v}"
-        for k, v in os.environ.items()
-        if (k.startswith("NUMBA_") and not _HARMLESS.match(k)) or k == "PWSMOOTH_CHECK"
-    )
-    with contextlib.suppress(OSError):
-        settings.append(Path(".numba_config.yaml").read_text())
-    return hashlib.sha256(f"{cpu}{features}{settings or ''}".encode()).hexdigest()[:8]
+    content = f"{llvm.get_process_triple()}{cpu}{features}{_settings() or ''}"
+    return hashlib.sha256(content.encode()).hexdigest()[:8]
+
+
+def level_settings(level: str) -> dict[str, str]:
+    """The environment in which numba compiles for all processors of a level, in the same way on all machines."""
+    settings = {"NUMBA_CPU_NAME": level, "NUMBA_DISABLE_INTEL_SVML": "1"}
+    # Without features numba adds those of the processor that compiles, but to "generic"; these every level has.
+    return settings | ({"NUMBA_CPU_FEATURES": "+sse2"} if level in _LEVELS else {})
+
+
+def all_levels() -> list[str]:
+    """Levels of processors of this architecture, the richest first."""
+    return [*_LEVELS] if llvm.get_process_triple().startswith("x86_64") else ["generic"]
+
+
+@cache
+def unit_marks() -> list[str]:
+    """Names of the kinds of machine code of kernels that run here: the richest level, ..., this very processor.
+
+    In the environment of a level its code is used, and in one with other settings of numba code of that alone.
+    """
+    settings = _settings()
+    for level in all_levels():
+        if settings == sorted(f"{k}={v}" for k, v in level_settings(level).items()):
+            return [level]
+    if settings:
+        return [machine_mark()]
+    has = llvm.get_host_cpu_features()
+    levels = all_levels()
+    while levels and not all(map(has.get, " ".join(_LEVELS.get(k, "") for k in levels).split())):
+        del levels[0]  # a level needs the features of those below it too
+    return [*levels, machine_mark()]
 
 
 def link(image: bytes) -> llvm.ExecutionEngine:
@@ -150,7 +180,8 @@ def load(text: str, build, sizes: tuple[int, ...] = (), tables: tuple[Table, ...
             stored = f"{name}.{machine_mark()}.o"
             image = models().read(stored)
             if image is None:
-                image = build(text)
+                with announced("compiling the functions of a model", after=2):
+                    image = build(text)
                 models().write(stored, image)
             code = _loaded[name, sizes, tables] = Code(text, image, sizes, tables)
         return code

@@ -1,23 +1,22 @@
 """The compiled units of the kernels, without numba once they are compiled.
 
-A unit (kernels/machine) is self-contained: it calls generated functions and other units through addresses only.
-So its object code is kept and linked by llvmlite in later processes, which then import no numba at all (a third of the
-time to the first solution).
+A unit (kernels/machine) is self-contained: it calls generated functions and other units through addresses only, and
+names nothing but functions of the C library. So its object code is kept, in a wheel for each level of processors, and
+linked by llvmlite, without numba (a third of the time to the first solution).
 """
 
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from pkgutil import iter_modules
 
-import llvmlite.binding as llvm
-
 from .cache import kernels, load_kernels
-from .objects import link, machine_mark
-from .workers import announced, compile_beside, cores
+from .objects import link, unit_marks
+from .workers import announced, compile_beside
 
 # Name in state.Problem -> (kernel module, function). The largest come first: parts are compiled beside each other.
 UNITS = {
@@ -53,94 +52,55 @@ STIFF_UNITS = {
     "dense_factor": ("stiff.dense", "dense_factor"),
     "dense_solve": ("stiff.dense", "dense_solve"),
 }
-# What numba's wrapper of a C function names for the case of an exception, which no kernel raises.
-_NEVER_CALLED = (
-    "numba_do_raise",
-    "numba_gil_ensure",
-    "numba_gil_release",
-    "numba_runtime_build_excinfo_struct",
-    "numba_unpickle",
-    "NRT_Free",
-    "NRT_MemInfo_call_dtor",
-)
-_PYTHON = (
-    "PyBytes_FromStringAndSize",
-    "PyErr_Clear",
-    "PyErr_SetNone",
-    "PyErr_SetString",
-    "PyErr_WriteUnraisable",
-    "PyExc_RuntimeError",
-    "PyExc_StopIteration",
-    "PyExc_SystemError",
-    "PyUnicode_FromString",
-    "Py_DecRef",
-)
-_kept: list = []  # engines and numba functions, whose addresses are in use
+ALL = UNITS | METHODS | MORE_UNITS | STIFF_UNITS
+_kept: list = []  # engines, whose addresses are in use
+_turn = threading.RLock()
 
 
-def _own_name(name: str) -> str:
-    """A name of the same length that numba does not use: symbols of llvmlite are those of the whole process."""
-    return "pws" + name[3:]
-
-
-def _detached(image: bytes) -> bytes:
-    """The object file with its references to numba's runtime renamed.
-
-    Under their own names they would be resolved for numba too: a user's `@njit` function in the same process
-    would free its arrays with our dummy.
-    """
-    for name in _NEVER_CALLED:
-        image = image.replace(name.encode() + b"\0", _own_name(name).encode() + b"\0")
-    return image
-
-
-@cache
-def _resolve_symbols() -> None:
-    nothing = ctypes.CFUNCTYPE(ctypes.c_void_p)(lambda: None)
-    _kept.append(nothing)
-    for name in _NEVER_CALLED:
-        llvm.add_symbol(_own_name(name), ctypes.cast(nothing, ctypes.c_void_p).value)
-    for name in _PYTHON:
-        llvm.add_symbol(name, ctypes.addressof(ctypes.c_char.in_dll(ctypes.pythonapi, name)))
-
-
-def _stored(name: str) -> tuple[str, str, str]:
-    """Module and function of a unit, and the file that its object code is kept in."""
-    module, function = (UNITS | METHODS | MORE_UNITS | STIFF_UNITS)[name]
-    return module, function, f"{module}.{function}.{machine_mark()}.o"
+def _read(name: str) -> bytes | None:
+    """Object code of a unit that runs here, from the cache or the wheel."""
+    module, function = ALL[name]
+    found = (kernels().read(f"{module}.{function}.{mark}.o") for mark in unit_marks())
+    return next((image for image in found if image is not None), None)
 
 
 def unit_addresses(names: Iterable[str]) -> list[int]:
-    """Addresses of units; those that no cache has are compiled beside each other first."""
+    """Addresses of units; those that are nowhere kept are compiled beside each other first."""
+    names = list(names)
+    missing = [name for name in names if _read(name) is None]
+    if len(missing) > 1:
+        with announced(f"compiling {len(missing)} parts of its numerical core", len(missing)) as one_more:
 
-    def kept(name: str) -> bool:
-        return kernels().read(_stored(name)[2]) is not None
+            def kept(name: str) -> bool:
+                found = _read(name) is not None
+                if found:
+                    one_more()
+                return found
 
-    missing = [name for name in names if not kept(name)]
-    if len(missing) > 1 and cores() > 1:
-        with announced(len(missing)):
             compile_beside(missing, kept)
     return [unit_address(name) for name in names]
 
 
-@cache
 def unit_address(name: str) -> int:
-    """Address of a unit: from its object file, or compiled by numba now."""
-    module, function, file = _stored(name)
-    content = kernels().read(file)
-    if content is None:
-        with announced(1):
-            compiled = getattr(load_kernels(module), function).compiled
-        _kept.append(compiled)
-        # numba has no public way to an object file; without this one every process would load numba.
-        image = compiled._library._get_compiled_object()
-        kernels().write(file, compiled._wrapper_name.encode() + b"\0" + image)
-        return compiled.address
-    symbol, _, image = content.partition(b"\0")
-    _resolve_symbols()
-    engine = link(_detached(image))
+    """Address of a unit: from its object code, which numba makes now where none is kept."""
+    with _turn:
+        return _address(name)
+
+
+@cache
+def _address(name: str) -> int:
+    module, function = ALL[name]
+    image = _read(name)
+    if image is None:
+        file = f"{module}.{function}.{unit_marks()[-1]}.o"
+        with announced("compiling one part of its numerical core"), kernels().alone(file):
+            image = _read(name)  # another process may just have made it
+            if image is None:
+                image = getattr(load_kernels(module), function).compiled()
+                kernels().write(file, image)
+    engine = link(image)
     _kept.append(engine)
-    return engine.get_function_address(symbol.decode())
+    return engine.get_function_address(f"pwsmooth.kernels.{module}.{function}")
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The first compilation of the core: by workers on all cores, with a word on what takes so long."""
+"""Compilation on all cores, and a word on what takes so long."""
 
 from __future__ import annotations
 
@@ -26,19 +26,34 @@ def cores() -> int:
 
 
 @contextlib.contextmanager
-def announced(parts: int) -> Iterator[None]:
-    """Says on stderr that parts of the core are being compiled, and how long it took."""
-    if os.environ.get(_QUIET):
-        yield
-        return
-    many = "one part" if parts == 1 else f"{parts} parts"
-    text = f"pwsmooth: compiling {many} of its numerical core, once for this machine and version ..."
-    print(text, end=" ", file=sys.stderr, flush=True)
-    begin = time.perf_counter()
+def announced(what: str, parts: int = 1, *, after: float = 0.0) -> Iterator[Callable[[], None]]:
+    """Says on stderr what is being done once, and how long it took; nothing if that is less than `after` seconds.
+
+    Gives a function to call when one of several parts is done: a terminal shows how many are.
+    """
+    done, begin, told = 0, time.perf_counter(), threading.Event()
+    line = f"pwsmooth: {what}, once for this machine and version ..."
+
+    def tell() -> None:
+        if not os.environ.get(_QUIET):
+            print(line, end=" ", file=sys.stderr, flush=True)
+            told.set()
+
+    def one_more() -> None:
+        nonlocal done
+        done += 1
+        if told.is_set() and sys.stderr.isatty():
+            print(f"\r{line} {done} of {parts},", end=" ", file=sys.stderr, flush=True)
+
+    timer = threading.Timer(after, tell)
+    timer.daemon = True
+    timer.start() if after else tell()
     try:
-        yield
+        yield one_more
     finally:
-        print(f"{time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+        timer.cancel()
+        if told.is_set():
+            print(f"{time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
 
 
 def compile_beside(names: list[str], kept: Callable[[str], bool]) -> None:

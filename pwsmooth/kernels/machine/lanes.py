@@ -11,12 +11,11 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_jitable, register_model
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from .compiling import kernel
 
 _DOUBLE = ir.DoubleType()
-
-# A kernel function whose products and sums may fuse.
-fused = register_jitable(error_model="numpy", fastmath={"contract", "nsz"})
 
 
 class LanesType(types.Type):
@@ -192,7 +191,7 @@ def lane(typingctx, v, i):
     return types.float64(v, types.int64), codegen
 
 
-@fused
+@kernel
 def largest8(v):
     """Largest of 8 lanes; a nan wins."""
     w = vmax(low4(v), high4(v))

@@ -11,7 +11,7 @@ import math
 from numba import types
 
 from ..machine.compiling import inlined_kernel, kernel, unit
-from ..machine.lanes import fused, load8, store8
+from ..machine.lanes import load8, store8
 from ..machine.pointers import abs8, at, below_zero8, call_root, count_bits, powers8, sum8
 from ..work import Roots
 from .tables import SHORT
@@ -46,7 +46,7 @@ def remainder(a, degree):
     return abs(at(a, _LOW + 1)) + (sum8(total) if degree >= 8 else 0.0)
 
 
-@fused
+@kernel
 def _to_bernstein(roots, degree, b):
     """Overwrites b with the Bernstein coefficients of roots.poly on [0, 1]; returns which are negative, as bits."""
     a, table, negative, width = roots.poly, roots.bernstein_table, 0, len(roots.poly)
@@ -66,7 +66,7 @@ def _to_bernstein(roots, degree, b):
     return negative
 
 
-@fused
+@kernel
 def _short_form(roots, a, degree, b):
     """Overwrites b[:16] with coefficients of degree 15 of a; returns which are negative and which undecided, as bits,
     and the bound of what they leave out."""
@@ -99,7 +99,7 @@ def _note_grazing(roots, s, crosses):
     roots.dip_at = s
 
 
-@fused
+@kernel
 def _polish(roots, degree, lo, hi, s):
     """The single root of roots.poly in [lo, hi], positive at lo, by Householder steps from s inside the bracket.
 
@@ -156,7 +156,7 @@ def _note_shallow(roots, s, d, c):
         _note_grazing(roots, s, 1)  # it turns back after a dip that shallow
 
 
-@fused
+@kernel
 def _refine(roots, degree, lo, hi, s):
     """The single root of roots.poly in [lo, hi], near s."""
     s, d, c = _polish(roots, degree, lo, hi, s)
@@ -164,7 +164,7 @@ def _refine(roots, degree, lo, hi, s):
     return s
 
 
-@fused
+@kernel
 def _guess(degree, b):
     """Where a polynomial with one root in [0, 1] and Bernstein coefficients b crosses zero, roughly."""
     first, last = b[0], b[degree]
@@ -188,7 +188,7 @@ def _sign_changes(negative, degree):
     return count_bits((negative ^ negative >> 1) & ((1 << degree) - 1))
 
 
-@fused
+@kernel
 def _split(roots, degree, stride, slot):
     """The halves of the polynomial in slot `slot` of roots.bernstein: left in the next slot, right in place.
 
@@ -273,7 +273,7 @@ def _subdivide(roots, degree, stride, negative):
         depth += 1
 
 
-@fused
+@kernel
 def _lone_guess(b, k):
     """Where the polynomial with Bernstein coefficients b of degree 15 crosses zero between those of k and k + 1."""
     # Its values at k/15 and (k + 1)/15 are the coefficients less their own bend: b + x (1 - x) 15 p''/2 + O(1/15^2).
@@ -287,7 +287,7 @@ def _lone_guess(b, k):
     return x + (1.0 / SHORT) * share if -1.0 < share < 2.0 else x + 0.5 / SHORT
 
 
-@fused
+@kernel
 def _isolate_short(roots, degree):
     """The first root of roots.poly by its best polynomial of degree 15; below 0 where that does not decide."""
     a, b, scaled = roots.poly, roots.bernstein, roots.near

@@ -13,8 +13,8 @@ from numba import types
 
 from pwsmooth.kernels.firing import counts, fire
 from pwsmooth.kernels.intervals import note_interval, time_to_last_event
-from pwsmooth.kernels.machine.compiling import unit
-from pwsmooth.kernels.machine.lanes import at, fused, load8, splat8, store8
+from pwsmooth.kernels.machine.compiling import kernel, unit
+from pwsmooth.kernels.machine.lanes import at, load8, splat8, store8
 from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import ACTS, DUE, GO_ON, MOST_AT_ONCE, SILENT, TIMED
 from pwsmooth.kernels.stiff import state as S
@@ -30,7 +30,7 @@ DIP = 10.0  # of the tolerance: a dip that deep, relative to its size on the ste
 DIGITS = 1e-13  # of the states: what they cannot say
 
 
-@fused
+@kernel
 def sample(s, coefficients, degree, t, h, a, b):
     """Overwrites values[8 j + k] with surface j at the points a + (b - a) k/7 of the step."""
     theta = load8(POINTS, 0) * (b - a) + a
@@ -44,12 +44,12 @@ def sample(s, coefficients, degree, t, h, a, b):
     call_lanes(s.adr[WATCH8], s.t8, s.X, s.p, s.values)
 
 
-@fused
+@kernel
 def _sign(v):
     return 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
 
 
-@fused
+@kernel
 def _look(s, t, x, before):
     """Overwrites level with the surfaces at (t, x), and rounding with what the last digits of x and `before` make of
     them."""
@@ -72,7 +72,7 @@ def _look(s, t, x, before):
                 s.rounding[j] += abs(s.values[8 * j + q] - s.level[j])
 
 
-@fused
+@kernel
 def start_sides(s, t, x):
     """Overwrites side[j] with the sign of each surface at a start, or with what remembers it; `met` where it is 0."""
     _look(s, t, x, x)
@@ -83,7 +83,7 @@ def start_sides(s, t, x):
         s.fired[4 * j] = t
 
 
-@fused
+@kernel
 def set_sides(s, t, x, f, h):
     """Overwrites side[j] with the sign that each surface on which x stands (`met`) is about to have when the motion
     goes on from (t, x), and the states in x that remember one; returns whether that changed any."""
@@ -111,7 +111,7 @@ def set_sides(s, t, x, f, h):
     return changed
 
 
-@fused
+@kernel
 def _bracket(s, j, side, a, b, deep):
     """First interval of the sampled ones where surface j leaves `side` by more than `deep`: (lo, hi), or NONE twice."""
     for k in range(1, 8):
@@ -120,7 +120,7 @@ def _bracket(s, j, side, a, b, deep):
     return NONE, NONE
 
 
-@fused
+@kernel
 def _near_vertex(s, j, side, a, b):
     """Where the first parabola through three samples that comes to (almost) zero does so; NONE if none does."""
     for k in range(1, 7):
@@ -136,7 +136,7 @@ def _near_vertex(s, j, side, a, b):
     return NONE
 
 
-@fused
+@kernel
 def _dips(s, coefficients, degree, t, h, j, side, a):
     """Interval of the part [a, 1] just sampled where surface j passes zero and soon comes back; NONE twice if it does
     not."""
@@ -157,7 +157,7 @@ def _dips(s, coefficients, degree, t, h, j, side, a):
     return lo, hi
 
 
-@fused
+@kernel
 def _comes_to_zero(s, coefficients, degree, t, h, j, side, a):
     """Where on the part [a, 1] a singular argument comes to 0, to within the tolerance; NONE if it does not.
 
@@ -185,7 +185,7 @@ def _comes_to_zero(s, coefficients, degree, t, h, j, side, a):
     return NONE
 
 
-@fused
+@kernel
 def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
     """End of the interval, as short as rounding allows, over which surface j leaves `side`."""
     for _ in range(20):
@@ -199,7 +199,7 @@ def _narrow(s, coefficients, degree, t, h, j, side, lo, hi):
     return hi
 
 
-@fused
+@kernel
 def next_zero(s, coefficients, degree, t, h, begin):
     """First theta in (begin, 1] at which a watched surface passes zero in a direction that counts; else NONE.
 
@@ -247,7 +247,7 @@ def next_zero(s, coefficients, degree, t, h, begin):
     return first
 
 
-@fused
+@kernel
 def value(coefficients, degree, i, theta):
     """State i on the step, at theta."""
     v = coefficients[17 * i + degree]
@@ -256,7 +256,7 @@ def value(coefficients, degree, i, theta):
     return v
 
 
-@fused
+@kernel
 def _due(s, t, theta, h, instant):
     """Mark as due and met the surfaces found at theta, and as due the events of time at an `instant`."""
     close = theta + 1e-13 * max(abs(t), h) / h
@@ -272,17 +272,17 @@ def _due(s, t, theta, h, instant):
     s.ticks = k
 
 
-@fused
+@kernel
 def _look_again(s, t, x):
     _look(s, t, x, s.before)
 
 
-@fused
+@kernel
 def _act(s, j, t):
     return call_event(s.adr[ACT], j, t, s.before, s.p, s.after) != 0
 
 
-@fused
+@kernel
 def _record(s, j, t):
     """Write the record of event j, which acts on `before`; returns whether it ends the run."""
     record, n = s.records, s.n
@@ -293,12 +293,12 @@ def _record(s, j, t):
     return s.stops[j] != 0
 
 
-@fused
+@kernel
 def _note_nothing(s, together):
     """Contradictions are told from the records (paths/smoothed.py)."""
 
 
-@fused
+@kernel
 def _fire(s, t, x):
     """Fire at time t everything that is due; returns as `fire`. Overwrites x and the records."""
     n, first = s.n, s.records
@@ -316,7 +316,7 @@ def _fire(s, t, x):
     return code
 
 
-@fused
+@kernel
 def _accumulate(s, coefficients, degree, t, h, theta, when):
     """Whether the events that fired at t + theta h, which is `when`, come in intervals that shrink to nothing
     (accumulation.py): the last record is then of their limit."""

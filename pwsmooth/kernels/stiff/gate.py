@@ -11,7 +11,7 @@ within about C eps. The constants may vary widely (theta 0.5..0.97, C 0.5..50) w
 
 import numpy as np
 
-from pwsmooth.kernels.machine.lanes import fused
+from pwsmooth.kernels.machine.compiling import kernel
 from pwsmooth.kernels.machine.pointers import bits_float, float_bits
 from pwsmooth.kernels.stiff.call import SURFACES, SURFACES8, call_lanes, call_point
 from pwsmooth.kernels.stiff.rules import REACH, THETA
@@ -19,14 +19,14 @@ from pwsmooth.kernels.stiff.rules import REACH, THETA
 ONE_BIT, BIAS = 4503599627370496.0, 1023.0  # a double's exponent counts from -1023 in units of 2^52
 
 
-@fused
+@kernel
 def root(size, order):
     """size^(-1/order) to a few per cent: exponent bits with the mantissa as a linear fraction, there and back."""
     exponent = (float_bits(size) * (1.0 / ONE_BIT) - BIAS) * (1.0 / order)
     return bits_float(int((BIAS - exponent) * ONE_BIT))
 
 
-@fused
+@kernel
 def look(adr, n, q, t, x, p, surface_state, surf):
     """Overwrites surf: for each of q surfaces h, dh/dt at fixed x, eps, and the gradient (only h where h is a
     state)."""
@@ -40,7 +40,7 @@ def look(adr, n, q, t, x, p, surface_state, surf):
             surf[j * (n + 3)] = x[surface_state[j]]
 
 
-@fused
+@kernel
 def speed(n, surf, f, j):
     """dh_j/dt along the flow f."""
     base = j * (n + 3)
@@ -50,7 +50,7 @@ def speed(n, surf, f, j):
     return v
 
 
-@fused
+@kernel
 def step_limit(n, q, surf, f):
     """R2: longest step allowed before the layers are looked at again."""
     limit = np.inf
@@ -62,7 +62,7 @@ def step_limit(n, q, surf, f):
     return limit
 
 
-@fused
+@kernel
 def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
     """R3 over the first `lanes` points: 0 if none moved too far, else the factor by which to shrink the
     step."""
@@ -86,7 +86,7 @@ def passed(adr, n, q, t8, X, p, surface_state, surf, values, lanes):
     return factor
 
 
-@fused
+@kernel
 def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
     """Overwrites the weights (1/tolerance) of the error test and of the Newton iteration (which R1
     tightens)."""
@@ -100,7 +100,7 @@ def set_weights(n, q, x, rtol, atol, surf, weight, newton_weight):
             newton_weight[i] = max(newton_weight[i], abs(surf[base + 3 + i]) * layer)
 
 
-@fused
+@kernel
 def error_norm(n, q, err, weight, surf, rtol):
     """Largest error in units of its tolerance, R1 included; nan if any is."""
     norm = 0.0

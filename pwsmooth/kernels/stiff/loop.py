@@ -9,8 +9,8 @@ rho comes from one power iteration per step with a vector that is carried along.
 import numpy as np
 from numba import types
 
-from pwsmooth.kernels.machine.compiling import unit
-from pwsmooth.kernels.machine.lanes import at, fused
+from pwsmooth.kernels.machine.compiling import kernel, unit
+from pwsmooth.kernels.machine.lanes import at
 from pwsmooth.kernels.outcome import Outcome
 from pwsmooth.kernels.state import GO_ON, MOST_AT_ONCE
 from pwsmooth.kernels.stiff import state as S
@@ -35,7 +35,7 @@ PATIENCE = 4  # Radau steps before Taylor is asked again
 STALL = 8192  # attempts within which the time must advance by LEAST_ADVANCE
 
 
-@fused
+@kernel
 def spectral_radius(n, J, u, scratch):
     """sqrt(|J J u| / |u|) in the maximum norm; overwrites u with the direction found."""
     for _ in range(2):
@@ -59,7 +59,7 @@ def spectral_radius(n, J, u, scratch):
     return np.sqrt(top)
 
 
-@fused
+@kernel
 def _begin(s):
     """Rates, surfaces and the first step length at a (new) start."""
     adr = s.adr
@@ -79,7 +79,7 @@ def _begin(s):
             s.h = s.h_max
 
 
-@fused
+@kernel
 def _choose_method(s):
     """After an accepted step: who takes the next one."""
     if s.mode == S.RADAU:
@@ -116,7 +116,7 @@ def _choose_method(s):
         s.eta = s.growth_old = 1.0
 
 
-@fused
+@kernel
 def _polynomial(s, mode, coefficients):
     """Overwrites coefficients[17 i + k], of theta^k on the step just taken; returns the degree."""
     n = s.n
@@ -131,7 +131,7 @@ def _polynomial(s, mode, coefficients):
     return s.taylor_order
 
 
-@fused
+@kernel
 def _write_point(s, length, degree):
     point = s.points
     s.times[point], s.length[point], s.degree[point] = s.t, length, degree
@@ -140,7 +140,7 @@ def _write_point(s, length, degree):
     s.points = point + 1
 
 
-@fused
+@kernel
 def _write_eval(s, t, degree, coefficients):
     """States at the wanted times up to T, on the step from t."""
     k = s.samples
@@ -152,7 +152,7 @@ def _write_eval(s, t, degree, coefficients):
     s.samples = k
 
 
-@fused
+@kernel
 def _next_length(s, t, rest):
     """h within what the user, the gate and the rest of the way allow."""
     h = min(s.h, s.h_max)
@@ -166,7 +166,7 @@ def _next_length(s, t, rest):
     return h < 1e-290 or (h < 4.0 * np.finfo(np.float64).eps * abs(t) and h < rest)
 
 
-@fused
+@kernel
 def _after_step(s, t, mode):
     """Polynomial, events and wanted times of the step just accepted from t; returns GO_ON or the Outcome."""
     n = s.n
@@ -204,7 +204,7 @@ def _after_step(s, t, mode):
     return GO_ON
 
 
-@fused
+@kernel
 def _stalled(s):
     """Whether the last STALL attempts led nowhere: at the end of existence steps may stay at the size of the tolerance
     for ever, each a little wrong, without any of them being too short."""

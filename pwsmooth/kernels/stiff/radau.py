@@ -13,9 +13,8 @@ Every array of stages or eigenvalues has 8 lanes and moves as one vector; the or
 
 from numba import types
 
-from pwsmooth.kernels.machine.compiling import unit
+from pwsmooth.kernels.machine.compiling import kernel, unit
 from pwsmooth.kernels.machine.lanes import (
-    fused,
     high4,
     largest8,
     load4,
@@ -50,7 +49,7 @@ from pwsmooth.kernels.stiff.rules import DOUBLINGS, LONGEST_PREDICTION, MAX_NEWT
 from pwsmooth.kernels.stiff.tables import DENSE, ERROR, MU, NODES, PREDICT, TO_W, TO_Z, WLANE
 
 
-@fused
+@kernel
 def set_stages(adr, m, t, h, p, t8, c8):
     """Overwrites the stage times t8 and everything that depends on time alone, c8."""
     store8(t8, 0, load8(NODES, 8 * m) * h + t)
@@ -58,7 +57,7 @@ def set_stages(adr, m, t, h, p, t8, c8):
         call_hoist(adr[HOIST], t8, p, c8)
 
 
-@fused
+@kernel
 def extrapolate(m, n, ratio, poly, Z):
     """Overwrites Z with the last collocation polynomial beyond its end: at (1 + ratio c_k), less its end
     value."""
@@ -71,7 +70,7 @@ def extrapolate(m, n, ratio, poly, Z):
         store8(Z, 8 * i, v)
 
 
-@fused
+@kernel
 def end_polynomial(m, n, Z, poly):
     """Overwrites poly[8 i + j] with the coefficient of (theta - 1)^(j+1) of the step just taken."""
     for i in range(n):
@@ -81,7 +80,7 @@ def end_polynomial(m, n, Z, poly):
         store8(poly, 8 * i, v)
 
 
-@fused
+@kernel
 def step_polynomial(m, n, Z, x, coefficients):
     """Overwrites coefficients[17 i + j], of theta^j, j = 0..s, with the collocation polynomial of the step."""
     s = 3 + 2 * m
@@ -95,7 +94,7 @@ def step_polynomial(m, n, Z, x, coefficients):
     return s
 
 
-@fused
+@kernel
 def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
     """J at the predicted middle stage and the elimination of (mu/h) I - J; overwrites J, mu and lu."""
     middle = 1 + m
@@ -109,7 +108,7 @@ def factorise(adr, m, n, t, h, p, x, Z, predicted, J, mu, lu, scratch):
         call_dense_factor(adr[DENSE_FACTOR], n, J, mu, lu)
 
 
-@fused
+@kernel
 def _solve(adr, n, lu, R):
     if adr[SOLVE] != 0:
         call_solve(adr[SOLVE], lu, R)
@@ -117,7 +116,7 @@ def _solve(adr, n, lu, R):
         call_dense_solve(adr[DENSE_SOLVE], n, lu, R)
 
 
-@fused
+@kernel
 def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
     """One Newton iteration for any n: overwrites Z, W, X, F and R, returns the norm of the increment."""
     s = 3 + 2 * m
@@ -144,7 +143,7 @@ def _iterate(adr, m, n, p, x, Z, W, X, F, R, t8, c8, mu, lu, weight):
     return largest8(largest)
 
 
-@fused
+@kernel
 def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, kappa, eta):
     """Solve the stages, overwriting Z; returns (converged, iterations, eta, theta).
 
@@ -186,7 +185,7 @@ def newton(adr, m, n, p, x, predicted, Z, W, X, F, R, t8, c8, mu, lu, weight, ka
     return False, MAX_NEWTON, rest, theta
 
 
-@fused
+@kernel
 def embedded_error(adr, m, n, t, h, p, x, f0, Z, lu, R, err, scratch, scratch2, again):
     """Overwrites err; `again` filters it once more through f(t, x + err), against overestimates of stiff
     parts."""

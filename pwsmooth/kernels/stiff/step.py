@@ -3,8 +3,8 @@
 import numpy as np
 from numba import types
 
-from pwsmooth.kernels.machine.compiling import unit
-from pwsmooth.kernels.machine.lanes import at, fused
+from pwsmooth.kernels.machine.compiling import kernel, unit
+from pwsmooth.kernels.machine.lanes import at
 from pwsmooth.kernels.stiff import state as S
 from pwsmooth.kernels.stiff.call import ATTEMPT_UNIT, RADAU, TAYLOR, call_attempt_unit, call_radau, call_taylor
 from pwsmooth.kernels.stiff.gate import root
@@ -20,14 +20,14 @@ SLOW = 0.1
 LONGEST_MEMORY = 2.5
 
 
-@fused
+@kernel
 def _reject(s, h):
     s.h = h
     s.rejected = 1
     return False
 
 
-@fused
+@kernel
 def _attempt(s, t, h, ratio, eta):
     """By the code written out for this model, or by the general one."""
     adr = s.adr
@@ -40,7 +40,7 @@ def _attempt(s, t, h, ratio, eta):
     )  # fmt: skip
 
 
-@fused
+@kernel
 def radau_step(s):
     """One attempt with step h; whether it was accepted. Then x, f, t and the next h are set."""
     stages = 3 + 2 * s.order
@@ -85,7 +85,7 @@ def radau_step(s):
     return True
 
 
-@fused
+@kernel
 def taylor_reach(s):
     """Length that the expansion at x allows (made if there is none yet); nan if a coefficient is."""
     n = s.n
@@ -99,7 +99,7 @@ def taylor_reach(s):
     )  # fmt: skip
 
 
-@fused
+@kernel
 def taylor_step(s):
     """One attempt of at most the step h; whether it was accepted. Where there is none, `taken` says why."""
     adr, n = s.adr, s.n

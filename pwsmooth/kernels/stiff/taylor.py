@@ -10,7 +10,8 @@ nothing.
 
 import numpy as np
 
-from pwsmooth.kernels.machine.lanes import fused, load8, splat8, store8
+from pwsmooth.kernels.machine.compiling import kernel
+from pwsmooth.kernels.machine.lanes import load8, splat8, store8
 from pwsmooth.kernels.stiff.gate import root
 from pwsmooth.kernels.stiff.rules import REACH, THETA
 
@@ -18,7 +19,7 @@ SAMPLES = np.arange(1, 9) / 8.0
 RIM = 6.0  # in eps: where every sigmoid is at its limit to rounding, or warns early by its tail
 
 
-@fused
+@kernel
 def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
     size = 0.0
     for i in range(n):
@@ -33,7 +34,7 @@ def _order_size(n, q, k, stride, rows, surface_row, surf, weight, rtol):
     return size
 
 
-@fused
+@kernel
 def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     """Step at which the last two terms fall below the tolerance (R1 included); nan if a coefficient is."""
     last = _order_size(n, q, K, stride, rows, surface_row, surf, weight, rtol)
@@ -43,7 +44,7 @@ def taylor_length(n, q, K, stride, rows, surface_row, surf, weight, rtol):
     return 0.9 * min(root(max(last, 1e-290), K), root(max(size, 1e-290), K - 1))
 
 
-@fused
+@kernel
 def evaluate(n, K, stride, rows, h, x):
     """Overwrites x with the polynomial at h."""
     for i in range(n):
@@ -54,7 +55,7 @@ def evaluate(n, K, stride, rows, h, x):
         x[i] = v
 
 
-@fused
+@kernel
 def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     """R3 over the whole step: 0, or the factor by which to shrink it.
 
@@ -93,7 +94,7 @@ def taylor_passed(n, q, K, stride, rows, surface_row, surf, h, moved):
     return factor
 
 
-@fused
+@kernel
 def defect(n, K, stride, rows, ahead, h, weight):
     """Estimated error of the step in units of its tolerance, from the expansion `ahead` at its end."""
     size = 0.0
