@@ -322,3 +322,19 @@ def test_a_branch_that_grows_too_unstable_to_be_shot_over_says_so():
     last = branch.values[-1]
     assert 1e4 < math.exp(2 * math.pi * last) < 1e16 and "too long to be shot over" in branch.end
     assert branch.x[0, -1] == pytest.approx(-last / (1 + last**2), abs=1e-8)
+
+
+def test_a_branch_over_the_frequency_does_not_depend_on_where_its_section_stands():
+    """Backlash: the section moves on the way, by the period at that parameter and not by the first one's."""
+    w = sp.Symbol("w", real=True)
+    teeth = sp.Piecewise((x - 1, x > 1), (x + 1, x < -1), (0, True))
+    gears = System({x: w, w: 0.1 + 0.05 * sp.cos(omega * t) - 0.1 * w - teeth}, time=t, parameters={omega: 1.5})
+    found = []
+    for phase, longest in ((0.25, 0.1), (0.75, 0.1), (0, 0.03)):
+        orbit = find_orbit(gears, {x: 1.1, w: 0}, period=2 * sp.pi / omega, transient=100, phase=phase)
+        branch = follow(orbit, omega, to=0.4, longest_step=longest)
+        found.append([(bif.kind, bif.parameter) for bif in branch.bifurcations])
+    assert len(found[0]) == 4
+    for other in found[1:]:
+        assert [kind for kind, _ in other] == [kind for kind, _ in found[0]]
+        assert np.allclose([at for _, at in other], [at for _, at in found[0]], atol=1e-6)

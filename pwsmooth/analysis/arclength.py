@@ -101,7 +101,7 @@ class Walk:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
         if not isinstance(self.map, Stroboscopic):
             return here
-        run, period = here.run, self.map.forcing_period
+        run, period = here.run, here.orbit.map.forcing_period
         times = np.array([e.time for e in run.events])
         edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
         if edge > _NEAR * period:
@@ -120,7 +120,9 @@ class Walk:
         q = checks.lookup(self.name, map_.system.parameters, "`parameter`", "parameter")
         slope = float(map_.period.diff(q).subs(here.orbit.system.parameters))
         along = moved.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
-            moved.by_parameter[:, 0] + moved.rates * slope * (time / period - map_.phase)
+            moved.by_parameter[:, 0]
+            + moved.rates * slope * time / period
+            - moved.matrix @ moved.first_rates * slope * map_.phase
         )
         orbit = refine(turned.with_parameters({self.name: self.value(here)}), part.x[:, -1])
         if not orbit.success:

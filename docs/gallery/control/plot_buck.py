@@ -9,40 +9,38 @@ below a ramp that a clock resets every :math:`T = 0.4` ms (naturally sampled pul
 
     C \dot v = i - \frac vR, \qquad L \frac{di}{dt} = -v +
     \begin{cases} E & A (v - V_{\rm ref}) < r \\ 0 & \text{else} \end{cases}, \qquad
-    \dot r = \frac{V_U - V_L}{T}, \quad r \to V_L \text{ every } T
+    r = V_L + (V_U - V_L)\,\operatorname{frac}\frac tT
 
 The average of :math:`v` does what the designer wants. **At which input voltage does the ripple double its
 period?**
 """
 
 # %%
-# The ramp is a state, and the clock an event; units are ms, mA, V.
+# The ramp is written as it stands; units are ms, mA, V.
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import Event, System, find_orbit, follow, orbit_diagram
+from pwsmooth import System, find_orbit, follow, orbit_diagram
 
 T = 0.4  # ms
-v, i, r = sp.symbols("v i r", real=True)
+t, v, i = sp.symbols("t v i", real=True)
 E, R, L, C = sp.symbols("E R L C", positive=True)
 error = 8.4 * (v - 11.3)
+ramp = 3.8 + (8.2 - 3.8) * sp.frac(t / T)
 buck = System(
     {
         v: (i / 1000 - v / R) / C,
-        i: (sp.Piecewise((E, error < r), (0, True)) - v) / L * 1000,
-        r: (8.2 - 3.8) / T,
+        i: (sp.Piecewise((E, error < ramp), (0, True)) - v) / L * 1000,
     },
-    events=[Event(every=T, update={r: 3.8})],
+    time=t,
     parameters={E: 20, R: 22, L: 20, C: 0.047},  # V, Ohm, mH, mF
 )
 
 # %%
 # The orbit with one pulse a period, followed in :math:`E`. The section lies half a period after the clock,
 # where nothing switches.
-orbit = find_orbit(
-    buck, {v: 12, i: 550, r: 6}, period=T, phase=0.5, transient=200
-)
+orbit = find_orbit(buck, {v: 12, i: 550}, period=T, phase=0.5, transient=200)
 branch = follow(orbit, E, to=28)
 (flip,) = branch.of_kind("flip")
 print(f"period doubling at E = {flip.parameter:.8f} V")

@@ -14,25 +14,24 @@ rest; dry friction holds the shaft:
 """
 
 # %%
-# The clock is a saw-tooth state :math:`s` from 0 to 1 that an event resets. SI units.
+# The clock is the fractional part of :math:`t/T`. SI units.
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import Event, System, find_orbit, follow, sweep
+from pwsmooth import System, find_orbit, follow, sweep
 
-i, w, s = sp.symbols("i omega s", real=True)
+t, i, w = sp.symbols("t i omega", real=True)
 d = sp.Symbol("d", positive=True)
 U, R, L, k, J, b, M_c = 12.0, 1.0, 2e-3, 0.05, 1e-4, 1e-4, 0.15
 T = 1e-3
 motor = System(
     {
-        i: (U * sp.sign(d - s) - R * i - k * w) / L,
+        i: (U * sp.sign(d - sp.frac(t / T)) - R * i - k * w) / L,
         w: (k * i - b * w - M_c * sp.sign(w)) / J,
-        s: 1 / T,
     },
-    events=[Event(every=T, update={s: 0})],
+    time=t,
     parameters={d: 0.52},
 )
 
@@ -40,9 +39,7 @@ motor = System(
 # The locked motor is a periodic orbit like any other. Followed in :math:`d` it ends to stick where the peak
 # of the current reaches :math:`M_c/k`, a bifurcation that is located; by hand the peak is :math:`\frac
 # UR\,\frac{1 - 2a + c}{1 - c}` with :math:`a = e^{-dTR/L}`, :math:`c = e^{-TR/L}`.
-locked = find_orbit(
-    motor, {i: 0, w: 0, s: 0}, period=T, phase=0.3, transient=20
-)
+locked = find_orbit(motor, {i: 0, w: 0}, period=T, phase=0.3, transient=20)
 branch = follow(locked, d, to=0.6)
 loose = branch.bifurcations[0]
 
@@ -62,7 +59,7 @@ duty = np.linspace(0.5, 0.7, 81)
 found = sweep(
     motor,
     {d: duty},
-    start={i: 0, w: 0, s: 0},
+    start={i: 0, w: 0},
     period=T,
     transient=400,
     periods=10,

@@ -18,14 +18,15 @@ with a noise of 0.02 N, so that the answer can be checked.
 import matplotlib.pyplot as plt
 import numpy as np
 
+from pwsmooth import Drive
 from pwsmooth.fit import fit
 from pwsmooth.laws.friction import LuGre
-from pwsmooth.scenes import Table, prescribed_motion
+from pwsmooth.scenes import prescribed_motion
 
 t = np.linspace(0, 2, 161)
 x = 2e-3 * np.sin(3 * t) * np.sin(t) + 2e-5 * np.sin(14 * t)
 true = LuGre(sigma0=8e4, sigma1=250, sigma2=30, F_c=1.2, F_s=1.7, v_s=1.5e-3)
-exact = prescribed_motion(true, position=Table(t, x)).solve(t_eval=t)["force"]
+exact = prescribed_motion(true, position=Drive(t, x)).solve(t_eval=t)["force"]
 measured = exact + np.random.default_rng(1).normal(0, 0.02, t.size)
 
 # %%

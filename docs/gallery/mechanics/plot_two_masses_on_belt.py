@@ -20,8 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, find_orbit, follow
-from pwsmooth.analysis.sections import Section
+from pwsmooth import System, find_orbit, follow, orbit_diagram
 
 x1, v1, x2, v2 = sp.symbols("x1 v1 x2 v2", real=True)
 V = sp.Symbol("V", positive=True)
@@ -55,13 +54,19 @@ print(f"period doubling at V = {flip.parameter:.8f}")
 # The return map, computed with SciPy's DOP853 restarted at every stick and slip, has the multiplier -1 at
 # the same speed: the page's test. What the blocks do there instead: the returns to :math:`x_1 = x_2`, over
 # the speed of the belt.
+speeds = np.linspace(0.36, 0.1, 261)
+diagram = orbit_diagram(
+    blocks,
+    V,
+    speeds,
+    orbit.start,
+    section=x1 - x2,
+    transient=100,
+    keep=30,
+    carry=True,
+)
 fig, ax = plt.subplots(figsize=(7, 3.6))
-point = orbit.x
-for speed in np.linspace(0.36, 0.1, 131):
-    map_ = Section(blocks.with_parameters({V: speed}), surface=x1 - x2)
-    points = map_.iterate(point, 30, discard=100)
-    point = points[-1]
-    ax.plot([speed] * 30, points[:, 0], "k.", markersize=1.2)
+diagram.plot(ax, x1)
 ax.plot(branch.values, branch.x[0], color="#D55E00", label="regular orbit")
 ax.axvline(flip.parameter, color="#D55E00", linestyle=":")
 ax.set(xlabel="belt speed V", ylabel="$x_1 = x_2$ at a return")

@@ -10,8 +10,9 @@ displacement :math:`z` that saturates at the yield displacement :math:`x_y`:
     \ddot x + 2\zeta\omega\dot x + \omega^2\,\bigl(\alpha x + (1 - \alpha) z\bigr) = -a_g(t), \qquad
     \dot z = \dot x - \frac{\beta\,|\dot x|\,z + (1 - \beta)\,\dot x\,|z|}{x_y}
 
-**Where does the energy of the earthquake go?** The ground motion is synthetic: a sum of waves with random
-phases, whose spectrum has the hump of soft soil and whose strength grows and fades.
+**Where does the energy of the earthquake go?** The record is synthetic: waves with random phases, whose
+spectrum has the hump of soft soil and whose strength grows and fades, sampled 50 times a second. One from a
+file is read by ``Drive.from_csv``.
 """
 
 # %%
@@ -19,9 +20,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
 
-from pwsmooth import System, solve
+from pwsmooth import Drive, System, solve
 
-t, x, v, z = sp.symbols("t x v z", real=True)
+x, v, z, ground = sp.symbols("x v z ground", real=True)
 E_in, E_damped, E_yield = sp.symbols("E_in E_damped E_yield", real=True)
 omega, zeta, alpha, beta, x_y = 2 * np.pi / 0.5, 0.02, 0.1, 0.6, 0.01
 
@@ -33,10 +34,9 @@ ratio = (f / 2.5) ** 2
 spectrum = (1 + 1.44 * ratio) / ((1 - ratio) ** 2 + 1.44 * ratio)
 share = np.sqrt(spectrum / spectrum.sum())
 phase = rng.uniform(0, 2 * np.pi, f.size)
-waves = sum(
-    a * sp.sin(2 * np.pi * k * t + p) for a, k, p in zip(share, f, phase)
-)
-ground = 2 * (t / 4) ** 2 * sp.exp(2 - t / 2) * waves  # m/s^2
+times = np.linspace(0, 20, 1001)
+waves = share @ np.sin(2 * np.pi * np.outer(f, times) + phase[:, None])
+record = 2 * (times / 4) ** 2 * np.exp(2 - times / 2) * waves  # m/s^2
 
 spring = omega**2 * (alpha * x + (1 - alpha) * z)
 z_rate = v - (beta * sp.Abs(v) * z + (1 - beta) * v * sp.Abs(z)) / x_y
@@ -49,8 +49,7 @@ storey = System(
         E_damped: 2 * zeta * omega * v**2,
         E_yield: omega**2 * (1 - alpha) * z * (v - z_rate),
     },
-    time=t,
-    outputs={"ground": ground},
+    drives={ground: Drive(times, record)},
 )
 sol = solve(storey, (0, 20), {s: 0 for s in storey.states}, dense_output=True)
 print(f"largest ground acceleration {np.abs(sol['ground']).max():.2f} m/s^2")
