@@ -430,7 +430,9 @@ def test_three_blocks_of_the_fault_slip_when_dop853_says():
 
 def test_the_fault_keeps_up_with_the_plate_by_a_few_large_earthquakes():
     fault = page("burridge_knopoff")
-    assert abs(fault["speed"] / 0.01 - 1) < 0.05 and fault["largest"] > 0.9
+    # Springs between blocks pull as much to both sides: while all stick their mean lags behind the plate by the mean
+    # friction, which is -1 to 1. So it may have changed by 2 in the 1500 units of time that are looked at.
+    assert abs(fault["speed"] - 0.01) < 2 / 1500 and fault["largest"] > 0.9
 
 
 def test_neurons_spike_when_their_exponentials_say_and_end_in_the_common_beat():
