@@ -84,6 +84,16 @@ class Select(sp.Function):
         return tuple(e.xreplace(above) for e in self.args[1:])
 
 
+class Held(sp.Function):
+    """Choice by whether a multiplier stands between its bounds: `apart` where lam is 1 or -1, else `held`."""
+
+    nargs = 3
+
+    def _eval_derivative(self, s):
+        lam, apart, held = self.args
+        return Held(lam, apart.diff(s), held.diff(s))
+
+
 class Above(sp.Function):
     """Max(0, base)**exponent, with the series of base**exponent."""
 

@@ -18,7 +18,7 @@ import random
 
 import sympy as sp
 
-from .model import Select
+from .model import Held, Select
 from .pointwise import draw, value
 
 POINTS = 8  # on the surface; two would do for polynomials, more reach the branches of a Piecewise
@@ -245,7 +245,7 @@ def beside_kinks(field, index, speed, kinks):
         if lam in acceleration.free_symbols:
             others = [k for k in kinks if k[0] != kink]
             apart = beside_kinks(field, index, speed, others) or speed
-            return sp.Piecewise((apart, sp.Eq(kink**2, 1)), (acceleration, True))
+            return Held(kink, apart, acceleration)
     return None
 
 

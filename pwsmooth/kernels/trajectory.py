@@ -34,8 +34,11 @@ from .state import (
     ALGEBRAIC,
     BROKEN,
     CONTACT,
+    CROSSING,
+    EV_SINGULAR,
     GO_ON,
     HELD,
+    KINK,
     NOTHING,
     PAIR,
     SOLVED,
@@ -45,9 +48,10 @@ from .state import (
     State,
 )
 from .step.arc import end_of_arc, propose_arc
+from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
 from .step.meeting import find_first, first_graze
-from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
+from .step.recording import has_room, keep_dense, record_event, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
 from .step.steps import (
@@ -59,7 +63,7 @@ from .step.steps import (
     reach_singular_surface,
     refine_by_pair,
 )
-from .surface.sliding import follow, mask_solved
+from .surface.sliding import follow, keep_on_surface, mask_solved
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
@@ -96,6 +100,7 @@ def begin(P, C, S, R, W):
     S.started = 1
     W.meeting.widest[:] = 0.0
     W.firing.last[:, :] = 0.0
+    follow_as_asked(P, C, W)
     forget_rhythm(S, W)
     restart_flags(W)
     code = call_unit(P.start_unit, P, C, S, R, W)
@@ -261,7 +266,7 @@ def find_end(P, C, S, R, W):
         end.stopped = end.stopped if h == asked else 0
     end.arrives = 0
     if P.watches != 0:
-        step.arrives = -1
+        step.arrives = step.rests = -1
         call_unit(P.approach_unit, P, C, S, R, W)
         arrives = step.arrives >= 0
         if arrives and step.time_row < 0 and step.length > step.stop - step.start:
@@ -351,6 +356,8 @@ def advance(P, C, S, R, W):
         for j in range(P.m):
             if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
                 keep_sliding(P, S, j, W)
+            elif S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING):
+                keep_on_surface(P, S, j, W)
         if len(P.contact) > 0:
             stop_closed(P, S, W)
         code = two_fold(P, C, S, R, W)
@@ -360,11 +367,27 @@ def advance(P, C, S, R, W):
     return GO_ON
 
 
+@kernel
+def _come_to_rest(P, C, S, R, W):
+    """The motion has come to a branch point with no speed left: it rests there with others, or the run ends; a code."""
+    S.deflate[:] = 0
+    W.meeting.tau[:] = NO_ROOT
+    W.instant.rests = W.step.rests
+    code = _settle_again(P, C, S, R, W)
+    if code != NOTHING:
+        return code
+    record_event(S, R, P.m + W.step.arrives, EV_SINGULAR, P.watch[W.step.arrives], 0)
+    record_point(P, S, R)
+    return Outcome.SINGULAR_POINT
+
+
 @loop_kernel
 def act(P, C, S, R, W):
     """What happens at the end of the step; a code."""
     step, end = W.step, W.end
     if end.arrives and end.length == step.length:
+        if step.rests >= 0:
+            return _come_to_rest(P, C, S, R, W)
         return call_unit(P.approach_unit, P, C, S, R, W)
     if end.touched != 0:
         if end.touched == LEFT:

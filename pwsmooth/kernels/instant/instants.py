@@ -35,6 +35,7 @@ from ..state import (
     Record,
     State,
 )
+from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
 from ..step.recording import record_ambiguity, record_event, record_point
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
@@ -55,6 +56,7 @@ from .holding import (
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
+from .resting import come_to_rest, rests_on_kink
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
 
@@ -146,6 +148,18 @@ def _is_minute(P, C, S, W, j):
 
 
 @kernel
+def _look_at_arcs(P, C, S, W, j):
+    """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
+    leads = W.step.nears == SWITCHING and W.step.leader == j
+    if 0.0 < S.last[j, 2] < 1.0:
+        if leads or W.step.nears != SWITCHING or S.t - S.last[W.step.leader, 0] > 10.0 * S.last[j, 1]:
+            evaluate_surfaces(P, S, W)
+            follow_arcs(P, C, S, W, j)
+    elif leads:
+        follow_as_asked(P, C, W)
+
+
+@kernel
 def _settle_switches(P, C, S, R, W, fold, fold_way):
     """Every switch that is met leaves its bound, crosses or slides; a code, and whether one has changed."""
     instant = W.instant
@@ -177,6 +191,8 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             instant.active[size] = j
             size += 1
         else:
+            if not jumped and rests_on_kink(P, C, S, R, W, j):
+                continue
             went = -status[j]
             if jumped:
                 if P.step_unit != 0:
@@ -189,6 +205,8 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             S.deflate[j] = 1
             switched = True
             note_interval(S.last[j], S.t)
+            if P.step_unit != 0:
+                _look_at_arcs(P, C, S, W, j)
             S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
             if S.minute > _MOST_MINUTE:
                 if P.kind[j] != SECOND_ORDER:
@@ -280,7 +298,7 @@ def _note_what_is_met(P, S, W):
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
-        if j >= 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+        if j >= 0 and P.watch[i] == 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
             instant.hit[m + i] = instant.hit[j] = True
     if instant.fold >= 0:
         instant.hit[instant.fold] = False
@@ -303,6 +321,13 @@ def at_instant(P, C, S, R, W):
     fold, elapsed = instant.fold, instant.elapsed
     instant.jumped = 0
     instant.together = 0
+    if instant.rests >= 0:
+        j, instant.rests = instant.rests, -1
+        record_point(P, S, R)
+        if not come_to_rest(P, C, S, R, W, j):
+            return NOTHING
+        record_point(P, S, R)
+        return GO_ON
     _note_what_is_met(P, S, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0

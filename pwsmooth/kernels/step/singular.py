@@ -16,8 +16,21 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..outcome import Outcome
-from ..state import EV_REST, EV_SINGULAR, GO_ON, PAIR, Control, Problem, Record, State
+from ..state import (
+    CROSSING,
+    EV_REST,
+    EV_SINGULAR,
+    GO_ON,
+    KINK,
+    PAIR,
+    SECOND_ORDER,
+    Control,
+    Problem,
+    Record,
+    State,
+)
 from ..work import Work
+from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
 from .steps import scaled, surface_rows, variation
@@ -32,6 +45,8 @@ _DECAY = 0.95  # of p: nearer to 1 it may be an exponential
 _STEEPEST = (
     -9.0
 )  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
+_SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 0
+_ARRIVED = 1e-10  # relative: the time left of a motion that comes to rest on several surfaces at once
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
 
 
@@ -82,13 +97,22 @@ def _power(P, S, W, i, a, speed):
 
 
 @kernel
-def _tolerance(P, C, S, W, i):
+def _tolerance(P, S, W, i):
     """By how much the absolute tolerance lets the argument of event i vary."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     total = 0.0
     for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
-        total += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+        total += abs(W.dh[e]) * W.step.atol[P.dh_col[e]]
     return 2.0 * total
+
+
+@kernel
+def _kink_at(P, W, i):
+    """The switch that may be held at the branch point of argument i, where the field is continuous, or -1."""
+    j = abs(P.twin[i]) - 1
+    if P.watch[i] != BRANCH or j < 0 or W.step.nears == SWITCHING:
+        return -1
+    return j if P.kind[j] == KINK or P.kind[j] == CROSSING or P.kind[j] == SECOND_ORDER else -1
 
 
 @kernel
@@ -123,6 +147,8 @@ def approach(P, C, S, R, W):
     m, K, kind, h = P.m, C.order, W.step.kind, W.step.length
     if W.step.arrives >= 0:
         return _arrived(P, S, R, W, W.step.arrives)
+    if W.step.nears == ON_ITS_WAY:
+        follow_as_asked(P, C, W)
     # An event of the user's at the same place says what happens there; a switch does not.
     first = NO_ROOT
     for j in range(m + P.ne):
@@ -142,6 +168,7 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
+        j = _kink_at(P, W, i) if a * bend > _SLOWS * speed * speed else -1
         if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
             continue
         roots.guess = 0.0
@@ -155,12 +182,18 @@ def approach(P, C, S, R, W):
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
-            if near and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
+            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, S, W, i)
+            if near and W.step.nears != SWITCHING and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left
                     return GO_ON
-        if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
+            if j >= 0 and left <= _ARRIVED * (1.0 + abs(S.t)):
+                W.step.arrives, W.step.rests, W.step.length = i, j, left
+                return GO_ON
+            if j >= 0:
+                W.step.length = min(W.step.length, _SHARE * left)
+                follow_to_rest(P, C, W, left)
+        if s <= min(1.0, first) and (P.watch[i] != BRANCH or j >= 0 or _stands(P, S, W, i, speed)):
             W.step.length = min(W.step.length, _SHARE * s * h)
     return GO_ON

@@ -1,0 +1,104 @@
+"""Arrival at rest on several surfaces at once, in finite time and without ever faster switching (accumulation.py).
+
+    s = v + |x|**(1/2) sign x,   x' = v,   v' = -2 sign s + d:      x = ((T - t)/2)**2 along s = 0
+
+From T on x = v = 0: the switch of x, a kink, is held at 0, and sign s takes the value d/2 that keeps the speed.
+Whether the motion can rest there is not guessed: it does if the surfaces have no speed, every multiplier that is
+solved for is in its bounds and pushes back, and the place is that to which the motion has come, within its tolerances.
+Chain: surface_rates.py -> **this file** -> instants.py, accumulation.py.
+"""
+
+from ..machine.compiling import kernel
+from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..step.recording import record_event
+from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
+from .surface_rates import approach_speed, stop_normal_speed
+
+_SWEEPS = 4
+_AS_NEAR = 1e3  # tolerances
+
+
+@kernel
+def _rests_now(P, S, j):
+    """Whether multiplier j belongs to a switch that rests on its surface."""
+    return P.kind[j] < CONTACT and (S.status[j] == SOLVED or S.status[j] == HELD)
+
+
+@kernel
+def _rest_with(P, S, W, j):
+    """Switch j, and with it the kinks on whose surface the motion now stands, are held."""
+    for k in range(P.m):
+        continuous = P.kind[k] == KINK or P.kind[k] == CROSSING
+        if k != j and (not continuous or abs(S.status[k]) != 1):
+            continue
+        approach_speed(P, S, k, W)
+        if k == j or abs(W.h[k]) <= surface_rounding(P, S, k, W):
+            S.status[k] = SOLVED if P.kind[k] == SECOND_ORDER else HELD
+            S.mult[k] = 0.0
+
+
+@kernel
+def _put_on_surfaces(P, S, W, j):
+    """Moves S.x to where the surfaces that are slid on, and that of switch j with its speed, are 0; False if not told."""
+    for _ in range(_SWEEPS):
+        for k in range(P.m):
+            if _rests_now(P, S, k):
+                keep_on_surface(P, S, k, W)
+        _rest_with(P, S, W, j)
+        mask_solved(P, S, W)
+        if not follow(P, S, W):
+            return False
+        still = True
+        for k in range(P.m):
+            if _rests_now(P, S, k) and abs(approach_speed(P, S, k, W)) > W.instant.rest_speed:
+                still = False
+                stop_normal_speed(P, S, k, W, False)
+        if still:
+            return True
+    return False
+
+
+@kernel
+def _stays(P, C, S, W):
+    """Whether what is solved for is in its bounds and pushes back, and S.x within tolerance of W.instant.x."""
+    for k in range(P.m):
+        if P.kind[k] < CONTACT and S.status[k] == SOLVED:
+            attracts = P.hidden[k] or W.G[P.g_diagonal[k]] < 0.0
+            if not (abs(S.mult[k]) <= 1.0 and attracts):
+                return False
+    for i in range(P.n):
+        tolerance = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
+        if not abs(S.x[i] - W.instant.x[i]) <= tolerance:
+            return False
+    return True
+
+
+@kernel
+def come_to_rest(P, C, S, R, W, j):
+    """Whether the motion, which has come to the surface of switch j, rests there; S is put there if so."""
+    instant = W.instant
+    for i in range(P.n):
+        instant.x[i] = S.x[i]
+    for k in range(P.m):
+        instant.status[k], instant.mult[k] = S.status[k], S.mult[k]
+    S.status[j], S.mult[j] = HELD, 0.0
+    if _put_on_surfaces(P, S, W, j) and _stays(P, C, S, W):
+        for k in range(P.m):
+            if S.status[k] != instant.status[k]:
+                S.deflate[k] = 0
+                record_event(S, R, k, EV_STICK, instant.status[k], 0)
+        return True
+    for i in range(P.n):
+        S.x[i] = instant.x[i]
+    for k in range(P.m):
+        S.status[k], S.mult[k] = instant.status[k], instant.mult[k]
+    return False
+
+
+@kernel
+def rests_on_kink(P, C, S, R, W, j):
+    """Whether a slide comes to rest on the surface of kink j, which stands in that on which it slides."""
+    for k in range(P.m):
+        if P.kind[k] == SLIDING and S.status[k] == SOLVED and P.nested[k]:
+            return P.kind[j] == KINK and come_to_rest(P, C, S, R, W, j)
+    return False
