@@ -123,13 +123,14 @@ def _settle_again(P, C, S, R, W):
 @loop_kernel
 def find_multipliers(P, C, S, R, W):
     """Solves for the multipliers at the present state; AGAIN where a root is lost and an instant has settled that."""
+    W.step.sliding = int(any_is(P, S, SOLVED))
     if any_is(P, S, HELD):
         code = release_held(P, C, S, R, W)
         if code == GO_ON:
             code = _settle_again(P, C, S, R, W)
         if code < GO_ON:
             return code
-    W.step.sliding = int(any_is(P, S, SOLVED))
+        W.step.sliding = int(any_is(P, S, SOLVED) or (P.jet_general != 0 and any_is(P, S, HELD)))
     if W.step.sliding:
         code = _find_roots(P, C, S, R, W)
         if code != NOTHING:

@@ -50,7 +50,7 @@ class Step(Bundle):
     atol: "f8[n]"  # absolute tolerances: those asked for, or finer ones
     leader: "int"  # switch whose arcs shrink, and how often it has been met since that was seen
     turns: "int"
-    met: "f8[2, n]"  # states at its last two switchings, the newest first
+    met: "f8[3, n]"  # states at its last switchings, the newest first
 
 
 class End(Bundle):

@@ -42,6 +42,7 @@ def follow_arcs(P, C, S, W, j):
     for i in range(P.n):
         if step.turns > 1:
             _follow_finer(C, W, i, interval * abs(W.dx[i]) + abs(S.x[i] - step.met[0, i]))
+        step.met[2, i] = step.met[1, i]
         step.met[1, i] = step.met[0, i]
         step.met[0, i] = S.x[i]
 
@@ -52,4 +53,4 @@ def go_on_as_arcs(P, S, W, left):
     last = S.last[W.step.leader]
     span = last[1] + last[1] / last[2]
     for i in range(P.n):
-        S.x[i] += left / span * (S.x[i] - W.step.met[1, i])
+        S.x[i] += left / span * (S.x[i] - W.step.met[2, i])

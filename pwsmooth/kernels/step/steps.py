@@ -175,8 +175,7 @@ def take_jet(P, C, S, any_solved, work):
         own = P.own_general * stride
         code = call_jet_general(P.jet_general, S.t, S.x, S.mult, P.p, work.mask, K, stride, work.step.rows, own)
         return P.mult_row if code == 0 else -1
-    take_slip_jet(P, C, S, work)
-    return 0
+    return 0 if take_slip_jet(P, C, S, work) == 0 else -1
 
 
 @inlined_kernel
