@@ -35,7 +35,6 @@ from .state import (
     BROKEN,
     CONTACT,
     CROSSING,
-    EV_SINGULAR,
     GO_ON,
     HELD,
     KINK,
@@ -51,7 +50,7 @@ from .step.arc import end_of_arc, propose_arc
 from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
 from .step.meeting import find_first, first_graze
-from .step.recording import has_room, keep_dense, record_event, record_grazes, record_point, sample
+from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
 from .step.steps import (
@@ -370,16 +369,12 @@ def advance(P, C, S, R, W):
 
 @kernel
 def _come_to_rest(P, C, S, R, W):
-    """The motion has come to a branch point with no speed left: it rests there with others, or the run ends; a code."""
+    """The motion has come to a branch point with no speed left: it rests there with others, or goes on; a code."""
     S.deflate[:] = 0
+    S.stalled = 0
     W.meeting.tau[:] = NO_ROOT
     W.instant.rests = W.step.rests
-    code = _settle_again(P, C, S, R, W)
-    if code != NOTHING:
-        return code
-    record_event(S, R, P.m + W.step.arrives, EV_SINGULAR, P.watch[W.step.arrives], 0)
-    record_point(P, S, R)
-    return Outcome.SINGULAR_POINT
+    return _settle_again(P, C, S, R, W)
 
 
 @loop_kernel

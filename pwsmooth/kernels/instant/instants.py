@@ -56,7 +56,7 @@ from .holding import (
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
-from .resting import come_to_rest, rests_on_kink
+from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
 from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
 
@@ -167,6 +167,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
     jumped = instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
+        stay_at_rest(P, C, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
@@ -208,6 +209,9 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             if P.step_unit != 0:
                 _look_at_arcs(P, C, S, W, j)
             S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
+            if S.minute > 0 and P.step_unit != 0 and come_to_rest(P, C, S, R, W, j):
+                S.minute = 0
+                continue
             if S.minute > _MOST_MINUTE:
                 if P.kind[j] != SECOND_ORDER:
                     return Outcome.CHATTERING, True
@@ -324,9 +328,8 @@ def at_instant(P, C, S, R, W):
     if instant.rests >= 0:
         j, instant.rests = instant.rests, -1
         record_point(P, S, R)
-        if not come_to_rest(P, C, S, R, W, j):
-            return NOTHING
-        record_point(P, S, R)
+        if come_to_rest(P, C, S, R, W, j):
+            record_point(P, S, R)
         return GO_ON
     _note_what_is_met(P, S, W)
     record_point(P, S, R)

@@ -8,14 +8,16 @@ solved for is in its bounds and pushes back, and the place is that to which the 
 Chain: surface_rates.py -> **this file** -> instants.py, accumulation.py.
 """
 
+from ..intervals import forget_intervals
 from ..machine.compiling import kernel
 from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..step.finer import follow_as_asked
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
-from .surface_rates import approach_speed, stop_normal_speed
+from .surface_rates import approach_speed, order_of_leaving, stop_normal_speed
 
 _SWEEPS = 4
-_AS_NEAR = 1e3  # tolerances
+_AS_NEAR = 10.0  # tolerances
 
 
 @kernel
@@ -60,7 +62,7 @@ def _put_on_surfaces(P, S, W, j):
 
 @kernel
 def _stays(P, C, S, W):
-    """Whether what is solved for is in its bounds and pushes back, and S.x within tolerance of W.instant.x."""
+    """Whether what is solved for is in its bounds and pushes back, what is held stays, and S.x is near W.instant.x."""
     for k in range(P.m):
         if P.kind[k] < CONTACT and S.status[k] == SOLVED:
             attracts = P.hidden[k] or W.G[P.g_diagonal[k]] < 0.0
@@ -69,6 +71,10 @@ def _stays(P, C, S, W):
     for i in range(P.n):
         tolerance = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
         if not abs(S.x[i] - W.instant.x[i]) <= tolerance:
+            return False
+    for k in range(P.m):
+        held = S.status[k] == HELD and (P.kind[k] == KINK or P.kind[k] == CROSSING)
+        if held and order_of_leaving(P, C, S, W, k) != 0:
             return False
     return True
 
@@ -86,7 +92,9 @@ def come_to_rest(P, C, S, R, W, j):
         for k in range(P.m):
             if S.status[k] != instant.status[k]:
                 S.deflate[k] = 0
+                forget_intervals(S.last[k], S.t)
                 record_event(S, R, k, EV_STICK, instant.status[k], 0)
+        follow_as_asked(P, C, W)
         return True
     for i in range(P.n):
         S.x[i] = instant.x[i]
@@ -102,3 +110,19 @@ def rests_on_kink(P, C, S, R, W, j):
         if P.kind[k] == SLIDING and S.status[k] == SOLVED and P.nested[k]:
             return P.kind[j] == KINK and come_to_rest(P, C, S, R, W, j)
     return False
+
+
+@kernel
+def stay_at_rest(P, C, S, R, W):
+    """Where a motion begins on the surfaces of a kink and of a switch in which it stands: both hold it, if it rests."""
+    hit = W.instant.hit
+    for j in range(P.m):
+        for k in range(P.m if P.kind[j] == KINK and hit[j] and abs(S.status[j]) == 1 else 0):
+            if P.kind[k] != SLIDING or not P.nested[k] or not hit[k] or abs(S.status[k]) != 1:
+                continue
+            side = S.status[k]
+            S.status[k], S.mult[k] = SOLVED, 0.0
+            if come_to_rest(P, C, S, R, W, j):
+                hit[j] = hit[k] = False
+            else:
+                S.status[k], S.mult[k] = side, float(side)

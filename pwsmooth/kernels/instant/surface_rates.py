@@ -10,6 +10,7 @@ from ..step.steps import take_jet, take_slip_jet
 from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved
 
 _HIGHEST = 7  # order with which a surface is left
+_MOMENT = 1e-6
 
 
 @kernel
@@ -78,14 +79,33 @@ def leading_order(P, C, S, W, i):
 
 
 @kernel
+def _order_of_speed(P, S, W, j):
+    """As `order_of_leaving`, from the speed of surface j now and a moment later: 1 or 2, or 0 where it has none."""
+    speed = approach_speed(P, S, j, W)
+    if abs(speed) > W.instant.rest_speed:
+        return 1 if speed > 0.0 else -1
+    t = S.t
+    for i in range(P.n):
+        W.instant.gradient[i] = S.x[i]
+        S.x[i] += _MOMENT * W.dx[i]
+    S.t += _MOMENT
+    speed = approach_speed(P, S, j, W)
+    S.t = t
+    for i in range(P.n):
+        S.x[i] = W.instant.gradient[i]
+    if abs(speed) <= W.instant.rest_speed:
+        return 0
+    return 2 if speed > 0.0 else -2
+
+
+@kernel
 def order_of_leaving(P, C, S, W, j):
     """Number of leading zero orders of surface j, whose switch is held, on the motion as it goes on; 0 if it stays.
 
     Negative if it goes there. Those of the slip trajectory where nothing can slide, or where there are no series.
     """
     if P.jet_general == 0:
-        order = leading_order(P, C, S, W, j)
-        return order if abs(order) < 4 else 0
+        return _order_of_speed(P, S, W, j)
     mask_solved(P, S, W)
     if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
         return 0

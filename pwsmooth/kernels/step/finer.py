@@ -40,8 +40,8 @@ def follow_arcs(P, C, S, W, j):
     step.nears = SWITCHING
     step.turns += 1
     for i in range(P.n):
-        if step.turns > 1:
-            _follow_finer(C, W, i, interval * abs(W.dx[i]) + abs(S.x[i] - step.met[0, i]))
+        before = step.met[0, i] if step.turns > 1 else 0.0
+        _follow_finer(C, W, i, interval * abs(W.dx[i]) + abs(S.x[i] - before))
         step.met[2, i] = step.met[1, i]
         step.met[1, i] = step.met[0, i]
         step.met[0, i] = S.x[i]
