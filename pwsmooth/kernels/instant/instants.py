@@ -58,7 +58,7 @@ from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
-from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
+from .surface_rates import approach_speed, arc_ahead, evaluate_surfaces, leading_order, stop_normal_speed
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
@@ -139,22 +139,23 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 @kernel
 def _is_minute(P, C, S, W, j):
-    """Whether surface j has stayed within the states' absolute tolerances of 0 since it was last met."""
+    """Whether surface j stays within the states' absolute tolerances of 0 until it is met again."""
+    interval = arc_ahead(P, S, W, j) if P.step_unit != 0 else S.last[j, 1]
     speed = approach_speed(P, S, j, W)
     tolerance = 0.0
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return 0.25 * abs(speed) * S.last[j, 1] < tolerance  # the height of an arc
+    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
 
 
 @kernel
 def _look_at_arcs(P, C, S, W, j):
     """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
     leads = W.step.nears == SWITCHING and W.step.leader == j
-    if 0.0 < S.last[j, 2] < 1.0:
+    ahead = arc_ahead(P, S, W, j)
+    if ahead < S.last[j, 1] or 0.0 < S.last[j, 2] < 1.0:
         if leads or W.step.nears != SWITCHING or S.t - S.last[W.step.leader, 0] > 10.0 * S.last[j, 1]:
-            evaluate_surfaces(P, S, W)
-            follow_arcs(P, C, S, W, j)
+            follow_arcs(P, C, S, W, j, ahead)
     elif leads:
         follow_as_asked(P, C, W)
 

@@ -56,6 +56,15 @@ def approach_speed(P, S, j, W):
 
 
 @kernel
+def arc_ahead(P, S, W, j):
+    """Time until surface j, just met, is met again: as before, or a parabola's where d2h/dt2 is known; fills W.dx."""
+    speed = approach_speed(P, S, j, W)
+    if P.kind[j] != SECOND_ORDER or not speed * W.g[j] < 0.0:
+        return S.last[j, 1]
+    return min(S.last[j, 1], -2.0 * speed / W.g[j])
+
+
+@kernel
 def leading_order(P, C, S, W, i):
     """Number of leading zero orders of surface i, on which S stands, on the slip trajectory; negative if it goes there.
 

@@ -4,7 +4,7 @@ It goes below any absolute tolerance, and what it comes to shows in its last dig
 what is left of the motion.
 """
 
-from ..machine.compiling import kernel
+from ..machine.compiling import inlined_kernel, kernel
 
 AS_ASKED, ON_ITS_WAY, SWITCHING = range(3)  # step.nears
 _FINEST = 1e-13  # of the absolute tolerance asked for: a state that stands still has nothing left
@@ -18,30 +18,31 @@ def follow_as_asked(P, C, W):
         W.step.atol[i] = C.atol[i]
 
 
-@kernel
-def _follow_finer(C, W, i, left):
-    W.step.atol[i] = min(C.atol[i], max(C.rtol * left, _FINEST * C.atol[i]))
+@inlined_kernel
+def _finer(C, i, left):
+    return min(C.atol[i], max(C.rtol * left, _FINEST * C.atol[i]))
 
 
 @kernel
 def follow_to_rest(P, C, W, left):
     """Overwrites step.atol for a motion, on the polynomials of the step, that comes to rest after this time."""
-    W.step.nears = ON_ITS_WAY
+    if W.step.nears == AS_ASKED:
+        W.step.nears = ON_ITS_WAY
     for i in range(P.n):
-        _follow_finer(C, W, i, left * abs(W.step.rows[i, 1]))
+        W.step.atol[i] = min(W.step.atol[i], _finer(C, i, left * abs(W.step.rows[i, 1])))
 
 
 @kernel
-def follow_arcs(P, C, S, W, j):
-    """Overwrites step.atol for arcs about surface j, of which one begins with the rates in W.dx."""
-    step, interval = W.step, S.last[j, 1]
+def follow_arcs(P, C, S, W, j, interval):
+    """Overwrites step.atol for arcs about surface j, of which one begins with the rates in W.dx and takes `interval`."""
+    step = W.step
     if step.nears != SWITCHING or step.leader != j:
         step.leader, step.turns = j, 0
     step.nears = SWITCHING
     step.turns += 1
     for i in range(P.n):
         before = step.met[0, i] if step.turns > 1 else 0.0
-        _follow_finer(C, W, i, interval * abs(W.dx[i]) + abs(S.x[i] - before))
+        step.atol[i] = _finer(C, i, interval * abs(W.dx[i]) + abs(S.x[i] - before))
         step.met[2, i] = step.met[1, i]
         step.met[1, i] = step.met[0, i]
         step.met[0, i] = S.x[i]

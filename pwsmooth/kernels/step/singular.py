@@ -110,7 +110,7 @@ def _tolerance(P, S, W, i):
 def _kink_at(P, W, i):
     """The switch that may be held at the branch point of argument i, where the field is continuous, or -1."""
     j = abs(P.twin[i]) - 1
-    if P.watch[i] != BRANCH or j < 0 or W.step.nears == SWITCHING:
+    if P.watch[i] != BRANCH or j < 0:
         return -1
     return j if P.kind[j] == KINK or P.kind[j] == CROSSING or P.kind[j] == SECOND_ORDER else -1
 
