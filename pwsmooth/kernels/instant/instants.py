@@ -37,6 +37,7 @@ from ..state import (
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
 from ..step.recording import record_ambiguity, record_event, record_point
+from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
@@ -138,9 +139,8 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 
 @kernel
-def _is_minute(P, C, S, W, j):
-    """Whether surface j stays within the states' absolute tolerances of 0 until it is met again."""
-    interval = arc_ahead(P, S, W, j) if P.step_unit != 0 else S.last[j, 1]
+def _is_minute(P, C, S, W, j, interval):
+    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
     speed = approach_speed(P, S, j, W)
     tolerance = 0.0
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
@@ -207,10 +207,12 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             S.deflate[j] = 1
             switched = True
             note_interval(S.last[j], S.t)
-            if P.step_unit != 0:
+            singular = has_branch_point(P, j)
+            if singular:
                 _look_at_arcs(P, C, S, W, j)
-            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
-            if S.minute > 0 and P.step_unit != 0 and come_to_rest(P, C, S, R, W, j):
+            interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
+            if S.minute > 0 and singular and come_to_rest(P, C, S, R, W, j):
                 S.minute = 0
                 continue
             if S.minute > _MOST_MINUTE:

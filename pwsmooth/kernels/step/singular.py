@@ -46,7 +46,11 @@ _STEEPEST = (
     -9.0
 )  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
 _SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 0
-_ARRIVED = 1e-10  # relative: the time left of a motion that comes to rest on several surfaces at once
+# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative,
+# and of the absolute tolerance asked for.
+_LAST_TIME, _LAST = 1e-10, 1e-4
+_HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
+_LANDS = 1.0 - 1e-6  # of the last way: not beyond the branch point
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
 
 
@@ -97,13 +101,22 @@ def _power(P, S, W, i, a, speed):
 
 
 @kernel
-def _tolerance(P, S, W, i):
-    """By how much the absolute tolerance lets the argument of event i vary."""
+def _tolerance(P, S, W, i, atol):
+    """By how much an absolute tolerance lets the argument of event i vary."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     total = 0.0
     for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
-        total += abs(W.dh[e]) * W.step.atol[P.dh_col[e]]
+        total += abs(W.dh[e]) * atol[P.dh_col[e]]
     return 2.0 * total
+
+
+@kernel
+def has_branch_point(P, j):
+    """Whether a power of surface j below 1 stands in the field."""
+    for i in range(P.ne):
+        if P.watch[i] == BRANCH and abs(P.twin[i]) == j + 1:
+            return True
+    return False
 
 
 @kernel
@@ -182,18 +195,18 @@ def approach(P, C, S, R, W):
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, S, W, i)
+            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, S, W, i, W.step.atol)
             if near and W.step.nears != SWITCHING and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left
                     return GO_ON
-            if j >= 0 and left <= _ARRIVED * (1.0 + abs(S.t)):
-                W.step.arrives, W.step.rests, W.step.length = i, j, left
-                return GO_ON
             if j >= 0:
-                W.step.length = min(W.step.length, _SHARE * left)
-                follow_to_rest(P, C, W, left)
+                if left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _LAST * _tolerance(P, S, W, i, C.atol):
+                    W.step.arrives, W.step.rests, W.step.length = i, j, _LANDS * left
+                    return GO_ON
+                W.step.length = min(W.step.length, _HALF * left)
+                follow_to_rest(P, C, W, left * _HALF ** (left * speed / a))
         if s <= min(1.0, first) and (P.watch[i] != BRANCH or j >= 0 or _stands(P, S, W, i, speed)):
             W.step.length = min(W.step.length, _SHARE * s * h)
     return GO_ON

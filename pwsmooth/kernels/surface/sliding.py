@@ -61,7 +61,7 @@ def follow(P, S, W):
     if not some:
         return True
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    clean = True
+    clean = W.step.nears == 0  # a motion that comes to rest has residuals below any rounding of others
     for j in range(P.m):
         # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
         if W.mask[j] and not abs(W.g[j]) <= 1e-14:
