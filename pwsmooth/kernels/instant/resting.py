@@ -13,8 +13,8 @@ from ..machine.compiling import kernel
 from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
 from ..step.finer import follow_as_asked
 from ..step.recording import record_event
-from ..surface.sliding import follow, keep_on_surface, mask_solved, surface_rounding
-from .surface_rates import approach_speed, order_of_leaving, stop_normal_speed
+from ..surface.sliding import follow, keep_on_surface, mask_solved
+from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, stop_normal_speed
 
 _SWEEPS = 4
 _AS_NEAR = 10.0  # tolerances
@@ -27,26 +27,29 @@ def _rests_now(P, S, j):
 
 
 @kernel
-def _rest_with(P, S, W, j):
-    """Switch j, and with it the kinks on whose surface the motion now stands, are held."""
+def _rest_with(P, C, S, W, j):
+    """Switch j, and with it the kinks on whose surface the motion now stands within tolerance, are held."""
     for k in range(P.m):
         continuous = P.kind[k] == KINK or P.kind[k] == CROSSING
         if k != j and (not continuous or abs(S.status[k]) != 1):
             continue
-        approach_speed(P, S, k, W)
-        if k == j or abs(W.h[k]) <= surface_rounding(P, S, k, W):
+        evaluate_surfaces(P, S, W)
+        tolerance = 0.0
+        for e in range(P.dh_row[k], P.dh_row[k + 1]):
+            tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+        if k == j or abs(W.h[k]) <= tolerance:
             S.status[k] = SOLVED if P.kind[k] == SECOND_ORDER else HELD
             S.mult[k] = 0.0
 
 
 @kernel
-def _put_on_surfaces(P, S, W, j):
+def _put_on_surfaces(P, C, S, W, j):
     """Moves S.x to where the surfaces that are slid on, and that of switch j with its speed, are 0; False if not told."""
-    for _ in range(_SWEEPS):
+    for sweep in range(_SWEEPS):
         for k in range(P.m):
             if _rests_now(P, S, k):
                 keep_on_surface(P, S, k, W)
-        _rest_with(P, S, W, j)
+        _rest_with(P, C, S, W, j)
         mask_solved(P, S, W)
         if not follow(P, S, W):
             return False
@@ -55,7 +58,7 @@ def _put_on_surfaces(P, S, W, j):
             if _rests_now(P, S, k) and abs(approach_speed(P, S, k, W)) > W.instant.rest_speed:
                 still = False
                 stop_normal_speed(P, S, k, W, False)
-        if still:
+        if still and sweep > 0:
             return True
     return False
 
@@ -88,7 +91,7 @@ def come_to_rest(P, C, S, R, W, j):
     for k in range(P.m):
         instant.status[k], instant.mult[k] = S.status[k], S.mult[k]
     S.status[j], S.mult[j] = HELD, 0.0
-    if _put_on_surfaces(P, S, W, j) and _stays(P, C, S, W):
+    if _put_on_surfaces(P, C, S, W, j) and _stays(P, C, S, W):
         for k in range(P.m):
             if S.status[k] != instant.status[k]:
                 S.deflate[k] = 0

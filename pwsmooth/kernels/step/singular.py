@@ -29,6 +29,7 @@ from ..state import (
     Record,
     State,
 )
+from ..surface.sliding import surface_size
 from ..work import Work
 from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
@@ -46,12 +47,30 @@ _STEEPEST = (
     -9.0
 )  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
 _SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 0
-# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative,
-# and of the absolute tolerance asked for.
-_LAST_TIME, _LAST = 1e-10, 1e-4
+# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative, or
+# of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
+_LAST_TIME, _LAST, _LAST_OF_SIZE = 1e-10, 1e-4, 1e-12
 _HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
 _LANDS = 1.0 - 1e-6  # of the last way: not beyond the branch point
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
+
+
+@kernel
+def has_branch_point(P, j):
+    """Whether a power of surface j below 1 stands in the field."""
+    for i in range(P.ne):
+        if P.watch[i] == BRANCH and abs(P.twin[i]) == j + 1:
+            return True
+    return False
+
+
+@kernel
+def _kink_at(P, i):
+    """The switch that may be held at the branch point of argument i, where the field is continuous, or -1."""
+    j = abs(P.twin[i]) - 1
+    if P.watch[i] != BRANCH or j < 0:
+        return -1
+    return j if P.kind[j] == KINK or P.kind[j] == CROSSING or P.kind[j] == SECOND_ORDER else -1
 
 
 @kernel
@@ -86,7 +105,7 @@ def _stands(P, S, W, i, speed):
     there = _speed_at(P, S, W, i, 0.0)
     for k in range(P.n):
         S.x[k] = W.step.x[k]
-    return there <= _STANDS * speed
+    return there <= (0.0 if _kink_at(P, i) >= 0 else _STANDS * speed)
 
 
 @kernel
@@ -111,21 +130,20 @@ def _tolerance(P, S, W, i, atol):
 
 
 @kernel
-def has_branch_point(P, j):
-    """Whether a power of surface j below 1 stands in the field."""
-    for i in range(P.ne):
-        if P.watch[i] == BRANCH and abs(P.twin[i]) == j + 1:
-            return True
-    return False
+def _is_before(P, W, j, end):
+    """Whether the step meets nothing before `end`, in its lengths; surface j itself is touched, wherever its root is."""
+    first = NO_ROOT
+    for k in range(P.m + P.ne):
+        if k != j:
+            first = min(first, W.meeting.tau[k])
+    return first > min(1.0, end * (1.0 - _SAME))
 
 
 @kernel
-def _kink_at(P, W, i):
-    """The switch that may be held at the branch point of argument i, where the field is continuous, or -1."""
-    j = abs(P.twin[i]) - 1
-    if P.watch[i] != BRANCH or j < 0:
-        return -1
-    return j if P.kind[j] == KINK or P.kind[j] == CROSSING or P.kind[j] == SECOND_ORDER else -1
+def _least(P, C, S, W, i):
+    """Down to where argument i is followed to rest."""
+    least = _LAST * _tolerance(P, S, W, i, C.atol)
+    return least if P.watch_state[i] >= 0 else max(least, _LAST_OF_SIZE * surface_size(P, S, P.m + i, W))
 
 
 @kernel
@@ -181,7 +199,14 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
-        j = _kink_at(P, W, i) if a * bend > _SLOWS * speed * speed else -1
+        j = _kink_at(P, i) if left < math.inf and a * bend > _SLOWS * speed * speed else -1
+        if j >= 0 and _is_before(P, W, j, left / h) and _is_active(P, S, W, i) and not _stands(P, S, W, i, speed):
+            if left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i):
+                W.step.arrives, W.step.rests, W.step.length = i, j, _LANDS * left
+                return GO_ON
+            W.step.length = min(W.step.length, _HALF * left)
+            follow_to_rest(P, C, W, left * (1.0 - W.step.length / left) ** (left * speed / a))
+            continue
         if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
             continue
         roots.guess = 0.0
@@ -201,12 +226,6 @@ def approach(P, C, S, R, W):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left
                     return GO_ON
-            if j >= 0:
-                if left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _LAST * _tolerance(P, S, W, i, C.atol):
-                    W.step.arrives, W.step.rests, W.step.length = i, j, _LANDS * left
-                    return GO_ON
-                W.step.length = min(W.step.length, _HALF * left)
-                follow_to_rest(P, C, W, left * _HALF ** (left * speed / a))
-        if s <= min(1.0, first) and (P.watch[i] != BRANCH or j >= 0 or _stands(P, S, W, i, speed)):
+        if s <= min(1.0, first) and (P.watch[i] != BRANCH or _stands(P, S, W, i, speed)):
             W.step.length = min(W.step.length, _SHARE * s * h)
     return GO_ON
