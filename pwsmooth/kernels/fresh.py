@@ -17,4 +17,4 @@ def restart_flags(W):
     step.kind = step.arrives = step.nears = 0
     instant.fold = instant.way = instant.at_clock = instant.jumped = instant.together = 0
     instant.solved_there = instant.look_again = 0
-    instant.rests = -1
+    instant.rests = step.refused = -1

@@ -38,7 +38,9 @@ class Step(Bundle):
     unsure: "int"  # whether the series may not tell how far they hold
     arcs: "int"  # whether the step could be an arc
     arrives: "int"  # singular argument whose zero the step ends at, or -1
-    rests: "int"  # switch that it may come to rest on there with others, or -1
+    rests: "int"  # switch that it may come to rest on with others, or -1
+    left: "float"  # time from the end of the step to that rest
+    refused: "int"  # switch on which the motion does not rest, as has been seen since the last switching, or -1
     nears: "int"  # whether the motion comes to a rest: to what it `atol` is relative then
     per_order: "float"  # 1/K and 1/(K - 1)
     per_order_before: "float"
@@ -216,6 +218,7 @@ class Instant(Bundle):
     mult: "f8[m]"
     gradient: "f8[n]"
     x: "f8[n]"  # before the motion is put to rest
+    dx: "f8[n]"
 
 
 class Work(Bundle):

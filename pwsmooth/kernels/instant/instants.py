@@ -214,7 +214,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
             S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
             short = P.kind[j] == SECOND_ORDER or interval <= _SHORT * (1.0 + abs(S.t))
-            if S.minute > 0 and singular and short and come_to_rest(P, C, S, R, W, j):
+            if S.minute > 0 and singular and short and come_to_rest(P, C, S, R, W, j, 0.0):
                 S.minute = 0
                 continue
             if S.minute > _MOST_MINUTE:
@@ -333,9 +333,12 @@ def at_instant(P, C, S, R, W):
     if instant.rests >= 0:
         j, instant.rests = instant.rests, -1
         record_point(P, S, R)
-        if come_to_rest(P, C, S, R, W, j):
+        if come_to_rest(P, C, S, R, W, j, W.step.left):
             record_point(P, S, R)
+        else:
+            W.step.refused = j
         return GO_ON
+    W.step.refused = -1
     _note_what_is_met(P, S, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0

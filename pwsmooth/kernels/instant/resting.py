@@ -11,13 +11,14 @@ Chain: surface_rates.py -> **this file** -> instants.py, accumulation.py.
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel
 from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
-from ..step.finer import follow_as_asked
+from ..step.finer import SWITCHING, follow_as_asked
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved
 from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, stop_normal_speed
 
 _SWEEPS = 4
 _AS_NEAR = 10.0  # tolerances
+_SHARE_OF_ARC = 1e-2
 
 
 @kernel
@@ -64,16 +65,18 @@ def _put_on_surfaces(P, C, S, W, j):
 
 
 @kernel
-def _stays(P, C, S, W):
-    """Whether what is solved for is in its bounds and pushes back, what is held stays, and S.x is near W.instant.x."""
+def _stays(P, C, S, W, left):
+    """Whether what is solved for is in its bounds and pushes back, what is held stays, and S.x is where x was going."""
     for k in range(P.m):
         if P.kind[k] < CONTACT and S.status[k] == SOLVED:
             attracts = P.hidden[k] or W.G[P.g_diagonal[k]] < 0.0
             if not (abs(S.mult[k]) <= 1.0 and attracts):
                 return False
     for i in range(P.n):
-        tolerance = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
-        if not abs(S.x[i] - W.instant.x[i]) <= tolerance:
+        near = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
+        if W.step.nears == SWITCHING:
+            near = min(near, _SHARE_OF_ARC / C.rtol * W.step.atol[i])
+        if not abs(S.x[i] - W.instant.x[i]) <= near + 2.0 * left * abs(W.instant.dx[i]):
             return False
     for k in range(P.m):
         held = S.status[k] == HELD and (P.kind[k] == KINK or P.kind[k] == CROSSING)
@@ -83,15 +86,18 @@ def _stays(P, C, S, W):
 
 
 @kernel
-def come_to_rest(P, C, S, R, W, j):
-    """Whether the motion, which has come to the surface of switch j, rests there; S is put there if so."""
-    instant = W.instant
+def come_to_rest(P, C, S, R, W, j, left):
+    """Whether the motion, which comes to the surface of switch j after `left`, rests there; S is put there if so."""
+    instant, t = W.instant, S.t
+    evaluate_surfaces(P, S, W)
     for i in range(P.n):
-        instant.x[i] = S.x[i]
+        instant.x[i], instant.dx[i] = S.x[i], W.dx[i]
+        S.x[i] += left * W.dx[i]
+    S.t += left
     for k in range(P.m):
         instant.status[k], instant.mult[k] = S.status[k], S.mult[k]
     S.status[j], S.mult[j] = HELD, 0.0
-    if _put_on_surfaces(P, C, S, W, j) and _stays(P, C, S, W):
+    if _put_on_surfaces(P, C, S, W, j) and _stays(P, C, S, W, left):
         for k in range(P.m):
             if S.status[k] != instant.status[k]:
                 S.deflate[k] = 0
@@ -99,6 +105,7 @@ def come_to_rest(P, C, S, R, W, j):
                 record_event(S, R, k, EV_STICK, instant.status[k], 0)
         follow_as_asked(P, C, W)
         return True
+    S.t = t
     for i in range(P.n):
         S.x[i] = instant.x[i]
     for k in range(P.m):
@@ -111,7 +118,7 @@ def rests_on_kink(P, C, S, R, W, j):
     """Whether a slide comes to rest on the surface of kink j, which stands in that on which it slides."""
     for k in range(P.m):
         if P.kind[k] == SLIDING and S.status[k] == SOLVED and P.nested[k]:
-            return P.kind[j] == KINK and come_to_rest(P, C, S, R, W, j)
+            return P.kind[j] == KINK and come_to_rest(P, C, S, R, W, j, 0.0)
     return False
 
 
@@ -125,7 +132,7 @@ def stay_at_rest(P, C, S, R, W):
                 continue
             side = S.status[k]
             S.status[k], S.mult[k] = SOLVED, 0.0
-            if come_to_rest(P, C, S, R, W, j):
+            if come_to_rest(P, C, S, R, W, j, 0.0):
                 hit[j] = hit[k] = False
             else:
                 S.status[k], S.mult[k] = side, float(side)

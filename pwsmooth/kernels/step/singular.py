@@ -51,7 +51,6 @@ _SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 
 # of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
 _LAST_TIME, _LAST, _LAST_OF_SIZE = 1e-10, 1e-4, 1e-12
 _HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
-_LANDS = 1.0 - 1e-6  # of the last way: not beyond the branch point
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
 
 
@@ -200,11 +199,12 @@ def approach(P, C, S, R, W):
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
         j = _kink_at(P, i) if left < math.inf and a * bend > _SLOWS * speed * speed else -1
-        if j >= 0 and _is_before(P, W, j, left / h) and _is_active(P, S, W, i) and not _stands(P, S, W, i, speed):
-            if left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i):
-                W.step.arrives, W.step.rests, W.step.length = i, j, _LANDS * left
-                return GO_ON
+        if j >= 0 and j != W.step.refused and _is_before(P, W, j, left / h) and _is_active(P, S, W, i) and not _stands(P, S, W, i, speed):
             W.step.length = min(W.step.length, _HALF * left)
+            last = left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i)
+            if last and S.t + left < W.step.stop:
+                W.step.arrives, W.step.rests, W.step.left = i, j, left - W.step.length
+                return GO_ON
             follow_to_rest(P, C, W, left * (1.0 - W.step.length / left) ** (left * speed / a))
             continue
         if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
