@@ -14,6 +14,7 @@ from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDI
 from ..step.finer import SWITCHING, follow_as_asked
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved
+from ..surface.sparse import entry
 from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, stop_normal_speed
 
 _SWEEPS = 4
@@ -44,6 +45,15 @@ def _rest_with(P, C, S, W, j):
 
 
 @kernel
+def _is_driven(P, S, W, k):
+    """Whether a multiplier that is solved for acts on the speed of surface k."""
+    for i in range(P.m):
+        if S.status[i] == SOLVED and entry(P.g_row, P.g_col, W.G, k, i) != 0.0:
+            return True
+    return False
+
+
+@kernel
 def _put_on_surfaces(P, C, S, W, j):
     """Moves S.x to where the surfaces that are slid on, and that of switch j with its speed, are 0; False if not told."""
     for sweep in range(_SWEEPS):
@@ -56,8 +66,12 @@ def _put_on_surfaces(P, C, S, W, j):
             return False
         still = True
         for k in range(P.m):
-            if _rests_now(P, S, k) and abs(approach_speed(P, S, k, W)) > W.instant.rest_speed:
-                still = False
+            if not _rests_now(P, S, k):
+                continue
+            # By its states alone a speed is stopped however small it is; by what is solved for it is 0 to rounding.
+            moves = abs(approach_speed(P, S, k, W)) > W.instant.rest_speed
+            still = still and not moves
+            if moves or (sweep == 0 and not _is_driven(P, S, W, k)):
                 stop_normal_speed(P, S, k, W, False)
         if still and sweep > 0:
             return True
@@ -75,7 +89,7 @@ def _stays(P, C, S, W, left):
     for i in range(P.n):
         near = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
         if W.step.nears == SWITCHING:
-            near = min(near, _SHARE_OF_ARC / C.rtol * W.step.atol[i])
+            near = min(near, _SHARE_OF_ARC * abs(W.step.met[0, i] - W.step.met[1, i]))
         if not abs(S.x[i] - W.instant.x[i]) <= near + 2.0 * left * abs(W.instant.dx[i]):
             return False
     for k in range(P.m):

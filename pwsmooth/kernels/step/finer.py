@@ -7,7 +7,7 @@ what is left of the motion.
 from ..machine.compiling import inlined_kernel, kernel
 
 AS_ASKED, ON_ITS_WAY, SWITCHING = range(3)  # step.nears
-_FINEST = 1e-13  # of the absolute tolerance asked for: a state that stands still has nothing left
+_FINEST = 1e-20  # of the absolute tolerance asked for: a state that stands still has nothing left
 
 
 @kernel
