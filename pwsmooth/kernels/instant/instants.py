@@ -65,7 +65,6 @@ from .surface_rates import approach_speed, arc_ahead, evaluate_surfaces, leading
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
 # with fewer.
 _MOST_MINUTE = 10_000
-_SHORT = 1e-6  # relative: an arc too short to be followed
 
 
 @kernel
@@ -213,8 +212,8 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
                 _look_at_arcs(P, C, S, W, j)
             interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
             S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
-            short = P.kind[j] == SECOND_ORDER or interval <= _SHORT * (1.0 + abs(S.t))
-            if S.minute > 0 and singular and short and come_to_rest(P, C, S, R, W, j, 0.0):
+            told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
+            if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
                 S.minute = 0
                 continue
             if S.minute > _MOST_MINUTE:

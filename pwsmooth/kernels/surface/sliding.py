@@ -112,7 +112,8 @@ def surface_size(P, S, j, W):
     """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
     total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t)
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        total += abs(W.dh[e] * S.x[P.dh_col[e]])
+        if S.x[P.dh_col[e]] != 0.0:  # where a root has its branch point its slope is infinite
+            total += abs(W.dh[e] * S.x[P.dh_col[e]])
     return total
 
 
