@@ -112,7 +112,9 @@ class Multiplier:
     hidden: bool = False  # the residual is nonlinear in this multiplier
     impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
     second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order
-    beside: sp.Expr | None = None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
+    beside: sp.Expr | None = (
+        None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
+    )
 
     @property
     def condition(self) -> sp.Expr:

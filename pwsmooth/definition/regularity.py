@@ -231,7 +231,7 @@ def second_derivative(field, index, speed):
 
 
 def beside_kinks(field, index, speed, kinks):
-    """g of a switch that slides with `speed` = dh/dt, also while one of the `kinks` is held at 0; None if that is dh/dt.
+    """g of a switch that slides with `speed` = dh/dt, also while one of the `kinks` is held; None if that is dh/dt.
 
     Of x' = v, v' = -lambda the surface x + v |v| has dh/dt = v - 2 |v| lambda. At v = 0 nothing is left of that lambda,
     and what keeps the motion on the surface is d2h/dt2 = v'.

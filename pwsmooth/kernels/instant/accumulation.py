@@ -61,7 +61,7 @@ def _is_lost(P, S, W, i, interval):
 
 @kernel
 def _is_minute(P, S, W, j):
-    """Whether the arcs about surface j, followed to their limit, are too short or too low to be followed much longer."""
+    """Whether the arcs about surface j, followed to their limit, are too short or too low to be followed longer."""
     if W.step.nears != SWITCHING or W.step.leader != j or W.step.turns < 3:
         return False
     next_height = 0.25 * abs(approach_speed(P, S, j, W)) * S.last[j, 1] * S.last[j, 2]

@@ -153,7 +153,8 @@ def _look_at_arcs(P, C, S, W, j):
     """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
     leads = W.step.nears == SWITCHING and W.step.leader == j
     ahead = arc_ahead(P, S, W, j)
-    if ahead < S.last[j, 1] or 0.0 < S.last[j, 2] < 1.0:
+    grows = 1.0 <= S.last[j, 2] < math.inf
+    if ahead < S.last[j, 1] or not grows:
         if leads or W.step.nears != SWITCHING or S.t - S.last[W.step.leader, 0] > 10.0 * S.last[j, 1]:
             follow_arcs(P, C, S, W, j, ahead)
     elif leads:
@@ -306,7 +307,9 @@ def _note_what_is_met(P, S, W):
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
-        if j >= 0 and P.watch[i] == 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+        if j < 0 or P.watch[i] != 0 or instant.hit[m + i] == instant.hit[j]:
+            continue
+        if S.side[i] * P.twin[i] == status[j] * (j + 1):
             instant.hit[m + i] = instant.hit[j] = True
     if instant.fold >= 0:
         instant.hit[instant.fold] = False

@@ -19,7 +19,7 @@ from .surface_rates import approach_speed, evaluate_surfaces, order_of_leaving, 
 
 _SWEEPS = 4
 _AS_NEAR = 10.0  # tolerances
-_SHARE_OF_ARC = 1e-2
+_SHARE_OF_ARC = 1e-6
 
 
 @kernel
@@ -55,7 +55,7 @@ def _is_driven(P, S, W, k):
 
 @kernel
 def _put_on_surfaces(P, C, S, W, j):
-    """Moves S.x to where the surfaces that are slid on, and that of switch j with its speed, are 0; False if not told."""
+    """Moves S.x to where the surfaces that are rested on and their speeds are 0; False if it does not come there."""
     for sweep in range(_SWEEPS):
         for k in range(P.m):
             if _rests_now(P, S, k):

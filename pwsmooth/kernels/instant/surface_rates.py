@@ -75,7 +75,9 @@ def leading_order(P, C, S, W, i):
         speed = approach_speed(P, S, i, W)
         return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
     if take_slip_jet(P, C, S, W) != 0:
-        speed = approach_speed(P, S, i, W)  # a selection stands between its branches: there is no slip trajectory
+        speed = approach_speed(
+            P, S, i, W
+        )  # a selection stands between its branches: there is no slip trajectory
         return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
     row = W.step.rows[P.rows_slip[i]]
     size = 1e-3

@@ -1,4 +1,4 @@
-"""Finer absolute tolerances for a motion that comes to rest in finite time, be it along a slide or by ever faster switching.
+"""Finer absolute tolerances for a motion that comes to rest in finite time, along a slide or by ever faster switching.
 
 It goes below any absolute tolerance, and what it comes to shows in its last digits: there an error counts relative to
 what is left of the motion.
@@ -34,7 +34,7 @@ def follow_to_rest(P, C, W, left):
 
 @kernel
 def follow_arcs(P, C, S, W, j, interval):
-    """Overwrites step.atol for arcs about surface j, of which one begins with the rates in W.dx and takes `interval`."""
+    """Overwrites step.atol for arcs about surface j, of which one begins, with the rates in W.dx, of that interval."""
     step = W.step
     if step.nears != SWITCHING or step.leader != j:
         step.leader, step.turns = j, 0

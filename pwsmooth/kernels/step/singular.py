@@ -47,8 +47,8 @@ _STEEPEST = (
     -9.0
 )  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
 _SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 0
-# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative, or
-# of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
+# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative,
+# or of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
 _LAST_TIME, _LAST, _LAST_OF_SIZE = 1e-10, 1e-4, 1e-12
 _HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
@@ -129,11 +129,11 @@ def _tolerance(P, S, W, i, atol):
 
 
 @kernel
-def _is_before(P, W, j, end):
-    """Whether the step meets nothing before `end`, in its lengths; surface j itself is touched, wherever its root is."""
+def _is_before(P, W, i, end):
+    """Whether the step meets nothing before `end`, in its lengths, but argument i, wherever its multiple root is."""
     first = NO_ROOT
     for k in range(P.m + P.ne):
-        if k != j:
+        if k + 1 != abs(P.twin[i]):
             first = min(first, W.meeting.tau[k])
     return first > min(1.0, end * (1.0 - _SAME))
 
@@ -198,8 +198,9 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
-        j = _kink_at(P, i) if left < math.inf and a * bend > _SLOWS * speed * speed else -1
-        if j >= 0 and j != W.step.refused and _is_before(P, W, j, left / h) and _is_active(P, S, W, i) and not _stands(P, S, W, i, speed):
+        slows = left < math.inf and a * bend > _SLOWS * speed * speed and _is_before(P, W, i, left / h)
+        j = _kink_at(P, i) if slows and _is_active(P, S, W, i) else -1
+        if j >= 0 and j != W.step.refused and not _stands(P, S, W, i, speed):
             W.step.length = min(W.step.length, _HALF * left)
             last = left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i)
             if last and S.t + left < W.step.stop:
