@@ -50,6 +50,7 @@ _SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 
 # A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative,
 # or of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
 _LAST_TIME, _LAST, _LAST_OF_SIZE = 1e-10, 1e-4, 1e-12
+_LAST_OF_ARC = 1e-18  # of the same: an arc that looks like an arrival may still cross
 _HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
 
@@ -141,7 +142,7 @@ def _is_before(P, W, i, end):
 @kernel
 def _least(P, C, S, W, i):
     """Down to where argument i is followed to rest."""
-    least = _LAST * _tolerance(P, S, W, i, C.atol)
+    least = (_LAST_OF_ARC if W.step.nears == SWITCHING else _LAST) * _tolerance(P, S, W, i, C.atol)
     return least if P.watch_state[i] >= 0 else max(least, _LAST_OF_SIZE * surface_size(P, S, P.m + i, W))
 
 
