@@ -8,9 +8,11 @@ solved for is in its bounds and pushes back, and the place is that to which the 
 Chain: surface_rates.py -> **this file** -> instants.py, accumulation.py.
 """
 
+import math
+
 from ..intervals import forget_intervals
 from ..machine.compiling import kernel
-from ..state import CONTACT, CROSSING, EV_STICK, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
+from ..state import CONTACT, CROSSING, EV_STICK, EV_TANGENCY, HELD, KINK, SECOND_ORDER, SLIDING, SOLVED
 from ..step.finer import SWITCHING, follow_as_asked
 from ..step.recording import record_event
 from ..surface.sliding import follow, keep_on_surface, mask_solved
@@ -80,19 +82,30 @@ def _put_on_surfaces(P, C, S, W, j):
 
 @kernel
 def _stays(P, C, S, W, left):
-    """Whether what is solved for is in its bounds and pushes back, what is held stays, and S.x is where x was going."""
+    """Whether what is solved for pushes back, what is held stays, and S.x is where x was going.
+
+    Where a slide comes with more of a load than its multiplier can bear at rest, it is let go there, and the rest ends
+    as it begins: what is held follows (settling.release_held).
+    """
+    let_go = False
     for k in range(P.m):
         if P.kind[k] < CONTACT and S.status[k] == SOLVED:
-            attracts = P.hidden[k] or W.G[P.g_diagonal[k]] < 0.0
-            if not (abs(S.mult[k]) <= 1.0 and attracts):
+            if not (P.hidden[k] or W.G[P.g_diagonal[k]] < 0.0):
                 return False
+            if not abs(S.mult[k]) <= 1.0:
+                if P.kind[k] != SLIDING or W.instant.status[k] != SOLVED or not abs(S.mult[k]) < math.inf:
+                    return False
+                S.status[k] = 1 if S.mult[k] > 0.0 else -1
+                S.mult[k] = float(S.status[k])
+                S.deflate[k] = 2
+                let_go = True
     for i in range(P.n):
         near = _AS_NEAR * (C.atol[i] + C.rtol * abs(W.instant.x[i]))
         if W.step.nears == SWITCHING:
             near = min(near, _SHARE_OF_ARC * abs(W.step.met[0, i] - W.step.met[1, i]))
         if not abs(S.x[i] - W.instant.x[i]) <= near + 2.0 * left * abs(W.instant.dx[i]):
             return False
-    for k in range(P.m):
+    for k in range(0 if let_go else P.m):
         held = S.status[k] == HELD and (P.kind[k] == KINK or P.kind[k] == CROSSING)
         if held and order_of_leaving(P, C, S, W, k) != 0:
             return False
@@ -113,9 +126,13 @@ def come_to_rest(P, C, S, R, W, j, left):
     S.status[j], S.mult[j] = HELD, 0.0
     if _put_on_surfaces(P, C, S, W, j) and _stays(P, C, S, W, left):
         for k in range(P.m):
-            if S.status[k] != instant.status[k]:
+            if S.status[k] == instant.status[k]:
+                continue
+            forget_intervals(S.last[k], S.t)
+            if abs(S.status[k]) == 1:
+                record_event(S, R, k, EV_TANGENCY, 0, S.status[k])
+            else:
                 S.deflate[k] = 0
-                forget_intervals(S.last[k], S.t)
                 record_event(S, R, k, EV_STICK, instant.status[k], 0)
         follow_as_asked(P, C, W)
         return True
