@@ -349,3 +349,14 @@ def test_a_surface_that_is_touched_is_no_place_to_rest():
     # x = (t - 1)**2/2 touches 0, where sqrt(|x|) has its branch point, and goes on.
     solution = solve(System({x: v, v: 1, y: signed(x, sp.S.Half)}), (0, 2), [0.5, -1, 0])
     assert solution.x[:, -1] == pytest.approx([0.5, 1, 1 / math.sqrt(2)], abs=1e-9)
+
+
+def test_what_breaks_loose_and_comes_to_the_origin_overloaded_goes_on():
+    # |d| up to 2.5 against a gain of 2: the slide arrives where it cannot rest, is let go there, and is caught again.
+    surface = v + signed(x, sp.S.Half)
+    solution = solve(System({x: v, v: -2 * sp.sign(surface) + 2.5 * sp.sin(t)}, time=t), (0, 6), [0.5, 0])
+    steep = solve_ivp(
+        lambda t, y: [y[1], -2 * math.tanh((y[1] + power(y[0], 0.5)) * 1e7) + 2.5 * math.sin(t)],
+        (0, 6), [0.5, 0], method="Radau", rtol=1e-7, atol=1e-10, max_step=0.02,
+    )  # fmt: skip
+    assert solution.success and solution.x[:, -1] == pytest.approx(steep.y[:, -1], abs=1e-5)
