@@ -411,6 +411,22 @@ def test_twisting_comes_to_rest_when_its_series_says_and_switches_when_dop853_sa
     assert np.all(twisting["run"](twisting["times"]) == 0)
 
 
+def test_super_twisting_reaches_its_surface_when_its_linear_oscillator_says_and_stays_there():
+    control = page("super_twisting")
+    assert abs(control["reached"] - control["exact"]) < 1e-7
+    run = control["run"]
+    rest = run.event_times("accumulation")[-1]
+    assert np.all(run(np.linspace(rest, 8, 50), "s") == 0)
+
+    # Up to the first return to s = 0 in zeta = sqrt|s|, whose equations have no root: ds = 2 zeta dzeta.
+    def rates(tau, y):
+        zeta, w, t = y
+        return [-1.5 * zeta + w, 2 * zeta * (-1.1 + 0.5 * np.cos(t)), 2 * zeta]
+
+    _, y, _ = until(rates, [0, 1, 0], 0, 20, (lambda tau, y: y[0], -1))
+    assert abs(run.event_times("crossing")[0] - y[2]) < 1e-8
+
+
 # ---- earth, climate and life
 
 

@@ -15,7 +15,7 @@ from functools import cached_property
 import sympy as sp
 
 from .model import EventSpec, Model, Multiplier, of_event
-from .regularity import classify, residual_of, second_derivative, total_derivative
+from .regularity import beside_kinks, classify, residual_of, second_derivative, total_derivative
 from .singular import watched
 
 
@@ -116,6 +116,10 @@ def multipliers(field):
         regularity, hidden = classes[pattern]
         second = second_derivative(field, index, residual) if regularity == "crossing" else None
         result.append(Multiplier(lam, "switch", residual, h, regularity, hidden, second=second))
+    kinks = [(m.symbol, m.surface) for m in result if m.regularity == "kink"]
+    for index, m in enumerate(result):
+        if kinks and m.regularity == "sliding" and not m.hidden:
+            result[index] = replace(m, beside=beside_kinks(field, index, m.residual, kinks))
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))

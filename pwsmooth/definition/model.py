@@ -85,6 +85,16 @@ class Select(sp.Function):
         return tuple(e.xreplace(above) for e in self.args[1:])
 
 
+class Held(sp.Function):
+    """Choice by whether a multiplier stands between its bounds: `apart` where lam is 1 or -1, else `held`."""
+
+    nargs = 3
+
+    def _eval_derivative(self, s):
+        lam, apart, held = self.args
+        return Held(lam, apart.diff(s), held.diff(s))
+
+
 class Above(sp.Function):
     """Max(0, base)**exponent, with the series of base**exponent."""
 
@@ -174,11 +184,14 @@ class Multiplier:
     hidden: bool = False  # the residual is nonlinear in this multiplier
     impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
     second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order
+    beside: sp.Expr | None = (
+        None  # dh/dt, or d2h/dt2 while a kink in h is held from whose dh/dt lambda has gone
+    )
 
     @property
     def condition(self) -> sp.Expr:
         """g: what vanishes while the multiplier is solved."""
-        return self.residual if self.second is None else self.second
+        return next(e for e in (self.beside, self.second, self.residual) if e is not None)
 
 
 @dataclass(frozen=True)

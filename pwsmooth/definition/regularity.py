@@ -18,7 +18,7 @@ import random
 
 import sympy as sp
 
-from .model import Select
+from .model import Held, Select
 from .pointwise import draw, value
 
 POINTS = 8  # on the surface; two would do for polynomials, more reach the branches of a Piecewise
@@ -36,9 +36,9 @@ def total_derivative(h, time, states, rates):
     return sp.Add(h.diff(time) if time in free else 0, *terms)
 
 
-def affine_in(e, lam):
-    """`e` with the selections by one multiplier in their affine form."""
-    selections = {s: s.affine() for s in e.atoms(Select) if s.args[0] == lam}
+def affine_in(e, lam, surface=None):
+    """`e` with the selections by one multiplier in their affine form; on its `surface`, if given."""
+    selections = {s: s.affine(surface) for s in e.atoms(Select) if s.args[0] == lam}
     return e.xreplace(selections) if selections else e
 
 
@@ -210,9 +210,11 @@ def second_derivative(field, index, speed):
     """d2h/dt2 of a crossing where its multiplier can hold it at 0; None where that is not so or not told.
 
     While the motion chatters about such a surface the multiplier is 1 or -1, and what holds is the mean. So the field
-    has to be affine in it, and `speed` = dh/dt must not jump with any multiplier.
+    has to be affine in it, and `speed` = dh/dt must not jump with any multiplier. All that on the surface, where its
+    powers are 0: in super-twisting control, s' = -|s|**0.5 sign s + w and w' = -sign s, the speed is w there.
     """
-    lam = field.switches[index][0]
+    lam, h = field.switches[index]
+    speed = affine_in(speed, lam, h)
     free = speed.free_symbols
     moving = {*(s for s, _ in field.switches), *(u for u, *_ in (*field.algebraic, *field.contacts))}
     if not free.isdisjoint(moving):
@@ -220,11 +222,31 @@ def second_derivative(field, index, speed):
     acceleration = total_derivative(speed, field.time, field.states, field.rates)
     if lam not in acceleration.free_symbols:
         return None
-    dependent = field.by_multiplier[lam]
+    acceleration = affine_in(acceleration, lam, h)
+    dependent = [affine_in(e, lam, h) for e in field.by_multiplier[lam]]
     surface = Surface(field, index, [acceleration, *dependent])
     if not surface.differ(acceleration) or any(surface.nonlinear(e) for e in (acceleration, *dependent)):
         return None
     return acceleration
+
+
+def beside_kinks(field, index, speed, kinks):
+    """g of a switch that slides with `speed` = dh/dt, also while one of the `kinks` is held; None if that is dh/dt.
+
+    Of x' = v, v' = -lambda the surface x + v |v| has dh/dt = v - 2 |v| lambda. At v = 0 nothing is left of that lambda,
+    and what keeps the motion on the surface is d2h/dt2 = v'.
+    """
+    lam = field.switches[index][0]
+    for kink, h in kinks:
+        at_zero = affine_in(speed, kink, h).xreplace({kink: sp.S.Zero})
+        if kink not in speed.free_symbols or lam in at_zero.free_symbols:
+            continue
+        acceleration = total_derivative(at_zero, field.time, field.states, field.rates)
+        if lam in acceleration.free_symbols:
+            others = [k for k in kinks if k[0] != kink]
+            apart = beside_kinks(field, index, speed, others) or speed
+            return Held(kink, apart, acceleration)
+    return None
 
 
 def classify(field, index, residual):

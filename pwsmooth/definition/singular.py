@@ -259,9 +259,10 @@ class _Search:
             sp.Expr, set
         ] = {}  # where each stands: conditions under which its branch is evaluated
         self.seen: set = set()
+        self.highest = 1  # power whose branch point matters: dh/dt has one less than h
 
     def walk(self, e, signs, path=()):
-        key = (e, frozenset(signs.items()), path)
+        key = (e, frozenset(signs.items()), path, self.highest)
         if not e.args or key in self.seen or e.free_symbols.isdisjoint(self.moving):
             return
         self.seen.add(key)
@@ -290,8 +291,9 @@ class _Search:
         if argument.power is None:
             kind = "pole"
         elif zero in signs:
-            # The branch holds up to its own surface: with a power above 1 the motion takes infinite time to get there.
-            if argument.power.is_number and argument.power > 1:
+            # The branch holds up to its own surface: with a power above 1 the motion takes infinite time to get there,
+            # but not along a surface in which that power stands.
+            if argument.power.is_number and argument.power > self.highest:
                 return
             kind = "branch"
         elif self.bounds.of(factor, signs)[0] >= 0:
@@ -304,9 +306,11 @@ class _Search:
 def watched(field, others=()):
     """Events at the singular arguments of a lifted field; `others` are symbols that move besides its own."""
     search = _Search(field, others)
+    surfaces = {h for _, h in field.switches}
     for e in (*field.rates, *(h for _, h in field.switches), *(r for _, r in field.algebraic),
               *(gap for _, gap, _ in field.contacts), *(e for _, e in field.sums),
               *(event.surface for event in field.events if event.surface is not None)):  # fmt: skip
+        search.highest = 2 if e in surfaces else 1
         search.walk(e, {})
     return tuple(
         EventSpec(

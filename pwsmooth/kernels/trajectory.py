@@ -34,8 +34,10 @@ from .state import (
     ALGEBRAIC,
     BROKEN,
     CONTACT,
+    CROSSING,
     GO_ON,
     HELD,
+    KINK,
     NOTHING,
     PAIR,
     SOLVED,
@@ -45,6 +47,7 @@ from .state import (
     State,
 )
 from .step.arc import end_of_arc, propose_arc
+from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
 from .step.meeting import find_first, first_graze
 from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
@@ -59,7 +62,7 @@ from .step.steps import (
     reach_singular_surface,
     refine_by_pair,
 )
-from .surface.sliding import follow, mask_solved
+from .surface.sliding import follow, keep_on_surface, mask_solved
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
@@ -96,6 +99,7 @@ def begin(P, C, S, R, W):
     S.started = 1
     W.meeting.widest[:] = 0.0
     W.firing.last[:, :] = 0.0
+    follow_as_asked(P, C, W)
     forget_rhythm(S, W)
     restart_flags(W)
     code = call_unit(P.start_unit, P, C, S, R, W)
@@ -118,13 +122,14 @@ def _settle_again(P, C, S, R, W):
 @loop_kernel
 def find_multipliers(P, C, S, R, W):
     """Solves for the multipliers at the present state; AGAIN where a root is lost and an instant has settled that."""
+    W.step.sliding = int(any_is(P, S, SOLVED))
     if any_is(P, S, HELD):
         code = release_held(P, C, S, R, W)
         if code == GO_ON:
             code = _settle_again(P, C, S, R, W)
         if code < GO_ON:
             return code
-    W.step.sliding = int(any_is(P, S, SOLVED))
+        W.step.sliding = int(any_is(P, S, SOLVED) or (P.jet_general != 0 and any_is(P, S, HELD)))
     if W.step.sliding:
         code = _find_roots(P, C, S, R, W)
         if code != NOTHING:
@@ -261,7 +266,7 @@ def find_end(P, C, S, R, W):
         end.stopped = end.stopped if h == asked else 0
     end.arrives = 0
     if P.watches != 0:
-        step.arrives = -1
+        step.arrives = step.rests = -1
         call_unit(P.approach_unit, P, C, S, R, W)
         arrives = step.arrives >= 0
         if arrives and step.time_row < 0 and step.length > step.stop - step.start:
@@ -351,6 +356,8 @@ def advance(P, C, S, R, W):
         for j in range(P.m):
             if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
                 keep_sliding(P, S, j, W)
+            elif S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING):
+                keep_on_surface(P, S, j, W)
         if len(P.contact) > 0:
             stop_closed(P, S, W)
         code = two_fold(P, C, S, R, W)
@@ -360,11 +367,23 @@ def advance(P, C, S, R, W):
     return GO_ON
 
 
+@kernel
+def _come_to_rest(P, C, S, R, W):
+    """The motion has come to a branch point with no speed left: it rests there with others, or goes on; a code."""
+    S.deflate[:] = 0
+    S.stalled = 0
+    W.meeting.tau[:] = NO_ROOT
+    W.instant.rests = W.step.rests
+    return _settle_again(P, C, S, R, W)
+
+
 @loop_kernel
 def act(P, C, S, R, W):
     """What happens at the end of the step; a code."""
     step, end = W.step, W.end
     if end.arrives and end.length == step.length:
+        if step.rests >= 0:
+            return _come_to_rest(P, C, S, R, W)
         return call_unit(P.approach_unit, P, C, S, R, W)
     if end.touched != 0:
         if end.touched == LEFT:

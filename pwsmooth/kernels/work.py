@@ -38,6 +38,10 @@ class Step(Bundle):
     unsure: "int"  # whether the series may not tell how far they hold
     arcs: "int"  # whether the step could be an arc
     arrives: "int"  # singular argument whose zero the step ends at, or -1
+    rests: "int"  # switch that it may come to rest on with others, or -1
+    left: "float"  # time from the end of the step to that rest
+    refused: "int"  # switch on which the motion does not rest, as has been seen since the last switching, or -1
+    nears: "int"  # whether the motion comes to a rest: to what it `atol` is relative then
     per_order: "float"  # 1/K and 1/(K - 1)
     per_order_before: "float"
     rows: "f8[rows, width]"  # Taylor coefficients, zero behind the last block of four orders
@@ -45,6 +49,10 @@ class Step(Bundle):
     end_power: "f8[width]"  # powers of where the step ends
     x: "f8[n]"  # a look ahead
     mult: "f8[m]"
+    atol: "f8[n]"  # absolute tolerances: those asked for, or finer ones
+    leader: "int"  # switch whose arcs shrink, and how often it has been met since that was seen
+    turns: "int"
+    met: "f8[3, n]"  # states at its last switchings, the newest first
 
 
 class End(Bundle):
@@ -199,6 +207,7 @@ class Instant(Bundle):
     together: "int"  # whether several coupled switches arrive
     solved_there: "int"  # whether the solved multipliers are those of the state left behind
     look_again: "int"  # whether a contact may be moved by what happens after it
+    rests: "int"  # switch on whose surface the motion may come to rest now, or -1
     rest_speed: "float"  # size at which an approach speed is rounding
     hit: "b1[m + ne]"  # met
     came: "i8[m]"  # status before the instant
@@ -208,6 +217,8 @@ class Instant(Bundle):
     status: "i8[m]"  # kept over another look
     mult: "f8[m]"
     gradient: "f8[n]"
+    x: "f8[n]"  # before the motion is put to rest
+    dx: "f8[n]"
 
 
 class Work(Bundle):

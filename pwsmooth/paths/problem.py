@@ -315,7 +315,7 @@ def _kind(mu: Multiplier) -> int:
 
 def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, int]:
     """The switch whose surface, up to a factor, is that of the event, and the factor's sign; -1 and 0 without one."""
-    if event.surface is None or event.singular:
+    if event.surface is None or event.singular not in ("", "branch"):
         return -1, 0
     key, _ = fingerprint(event.surface, frozenset(fixed))
     for j, mu in enumerate(model.multipliers):

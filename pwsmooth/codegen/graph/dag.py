@@ -12,7 +12,7 @@ from sympy.core.relational import Relational
 from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import ITE, BooleanFalse, BooleanTrue
 
-from ...definition.model import Above, Entry, Model, Select, Whole, tables_of
+from ...definition.model import Above, Entry, Held, Model, Select, Whole, tables_of
 from .nodes import STATE, TIME, Nodes
 
 # Unary functions, by the name under which `math` has them.
@@ -117,6 +117,9 @@ class Graph(Nodes):
             return self.power(self.expression(e.base), self.expression(e.exp))
         if isinstance(e, Select):
             return self._selection(e)
+        if isinstance(e, Held):
+            _, apart, held = map(self.expression, e.args)
+            return self.make("sel", (apart, apart, held), self._variable[e.args[0]][1])
         if isinstance(e, (sp.Piecewise, ITE)):
             return self._piecewise(e)
         if isinstance(e, Above):

@@ -113,7 +113,8 @@ class JetProgram:
                         self.frozen.setdefault(self.states.index(self.rates[i]), []).append(j)
 
     def solved(self, j: int) -> str:
-        return f"on{j}"
+        """Whether selections by multiplier j take their affine form: it is solved for, or held between its bounds."""
+        return f"between{j}"
 
     def write(self) -> str:
         graph, degrees = self.graph, self.degrees
@@ -196,6 +197,7 @@ class JetProgram:
         if self.general:
             for j in range(len(self.unknowns)):
                 start.line(f"on{j} = mask[{j}] != 0")
+                start.line(f"between{j} = on{j} or not abs(mult[{j}]) == 1.0")
             return
         for j in sorted({self.graph.nodes[a].data for a in everything if self.graph.nodes[a].op == "sel"}):
             start.line(f"if mult[{j}] != 1.0 and mult[{j}] != -1.0:")

@@ -26,8 +26,9 @@ from ..state import (
     SECOND_ORDER,
     SOLVED,
 )
+from ..step.finer import SWITCHING, follow_as_asked, go_on_as_arcs
 from ..step.recording import record_ambiguity, record_event
-from ..surface.sliding import keep_on_surface, surface_rounding
+from ..surface.sliding import keep_on_surface, surface_rounding, surface_size
 from .settling import close_contact, settle_at_rest
 from .surface_rates import approach_speed, stop_normal_speed
 
@@ -35,6 +36,9 @@ AT_ONCE = 1e-13  # instants closer than this (relative to the time) are one inst
 WITHIN_ROUNDING = 1e-11  # an accumulation point this close is passed
 _SLOW = 1e-9  # and one this close whose intervals come near to AT_ONCE: a ratio of 0.97 and more gets no nearer
 _CLOSE = 1e-4  # and one whose surface is lost in its roundings before: its limit is told to the square
+# Steps within an arc grow from a millionth of it, where it begins with the root of a height.
+_SHORTEST = 1e-7  # relative
+_LOWEST = 1e-9  # of the size of what a surface is made of
 _AT_REST = 1e-5  # relative: what a bounce leaves of a speed where intervals are WITHIN_ROUNDING
 
 
@@ -53,6 +57,16 @@ def _is_lost(P, S, W, i, interval):
     """
     height = 0.25 * abs(approach_speed(P, S, i, W)) * interval  # of an arc
     return height <= 0.1 * surface_rounding(P, S, i, W)
+
+
+@kernel
+def _is_minute(P, S, W, j):
+    """Whether the arcs about surface j, followed to their limit, are too short or too low to be followed longer."""
+    if W.step.nears != SWITCHING or W.step.leader != j or W.step.turns < 3:
+        return False
+    next_height = 0.25 * abs(approach_speed(P, S, j, W)) * S.last[j, 1] * S.last[j, 2]
+    low = P.surface_state[j] < 0 and next_height <= _LOWEST * surface_size(P, S, j, W)
+    return low or time_left(S.last[j]) <= _SHORTEST * (1.0 + abs(S.t))
 
 
 @kernel
@@ -125,11 +139,14 @@ def pass_accumulation(P, C, S, R, W):
     if leader < 0 or not left < _CLOSE * (1.0 + abs(t)):
         return NOTHING
     lost = P.kind[leader] < CONTACT and _is_lost(P, S, W, leader, S.last[leader, 1])
-    if not lost and not is_passed(S, leader):
+    minute = P.kind[leader] < CONTACT and _is_minute(P, S, W, leader)
+    if not lost and not minute and not is_passed(S, leader):
         return NOTHING
+    if minute:
+        go_on_as_arcs(P, S, W, left)
     S.t = t + left
     interval = S.last[leader, 1]
-    size = 0
+    size, held = 0, 0
     for j in range(P.m):
         free = S.status[j] != SOLVED and S.status[j] != HELD and P.kind[j] != ALGEBRAIC
         recent = S.last[j, 1] > 0.0 and t - S.last[j, 0] <= 10.0 * interval
@@ -143,14 +160,19 @@ def pass_accumulation(P, C, S, R, W):
             closed = close_contact(P, S, j, W)
             record_event(S, R, j, EV_CLOSED if closed else EV_OPENING, 1, S.status[j])
         elif P.kind[j] == CROSSING or P.kind[j] == KINK:
-            stop_normal_speed(P, S, j, W, False)
             S.status[j] = HELD
             S.mult[j] = 0.0
+            held += 1
         else:
             if P.kind[j] == SECOND_ORDER:
+                S.mult[j] = 0.0
                 stop_normal_speed(P, S, j, W, False)
             W.instant.active[size] = j
             size += 1
+    for j in range(P.m if held > 0 else 0):
+        # Powers of the surfaces are 0 from here on.
+        if S.status[j] == HELD and (P.kind[j] == CROSSING or P.kind[j] == KINK):
+            stop_normal_speed(P, S, j, W, False)
     for i in range(P.ne):
         # Its surface may accumulate with these; what it does may have no limit.
         if (
@@ -160,10 +182,12 @@ def pass_accumulation(P, C, S, R, W):
         ):
             record_ambiguity(S, R, P.m + i, AMB_ACCUMULATION, 0)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if W.step.nears == SWITCHING:
+        follow_as_asked(P, C, W)
     if code == GO_ON:
         # What is left of the way, with the field that the switchings come to on average.
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        for i in range(P.n):
+        for i in range(0 if minute else P.n):
             S.x[i] += left * W.dx[i]
         for j in range(P.m):
             if S.status[j] == HELD or (S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC):

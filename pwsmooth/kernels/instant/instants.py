@@ -35,7 +35,9 @@ from ..state import (
     Record,
     State,
 )
+from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
 from ..step.recording import record_ambiguity, record_event, record_point
+from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
@@ -55,8 +57,9 @@ from .holding import (
 )
 from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
+from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
-from .surface_rates import approach_speed, evaluate_surfaces, leading_order, stop_normal_speed
+from .surface_rates import approach_speed, arc_ahead, evaluate_surfaces, leading_order, stop_normal_speed
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
 # tolerance say so, and it slides to second order from then on. Switchings that accumulate at an instant come to it
@@ -136,13 +139,26 @@ def _arrivals(P, C, S, R, W, size, jumped):
 
 
 @kernel
-def _is_minute(P, C, S, W, j):
-    """Whether surface j has stayed within the states' absolute tolerances of 0 since it was last met."""
+def _is_minute(P, C, S, W, j, interval):
+    """Whether an arc about surface j that takes `interval` is within the states' absolute tolerances of 0."""
     speed = approach_speed(P, S, j, W)
     tolerance = 0.0
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
         tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return 0.25 * abs(speed) * S.last[j, 1] < tolerance  # the height of an arc
+    return 0.25 * abs(speed) * interval < tolerance  # the height of an arc
+
+
+@kernel
+def _look_at_arcs(P, C, S, W, j):
+    """Overwrites the tolerances of the arcs to come: those about surface j may shrink to nothing in finite time."""
+    leads = W.step.nears == SWITCHING and W.step.leader == j
+    ahead = arc_ahead(P, S, W, j)
+    grows = 1.0 <= S.last[j, 2] < math.inf
+    if ahead < S.last[j, 1] or not grows:
+        if leads or W.step.nears != SWITCHING or S.t - S.last[W.step.leader, 0] > 10.0 * S.last[j, 1]:
+            follow_arcs(P, C, S, W, j, ahead)
+    elif leads:
+        follow_as_asked(P, C, W)
 
 
 @kernel
@@ -153,6 +169,7 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
     jumped = instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
+        stay_at_rest(P, C, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
@@ -177,6 +194,8 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             instant.active[size] = j
             size += 1
         else:
+            if not jumped and rests_on_kink(P, C, S, R, W, j):
+                continue
             went = -status[j]
             if jumped:
                 if P.step_unit != 0:
@@ -189,7 +208,15 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
             S.deflate[j] = 1
             switched = True
             note_interval(S.last[j], S.t)
-            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j) else 0
+            singular = has_branch_point(P, j)
+            if singular:
+                _look_at_arcs(P, C, S, W, j)
+            interval = arc_ahead(P, S, W, j) if singular else S.last[j, 1]
+            S.minute = S.minute + 1 if _is_minute(P, C, S, W, j, interval) else 0
+            told = singular and P.kind[j] == SECOND_ORDER  # an arc that has not been seen yet
+            if S.minute > 0 and told and come_to_rest(P, C, S, R, W, j, 0.0):
+                S.minute = 0
+                continue
             if S.minute > _MOST_MINUTE:
                 if P.kind[j] != SECOND_ORDER:
                     return Outcome.CHATTERING, True
@@ -280,7 +307,9 @@ def _note_what_is_met(P, S, W):
     for i in range(ne):
         # One surface, met once: roundings may put its two series' zeros on either side of the step's end.
         j = abs(P.twin[i]) - 1
-        if j >= 0 and instant.hit[m + i] != instant.hit[j] and S.side[i] * P.twin[i] == status[j] * (j + 1):
+        if j < 0 or P.watch[i] != 0 or instant.hit[m + i] == instant.hit[j]:
+            continue
+        if S.side[i] * P.twin[i] == status[j] * (j + 1):
             instant.hit[m + i] = instant.hit[j] = True
     if instant.fold >= 0:
         instant.hit[instant.fold] = False
@@ -303,6 +332,15 @@ def at_instant(P, C, S, R, W):
     fold, elapsed = instant.fold, instant.elapsed
     instant.jumped = 0
     instant.together = 0
+    if instant.rests >= 0:
+        j, instant.rests = instant.rests, -1
+        record_point(P, S, R)
+        if come_to_rest(P, C, S, R, W, j, W.step.left):
+            record_point(P, S, R)
+        else:
+            W.step.refused = j
+        return GO_ON
+    W.step.refused = -1
     _note_what_is_met(P, S, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0

@@ -29,7 +29,7 @@ from .holding import (
     rest_with_friction,
     some_second_order,
 )
-from .surface_rates import any_is, evaluate_surfaces, leading_order, residual
+from .surface_rates import any_is, evaluate_surfaces, order_of_leaving, residual
 
 
 @kernel
@@ -136,13 +136,12 @@ def release_held(P, C, S, R, W):
             size += 1
         if P.kind[j] == SLIDING or P.kind[j] == SECOND_ORDER:
             continue
-        order = leading_order(P, C, S, W, j)
-        # The series is that of fixed multipliers: of solved ones it knows the first derivative that they act on.
-        if abs(order) <= (2 if solved else 3):
+        order = order_of_leaving(P, C, S, W, j)
+        if order != 0:
             S.status[j] = 1 if order > 0 else -1
             S.mult[j] = float(S.status[j])
             S.deflate[j] = abs(order)
-            if leading_order(P, C, S, W, j) * order < 0:
+            if not solved and order_of_leaving(P, C, S, W, j) * order < 0:
                 return Outcome.CHATTERING  # it is pushed back, and its mean is not that of one lambda
             record_event(S, R, j, EV_RESET, 0, S.status[j])
             some = True

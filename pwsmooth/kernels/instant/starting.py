@@ -25,6 +25,7 @@ from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from ..work import Work
 from .contacts import close_at_start
+from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
 
@@ -56,7 +57,8 @@ def start(P, C, S, R, W):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0 and not close_at_start(P, S, R, W):
         return Outcome.SINGULAR
-    size = 0
+    stay_at_rest(P, C, S, R, W)
+    S.events, size = 0, 0
     for j in range(m):
         if not instant.hit[j]:
             continue

@@ -6,8 +6,11 @@ Chain: pointers.py, sliding.py -> **this file** -> holding.py and all that acts 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..state import SECOND_ORDER
-from ..step.steps import take_slip_jet
-from ..surface.sliding import follow, keep_on_surface, mask_instant
+from ..step.steps import take_jet, take_slip_jet
+from ..surface.sliding import follow, keep_on_surface, mask_instant, mask_solved
+
+_HIGHEST = 7  # order with which a surface is left
+_MOMENT = 1e-6
 
 
 @kernel
@@ -53,6 +56,15 @@ def approach_speed(P, S, j, W):
 
 
 @kernel
+def arc_ahead(P, S, W, j):
+    """Time until surface j, just met, is met again: as before, or a parabola's where d2h/dt2 is known; fills W.dx."""
+    speed = approach_speed(P, S, j, W)
+    if P.kind[j] != SECOND_ORDER or not speed * W.g[j] < 0.0:
+        return S.last[j, 1]
+    return min(S.last[j, 1], -2.0 * speed / W.g[j])
+
+
+@kernel
 def leading_order(P, C, S, W, i):
     """Number of leading zero orders of surface i, on which S stands, on the slip trajectory; negative if it goes there.
 
@@ -62,7 +74,11 @@ def leading_order(P, C, S, W, i):
     if P.jet_slip == 0:
         speed = approach_speed(P, S, i, W)
         return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
-    take_slip_jet(P, C, S, W)
+    if take_slip_jet(P, C, S, W) != 0:
+        speed = approach_speed(
+            P, S, i, W
+        )  # a selection stands between its branches: there is no slip trajectory
+        return 4 if abs(speed) <= W.instant.rest_speed else (1 if speed > 0.0 else -1)
     row = W.step.rows[P.rows_slip[i]]
     size = 1e-3
     for k in range(P.n):
@@ -71,6 +87,47 @@ def leading_order(P, C, S, W, i):
         if abs(row[k]) > 1e-12 * size:
             return k if row[k] > 0.0 else -k
     return 4
+
+
+@kernel
+def _order_of_speed(P, S, W, j):
+    """As `order_of_leaving`, from the speed of surface j now and a moment later: 1 or 2, or 0 where it has none."""
+    speed = approach_speed(P, S, j, W)
+    if abs(speed) > W.instant.rest_speed:
+        return 1 if speed > 0.0 else -1
+    t = S.t
+    for i in range(P.n):
+        W.instant.gradient[i] = S.x[i]
+        S.x[i] += _MOMENT * W.dx[i]
+    S.t += _MOMENT
+    speed = approach_speed(P, S, j, W)
+    S.t = t
+    for i in range(P.n):
+        S.x[i] = W.instant.gradient[i]
+    if abs(speed) <= W.instant.rest_speed:
+        return 0
+    return 2 if speed > 0.0 else -2
+
+
+@kernel
+def order_of_leaving(P, C, S, W, j):
+    """Number of leading zero orders of surface j, whose switch is held, on the motion as it goes on; 0 if it stays.
+
+    Negative if it goes there. Those of the slip trajectory where nothing can slide, or where there are no series.
+    """
+    if P.jet_general == 0:
+        return _order_of_speed(P, S, W, j)
+    mask_solved(P, S, W)
+    if not follow(P, S, W) or take_jet(P, C, S, True, W) < 0:
+        return 0
+    row, size = W.step.rows[P.rows_general[j]], 1e-3
+    for k in range(1, _HIGHEST):
+        size = max(size, abs(row[k]))
+    for k in range(1, _HIGHEST):
+        # A bound is met within its tolerance, and leaves as much where an order vanishes.
+        if abs(row[k]) > 1e-9 * size:
+            return k if row[k] > 0.0 else -k
+    return 0
 
 
 @kernel

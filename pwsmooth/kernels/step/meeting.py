@@ -8,26 +8,28 @@ from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_linear
 from ..state import ALGEBRAIC, CONTACT, HELD, KINK, SOLVED
 from ..surface.sliding import surface_size
+from .finer import SWITCHING
 from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
 
+_LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
 @inlined_kernel
-def meet(P, row, power, degree, drop, sign, W):
+def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING):
     """First zero of sign * row on the step, known zero orders dropped; leaving at rounding level is none."""
     if drop == 2 and abs(at(row, 1)) > 1e-3 * abs(at(row, 2)) * at(power, 1):
         # Left with a slope, not tangentially: an algebraic unknown, or a field that has jumped again at this instant.
         drop = 1
     poly = W.roots.poly
     scaled(row, power, poly, degree, drop, sign)
-    if poly[0] <= SURFACE_ROUNDING:
+    if poly[0] <= rounding:
         size = 0.0
         for k in range(degree - drop + 1):
             size += abs(poly[k])
-        if size <= (SURFACE_ROUNDING if drop < 3 else 0.0):
+        if size <= (rounding if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
         if drop < 3 and poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
             drop += 1
@@ -143,7 +145,10 @@ def find_first(P, C, S, W):
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
         elif all_rows[j] >= 0 and status[j] != HELD:
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
-            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W)
+            rounding = SURFACE_ROUNDING
+            if step.nears == SWITCHING and P.surface_state[j] >= 0:
+                rounding = _LEAST * step.atol[P.surface_state[j]]
+            met = meet(P, rows[all_rows[j]], power, K, deflate[j], float(status[j]), W, rounding)
             if kind[j] == KINK and met <= 1.0:
                 away = abs(at(rows[all_rows[j]], 0))
                 meeting.widest[j] = max(meeting.widest[j], away)

@@ -16,8 +16,22 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_act, call_fields, call_linear
 from ..outcome import Outcome
-from ..state import EV_REST, EV_SINGULAR, GO_ON, PAIR, Control, Problem, Record, State
+from ..state import (
+    CROSSING,
+    EV_REST,
+    EV_SINGULAR,
+    GO_ON,
+    KINK,
+    PAIR,
+    SECOND_ORDER,
+    Control,
+    Problem,
+    Record,
+    State,
+)
+from ..surface.sliding import surface_size
 from ..work import Work
+from .finer import ON_ITS_WAY, SWITCHING, follow_as_asked, follow_to_rest
 from .recording import record_event, record_point
 from .roots import GRAZING, NO_ROOT, first_root
 from .steps import scaled, surface_rows, variation
@@ -32,7 +46,31 @@ _DECAY = 0.95  # of p: nearer to 1 it may be an exponential
 _STEEPEST = (
     -9.0
 )  # of p, that of a fall into a force like r^-19: below it a' is what rounding leaves of a constant
+_SLOWS = 0.05  # of p: a motion that passes 0 with a speed comes there with p = 0
+# A motion that comes to rest on several surfaces at once is followed until this is left of it: of the time, relative,
+# or of the absolute tolerance asked for; where no state is the argument, of the size of what that is made of.
+_LAST_TIME, _LAST, _LAST_OF_SIZE = 1e-10, 1e-4, 1e-12
+_LAST_OF_ARC = 1e-18  # of the same: an arc that looks like an arrival may still cross
+_HALF = 0.5  # of the way left in a step: from farther it would land within the error of where it comes from
 _STANDS = 1e-8  # of its speed before: as fast an argument is moved by what does not vanish with it
+
+
+@kernel
+def has_branch_point(P, j):
+    """Whether a power of surface j below 1 stands in the field."""
+    for i in range(P.ne):
+        if P.watch[i] == BRANCH and abs(P.twin[i]) == j + 1:
+            return True
+    return False
+
+
+@kernel
+def _kink_at(P, i):
+    """The switch that may be held at the branch point of argument i, where the field is continuous, or -1."""
+    j = abs(P.twin[i]) - 1
+    if P.watch[i] != BRANCH or j < 0:
+        return -1
+    return j if P.kind[j] == KINK or P.kind[j] == CROSSING or P.kind[j] == SECOND_ORDER else -1
 
 
 @kernel
@@ -67,7 +105,7 @@ def _stands(P, S, W, i, speed):
     there = _speed_at(P, S, W, i, 0.0)
     for k in range(P.n):
         S.x[k] = W.step.x[k]
-    return there <= _STANDS * speed
+    return there <= (0.0 if _kink_at(P, i) >= 0 else _STANDS * speed)
 
 
 @kernel
@@ -82,13 +120,30 @@ def _power(P, S, W, i, a, speed):
 
 
 @kernel
-def _tolerance(P, C, S, W, i):
-    """By how much the absolute tolerance lets the argument of event i vary."""
+def _tolerance(P, S, W, i, atol):
+    """By how much an absolute tolerance lets the argument of event i vary."""
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     total = 0.0
     for e in range(P.dh_row[P.m + i], P.dh_row[P.m + i + 1]):
-        total += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+        total += abs(W.dh[e]) * atol[P.dh_col[e]]
     return 2.0 * total
+
+
+@kernel
+def _is_before(P, W, i, end):
+    """Whether the step meets nothing before `end`, in its lengths, but argument i, wherever its multiple root is."""
+    first = NO_ROOT
+    for k in range(P.m + P.ne):
+        if k + 1 != abs(P.twin[i]):
+            first = min(first, W.meeting.tau[k])
+    return first > min(1.0, end * (1.0 - _SAME))
+
+
+@kernel
+def _least(P, C, S, W, i):
+    """Down to where argument i is followed to rest."""
+    least = (_LAST_OF_ARC if W.step.nears == SWITCHING else _LAST) * _tolerance(P, S, W, i, C.atol)
+    return least if P.watch_state[i] >= 0 else max(least, _LAST_OF_SIZE * surface_size(P, S, P.m + i, W))
 
 
 @kernel
@@ -123,6 +178,8 @@ def approach(P, C, S, R, W):
     m, K, kind, h = P.m, C.order, W.step.kind, W.step.length
     if W.step.arrives >= 0:
         return _arrived(P, S, R, W, W.step.arrives)
+    if W.step.nears == ON_ITS_WAY:
+        follow_as_asked(P, C, W)
     # An event of the user's at the same place says what happens there; a switch does not.
     first = NO_ROOT
     for j in range(m + P.ne):
@@ -142,6 +199,16 @@ def approach(P, C, S, R, W):
         if speed > 0.0 and a * bend < _DECAY * speed * speed:
             left = a / ((1.0 - max(a * bend / (speed * speed), _STEEPEST)) * speed)
         in_sight = left <= _IN_SIGHT * h and left <= first * h
+        slows = left < math.inf and a * bend > _SLOWS * speed * speed and _is_before(P, W, i, left / h)
+        j = _kink_at(P, i) if slows and _is_active(P, S, W, i) else -1
+        if j >= 0 and j != W.step.refused and not _stands(P, S, W, i, speed):
+            W.step.length = min(W.step.length, _HALF * left)
+            last = left <= _LAST_TIME * (1.0 + abs(S.t)) or a <= _least(P, C, S, W, i)
+            if last and S.t + left < W.step.stop:
+                W.step.arrives, W.step.rests, W.step.left = i, j, left - W.step.length
+                return GO_ON
+            follow_to_rest(P, C, W, left * (1.0 - W.step.length / left) ** (left * speed / a))
+            continue
         if not in_sight and variation(row, W.step.power, K) < 0.5 * a:
             continue
         roots.guess = 0.0
@@ -155,8 +222,8 @@ def approach(P, C, S, R, W):
         if not (in_sight or s <= min(1.0, first)) or not _is_active(P, S, W, i):
             continue
         if in_sight:
-            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, C, S, W, i)
-            if near and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
+            near = left <= 1e-13 * (1.0 + abs(S.t)) or a <= _tolerance(P, S, W, i, W.step.atol)
+            if near and W.step.nears != SWITCHING and (kind != PAIR or left <= max(1.2 * h, 1e-9)):
                 if P.watch[i] != BRANCH or _stands(P, S, W, i, speed):
                     W.step.arrives = i
                     W.step.length = 2.0 * left if P.watch[i] == CONE else left

@@ -89,7 +89,7 @@ def taylor_step_size(P, C, S, rows, surface_rows, mult_row, any_solved, W):
     relative to the size within the step, not at its start: after every event some velocity starts from 0. A surface
     that is no state has a series of its own (an exponential that the branch in force does not contain, say).
     """
-    K, rtol, atol, x, count = C.order, C.rtol, C.atol, S.x, P.n
+    K, rtol, atol, x, count = C.order, C.rtol, W.step.atol, S.x, P.n
     reach = S.step
     while True:
         half, quarter = 0.5 * reach, 0.5 * reach * reach
@@ -160,10 +160,10 @@ def surface_rows(P, kind):
 
 @inlined_kernel
 def take_slip_jet(P, C, S, work):
-    """Overwrites work.step.rows with the jet at (t, x, mult), every multiplier constant."""
+    """Overwrites work.step.rows with the jet at (t, x, mult), every multiplier constant; not 0 where there is none."""
     stride = work.step.rows.shape[1]
     own = P.own_slip * stride
-    call_jet_slip(P.jet_slip, S.t, S.x, S.mult, P.p, C.order, stride, work.step.rows, own)
+    return call_jet_slip(P.jet_slip, S.t, S.x, S.mult, P.p, C.order, stride, work.step.rows, own)
 
 
 @inlined_kernel
@@ -175,8 +175,7 @@ def take_jet(P, C, S, any_solved, work):
         own = P.own_general * stride
         code = call_jet_general(P.jet_general, S.t, S.x, S.mult, P.p, work.mask, K, stride, work.step.rows, own)
         return P.mult_row if code == 0 else -1
-    take_slip_jet(P, C, S, work)
-    return 0
+    return 0 if take_slip_jet(P, C, S, work) == 0 else -1
 
 
 @inlined_kernel

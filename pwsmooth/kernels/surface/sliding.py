@@ -61,7 +61,7 @@ def follow(P, S, W):
     if not some:
         return True
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    clean = True
+    clean = W.step.nears == 0  # a motion that comes to rest has residuals below any rounding of others
     for j in range(P.m):
         # The rounding of a residual whose terms are of order 10; a multiplier is followed to rtol/100 at best.
         if W.mask[j] and not abs(W.g[j]) <= 1e-14:
@@ -112,7 +112,8 @@ def surface_size(P, S, j, W):
     """The size of what h_j is made of, from the gradient's row and the time slope in W.dh."""
     total = 1e-300 + abs(W.dh[P.dh_row[P.m + P.ne] + j] * S.t)
     for e in range(P.dh_row[j], P.dh_row[j + 1]):
-        total += abs(W.dh[e] * S.x[P.dh_col[e]])
+        if S.x[P.dh_col[e]] != 0.0:  # where a root has its branch point its slope is infinite
+            total += abs(W.dh[e] * S.x[P.dh_col[e]])
     return total
 
 

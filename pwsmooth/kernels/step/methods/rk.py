@@ -82,7 +82,7 @@ def _try_step(P, C, S, W, h):
             return math.nan
     e5, e3 = 0.0, 0.0
     for i in range(n):
-        scale = C.atol[i] + C.rtol * max(abs(x0[i]), abs(S.x[i]))
+        scale = W.step.atol[i] + C.rtol * max(abs(x0[i]), abs(S.x[i]))
         a, b = 0.0, 0.0
         for r in range(_STAGES + 1):
             a += _E5[r] * k[r, i]
@@ -201,7 +201,7 @@ def _misfit(P, C, S, W, h):
         slope = 0.0
         for c in range(_DEGREE, 0, -1):
             slope = slope * s + c * rows[i, c]
-        scale = C.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
+        scale = W.step.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
         worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
     call_linear(P.linear, S.t + s, S.x, S.mult, P.p, W.G, W.dh)
     for r in range(n, n + m + m + P.ne):
