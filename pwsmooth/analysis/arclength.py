@@ -99,9 +99,10 @@ class Walk:
 
     def rephased(self, here: Point) -> Point:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
-        if not isinstance(self.map, Stroboscopic):
+        section = here.orbit.map
+        if not (isinstance(self.map, Stroboscopic) and isinstance(section, Stroboscopic)):
             return here
-        run, period = here.run, here.orbit.map.forcing_period
+        run, period = here.run, section.forcing_period
         times = np.array([e.time for e in run.events])
         edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
         if edge > _NEAR * period:
