@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Memory, Switch, System, solve
+from pwsmooth import Event, Memory, Switch, System, solve, sweep
 from pwsmooth.definition.model import Model
 from pwsmooth.paths.event_driven import EventDriven, Options
 
@@ -47,11 +47,20 @@ def refused(error, *parts, **options):
 
 @pytest.mark.parametrize(
     ("t_span", "shown"),
-    [((1, 0), "(1.0, 0.0)"), ((2, 2), "(2.0, 2.0)"), ((0, math.nan), "nan"), ((0, math.inf), "inf"),
-     ((1, 1 - 1e-12), "(1.0, 0.999999999999)")],
+    [((2, 2), "(2.0, 2.0)"), ((-0.0, 0), "(-0.0, 0.0)"), ((0, math.nan), "nan"), ((0, math.inf), "inf"),
+     ((math.inf, 0), "inf")],
 )  # fmt: skip
-def test_a_span_that_is_reversed_empty_or_not_finite_is_refused(t_span, shown):
-    refused(ValueError, "`t_span` is ", shown, "start < end", t_span=t_span)
+def test_a_span_that_is_empty_or_not_finite_is_refused(t_span, shown):
+    refused(ValueError, "`t_span` is ", shown, "give finite times that differ", t_span=t_span)
+
+
+@pytest.mark.parametrize("t_span", [(1, 0), (1, 1 - 1e-12)])
+def test_a_span_that_runs_backward_is_taken_by_solve_alone(t_span):
+    assert solve(System({x: 1}), t_span, {x: 0})["x"][0] == pytest.approx(
+        t_span[1] - t_span[0]
+    )  # times increase
+    with pytest.raises(ValueError, match="start < end"):
+        sweep(block(), {"k": [1.0]}, start=START, t_span=t_span)
 
 
 @pytest.mark.parametrize("t_span", [5, None, (0,), (0, 1, 2), "ab", (0, "end"), (0, 1j)])

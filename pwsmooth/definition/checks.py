@@ -475,7 +475,8 @@ def span(t_span, what="`t_span`", backward=False):
     except (TypeError, ValueError, ArithmeticError, KeyError, RecursionError):
         raise TypeError(f"{what} is {shown(t_span)}; give two numbers, (start, end).") from None
     if not (math.isfinite(t0) and math.isfinite(t1) and (t0 < t1 or (backward and t0 > t1))):
-        raise ValueError(f"{what} is ({t0!r}, {t1!r}); give finite times with start < end.")
+        order = "that differ" if backward else "with start < end"
+        raise ValueError(f"{what} is ({t0!r}, {t1!r}); give finite times {order}.")
     return t0, t1
 
 
