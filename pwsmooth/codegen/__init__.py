@@ -102,6 +102,24 @@ class Compiled:
         return cache.cached_texts(f"{self._key}-jets", build)
 
     @cached_property
+    def tangents(self):
+        """Text of the programs with Jacobians, by name: "slip", "general" (of jets.py), "jacobian", "act_slopes"."""
+
+        def build():
+            from .jacobian import write_jacobian
+            from .taylor.jets import write_jets
+
+            return write_jets(self.model, len(self.model.parameters)) | write_jacobian(self.model)
+
+        return cache.cached_texts(f"{cache.fingerprint(self.model)}-tangents", build)
+
+    def tangent(self, name: str):
+        """One of them, loaded: its constants and addresses; None where the model has none."""
+        if ("tangent", name) not in self._loaded:
+            self._loaded["tangent", name] = self._load(self.tangents, name)
+        return self._loaded["tangent", name]
+
+    @cached_property
     def _slip(self):
         return self._load(self._jets, "slip")
 

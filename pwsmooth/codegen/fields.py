@@ -45,7 +45,7 @@ class Source:
         return "\n\n".join((head + constants, *helpers, *self.functions))
 
 
-def _store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict[str, list[int]]) -> None:
+def store(source: Source, graph: Graph, name: str, arguments: str, arrays: dict[str, list[int]]) -> None:
     """A function that fills the given arrays with the given nodes."""
     body = Writer()
     code = ScalarCode(graph, body)
@@ -82,7 +82,7 @@ def write_fields(model: Model) -> dict[str, str]:
     residuals = [graph.expression(m.condition) for m in model.multipliers]
     h = surfaces(graph)
     sources = {name: Source() for name in ("fields", "linear", "act", "outputs", "layer")}
-    _store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
+    store(sources["fields"], graph, "fields", "t, x, mult, p, dx, h, g", {"dx": rates, "h": h, "g": residuals})
     unknowns = [graph.var("mult", j) for j in range(len(model.multipliers))]
     states = [graph.var("x", i) for i in range(len(model.states))]
     gradients = [{i: derivative(graph, s, states[i]) for i in graph.variables(s, "x")} for s in h]
@@ -94,7 +94,7 @@ def write_fields(model: Model) -> dict[str, str]:
     slopes = [d for row in gradients for d in row.values()]
     slopes += [derivative(graph, s, graph.var("t", 0)) for s in h]
     entries = [d for row in matrix for d in row.values()]
-    _store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": entries, "dh": slopes})
+    store(sources["linear"], graph, "linear", "t, x, mult, p, G, dh", {"G": entries, "dh": slopes})
     for name, rows in (("G", matrix), ("DH", gradients)):
         ends = itertools.accumulate(map(len, rows), initial=0)
         sources["linear"].constants |= {
@@ -102,7 +102,7 @@ def write_fields(model: Model) -> dict[str, str]:
             f"{name}_COL": tuple(k for row in rows for k in row),
         }
     if model.outputs:
-        _store(
+        store(
             sources["outputs"],
             graph,
             "outputs",
@@ -110,7 +110,7 @@ def write_fields(model: Model) -> dict[str, str]:
             {"out": [graph.expression(e) for _, e in model.outputs]},
         )
     if model.layer_states:
-        _store(
+        store(
             sources["layer"],
             graph,
             "layer",
@@ -124,13 +124,16 @@ def write_fields(model: Model) -> dict[str, str]:
     return {name: source.text() for name, source in sources.items() if source.functions}
 
 
-def _write_act(source: Source, graph: Graph) -> None:
-    """Resets of the events, then impacts of the contacts, by number."""
-    model = graph.model
+def updates(model: Model) -> list[tuple[sp.Basic, list[tuple[int, sp.Expr, bool]]]]:
+    """(condition, what is written) of the resets of the events, then of the impacts of the contacts."""
     acts = [(e.when, e.writes(model.states)) for e in model.events]
-    acts += [(sp.true, [(i, e, False) for i, e in enumerate(m.impact or ())]) for m in model.multipliers]
+    return acts + [(sp.true, [(i, e, False) for i, e in enumerate(m.impact or ())]) for m in model.multipliers]
+
+
+def _write_act(source: Source, graph: Graph) -> None:
+    """Updates by number."""
     body = Writer()
-    for i, (when, update) in enumerate(acts):
+    for i, (when, update) in enumerate(updates(graph.model)):
         if when == sp.true and not update:
             continue
         body.line(f"if i == {i}:")

@@ -6,7 +6,7 @@ from .machine.compiling import kernel
 @kernel
 def restart_counts(S):
     S.steps = S.jets = S.layers = 0
-    S.events = S.points = S.pieces = S.ambiguities = 0
+    S.events = S.points = S.pieces = S.ambiguities = S.taped = 0
     S.ticks = S.samples = S.stalled = S.minute = S.started = 0
 
 

@@ -44,6 +44,12 @@ SOLVED, HELD = 0, 2
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold.
 SLIP, GENERAL, PAIR, ARC = range(4)
 
+# Entries of a tape (step/recording.py, kernels/tangent): a step; a recorded point; what an instant is the zero of (a
+# surface, the bound of a multiplier, a fold, a tick of the clock, something else, nothing new); an update that acts, and
+# the end of its round; the end of the run.
+TAPE_STEP, TAPE_POINT, TAPE_MEET, TAPE_ACT, TAPE_ROUND, TAPE_END = range(6)
+TAPE_SURFACE, TAPE_BOUND, TAPE_FOLD, TAPE_CLOCK, TAPE_OTHER, TAPE_NOTHING = range(6)
+
 # Events of an instant (firing.py). In `due`:
 DUE, ACTS, ACTED = 1, 2, 3
 # In `carried`: no surface; a singular argument, which fires nothing; an event; a switch kept as a memory of its side.
@@ -166,6 +172,7 @@ class State(Bundle):
     pieces: "int"  # of the dense output
     ambiguities: "int"
     ticks: "int"  # instants of the clock that are over
+    taped: "int"  # entries of the tape
     samples: "int"  # of the wanted times
     stalled: "int"  # instants in succession without progress in time
     minute: "int"  # crossings in succession between which the motion has stayed within its tolerance
@@ -188,6 +195,8 @@ class Record(Bundle):
     ambiguity: "i8[room, 3]"  # multiplier, kind, taken
     dense: "f8[pieces, n + m + 1, order + 1]"  # states, multipliers, time, in powers of s
     dense_s: "f8[pieces]"  # length of the step in s
+    tape: "i8[tapes, 4 + m]"  # kind of entry, three numbers of it, the statuses
+    tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length of a step, states, multipliers, their rates along an arc
     t_eval: "f8[times]"
     x_eval: "f8[times, n]"
     mult_eval: "f8[times, m]"

@@ -41,6 +41,8 @@ from .state import (
     NOTHING,
     PAIR,
     SOLVED,
+    TAPE_MEET,
+    TAPE_OTHER,
     Control,
     Problem,
     Record,
@@ -50,7 +52,15 @@ from .step.arc import end_of_arc, propose_arc
 from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
 from .step.meeting import find_first, first_graze
-from .step.recording import has_room, keep_dense, record_grazes, record_point, sample
+from .step.recording import (
+    has_room,
+    keep_dense,
+    put_on_tape,
+    put_step_on_tape,
+    record_grazes,
+    record_point,
+    sample,
+)
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
 from .step.steps import (
@@ -106,7 +116,7 @@ def begin(P, C, S, R, W):
     if code == GO_ON and W.instant.look_again:
         W.meeting.tau[:] = NO_ROOT
         code = _settle_again(P, C, S, R, W)
-        S.events, S.points = 0, 0  # what holds from the start is no event
+        S.events, S.points, S.taped = 0, 0, 0  # what holds from the start is no event
         record_point(P, S, R)
     return code
 
@@ -331,6 +341,8 @@ def advance(P, C, S, R, W):
     end.at_clock = int(t_new >= step.stop and S.ticks < len(C.clock) and C.clock[S.ticks] <= step.stop)
     if len(R.dense_s) > 0:
         keep_dense(P, C, S, R, W)
+    if R.tape.shape[0] > 0:
+        put_step_on_tape(P, S, R, W)
     if S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t_new:
         sample(P, C, S, R, t_new, W)
         final = step.end_power
@@ -382,6 +394,8 @@ def act(P, C, S, R, W):
     """What happens at the end of the step; a code."""
     step, end = W.step, W.end
     if end.arrives and end.length == step.length:
+        if R.tape.shape[0] > 0:
+            put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, 0, 0, 0.0)
         if step.rests >= 0:
             return _come_to_rest(P, C, S, R, W)
         return call_unit(P.approach_unit, P, C, S, R, W)

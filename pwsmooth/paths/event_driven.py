@@ -20,6 +20,7 @@ from . import memory
 from .budget import SLICE, Budget
 from .clock import instants_of_time
 from .problem import compiled_problem, longest_step
+from .tangents import Tape
 from .words import ambiguities_in_words, event_words, singular_cause
 
 _BREAKDOWNS = Outcome.NOT_FINITE, Outcome.STEP_UNDERFLOW
@@ -52,6 +53,7 @@ class Options(NamedTuple):
     max_steps: int
     order: int | None
     strict: bool
+    tape: bool = False
 
     def checked(self, model: Model) -> Options:
         """With numbers in the place of what stands for them.
@@ -78,6 +80,7 @@ class Options(NamedTuple):
             checks.whole(self.max_steps, "`max_steps`", 1),
             order,
             checks.flag(self.strict, "`strict`"),
+            self.tape,
         )
 
 
@@ -105,10 +108,10 @@ def prepared_run(model: Model, options: Options) -> EventDriven:
         atol = atol.dtype.str, atol.shape, atol.tobytes()
     elif isinstance(atol, list):
         atol = tuple(atol)
-    method, rtol, _, dense, max_step, max_steps, order, strict = options
+    method, rtol, _, dense, max_step, max_steps, order, strict, tape = options
     # True is 1 to a dict, but not at the door.
     kinds = type(dense), type(max_steps), type(strict)
-    key = method, rtol, atol, dense, max_step, max_steps, order, strict, kinds
+    key = method, rtol, atol, dense, max_step, max_steps, order, strict, tape, kinds
     try:
         run = kept.get(key)
     except TypeError:  # no hash, which tells nothing about whether it is fit
@@ -130,7 +133,7 @@ class EventDriven:
     def __init__(self, model: Model, options: Options):
         from ..codegen.machine.units import METHODS, trajectory_loop
 
-        self.model, self.dense = model, options.dense
+        self.model, self.dense, self.tape = model, options.dense, options.tape
         self.loop = trajectory_loop()
         self.parts = parts = compiled_problem(model)
         self.sizes = parts.code
@@ -160,6 +163,7 @@ class EventDriven:
         self.state = names.State.in_one_block(names.State.planned(dict(n=len(model.states), m=m, ne=ne)))
         self.state.side[:], self.state.step = 1, min(1e-3, options.max_step)
         self.blank = self.state.block.copy(), self.state.cells.copy()
+        self._empty = self._record(0)
         self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
 
     def _keep(self, room: int) -> None:
@@ -215,6 +219,8 @@ class EventDriven:
                 "(PWSMOOTH_CHECK; kernels/instant/invariants.py)."
             )
         solution = self.finish(system, code, problem, state, record, times)
+        if self.tape:
+            solution.tape = self._tape(p, control, state, record)
         if len(record.t) == self.room:
             return solution
         room = int(1.1 * max(state.points, state.events, state.ambiguities, state.pieces))
@@ -250,7 +256,8 @@ class EventDriven:
     def _plan(self, room: int) -> Any:
         """Of the buffers for `room` points and events."""
         pieces = room if self.dense else 0
-        sizes = dict(n=self.sizes.n, m=self.sizes.m, order=self.order, room=room, pieces=pieces)
+        tapes = 4 * room if self.tape else 0
+        sizes = dict(n=self.sizes.n, m=self.sizes.m, order=self.order, room=room, pieces=pieces, tapes=tapes)
         return names.Record.planned(sizes, undefined=names.Record.members)
 
     def _bytes(self, room: int) -> int:
@@ -295,10 +302,28 @@ class EventDriven:
         }  # fmt: skip
         if ambiguities := state.ambiguities:
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
+        if self.tape:
+            parts |= {name: getattr(record, name)[: state.taped] for name in ("tape", "tape_x")}
         if self.dense:
             pieces = state.pieces
             parts |= {name: getattr(record, name)[:pieces] for name in ("dense", "dense_s")}
         return parts
+
+    def _tape(self, p: np.ndarray, control: Any, state: Any, record: Any) -> Tape:
+        """The run's tape, with what it ran with, and the state at its end as its last entry."""
+        k, n, m = state.taped, len(state.x), len(state.mult)
+        tape, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
+        tape[k, 0], tape[k, 4:] = names.TAPE_END, state.status
+        values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
+        return Tape(
+            self.parts,
+            p.copy(),
+            self.one_step,
+            control,
+            self._empty.changed(tape=tape, tape_x=values),
+            k + 1,
+            state.points,
+        )
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None

@@ -227,7 +227,7 @@ class CompiledProblem:
     def new_work(self, order: int):
         """Scratch arrays that nobody else has."""
         n, m, ne, fixed, fold = self.code.n, self.code.m, self.code.ne, self.fixed, self.fold
-        width = _terms(order) + state.PAD
+        width = terms(order) + state.PAD
         sizes = dict(
             n=n, m=m, ne=ne, nz=len(self.ratios), width=width, rows=self.nrows,
             fold_size=m + 1 if fold else 0, entries=len(fixed["g_col"]), gradients=len(fixed["dh_col"]) + m + ne,
@@ -247,14 +247,14 @@ class CompiledProblem:
         return work.Work.zeros(sizes, roots=roots, step=step, firing=firing)
 
 
-def _terms(order: int) -> int:
+def terms(order: int) -> int:
     """Coefficients of a row: loops run in blocks of eight."""
     return -(-(order + 1) // 8) * 8
 
 
 def longest_step(order: int) -> float:
     """Longest step all of whose powers are finite: the zeros behind the last coefficient are multiplied too."""
-    return 1e290 ** (1.0 / (_terms(order) - 1))
+    return 1e290 ** (1.0 / (terms(order) - 1))
 
 
 def _groups(row, col, hub):

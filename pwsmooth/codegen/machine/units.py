@@ -41,6 +41,7 @@ MORE_UNITS = {
     "kick_act": ("noise.kicks", "kick_act"),
     "kick_act_smooth": ("noise.kicks", "kick_act_smooth"),
     "diffuse": ("noise.path", "diffuse"),
+    "replay": ("tangent.replay", "replay"),
     "diffuse_many": ("noise.many", "diffuse_many"),
 }
 # Those of the smoothed path; behind the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
@@ -109,6 +110,14 @@ def trajectory_loop():
     prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
     run = prototype(unit_address("run"))
     return lambda P, C, S, R, W: run(P.address, C.address, S.address, R.address, W.address)
+
+
+@cache
+def tangent_replay():
+    """kernels.tangent.replay as a Python function of four Bundles and a number of entries."""
+    prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 4, ctypes.c_int64)
+    replay = prototype(unit_address("replay"))
+    return lambda P, C, R, V, count: replay(P.address, C.address, R.address, V.address, count)
 
 
 @cache

@@ -23,6 +23,7 @@ from ..fields import Source, surfaces
 from ..graph.dag import Graph
 from ..graph.scalar import HELPERS, Writer
 from ..graph.slopes import derivative
+from ..jacobian import flow_entries
 from ..layout import SHORTEST_ROW
 from ..machine.sums import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
@@ -83,9 +84,10 @@ FLAGS = ("contract", "nsz")
 class JetProgram:
     """Writes one program; its text ends with the layout, NROWS and SURFACE_ROWS (-1 where there is none)."""
 
-    def __init__(self, model: Model, general: bool):
+    def __init__(self, model: Model, general: bool, parameters: int | None = None):
+        """With `parameters`, the number of those by which is differentiated, the Jacobians have rows as well."""
         self.model, self.general = model, general
-        self.graph = graph = Graph(model)
+        self.graph = graph = Graph(model, by_element=parameters is None)
         n, m = len(model.states), len(model.multipliers)
         self.states = [graph.var("x", i) for i in range(n)]
         self.unknowns = [graph.var("mult", j) for j in range(m)] if general else []
@@ -93,8 +95,14 @@ class JetProgram:
         residuals = [graph.expression(mult.condition) for mult in model.multipliers] if general else []
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + residuals)
+        entries = []
+        if parameters is not None:
+            entries = flow_entries(graph, nodes[:n], nodes[n + len(h) :], m if general else 0, parameters)
+        count = len(nodes)
+        nodes += [node for *_, node in entries]
         nodes = simplify(graph, nodes, Degrees(graph, nodes[:n], general))
-        self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) :]
+        self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) : count]
+        self.entries = [(*place, node) for (*place, _), node in zip(entries, nodes[count:], strict=True)]
         holders = (*model.multipliers, *model.events)
         self.has_surface = [s.surface is not None for s in holders]
         self.degrees = Degrees(graph, self.rates, general)
@@ -122,6 +130,7 @@ class JetProgram:
             *self.rates,
             *(h for h, has in zip(self.h, self.has_surface, strict=True) if has),
             *self.residuals,
+            *(node for *_, node in self.entries),
         ]
         loop = Writer(2)
         order_k = OrderK(graph, loop, degrees, self.solved)
@@ -132,6 +141,8 @@ class JetProgram:
             if has:
                 order_k.row(node)
             surface_rows.append(order_k.rows[node] if has else -1)
+        for *_, node in self.entries:
+            order_k.row(node)
         corrections = self._order(order_k, loop, roots)
         unrolled = bool(order_k.products)
         if unrolled:
@@ -186,6 +197,9 @@ class JetProgram:
         rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
         self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FLAGS": FLAGS}
         self.source.constants["BY_RESPONSES"] = bool(self.responses)
+        self.source.constants["ENTRIES"] = tuple(
+            (*place, order_k.rows[node], int(degrees.of(node) == CONSTANT)) for *place, node in self.entries
+        )
         return self.source.text()
 
     # ---- before the loop ----
@@ -389,14 +403,14 @@ class JetProgram:
         return rate
 
 
-def write_jets(model: Model) -> dict[str, str]:
-    """Sources {"slip": text, "general": text}, the second only with multipliers.
+def write_jets(model: Model, parameters: int | None = None) -> dict[str, str]:
+    """Sources {"slip": text, "general": text}, the second only with multipliers; `parameters` as of JetProgram.
 
     Without recurrences there is one text without a program, so that the text cache remembers it.
     """
     try:
         return {
-            name: JetProgram(model, general=name == "general").write()
+            name: JetProgram(model, name == "general", parameters).write()
             for name in (("slip", "general") if model.multipliers else ("slip",))
         }
     except NoRecurrence as reason:

@@ -12,8 +12,19 @@ Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 from ..intervals import forget_intervals, note_interval
 from ..machine.compiling import kernel
 from ..machine.pointers import call_act, call_fields, call_newton
-from ..state import AMB_IMPACTS, EV_CLOSED, EV_IMPACT, EV_OPENING, SLIDING, SOLVED
-from ..step.recording import record_ambiguity, record_event
+from ..state import (
+    AMB_IMPACTS,
+    EV_CLOSED,
+    EV_IMPACT,
+    EV_OPENING,
+    SLIDING,
+    SOLVED,
+    TAPE_ACT,
+    TAPE_MEET,
+    TAPE_OTHER,
+    TAPE_ROUND,
+)
+from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import keep_on_surface, mask_solved, surface_rounding
 from ..surface.sparse import entry, solve_dense
 from .surface_rates import approach_speed, evaluate_surfaces
@@ -227,9 +238,14 @@ def _collide(P, S, R, W, size):
     for a in range(size):
         j, meets = contacts.touching[a], contacts.speed[a] < -contacts.at_rest[a]
         if together and _coupled(W.contacts, a, size):
+            if R.tape.shape[0] > 0:
+                put_on_tape(P, S, R, TAPE_MEET, TAPE_OTHER, j, 0, 0.0)
             if contacts.impulse[a] > 0.0:
                 _kick(P, S, W, j, contacts.impulse[a])
         elif meets:
+            if R.tape.shape[0] > 0:
+                put_on_tape(P, S, R, TAPE_ACT, 0, P.ne + j, 0, 0.0)
+                put_on_tape(P, S, R, TAPE_ROUND, 0, 0, 0, 0.0)
             _rebound(P, S, W, j)
             for i in range(P.n):
                 S.x[i] = contacts.after[i]

@@ -15,10 +15,12 @@ from ..state import (
     GO_ON,
     HELD,
     SECOND_ORDER,
+    TAPE_ACT,
+    TAPE_ROUND,
     THROUGH,
     UNRECORDED,
 )
-from ..step.recording import record_ambiguity, record_event
+from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import surface_rounding
 from .accumulation import events_accumulate
 from .surface_rates import evaluate_surfaces
@@ -43,7 +45,10 @@ def _look(loop, t, x):
 @kernel
 def _act(loop, i, t):
     P, S, R, W = loop
-    return call_act(P.act, i, t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+    acts = call_act(P.act, i, t, W.firing.before, S.mult, P.p, W.firing.after) != 0
+    if acts and R.tape.shape[0] > 0:
+        put_on_tape(P, S, R, TAPE_ACT, 0, i, 0, 0.0)
+    return acts
 
 
 @kernel
@@ -61,9 +66,11 @@ def _note_conflicts(loop, together):
 
     What an event adds moves with the value that it is added to, what it sets does not: each is run from two values.
     """
+    P, S, R, W = loop
+    if R.tape.shape[0] > 0:
+        put_on_tape(P, S, R, TAPE_ROUND, 0, 0, 0, 0.0)
     if together < 2:
         return
-    P, S, R, W = loop
     firing = W.firing
     added, was_set, value, trial, shifted = (
         firing.added,

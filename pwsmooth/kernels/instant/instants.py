@@ -36,7 +36,7 @@ from ..state import (
     State,
 )
 from ..step.finer import SWITCHING, follow_arcs, follow_as_asked
-from ..step.recording import record_ambiguity, record_event, record_point
+from ..step.recording import put_causes_on_tape, record_ambiguity, record_event, record_point
 from ..step.singular import has_branch_point
 from ..surface.layer import LEAVE_FOLD
 from ..surface.sliding import keep_on_surface, surface_rounding
@@ -342,6 +342,8 @@ def at_instant(P, C, S, R, W):
         return GO_ON
     W.step.refused = -1
     _note_what_is_met(P, S, W)
+    if R.tape.shape[0] > 0:
+        put_causes_on_tape(P, C, S, R, W)
     record_point(P, S, R)
     S.stalled = S.stalled + 1 if elapsed <= 1e-14 * (1.0 + abs(S.t)) else 0
     if S.stalled > MOST_AT_ONCE:

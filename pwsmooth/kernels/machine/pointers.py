@@ -52,6 +52,9 @@ call_outputs = caller("t, x, mult, p, out")
 # act: fires event i; overwrites the entries of xnew that it sets; 0 if `when` fails.
 call_act = caller("i, t, x, mult, p, xnew", types.int64)
 
+# act_slopes: overwrites the gradients of what update i writes.
+call_act_slopes = caller("i, t, x, mult, p, out", types.int64)
+
 # layer: overwrites the residuals g with the layered states free, and their rates q.
 call_layer = caller("t, x, mult, z, p, g, q")
 

@@ -1,7 +1,20 @@
 """Writing what happened into the Record buffers."""
 
 from ..machine.compiling import inlined_kernel, kernel
-from ..state import AMB_GRAZING, HELD, SOLVED
+from ..state import (
+    AMB_GRAZING,
+    ARC,
+    HELD,
+    SOLVED,
+    TAPE_BOUND,
+    TAPE_CLOCK,
+    TAPE_FOLD,
+    TAPE_MEET,
+    TAPE_NOTHING,
+    TAPE_POINT,
+    TAPE_STEP,
+    TAPE_SURFACE,
+)
 from .steps import dot, powers
 
 
@@ -13,11 +26,64 @@ def has_room(R, S):
         and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
         and S.ambiguities + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
         and (R.dense.shape[0] == 0 or S.pieces + 1 < R.dense.shape[0])
+        and (
+            R.tape.shape[0] == 0 or S.taped + 5 * S.last.shape[0] + 6 * S.side.shape[0] + 256 < R.tape.shape[0]
+        )
     )
+
+
+@kernel
+def put_on_tape(P, S, R, kind, first, second, third, length):
+    """Writes where the run stands, and what it does there, for kernels/tangent."""
+    k, n, m = S.taped, P.n, P.m
+    tape, values = R.tape[k], R.tape_x[k]
+    tape[0], tape[1], tape[2], tape[3] = kind, first, second, third
+    values[0], values[1] = S.t, length
+    for i in range(n):
+        values[2 + i] = S.x[i]
+    for j in range(m):
+        tape[4 + j] = S.status[j]
+        values[2 + n + j] = S.mult[j]
+    S.taped += 1
+
+
+@kernel
+def put_step_on_tape(P, S, R, W):
+    step = W.step
+    put_on_tape(
+        P, S, R, TAPE_STEP, ARC if step.time_row >= 0 else step.kind, step.fold, step.toward, W.end.length
+    )
+    if step.time_row >= 0:
+        for j in range(P.m + 1):
+            R.tape_x[S.taped - 1, 2 + P.n + P.m + j] = W.arc.mult[j]
+
+
+@kernel
+def put_causes_on_tape(P, C, S, R, W):
+    """What the instant that begins is the zero of."""
+    instant, some = W.instant, False
+    if instant.fold >= 0:
+        put_on_tape(P, S, R, TAPE_MEET, TAPE_FOLD, instant.fold, 0, 0.0)
+        some = True
+    for i in range(P.m + P.ne):
+        if instant.hit[i]:
+            at_bound = i < P.m and S.status[i] == SOLVED
+            put_on_tape(P, S, R, TAPE_MEET, TAPE_BOUND if at_bound else TAPE_SURFACE, i, 0, 0.0)
+            some = True
+    tick = S.ticks
+    while instant.at_clock and tick < len(C.clock) and C.clock[tick] <= S.t:
+        put_on_tape(P, S, R, TAPE_MEET, TAPE_CLOCK, tick, 0, 0.0)
+        tick += 1
+        some = True
+    if not some:
+        put_on_tape(P, S, R, TAPE_MEET, TAPE_NOTHING, 0, 0, 0.0)
 
 
 @inlined_kernel
 def record_point(P, S, R):
+    if R.tape.shape[0] > 0:
+        R.tape[S.taped, 0] = TAPE_POINT
+        S.taped += 1
     i = S.points
     R.t[i] = S.t
     for k in range(P.n):

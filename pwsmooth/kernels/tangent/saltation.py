@@ -1,0 +1,340 @@
+"""Deviations at an instant: a deviation of the state, of the parameters and of the time at which it happens.
+
+At the zero of H(t, x, lambda; p) a run that deviates by (w, q) arrives by dt later, at x + w + f- dt:
+
+    H_x (w + f- dt) + H_lambda l + H_p q + H_t dt = 0
+
+Every update acts there, R_x (...) + R_p q + R_t dt, and the field after leads back to one time, w+ = ... - f+ dt (di
+Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008). A motion that is held on surfaces from
+there on has no deviation out of them: w -> (1 - D (C D)^-1 C) w, with their gradients and rates C and the directions D in
+which an impact without rebound would stop it.
+"""
+
+from ..machine.compiling import kernel
+from ..machine.lanes import load8, splat8, store8
+from ..machine.pointers import call_act_slopes, call_fields, call_outputs
+from ..state import CONTACT, HELD, SECOND_ORDER, SOLVED
+from .flow import invert, number_unknowns
+from .state import (
+    CORNER,
+    F_MULT,
+    FINE,
+    G_MULT,
+    G_P,
+    G_T,
+    G_X,
+    GRAZES,
+    H_MULT,
+    H_P,
+    H_T,
+    H_X,
+    S_P,
+    S_X,
+    UNKNOWN,
+)
+
+_TOUCHING = 1e-9  # slower than this part of its scale a surface is not crossed but touched
+
+
+@kernel
+def look(P, V, t, x, mult):
+    """Overwrites V.jac by the Jacobians at a point."""
+    call_outputs(V.jacobian, t, x, mult, P.p, V.jac)
+
+
+@kernel
+def multipliers(P, V, w, dt, mask, first, last):
+    """Overwrites V.lam by the deviations of the multipliers under the mask, from those of states and time; False if
+    these are not determined. V.jac is that of the point."""
+    entries, unknown, lam = V.entries_point, V.unknown, V.lam
+    size = number_unknowns(V, mask, P.m)
+    for j in range(P.m):
+        for block in range(first, last, 8):
+            store8(lam[j], block, splat8(0.0))
+    if size == 0:
+        return True
+    for r in range(size):
+        for c in range(size):
+            V.matrix[r, c] = 0.0
+    for e in range(entries.shape[0]):
+        i, j = entries[e, 1], entries[e, 2]
+        if entries[e, 0] == G_MULT and unknown[i] >= 0 and unknown[j] >= 0:
+            V.matrix[unknown[i], unknown[j]] = V.jac[e]
+    if not invert(V, size):
+        return False
+    for block in range(first, last, 8):
+        for r in range(size):
+            store8(V.sums, 8 * r, splat8(0.0))
+        for e in range(entries.shape[0]):
+            kind, i, j = entries[e, 0], entries[e, 1], entries[e, 2]
+            if not G_X <= kind <= G_T or kind == G_MULT or unknown[i] < 0:
+                continue
+            r = 8 * unknown[i]
+            if kind == G_X:
+                term = load8(w[j], block) * V.jac[e]
+            elif kind == G_P:
+                term = load8(V.seeds, V.w.shape[1] * j + block) * V.jac[e]
+            else:
+                term = load8(dt, block) * V.jac[e]
+            store8(V.sums, r, load8(V.sums, r) + term)
+        for j in range(P.m):
+            if unknown[j] >= 0:
+                total = splat8(0.0)
+                for c in range(size):
+                    total = total - load8(V.sums, 8 * c) * V.matrix[unknown[j], size + c]
+                store8(lam[j], block, total)
+    return True
+
+
+@kernel
+def _change(P, V, i, out):
+    """Overwrites `out` by the deviations of surface i at fixed time, its rate as that of the last column but seven;
+    returns the size of what the rate is made of."""
+    entries, wide, size = V.entries_point, V.w.shape[1], 0.0
+    for block in range(0, wide, 8):
+        store8(out, block, splat8(0.0))
+    for e in range(entries.shape[0]):
+        kind, j = entries[e, 0], entries[e, 2]
+        if kind < H_X or kind > H_T or entries[e, 1] != i:
+            continue
+        value = V.jac[e]
+        if kind == H_T:
+            out[V.columns] += value
+            size += abs(value)
+            continue
+        if kind == H_X:
+            size += abs(value * V.rates[j])
+        for block in range(0, wide, 8):
+            if kind == H_X:
+                term = load8(V.w[j], block)
+            elif kind == H_MULT:
+                term = load8(V.lam[j], block)
+            else:
+                term = load8(V.seeds, V.w.shape[1] * j + block)
+            store8(out, block, load8(out, block) + term * value)
+    return size
+
+
+@kernel
+def begin_instant(P, V, t, x, mult, status):
+    """The point before an instant: its rates as another column, its Jacobians, the multipliers' deviations."""
+    n, wide, time = P.n, V.w.shape[1], V.columns
+    V.inside, V.acted, V.fresh, V.first_point, V.why, V.cause = 1, 0, 1, 1, FINE, -1
+    call_fields(P.fields, t, x, mult, P.p, V.rates, V.slopes, V.sums)
+    for i in range(n):
+        for block in range(time, wide, 8):
+            store8(V.w[i], block, splat8(0.0))
+        V.w[i, time] = V.rates[i]
+    for block in range(0, wide, 8):
+        store8(V.dt, block, splat8(0.0))
+    V.dt[time] = 1.0
+    look(P, V, t, x, mult)
+    for j in range(P.m):
+        V.mask[j] = 1 if status[j] == SOLVED else 0
+    if not multipliers(P, V, V.w, V.dt, V.mask, 0, wide):
+        V.why = UNKNOWN
+    _shift(P, V)
+
+
+@kernel
+def _shift(P, V):
+    """Overwrites V.event by the deviations at the instant's own time."""
+    for i in range(P.n):
+        for block in range(0, V.columns, 8):
+            store8(V.event[i], block, load8(V.w[i], block) + load8(V.dt, block) * V.rates[i])
+
+
+@kernel
+def _take(P, V, out, which):
+    """Makes `out` the shift of the instant, or compares it with the one that another cause has set."""
+    if V.cause >= 0:
+        for c in range(V.columns):
+            if not abs(out[c] - V.dt[c]) <= _TOUCHING * (abs(out[c]) + abs(V.dt[c]) + _TOUCHING):
+                V.why = CORNER
+        return
+    V.cause = which
+    for block in range(0, V.columns, 8):
+        store8(V.dt, block, load8(out, block))
+    _shift(P, V)
+
+
+@kernel
+def meet_surface(P, V, i):
+    """The instant is the zero of surface i."""
+    out, time = V.other_dt, V.columns
+    size = _change(P, V, i, out)
+    speed = out[time]
+    if not abs(speed) > _TOUCHING * (size + _TOUCHING):
+        V.why = GRAZES
+        V.cause = i
+        return
+    for block in range(0, time, 8):
+        store8(out, block, load8(out, block) * (-1.0 / speed))
+    _take(P, V, out, i)
+
+
+@kernel
+def meet_bound(P, V, j):
+    """The instant is where multiplier j, which is solved for, comes to its bound."""
+    out, time = V.other_dt, V.columns
+    speed = V.lam[j, time]
+    if not abs(speed) > 0.0:
+        V.why = GRAZES
+        V.cause = j
+        return
+    for block in range(0, time, 8):
+        store8(out, block, load8(V.lam[j], block) * (-1.0 / speed))
+    _take(P, V, out, j)
+
+
+@kernel
+def meet_clock(P, V, tick):
+    """The instant is one of the clock."""
+    for block in range(0, V.columns, 8):
+        store8(V.other_dt, block, load8(V.clock[tick], block))
+    _take(P, V, V.other_dt, P.m + P.ne)
+
+
+@kernel
+def meet_fold(P, V):
+    """The instant is the fold at which the last arc has ended: t'(s) = 0 there, and x'(s) with it."""
+    n = P.n
+    if not V.on_arc:
+        V.why = UNKNOWN
+        return
+    V.on_arc = 0
+    for block in range(0, V.columns, 8):
+        shift = load8(V.arc_w[n], block)
+        store8(V.dt, block, shift)
+        for i in range(n):
+            store8(V.event[i], block, load8(V.arc_w[i], block))
+            store8(V.w[i], block, load8(V.arc_w[i], block) - shift * V.rates[i])
+    V.cause = P.m + P.ne + 1
+
+
+@kernel
+def act(P, V, i, t, x, mult, status):
+    """Update i acts on the deviations before its round."""
+    n, m, count, time = P.n, P.m, len(P.p), V.columns
+    first, last = V.write_first[i], V.write_first[i + 1]
+    if first == last:
+        return
+    if V.fresh:
+        for k in range(n):
+            for block in range(0, time, 8):
+                store8(V.before[k], block, load8(V.event[k], block))
+        V.fresh = 0
+    V.acted = 1
+    call_act_slopes(V.act_slopes, i, t, x, mult, P.p, V.slopes)
+    width = n + m + count + 1
+    if m > 0:
+        look(P, V, t, x, mult)
+        for j in range(m):
+            V.mask[j] = 1 if status[j] == SOLVED else 0
+        if not multipliers(P, V, V.before, V.dt, V.mask, 0, time):
+            V.why = UNKNOWN
+    for r in range(first, last):
+        at, k = width * (r - first), V.write_state[r]
+        for block in range(0, time, 8):
+            total = load8(V.dt, block) * V.slopes[at + n + m + count]
+            if V.write_adds[r]:
+                total = total + load8(V.event[k], block)
+            for j in range(n):
+                if V.slopes[at + j] != 0.0:
+                    total = total + load8(V.before[j], block) * V.slopes[at + j]
+            for j in range(m):
+                if V.slopes[at + n + j] != 0.0:
+                    total = total + load8(V.lam[j], block) * V.slopes[at + n + j]
+            for j in range(count):
+                if V.slopes[at + n + m + j] != 0.0:
+                    total = total + load8(V.seeds, V.w.shape[1] * j + block) * V.slopes[at + n + m + j]
+            store8(V.event[k], block, total)
+
+
+@kernel
+def end_instant(P, V, t, x, mult, status, before):
+    """The field after leads back to one time; what is held from here on does not deviate from its surfaces."""
+    call_fields(P.fields, t, x, mult, P.p, V.rates, V.slopes, V.sums)
+    for i in range(P.n):
+        for block in range(0, V.columns, 8):
+            store8(V.w[i], block, load8(V.event[i], block) - load8(V.dt, block) * V.rates[i])
+    hold = False
+    for j in range(P.m):
+        closed = status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
+        hold = hold or (closed and (V.acted != 0 or before[j] != SOLVED))
+        hold = hold or (status[j] == HELD and before[j] != HELD)
+    if hold and not keep_held(P, V, t, x, mult, status):
+        V.why = UNKNOWN
+    V.inside = 0
+
+
+@kernel
+def keep_held(P, V, t, x, mult, status):
+    """Takes from the deviations V.w what leads out of the surfaces that are held; False where that is not unique."""
+    n, entries, held = P.n, V.entries_point, V.held
+    look(P, V, t, x, mult)
+    size, half = 0, held.shape[0] // 2  # gradients C above, directions D below
+    for j in range(P.m):
+        twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
+        if status[j] != HELD and not (status[j] == SOLVED and twice):
+            continue
+        for level in range(2 if twice else 1):
+            for i in range(n):
+                held[size, i] = held[half + size, i] = 0.0
+            for e in range(entries.shape[0]):
+                kind, i, k = entries[e, 0], entries[e, 1], entries[e, 2]
+                if kind == (H_X if level == 0 else S_X) and i == j:
+                    held[size, k] = held[half + size, k] = V.jac[e]
+            if level == 1:
+                for i in range(n):
+                    held[half + size, i] = 0.0
+                for e in range(entries.shape[0]):
+                    if entries[e, 0] == F_MULT and entries[e, 2] == j:
+                        held[half + size, entries[e, 1]] = V.jac[e]
+            size += 1
+    if size == 0:
+        return True
+    matrix = V.matrix
+    for r in range(size):
+        for c in range(size):
+            total = 0.0
+            for i in range(n):
+                total += held[r, i] * held[half + c, i]
+            matrix[r, c] = total
+    if not invert(V, size):
+        return False
+    for block in range(0, V.columns, 8):
+        for r in range(size):
+            total = splat8(0.0)
+            for i in range(n):
+                total = total + load8(V.w[i], block) * held[r, i]
+            # The parameters move a surface as well.
+            store8(V.sums, 8 * r, total)
+        _add_parameters(P, V, status, block)
+        for r in range(size):
+            total = splat8(0.0)
+            for c in range(size):
+                total = total + load8(V.sums, 8 * c) * matrix[r, size + c]
+            for i in range(n):
+                if held[half + r, i] != 0.0:
+                    store8(V.w[i], block, load8(V.w[i], block) - total * held[half + r, i])
+    return True
+
+
+@kernel
+def _add_parameters(P, V, status, block):
+    entries, size = V.entries_point, 0
+    for j in range(P.m):
+        twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
+        if status[j] != HELD and not (status[j] == SOLVED and twice):
+            continue
+        for level in range(2 if twice else 1):
+            for e in range(entries.shape[0]):
+                kind, i, k = entries[e, 0], entries[e, 1], entries[e, 2]
+                if kind == (H_P if level == 0 else S_P) and i == j:
+                    store8(
+                        V.sums,
+                        8 * size,
+                        load8(V.sums, 8 * size) + load8(V.seeds, V.w.shape[1] * k + block) * V.jac[e],
+                    )
+            size += 1

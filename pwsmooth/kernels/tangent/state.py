@@ -1,0 +1,103 @@
+"""What the replay of a tape is told and what it carries from call to call.
+
+Sizes: n states, m multipliers, np parameters; `wide` columns, of which the last block of eight holds the time: at an
+instant a deviation is one of (x, p, t). An array of `entries` has rows (kind, row, column, place, whether constant) of
+codegen/jacobian.py.
+"""
+
+from ..machine.block import Bundle
+
+# Kinds of entries at a point (codegen/jacobian.py): rates, residuals, surfaces, speeds of gaps, by states, multipliers,
+# parameters, time.
+BY_X, BY_MULT, BY_P = range(3)
+F_X, F_MULT, F_P, G_X, G_MULT, G_P, G_T, H_X, H_MULT, H_P, H_T, S_X, S_P, S_T = range(14)
+
+ZEROS = 8  # orders before order 0 of a series of deviations
+
+# Why an instant has no derivative.
+FINE, GRAZES, CORNER, UNKNOWN = range(4)
+
+
+class Flow(Bundle):
+    """Entries of the linearised flow in a Taylor program, by rows: the rates, then the residuals of the multipliers."""
+
+    jet: "int"
+    own: "int"  # first row of what the program keeps for itself
+    residuals: "int"
+    first: "i8*[:]"
+    what: "i8*[:]"  # by a state, a multiplier or a parameter
+    index: "i8*[:]"  # which; of a parameter the place of its deviations
+    place: "i8*[:]"  # of the entry's series in the rows
+    moves: "i8*[:]"  # 0: only its order 0
+    same: "i8*[:]"  # of a rate the residual that it is, or -1
+    by_mult: "i8[:, 3]"  # the entries of residuals by multipliers: row, column, place
+
+
+class Tangent(Bundle):
+    """The linearised model, the deviations where the tape has been read to, and what is asked for of them."""
+
+    slip: Flow
+    general: Flow
+    fold: Flow
+    jacobian: "int"
+    act_slopes: "int"
+    entries_point: "i8[:, 5]"
+    write_first: "i8[:]"  # of every update the first of its writes
+    write_state: "i8[:]"  # the state that one writes, and whether it adds
+    write_adds: "i8[:]"
+    columns: "int"  # without the time's
+    order: "int"
+    tolerance: "float"
+    seeds: "f8*[np, wide]"  # deviations of the parameters
+    clock: "f8[:, wide]"  # of the instants of the clock
+    read: "int"  # entries of the tape that have been read
+    # The deviations, and those of an instant: at its own time, and before a round of updates.
+    w: "f8[n, wide]"
+    event: "f8[n, wide]"
+    before: "f8[n, wide]"
+    lam: "f8[m, wide]"
+    dt: "f8[wide]"
+    other_dt: "f8[wide]"
+    rates: "f8[n]"
+    inside: "int"  # whether the instant that has begun is not over
+    met: "int"  # entry of the tape at which it began
+    acted: "int"
+    fresh: "int"  # whether the next update begins a round
+    first_point: "int"
+    why: "int"  # FINE, or why it has no derivative
+    cause: "int"
+    # An arc whose end has not been looked at: deviations and rates of (x, t) along it.
+    on_arc: "int"
+    arc_w: "f8[all, wide]"  # and lambda
+    arc_rates: "f8[all]"
+    # Scratch.
+    jac: "f8[:]"
+    slopes: "f8[:]"
+    rows: "f8[rows, width]"
+    rows_flat: "f8*[:]"  # the same
+    series: "f8*[series]"  # of one block of columns: states and multipliers, orders, eight columns
+    sums: "f8*[sums]"
+    unknown: "i8*[unknowns + 1]"  # place of a multiplier among those that are solved for, or -1
+    matrix: "f8[unknowns, twice]"
+    held: "f8[closed, wider]"
+    x: "f8[all]"
+    mult: "f8[all]"
+    mask: "i8[all]"
+    bias: "f8[:]"
+    power: "f8[width]"
+    # What is asked for.
+    place: "f8[room]"  # of wanted times on a way, and how many; on an arc the rates of the states over that of time
+    wanted: "int"
+    pace: "f8[room, all]"
+    kept: "f8[all, wide]"
+    points: "int"
+    pending: "int"  # the first point whose deviations the end of the instant tells
+    at_point: "f8[:, n, columns]"
+    samples: "int"
+    t_eval: "f8[:]"
+    at_sample: "f8[:, n, columns]"
+    instants: "int"
+    instant_t: "f8[:]"
+    instant_why: "i8[:, 2]"
+    instant_dt: "f8[:, columns]"
+    instant_w: "f8[:, n, columns]"

@@ -1,0 +1,177 @@
+"""Deviations of a run: its tape played again (kernels/tangent), with the model's Jacobians.
+
+Chain: event_driven.py, whose run writes the tape -> **replay** -> results/derivatives.py, analysis/.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..codegen import compile_model
+from ..definition.folds import fold_model
+from ..definition.model import Model
+from ..kernels import state as names
+from ..kernels.tangent.state import ZEROS, Flow, Tangent
+from .problem import compiled_problem, terms
+
+_PLACES = 64  # wanted times on one way that are looked at together
+
+
+class Tape(NamedTuple):
+    """What the loop has written of a run, and what it ran with."""
+
+    parts: Any  # the CompiledProblem, and what it makes a Problem of
+    p: np.ndarray
+    method: str
+    control: Any
+    record: Any  # a Record of which only the tape is there
+    count: int
+    points: int
+
+
+class Deviations(NamedTuple):
+    """What a replay gives, for each of the columns that it began with."""
+
+    end: np.ndarray  # (n, columns)
+    at_point: np.ndarray  # (points, n, columns)
+    at_sample: np.ndarray  # (samples, n, columns)
+    instant_t: np.ndarray  # (instants,)
+    instant_why: np.ndarray  # (instants, 2)
+    instant_dt: np.ndarray  # (instants, columns)
+    instant_w: np.ndarray  # (instants, n, columns)
+    stopped: float  # time of the step that has no series, or nan
+
+
+class _FlowOf:
+    """The entries of a Taylor program with Jacobians, by rows: n of the rates, m of the residuals."""
+
+    def __init__(self, program: Any, name: str, n: int, m: int, parameters: int, own: int):
+        entries = [] if program is None else program.constants["ENTRIES"]
+        entries = [e for e in entries if e[0] % 3 != 2 or e[2] < parameters]
+        self.row = np.array([i + n * (kind >= 3) for kind, i, *_ in entries], np.int64)
+        order = np.argsort(self.row, kind="stable")
+        table = np.array(entries, np.int64).reshape(-1, 5)[order]
+        self.first = np.concatenate([[0], np.cumsum(np.bincount(self.row, minlength=n + m))])
+        self.kind, self.equation, self.column, self.place, constant = table.T
+        self.moves, self.m, self.own = 1 - constant, m, own
+        rows = [
+            {(kind % 3, j, place) for kind, r, j, place, _ in entries if r == i and kind // 3 == level}
+            for level, size in ((0, n), (1, m)) for i in range(size)
+        ]  # fmt: skip
+        self.same = np.array(
+            [rows[n:].index(row) if row and row in rows[n:] else -1 for row in rows[:n]], np.int64
+        )
+        self.jet = program.address(name) if program else 0
+
+    def bundle(self, width: int, wide: int) -> Flow:
+        """For rows of this width and deviations of this many columns."""
+        what, by_mult = self.kind % 3, self.kind == 4
+        table = np.stack([self.equation, self.column, self.place * width], axis=1)
+        return Flow(
+            jet=self.jet, own=self.own, residuals=self.m, first=self.first, what=what,
+            index=np.where(what == 2, self.column * wide, self.column), place=self.place * width, moves=self.moves,
+            same=self.same, by_mult=table[by_mult],
+        )  # fmt: skip
+
+
+class CompiledTangents:
+    """The programs with Jacobians of a model, and the arrays that describe them."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        code = self.code = compile_model(model)
+        n, m, count = code.n, code.m, code.np
+        slides = compiled_problem(model).fixed["jet_general"] != 0
+        fold = self.fold = compile_model(fold_model(model)) if compiled_problem(model).fold else None
+        programs = {"slip": code.tangent("slip"), "general": code.tangent("general") if slides else None}
+        programs["fold"] = fold.tangent("general") if fold else None
+        top = max(p.constants["NROWS"] for p in programs.values() if p)
+        self.flows, own = {}, 0
+        for name, program in programs.items():
+            rows, address = n + 1 + m if name == "fold" else n, "jet_slip" if name == "slip" else "jet_general"
+            self.flows[name] = _FlowOf(program, address, rows, m + (name == "fold"), count, top + own)
+            own += program.constants["OWN_ROWS"] if program else 0
+        point, acts = code.tangent("jacobian"), code.tangent("act_slopes")
+        entries = np.array(point.constants["ENTRIES"], np.int64).reshape(-1, 5)
+        writes = acts.constants["WRITES"]
+        flat = [w for update in writes for w in update]
+        self.fixed: dict[str, Any] = dict(
+            jacobian=point.address("jacobian"), act_slopes=acts.address("act_slopes"), entries_point=entries,
+            write_first=np.cumsum([0, *map(len, writes)]), write_state=np.array([k for k, _ in flat], np.int64),
+            write_adds=np.array([adds for _, adds in flat], np.int64), jac=np.zeros(len(entries)),
+        )  # fmt: skip
+        most = max(map(len, writes), default=0)
+        both, unknowns = n + m + 2, max(2 * m, m + 1)
+        self.sizes = dict(
+            n=n, m=m, np=count, rows=top + own, all=both, unknowns=unknowns, twice=2 * unknowns,
+            closed=4 * m, wider=n, room=_PLACES, sums=8 * max(both, unknowns),
+        )  # fmt: skip
+        self.lengths = dict(
+            slopes=max((n + m + count + 1) * most, m + code.ne, 1), bias=count + m,
+        )  # fmt: skip
+
+    def tangent(self, order: int, tolerance: float, columns: int, **given: np.ndarray) -> Tangent:
+        """A Tangent for so many columns (a multiple of eight)."""
+        sizes = self.sizes | dict(wide=columns + 8, width=terms(order) + names.PAD, columns=columns)
+        width, wide = sizes["width"], sizes["wide"]
+        scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
+        scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
+        sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
+        made = Tangent.zeros(
+            sizes,
+            rows_flat=np.empty(0),
+            order=order,
+            tolerance=tolerance,
+            columns=columns,
+            **self.fixed,
+            **scratch,
+            **given,
+        )
+        Tangent.members["rows_flat"].give(made, made.rows.ravel())
+        return made
+
+
+@functools.lru_cache(maxsize=64)
+def compiled_tangents(model: Model) -> CompiledTangents:
+    """The programs of a model; the last ones are kept."""
+    return CompiledTangents(model)
+
+
+def replay(
+    model: Model, tape: Tape, start: np.ndarray, seeds: np.ndarray, times: np.ndarray | None = None,
+    clock: np.ndarray | None = None, points: bool = True,
+) -> Deviations:  # fmt: skip
+    """Deviations along a run from `start` (n, columns) of its states and `seeds` (np, columns) of its parameters.
+
+    `times` are wanted besides those of the record; `clock` (ticks, columns) are the deviations of the clock's instants.
+    """
+    from ..codegen.machine.units import tangent_replay
+
+    loop, compiled = tangent_replay(), compiled_tangents(model)
+    n, k = start.shape
+    columns = -(-k // 8) * 8
+    tape_kinds = tape.record.tape[: tape.count, 0]
+    instants = int(np.count_nonzero(tape_kinds == names.TAPE_MEET))
+    times = np.empty(0) if times is None else times
+    ticks = len(tape.control.clock)
+    slopes = np.zeros((ticks, columns + 8))
+    if clock is not None:
+        slopes[:, :k] = clock
+    tangent = compiled.tangent(
+        tape.control.order, max(10.0 * tape.control.rtol, 1e-15), columns, t_eval=times, clock=slopes,
+        at_point=np.zeros((tape.points if points else 0, n, columns)),
+        at_sample=np.zeros((len(times), n, columns)), instant_t=np.zeros(instants),
+        instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
+        instant_w=np.zeros((instants, n, columns)),
+    )  # fmt: skip
+    tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
+    stopped = loop(tape.parts.problem(tape.p, tape.method), tape.control, tape.record, tangent, tape.count)
+    found = tangent.instants
+    return Deviations(
+        tangent.w[:, :k].copy(), tangent.at_point[:, :, :k], tangent.at_sample[: tangent.samples, :, :k],
+        tangent.instant_t[:found], tangent.instant_why[:found], tangent.instant_dt[:found, :k],
+        tangent.instant_w[:found, :, :k], np.nan if stopped < 0 else float(tape.record.tape_x[stopped, 0]),
+    )  # fmt: skip
