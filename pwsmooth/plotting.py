@@ -94,10 +94,15 @@ def style() -> Iterator[None]:
     ...     plt.rcParams["font.size"]
     9.0
     """
-    import matplotlib
+    from matplotlib import rcParams
 
-    with matplotlib.rc_context(_RC):
+    # Not rc_context: it would take back the interactive mode of a backend that is loaded within, as in a notebook.
+    before = {key: rcParams[key] for key in _RC}
+    rcParams.update(_RC)
+    try:
         yield
+    finally:
+        rcParams.update(before)
 
 
 def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:

@@ -202,3 +202,17 @@ def test_a_name_in_the_place_of_times_is_told_what_it_is(name, said):
     )
     with pytest.raises(TypeError, match=f"`t` is '{name}'; {said}"):
         run(name)
+
+
+def test_a_backend_that_is_loaded_within_the_style_stays_interactive():
+    """Notebooks load theirs with the first figure, and show nothing where it is not interactive."""
+    before = matplotlib.rcParams.copy()
+    try:
+        with pytest.raises(KeyError), plotting.style():
+            matplotlib.interactive(True)
+            raise KeyError
+        assert matplotlib.is_interactive()
+        changed = {key for key in before if before[key] != matplotlib.rcParams[key]}
+        assert changed == {"interactive"}
+    finally:
+        matplotlib.interactive(False)
