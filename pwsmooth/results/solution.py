@@ -79,6 +79,10 @@ class Solution(Described):
     -----
     `t`, `y`, `success` and `message` are SciPy's names.
 
+    Columns are the ends of steps, which are long, and the events: ``solution["x"].max()`` is the largest of these and
+    not of the motion. The extremes themselves have columns with an event where the rate vanishes, such as
+    ``Event(v)`` of a velocity v; ``solution.sample(1000)["x"].max()`` comes near, with dense output.
+
     Examples
     --------
     >>> import sympy as sp
@@ -404,7 +408,10 @@ class Solution(Described):
         return solution
 
     def to_dataset(self) -> xarray.Dataset:
-        """The solution as a labelled data set, whose times are unique: `interp` and `sel(method="nearest")` take it.
+        """The solution as a labelled data set, whose times are unique.
+
+        xarray's `interp` joins columns, the ends of long steps, by straight lines: values between them are those of
+        ``solution(t, name)`` and `sample`, with dense output.
 
         Returns
         -------
