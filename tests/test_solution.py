@@ -191,7 +191,21 @@ def test_events_are_chosen_by_kind_and_switch():
     sol = block_solution(events=events)
     np.testing.assert_array_equal(sol.event_times("slip"), [0.5, 0.7])
     np.testing.assert_array_equal(sol.event_times(switch="a"), [0.5, 1])
-    np.testing.assert_array_equal(sol.event_times("slip by fold", "b"), [])
+    for nothing in (("slip by fold", "b"), ("impact",), ("stick", lam)):
+        np.testing.assert_array_equal(sol.event_times(*nothing), [])
+
+
+def test_kinds_and_switches_that_do_not_exist_are_refused_with_those_that_do():
+    system = System({y: v, v: -y - sp.sign(v) / 9}, events=[Event(y - 9, name="far")])
+    run, smooth = (solve(s, (0, 5), [3.5, 0]) for s in (system, system.smoothed(1e-2)))
+    assert run.event_times("stick").size == run.event_times(switch="far").size == 0
+    with pytest.raises(ValueError, match="`kind` is 'stck'; kinds of events are crossing, stick, slip,"):
+        run.event_times("stck")
+    for wrong in ("nosuch", y):
+        with pytest.raises(ValueError, match=rf"`switch` is '{wrong}'.*; they are sgn\(v\), far\."):
+            run.event_times(switch=wrong)
+    # The smoothed view knows its switches, which have no events there.
+    assert smooth.event_times(switch="sgn(v)").size == 0
 
 
 def test_every_outcome_says_what_happened_and_every_failure_what_to_try():

@@ -19,7 +19,7 @@ from ..definition.describe import Described, Rows, listed, values
 from ..definition.model import Model
 from ..definition.views import substitutes
 from . import outputs
-from .records import Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
+from .records import KINDS, Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
     import pandas
@@ -323,15 +323,36 @@ class Solution(Described):
         -------
         ndarray, shape (ne,)
             In the unit of the model's time.
+
+        Raises
+        ------
+        ValueError
+            There is no such kind, or no switch, contact or event of that name in the system.
         """
 
-        def wanted(e: EventRecord) -> bool:
-            right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
-            return right_kind and (switch is None or e.switch == str(switch))
+        def times(kind: str | None, switch: Any) -> np.ndarray:
+            def wanted(e: EventRecord) -> bool:
+                right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
+                return right_kind and (switch is None or e.switch == str(switch))
 
-        if isinstance(self.events, EventLog):
-            return self.events.times_of(wanted)
-        return np.array([e.time for e in self.events if wanted(e)])
+            if isinstance(self.events, EventLog):
+                return self.events.times_of(wanted)
+            return np.array([e.time for e in self.events if wanted(e)])
+
+        found = times(kind, switch)
+        if found.size:
+            return found
+        if kind is not None and kind not in KINDS and not times(kind, None).size:
+            raise ValueError(f"`kind` is {checks.shown(kind)}; kinds of events are {', '.join(KINDS)}.")
+        if switch is not None and not times(None, switch).size:
+            events = (event.name for event in self.model.events if event.recorded)
+            names = [*self.multipliers, *events, *substitutes(self.system)]
+            if str(switch) not in names:
+                raise ValueError(
+                    f"`switch` is {checks.shown(str(switch))}, no switch, contact or event of this system; they are "
+                    f"{', '.join(listed(names)) or 'none'}."
+                )
+        return found
 
     # ---- other forms -------------------------------------------------------------------------------
 
