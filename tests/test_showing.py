@@ -216,3 +216,16 @@ def test_a_backend_that_is_loaded_within_the_style_stays_interactive():
         assert changed == {"interactive"}
     finally:
         matplotlib.interactive(False)
+
+
+def test_an_orbit_that_is_missing_is_said_to_be_so_once():
+    for rate, period in ((-x + sp.sin(2 * t), 1), (1 + sp.sin(t), 2 * sp.pi)):
+        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, period=period)
+        assert not missing.success
+        assert repr(missing).lower().count("no orbit") == 1 and repr(missing).startswith("No orbit")
+
+
+def test_an_exponent_of_minus_infinity_has_no_error():
+    exponents = lyapunov_exponents(System({x: -sp.sign(x), v: -v}), {x: 1, v: 1}, 20, count=2)
+    assert np.isneginf(exponents.exponents).any()
+    assert "-inf" in repr(exponents) and "nan" not in repr(exponents) and "-1 +- " in repr(exponents)
