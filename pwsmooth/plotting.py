@@ -298,7 +298,7 @@ class _Run(Protocol):
     tolerances: Any
 
     @property
-    def states(self) -> Any: ...
+    def _shown(self) -> Any: ...
     @property
     def segments(self) -> Any: ...
     @property
@@ -342,7 +342,7 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     >>> len(plotting.plot_solution(solution, ["x", "v"]))
     2
     """
-    wanted = list(names) if names is not None else list(sol.states)
+    wanted = list(names) if names is not None else list(sol._shown)
     panels = axes_for(
         axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
     )

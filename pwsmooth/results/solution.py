@@ -162,6 +162,12 @@ class Solution(Described):
         """Names of the states, memories last."""
         return tuple(str(s) for s in self.model.states)
 
+    @functools.cached_property
+    def _shown(self) -> tuple[str, ...]:
+        """The states without the last ones, memories that number the cells of drives."""
+        cells = sum(len(event.update) for event in self.model.events if event.tables)
+        return self.states[: len(self.states) - cells]
+
     @property
     def multipliers(self) -> tuple[str, ...]:
         """Names of the multipliers: switches, contact forces, algebraic unknowns."""
@@ -212,7 +218,7 @@ class Solution(Described):
 
     @property
     def _none_of_these(self) -> str:
-        names = ", ".join((*self.states, *self.multipliers, *self.outputs))
+        names = ", ".join((*self._shown, *self.multipliers, *self.outputs))
         return f"no state, multiplier or output of this solution; they are {names}."
 
     def __getitem__(self, name: Any) -> np.ndarray:
@@ -443,7 +449,7 @@ class Solution(Described):
         import xarray
 
         last = np.append(self.t[1:] != self.t[:-1], True)
-        data: dict[str, Any] = {name: ("time", row[last]) for name, row in zip(self.states, self.x)}
+        data: dict[str, Any] = {name: ("time", row[last]) for name, row in zip(self._shown, self.x)}
         data.update({name: ("time", row[last]) for name, row in zip(self.multipliers, self.mult)})
         data.update({f"status_{name}": ("time", row[last]) for name, row in zip(self.multipliers, self.status)})
         data.update({name: ("time", self[name][last]) for name in self.outputs})
@@ -456,14 +462,15 @@ class Solution(Described):
         }
         for name, column in columns.items():
             column = np.clip(column, 0, len(self.t) - 1)
-            data[name] = ("event", "state_name"), np.where(self.t[column] == at, self.x[:, column], np.nan).T
+            x = self.x[: len(self._shown), column]
+            data[name] = ("event", "state_name"), np.where(self.t[column] == at, x, np.nan).T
         attributes: dict[str, Any] = {f"parameter {k}": v for k, v in self.parameters.items()}
         attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
         attributes.update({f"cost {k}": v for k, v in self.cost.items()})
         attributes["outcome"] = self.message
         if self.noise is not None:
             attributes["noise"] = str(self.noise)
-        coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self.states)}
+        coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self._shown)}
         return xarray.Dataset(data, coords=coordinates, attrs=attributes)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -500,7 +507,7 @@ class Solution(Described):
         import pandas
 
         t = np.linspace(self.t[0], self.t[-1], checks.whole(n, "`n`", 2))
-        names = (*self.states, *self.multipliers, *self.outputs)
+        names = (*self._shown, *self.multipliers, *self.outputs)
         return pandas.DataFrame({name: self(t, name) for name in names}, index=pandas.Index(t, name="time"))
 
     def plot(
@@ -579,7 +586,7 @@ class Solution(Described):
         kinds = Counter(event.kind for event in self.events)
         return f"Solution: {self.message}", {
             "time": [f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"],
-            "end": values(self.states, self.x[:, -1]),
+            "end": values(self._shown, self.x[:, -1]),
             "events": listed([f"{count} {kind}" for kind, count in kinds.items()]) or ["none"],
             "itinerary": [shown],
             "cost": listed([f"{k} {v}" for k, v in self.cost.items()]),
