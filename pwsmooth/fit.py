@@ -88,11 +88,15 @@ class Fit(Described):
         return len(self.values)
 
     def _described(self) -> tuple[str, Rows]:
-        found = {name: f"{name} = {value:.6g}" for name, value in self.values.items()}
-        unseen = [text for name, text in found.items() if np.isinf(self.errors[name])]
+        found, unseen = [], []
+        for name, value in self.values.items():
+            if np.isinf(error := self.errors[name]):
+                unseen.append(f"{name} = {value:.6g}: the data does not determine it")
+            else:
+                found.append(f"{name} = {value:.6g} +- {error:.2g}")
         return f"Fit of {type(self.law).__name__}: rms {self.residual:.4g}", {
-            "found": [f"{text} +- {self.errors[name]:.2g}" for name, text in found.items() if text not in unseen],
-            "not seen": [f"{text}: the data does not determine it" for text in unseen],
+            "found": found,
+            "not seen": unseen,
             "runs": [f"{self.runs}, {self.failures} failed"],
             "message": [self.message],
         }.items()

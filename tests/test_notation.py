@@ -309,7 +309,9 @@ def test_columns_of_forces_belong_to_the_states_that_are_listed():
         (angles + speeds, kane.forcing_full.T),
         (list(kane.kindiffdict().items()), kane.forcing),
     ):
-        with pytest.raises(ValueError, match=r"`forcing` is a matrix.*give a mapping forcing=dict\(zip\(states"):
+        with pytest.raises(
+            ValueError, match=r"`forcing` is a matrix.*give a mapping forcing=dict\(zip\(states"
+        ):
             System(states, mass_matrix=kane.mass_matrix, forcing=forcing)
 
 
@@ -319,7 +321,9 @@ def test_the_methods_of_mechanics_are_told_what_to_write():
     lagrange = mechanics.LagrangesMethod(a.diff() ** 2 / 2 + sp.cos(a), [a])
     lagrange.form_lagranges_equations()
     for K, r, states in ((kane, {}, [*kane.q, *kane.u]), (lagrange, dict(zip(lagrange.u, [u])), [a, u])):
-        with pytest.raises(TypeError, match=rf"is a {type(K).__name__} K; write .*mass_matrix=K.mass_matrix_full"):
+        with pytest.raises(
+            TypeError, match=rf"is a {type(K).__name__} K; write .*mass_matrix=K.mass_matrix_full"
+        ):
             System(K)
         told = System(states, mass_matrix=K.mass_matrix_full.subs(r), forcing=K.forcing_full.subs(r))
         assert solve(told, (0, 1), [0.1, 0]).success
