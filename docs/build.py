@@ -55,13 +55,16 @@ def draw_figures(folder: Path, fast: bool) -> None:
 
 def build(arguments: argparse.Namespace) -> int:
     """Figures, then Sphinx; the exit code of Sphinx."""
+    sys.path.insert(0, str(ROOT))
+    from pwsmooth.paths.warmup import warm_up
+
     if arguments.clean:
         for folder in (BUILD, DOCS / "auto"):
             shutil.rmtree(folder, ignore_errors=True)
     begun = time.perf_counter()
-    sys.path.insert(0, str(ROOT))
     figures = arguments.figures or BUILD / ("figures_fast" if arguments.fast else "figures")
     draw_figures(figures.resolve(), arguments.fast)
+    warm_up()  # so that no page shows what a first run has to compile
     if (arguments.out / ".buildinfo").is_file():
         shutil.rmtree(arguments.out)  # pages of before, whose source is gone
     drawn = time.perf_counter()

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .definition import checks
+from .definition.describe import Described, Rows
 from .definition.drives import Drive
 from .laws import Law
 from .scenes import prescribed_motion
@@ -27,8 +28,8 @@ __all__ = ["Fit", "compare", "fit"]
 _FAILED = 1e3  # residual of a run that fails, in units of the data's size: the optimizer turns back
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Described):
     """A fitted law.
 
     Attributes
@@ -36,7 +37,8 @@ class Fit:
     law : Law
         With the fitted parameters.
     values, errors : dict of str to float
-        Fitted parameters and their standard errors (from the residual and its slope), in the units of the law.
+        Fitted parameters and their standard errors (from the residual and its slope), in the units of the law; inf
+        where the data does not determine a parameter.
     covariance : ndarray, shape (np, np)
         Of the fitted parameters, in the order of `values` and in their units.
     residual : float, in the unit of the data
@@ -85,9 +87,19 @@ class Fit:
         """Number of fitted parameters."""
         return len(self.values)
 
-    def __str__(self) -> str:
-        rows = [f"{name} = {value:.6g} +- {self.errors[name]:.2g}" for name, value in self.values.items()]
-        return f"{type(self.law).__name__}: rms {self.residual:.4g}; " + ", ".join(rows)
+    def _described(self) -> tuple[str, Rows]:
+        found, unseen = [], []
+        for name, value in self.values.items():
+            if np.isinf(error := self.errors[name]):
+                unseen.append(f"{name} = {value:.6g}: the data does not determine it")
+            else:
+                found.append(f"{name} = {value:.6g} +- {error:.2g}")
+        return f"Fit of {type(self.law).__name__}: rms {self.residual:.4g}", {
+            "found": found,
+            "not seen": unseen,
+            "runs": [f"{self.runs}, {self.failures} failed"],
+            "message": [self.message],
+        }.items()
 
 
 _OPTIONS: dict[str, checks.Check] = {

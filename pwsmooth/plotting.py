@@ -94,10 +94,15 @@ def style() -> Iterator[None]:
     ...     plt.rcParams["font.size"]
     9.0
     """
-    import matplotlib
+    from matplotlib import rcParams
 
-    with matplotlib.rc_context(_RC):
+    # Not rc_context: it would take back the interactive mode of a backend that is loaded within, as in a notebook.
+    before = {key: rcParams[key] for key in _RC}
+    rcParams.update(_RC)
+    try:
         yield
+    finally:
+        rcParams.update(before)
 
 
 def new_figure(width: float = 7.0, height: float = 3.0) -> Figure:
@@ -289,9 +294,11 @@ class _Run(Protocol):
     t: np.ndarray
     status: np.ndarray
     dense: Any
+    course: Any
+    tolerances: Any
 
     @property
-    def states(self) -> Any: ...
+    def _shown(self) -> Any: ...
     @property
     def segments(self) -> Any: ...
     @property
@@ -304,8 +311,8 @@ class _Run(Protocol):
 def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = None) -> np.ndarray:
     """Draw states (or `names`) against time, one Axes each, with the intervals shaded in which a multiplier is solved.
 
-    With dense output the curves are smooth; without, straight lines join the ends of the steps, which are long
-    at high order.
+    With dense output the curves are smooth, and with `t_eval` they join its instants. Without either the ends of the
+    steps are marked, which are far apart at high order, and a thin broken line joins them.
 
     Parameters
     ----------
@@ -335,7 +342,7 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     >>> len(plotting.plot_solution(solution, ["x", "v"]))
     2
     """
-    wanted = list(names) if names is not None else list(sol.states)
+    wanted = list(names) if names is not None else list(sol._shown)
     panels = axes_for(
         axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
     )
@@ -344,15 +351,18 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     for ax, name, curve in zip(panels, wanted, curves):
         for segment in solved:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
-        ax.plot(t, curve, color=COLOUR["exact"])
+        ax.plot(t, curve, color=COLOUR["exact"], **_line(sol))
         ax.set_ylabel(str(name))
         ax.margins(x=0)
+    _say_what_is_joined(sol, panels[0])
     panels[-1].set_xlabel(str(sol.model.time))
     return panels
 
 
 def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
     """Draw two names against each other, in the colours of the first switch or contact that changes.
+
+    What is joined is as in `plot_solution`.
 
     Parameters
     ----------
@@ -388,11 +398,14 @@ def plot_phase(sol: _Run, names: Sequence[Any], axes: Any = None) -> np.ndarray:
         raise ValueError(f"`phase` is {names!r}; give two names, the horizontal one first.")
     panels = axes_for(axes, 1, (4.5, 3.6), "one phase portrait; give one")
     t, curves = _curves(sol, pair)
-    changing = [status for status in sol.status if np.ptp(status)]
+    times, statuses = sol.course or (sol.t, sol.status)
+    changing = [status for status in statuses if np.ptp(status)]
     if changing:
-        by_phase(panels[0], np.sign(changing[0][np.searchsorted(sol.t, t, side="right") - 1]), *curves)
+        status = np.sign(changing[0][np.searchsorted(times, t, side="right") - 1])
+        by_phase(panels[0], status, *curves, **_line(sol))
     else:
-        panels[0].plot(*curves, color=COLOUR["exact"])
+        panels[0].plot(*curves, color=COLOUR["exact"], **_line(sol))
+    _say_what_is_joined(sol, panels[0])
     panels[0].set(xlabel=pair[0], ylabel=pair[1])
     return panels
 
@@ -509,9 +522,25 @@ def _curves(sol: _Run, names: Sequence[Any], each: int = 16) -> tuple[np.ndarray
     """Times and values with `each` points a step where there is dense output; jumps keep both their sides."""
     if sol.dense is None or len(sol.t) < 2:
         return sol.t, [sol[name] for name in names]
-    starts, ends = sol.t[:-1], sol.t[1:]
-    longer = ends > starts
-    starts, ends = starts[longer], ends[longer]
+    # With `t_eval` the columns are not the steps.
+    knots = np.append(sol.t, getattr(sol.dense, "t0", sol.t))
+    knots = np.unique(np.clip(knots, sol.t[0], sol.t[-1]))
+    starts, ends = knots[:-1], knots[1:]
     # A step's last point belongs to the step: exactly at its end the next one begins.
     times = np.linspace(starts, np.nextafter(ends, starts), each, axis=1).ravel()
     return times, [sol(times, name) for name in names]
+
+
+def _ends_of_steps(sol: _Run) -> bool:
+    """Whether nothing is known between columns far apart; the steps of a diffusion, without tolerances, are short."""
+    return sol.dense is None and sol.course is None and "rtol" in sol.tolerances
+
+
+def _line(sol: _Run) -> dict[str, Any]:
+    return {"linestyle": "--", "linewidth": 0.5, "marker": ".", "markersize": 5} if _ends_of_steps(sol) else {}
+
+
+def _say_what_is_joined(sol: _Run, ax: Axes) -> None:
+    if _ends_of_steps(sol):
+        said = "at steps only: solve with dense_output=True or t_eval"
+        ax.set_title(said, loc="right", size="small", color=COLOUR["mark"])

@@ -15,7 +15,7 @@ import numpy as np
 from .definition import checks
 from .paths.budget import MOST_STEPS, opened
 from .paths.event_driven import LOOSEST, Options, prepared_run
-from .results.solution import Solution
+from .results.solution import Outcome, Solution
 
 
 def solve(
@@ -171,5 +171,8 @@ def solve(
         system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, spending,
         kicks,
     )  # fmt: skip
+    if times is not None:
+        ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
+        solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
     solution.noise = noise
     return solution

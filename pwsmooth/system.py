@@ -30,7 +30,7 @@ from .definition.drives import drive
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
-from .definition.notation import rate_of, solved_for_rates, time_of, without_impulses
+from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
 from .definition.reading import read
 from .definition.regularity import Surface
 from .definition.reversal import backward
@@ -103,8 +103,8 @@ class System(DescribedSystem):
         Unknowns that are solved inside the right-hand side.
     mass_matrix : Matrix, shape (k, k), optional
         M in M(t, x) dx/dt = F(t, x), for states that `rates` does not give; solved at every evaluation of the rates.
-    forcing : mapping of state to Expr, optional
-        F, with the states in the order of the rows and columns of M.
+    forcing : mapping of state to Expr, or Matrix, shape (k, 1), optional
+        F, with the states in the order of the rows and columns of M; with a Matrix `rates` is the list of these states.
     drives : mapping of symbol to Drive, or to (times, values), optional
         Sampled inputs, which stand in the expressions as symbols; pairs of arrays are a cubic spline.
     convention : {"hidden", "filippov"}
@@ -170,6 +170,7 @@ class System(DescribedSystem):
             checks.mapping({} if value is None else value, f"`{name}`")
             for name, value in (("outputs", outputs), ("parameters", parameters))
         )
+        rates, forcing = named_rows(rates, forcing)
         rates = checks.pairs(rates, "`rates`", least=0 if forcing else 1)
         time = time_of(time, rates, checks.pairs(forcing, "`forcing`") if forcing else (), outputs.items())
         rates = tuple((rate_of(x), e) for x, e in rates)

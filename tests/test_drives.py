@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
-from pwsmooth import Drive, Event, Family, Solution, System, solve, sweep
+from pwsmooth import Drive, Event, Family, Memory, Solution, System, solve, sweep
 from pwsmooth.analysis.variations import variations
 from pwsmooth.codegen.machine import cache
 
@@ -201,6 +201,29 @@ def test_bad_records_are_refused(make, said):
 def test_what_is_no_record_is_refused():
     with pytest.raises(TypeError, match="give \\(times, values\\) or a Drive"):
         System({y: -u}, drives={u: 3})
+
+
+def test_tables_pictures_and_text_leave_the_cell_of_the_record_out():
+    import matplotlib
+
+    matplotlib.use("Agg")
+    latch = Memory("latch", 0)
+    rate = sp.Symbol("rate", real=True)
+    drive = Drive(TIMES, VALUES)
+    system = System(
+        {y: v, v: -y - rate - u},
+        drives={u: drive, rate: drive.derivative(), "other": (TIMES[::2], VALUES[::2])},
+        outputs={"sum": sp.Symbol("other", real=True)},
+        events=[Event(v, update={latch: latch + 1})],
+    )
+    run = solve(system, SPAN, {y: 0, v: 0}, dense_output=True)
+    for states in (
+        list(run.to_dataframe())[:3], list(run.sample(3))[:3], [ax.get_ylabel() for ax in run.plot()],
+        run.to_dataset()["state_name"].values.tolist(),
+    ):  # fmt: skip
+        assert states == ["y", "v", "latch"]
+    assert run.to_dataset()["states_after"].shape == (len(run.events), 3)
+    assert not any("cell of" in str(told) for told in (run, run.to_dataframe().columns, run._none_of_these))
 
 
 def test_a_saved_solution_has_its_record(tmp_path):

@@ -261,3 +261,16 @@ def test_the_pair_does_not_step_over_a_fold():
     system = System({v: 16 / 9 * (1 + 1e-4) * sp.sin(t) - lam * (1 + 3 * (1 - lam**2))}, time=t)
     sol = solve(system, (0, math.pi), [0], method="rk")
     assert not sol.success and abs(sol.t[-1] - math.asin(1 / (1 + 1e-4))) < 1e-6
+
+
+@pytest.mark.parametrize("g", [1.0, 1.052, 1.0596, 1.06, 1.0604, 1.064, 1.068, 1.1])
+def test_a_coupled_switch_whose_root_lies_about_its_bound_sticks_or_crosses(g):
+    """In the layer it creeps along the sliding of the other one, by the difference from a root at 1 or beyond it."""
+    x, y = sp.symbols("x y", real=True)
+    half, tenth = sp.Rational(1, 2), sp.Rational(1, 10)
+    relays = System({x: half + tenth * sp.sign(y) - sp.sign(x), y: g - sp.sign(y) - tenth * sp.sign(x)})
+    run = solve(relays, (0, 5), {x: 0.2, y: -1})
+    # y' = g + 1 - 0.1 until x sticks at t = 1/3, then with the 0.4 of that stick; beyond y = 0 with 0.6, or y sticks.
+    met = 1 / 3 + (1 - (g + 0.9) / 3) / (g + 0.96)
+    assert run.success and not run.ambiguities
+    assert run["x"][-1] == 0 and run["y"][-1] == pytest.approx(max(g - 1.06, 0) * (5 - met), abs=1e-12)

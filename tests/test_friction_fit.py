@@ -76,6 +76,16 @@ def test_a_parameter_that_the_data_does_not_see_has_no_finite_error():
     assert found.values["F_s"] == pytest.approx(force.mean(), rel=1e-6)
     assert found.errors["F_s"] == pytest.approx(force.std(ddof=1) / math.sqrt(v.size), rel=0.01)
     assert math.isinf(found.errors["F_c"])
+    assert f"F_c = {found.values['F_c']:.6g}: the data does not determine it" in repr(found)
+    assert "inf" not in repr(found) and f"F_s = {found.values['F_s']:.6g} +- " in repr(found)
+
+
+def test_a_fit_shows_its_law_residual_and_message(fits):
+    found = fits["LuGre"]
+    for text in (repr(found), str(found), found._repr_html_()):
+        for part in ("LuGre", f"{found.residual:.4g}", found.message, f"{found.runs}, 0 failed"):
+            assert part in text
+    assert len(repr(found)) < 500
 
 
 def test_elements_are_fitted_one_by_one():

@@ -296,6 +296,39 @@ def test_a_mass_matrix_that_fits_no_states_is_refused():
         System({x: v}, mass_matrix="eye", forcing={v: -x})
 
 
+def test_columns_of_forces_belong_to_the_states_that_are_listed():
+    kane, angles, speeds = _links(2)
+    full = {"mass_matrix": kane.mass_matrix_full, "forcing": kane.forcing_full}
+    named = System(**full | {"forcing": dict(zip(angles + speeds, kane.forcing_full))})
+    for states in (angles + speeds, tuple(angles + speeds), kane.q.col_join(kane.u)):
+        assert System(states, **full).model == named.model
+    for states, forcing in (
+        (kane.kindiffdict(), kane.forcing),
+        (angles, kane.forcing_full),
+        ((), kane.forcing_full),
+        (angles + speeds, kane.forcing_full.T),
+        (list(kane.kindiffdict().items()), kane.forcing),
+    ):
+        with pytest.raises(
+            ValueError, match=r"`forcing` is a matrix.*give a mapping forcing=dict\(zip\(states"
+        ):
+            System(states, mass_matrix=kane.mass_matrix, forcing=forcing)
+
+
+def test_the_methods_of_mechanics_are_told_what_to_write():
+    kane, _, _ = _links(1)
+    (a,), (u,) = mechanics.dynamicsymbols("a:1"), mechanics.dynamicsymbols("u:1")
+    lagrange = mechanics.LagrangesMethod(a.diff() ** 2 / 2 + sp.cos(a), [a])
+    lagrange.form_lagranges_equations()
+    for K, r, states in ((kane, {}, [*kane.q, *kane.u]), (lagrange, dict(zip(lagrange.u, [u])), [a, u])):
+        with pytest.raises(
+            TypeError, match=rf"is a {type(K).__name__} K; write .*mass_matrix=K.mass_matrix_full"
+        ):
+            System(K)
+        told = System(states, mass_matrix=K.mass_matrix_full.subs(r), forcing=K.forcing_full.subs(r))
+        assert solve(told, (0, 1), [0.1, 0]).success
+
+
 def test_a_mass_matrix_that_moves_agrees_with_scipy():
     """(2 + cos x) v' + v w' = -x,  v v' + (3 + x**2) w' = -w, in one block."""
     M = sp.Matrix([[2 + sp.cos(x), v / 3], [v / 3, 3 + x**2]])

@@ -135,6 +135,10 @@ def test_a_diagram_says_where_runs_failed_and_why(diagram):
     ax = diagram.plot()
     assert ax.get_ylabel() == "x, once a period" and ax.lines[1].get_label() == word
     assert list(ax.lines[1].get_xdata()) == [5.0]
+    assert diagram[sp.Function("x", real=True)(t)].shape == diagram["x"].shape
+    for ask in (diagram.__getitem__, lambda name: diagram.plot(ax, name)):
+        with pytest.raises(KeyError, match="'q' is no state of this diagram; they are x"):
+            ask("q")
 
 
 def test_exponents_that_are_gone_are_drawn_at_the_edge():
@@ -202,3 +206,30 @@ def test_a_name_in_the_place_of_times_is_told_what_it_is(name, said):
     )
     with pytest.raises(TypeError, match=f"`t` is '{name}'; {said}"):
         run(name)
+
+
+def test_a_backend_that_is_loaded_within_the_style_stays_interactive():
+    """Notebooks load theirs with the first figure, and show nothing where it is not interactive."""
+    before = matplotlib.rcParams.copy()
+    try:
+        with pytest.raises(KeyError), plotting.style():
+            matplotlib.interactive(True)
+            raise KeyError
+        assert matplotlib.is_interactive()
+        changed = {key for key in before if before[key] != matplotlib.rcParams[key]}
+        assert changed == {"interactive"}
+    finally:
+        matplotlib.interactive(False)
+
+
+def test_an_orbit_that_is_missing_is_said_to_be_so_once():
+    for rate, period in ((-x + sp.sin(2 * t), 1), (1 + sp.sin(t), 2 * sp.pi)):
+        missing = find_orbit(System({x: v, v: rate}, time=t), {x: 1, v: 0}, period=period)
+        assert not missing.success
+        assert repr(missing).lower().count("no orbit") == 1 and repr(missing).startswith("No orbit")
+
+
+def test_an_exponent_of_minus_infinity_has_no_error():
+    exponents = lyapunov_exponents(System({x: -sp.sign(x), v: -v}), {x: 1, v: 1}, 20, count=2)
+    assert np.isneginf(exponents.exponents).any()
+    assert repr(exponents).endswith("+- 0.5, -inf")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import System, Unilateral, solve
+from pwsmooth import Event, System, Unilateral, solve
 from pwsmooth.definition.model import LayerState, Model, Multiplier, Select
 from pwsmooth.results.records import Ambiguity, Dense, EventLog, EventRecord, Outcome
 from pwsmooth.results.solution import Solution
@@ -191,7 +191,21 @@ def test_events_are_chosen_by_kind_and_switch():
     sol = block_solution(events=events)
     np.testing.assert_array_equal(sol.event_times("slip"), [0.5, 0.7])
     np.testing.assert_array_equal(sol.event_times(switch="a"), [0.5, 1])
-    np.testing.assert_array_equal(sol.event_times("slip by fold", "b"), [])
+    for nothing in (("slip by fold", "b"), ("impact",), ("stick", lam)):
+        np.testing.assert_array_equal(sol.event_times(*nothing), [])
+
+
+def test_kinds_and_switches_that_do_not_exist_are_refused_with_those_that_do():
+    system = System({y: v, v: -y - sp.sign(v) / 9}, events=[Event(y - 9, name="far")])
+    run, smooth = (solve(s, (0, 5), [3.5, 0]) for s in (system, system.smoothed(1e-2)))
+    assert run.event_times("stick").size == run.event_times(switch="far").size == 0
+    with pytest.raises(ValueError, match="`kind` is 'stck'; kinds of events are crossing, stick, slip,"):
+        run.event_times("stck")
+    for wrong in ("nosuch", y):
+        with pytest.raises(ValueError, match=rf"`switch` is '{wrong}'.*; they are sgn\(v\), far\."):
+            run.event_times(switch=wrong)
+    # The smoothed view knows its switches, which have no events there.
+    assert smooth.event_times(switch="sgn(v)").size == 0
 
 
 def test_every_outcome_says_what_happened_and_every_failure_what_to_try():
@@ -279,6 +293,40 @@ def test_the_plot_is_smooth_with_dense_output_and_shades_the_stick():
     assert (shade.get_x(), shade.get_width()) == (1.0, 1.0)
     with pytest.raises(ValueError, match="1 Axes for 2 names"):
         sol.plot(["y", "mu"], axes[:1])
+
+
+@pytest.mark.parametrize("options", [{}, {"t_eval": [0, 5, 20]}, {"dense_output": True}])
+@pytest.mark.parametrize("smoothed", [False, True])
+def test_what_is_not_known_between_columns_is_not_drawn_as_a_curve(smoothed, options):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    system = System({y: v, v: -y - sp.sign(v) / 9})
+    run = solve(system.smoothed(1e-3) if smoothed else system, (0, 20), [3.5, 0], **options)
+    for ax in (run.plot()[0], run.plot(phase=("y", "v"))[0]):
+        said = "at steps only: solve with dense_output=True or t_eval"
+        drawn = {(line.get_marker(), line.get_linestyle()) for line in ax.lines}
+        assert drawn == ({("None", "-")} if options else {(".", "--")})
+        assert ax.get_title(loc="right") == ("" if options else said)
+
+
+def test_few_wanted_times_leave_the_curve_of_dense_output_as_it_is():
+    run = solve(System({y: v, v: -y}), (0, 20), [1, 0], t_eval=[0, 20], dense_output=True)
+    times, drawn = run.plot(["y"])[0].lines[0].get_data()
+    assert np.diff(times).max() < 0.5
+    np.testing.assert_allclose(drawn, np.cos(times), atol=1e-7)
+
+
+def test_extremes_of_the_motion_have_columns_where_the_velocity_is_an_event():
+    run = solve(System({y: v, v: -y}, events=[Event(v)]), (0, 20), [0, 1])
+    assert run["y"].max() == pytest.approx(1, abs=1e-8)
+    assert run.event_times() == pytest.approx((np.arange(6) + 0.5) * np.pi, abs=1e-7)
+
+
+def test_the_smoothed_run_has_its_segment_whatever_times_were_asked_for():
+    view = System({y: v, v: -y - sp.sign(v) / 9}).smoothed(1e-3)
+    (segment,) = solve(view, (0, 20), [3.5, 0], t_eval=[5, 10]).segments
+    assert (segment.start, segment.end) == (0, 20)
 
 
 def test_the_repr_tells_outcome_events_itinerary_cost_and_ambiguities():

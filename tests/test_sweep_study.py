@@ -90,6 +90,13 @@ def test_a_study_gives_what_sweep_gives_and_resumes_only_when_asked(study, tmp_p
     "old, new, words",
     [
         ("count = 2", "count = 0", ["line 13", "axes.sigma.count", "greater than or equal to 1", "0"]),
+        ("count = 2", "count = '25'", ["line 13", "axes.sigma.count", "integer", "'25'"]),
+        ("from = 1.2", "from = '1.2'", ["line 13", "axes.sigma.from", "number", "'1.2'"]),
+        (
+            'object = "model.py:oscillator"',
+            'scene = "block_on_belt"\narguments = { k = 2, omg = 3 }',
+            ["system.arguments", "'omg'", "they are law, k, pull"],
+        ),
         ("from = 1.2", "from = -1, spacing = 'log'", ["line 13", "axes.sigma", "> 0"]),
         ("transient = 3", "transient = 'few'", ["line 5", "transient", "integer", "few"]),
         ("periods = 2", "period_count = 2", ["line 6", "period_count", "keys there are", "periods"]),

@@ -99,7 +99,12 @@ class LyapunovExponents(Described):
 
     def _described(self) -> tuple[str, Rows]:
         return f"LyapunovExponents over {self.time:.9g}: {self.outcome}", {
-            "exponents": listed([f"{e:.6g} +- {d:.1g}" for e, d in zip(self.exponents, self.errors)]),
+            "exponents": listed(
+                [
+                    f"{e:.6g} +- {d:.1g}" if np.isfinite(e) else f"{e:g}"
+                    for e, d in zip(self.exponents, self.errors)
+                ]
+            ),
             "degenerate": list(self.degenerate),
         }.items()
 

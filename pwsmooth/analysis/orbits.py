@@ -162,10 +162,9 @@ class PeriodicOrbit(Described):
         unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
         holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
         kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
-        found = (
-            f"PeriodicOrbit: {kind}, period {self.period:.9g}" if self.success else f"No orbit: {self.message}"
-        )
-        return found, {
+        told = self.message.startswith("no orbit")
+        missing = f"N{self.message[1:]}" if told else f"No orbit: {self.message}"
+        return f"PeriodicOrbit: {kind}, period {self.period:.9g}" if self.success else missing, {
             "at": values(self.start, self.x),
             "multipliers": listed(list(map(number, self.multipliers))),
             "events": [" | ".join(some([kind for _, kind, _ in self.word])) or "none"],

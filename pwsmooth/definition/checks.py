@@ -394,7 +394,8 @@ def pair(value, what):
 
 def several(value, what):
     """`value` as a tuple of what it holds."""
-    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+    iterable = isinstance(value, (Iterable, sp.MatrixBase))
+    if isinstance(value, (str, bytes)) or not iterable or getattr(value, "ndim", 1) == 0:
         raise TypeError(f"{what} is {shown(value)}; give a sequence.")
     return tuple(value)
 

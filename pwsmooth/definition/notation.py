@@ -9,6 +9,8 @@ Chain: primitives.py -> **notation** -> reading.py.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import sympy as sp
 from sympy.core.function import AppliedUndef
 
@@ -39,6 +41,27 @@ def rate_of(key):
 
 
 # ---- mass matrices
+
+
+def named_rows(rates, forcing):
+    """(rates, forcing) of what was given; a column of forces belongs to the states that `rates` lists."""
+    if hasattr(rates, "mass_matrix_full"):
+        write = "System([*K.q, *K.u], mass_matrix=K.mass_matrix_full, forcing=K.forcing_full)"
+        if sp.Matrix(rates.u).has(sp.Derivative):  # LagrangesMethod
+            write = (
+                "System([*K.q, *u], mass_matrix=K.mass_matrix_full.subs(r), forcing=K.forcing_full.subs(r)) with "
+                "u = dynamicsymbols(...) for the velocities and r = dict(zip(K.u, u))"
+            )
+        raise TypeError(f"`rates` is a {type(rates).__name__} K; write {write}.")
+    if not isinstance(forcing, sp.MatrixBase):
+        return rates, forcing
+    states = () if isinstance(rates, Mapping) else checks.several(rates, "`rates`")
+    if forcing.shape != (len(states), 1) or any(isinstance(x, (tuple, list)) for x in states):
+        raise ValueError(
+            f"`forcing` is a matrix of the shape {forcing.shape}, whose rows name no states; give a mapping "
+            "forcing=dict(zip(states, F)), or a column and the list of its states in the place of `rates`."
+        )
+    return (), tuple(zip(states, forcing))
 
 
 def solved_for_rates(rates, algebraic, mass_matrix, forcing):

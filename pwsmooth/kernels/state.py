@@ -95,7 +95,6 @@ class Problem(Bundle):
     )
     look_general: "int"
     pair: "int"  # 1: the pair makes every step; 0: only those that have no Taylor series
-    start_unit: "int"
     instant_unit: "int"
     approach_unit: "int"
     watches: "int"  # 1: some event is a singular argument

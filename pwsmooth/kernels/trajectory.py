@@ -106,13 +106,12 @@ def run(P, C, S, R, W):
 @kernel
 def begin(P, C, S, R, W):
     """The sides of all surfaces at the start, and what holds on those that the start stands on."""
-    S.started = 1
     W.meeting.widest[:] = 0.0
     W.firing.last[:, :] = 0.0
     follow_as_asked(P, C, W)
     forget_rhythm(S, W)
     restart_flags(W)
-    code = call_unit(P.start_unit, P, C, S, R, W)
+    code = call_unit(P.instant_unit, P, C, S, R, W)
     if code == GO_ON and W.instant.look_again:
         W.meeting.tau[:] = NO_ROOT
         code = _settle_again(P, C, S, R, W)

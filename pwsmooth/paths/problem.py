@@ -169,9 +169,9 @@ class CompiledProblem:
 
     def _units(self) -> dict[str, int]:
         """Addresses of what this model calls, 0 for the rest; the loop is compiled with them."""
-        needed = {"run", "start_unit"}
+        needed = {"run", "instant_unit"}
         if self.code.m or self.code.ne:
-            needed |= {"instant_unit", "root_unit"}
+            needed.add("root_unit")
         if self.code.m:
             needed |= {"newton_unit", "layer_unit", "others_unit"}
         if self.fold:

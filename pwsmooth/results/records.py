@@ -20,6 +20,12 @@ __all__ = ["Ambiguity", "Dense", "EventLog", "EventRecord", "Outcome", "Segment"
 # An ambiguity of both paths, and how it may go on: the first is taken.
 CONFLICTING_UPDATES = ("conflicting updates", ("in the order of the events", "in another order"))
 
+# Of events, as EventRecord describes them.
+KINDS = (
+    "crossing", "stick", "slip", "slip by tangency", "slip by fold", "slip by reset", "sliding to sliding", "reset",
+    "impact", "closed contact", "opening", "terminal", "accumulation", "ambiguity", "rest", "singular point",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class EventRecord:

@@ -19,7 +19,7 @@ from ..definition.describe import Described, Rows, listed, values
 from ..definition.model import Model
 from ..definition.views import substitutes
 from . import outputs
-from .records import Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
+from .records import KINDS, Ambiguity, Dense, EventLog, EventRecord, Listed, Outcome, Segment
 
 if TYPE_CHECKING:
     import pandas
@@ -78,6 +78,10 @@ class Solution(Described):
     Notes
     -----
     `t`, `y`, `success` and `message` are SciPy's names.
+
+    Columns are the ends of steps, which are long, and the events: ``solution["x"].max()`` is the largest of these and
+    not of the motion. The extremes themselves have columns with an event where the rate vanishes, such as
+    ``Event(v)`` of a velocity v; ``solution.sample(1000)["x"].max()`` comes near, with dense output.
 
     Examples
     --------
@@ -158,6 +162,12 @@ class Solution(Described):
         """Names of the states, memories last."""
         return tuple(str(s) for s in self.model.states)
 
+    @functools.cached_property
+    def _shown(self) -> tuple[str, ...]:
+        """The states without the last ones, memories that number the cells of drives."""
+        cells = sum(len(event.update) for event in self.model.events if event.tables)
+        return self.states[: len(self.states) - cells]
+
     @property
     def multipliers(self) -> tuple[str, ...]:
         """Names of the multipliers: switches, contact forces, algebraic unknowns."""
@@ -208,7 +218,7 @@ class Solution(Described):
 
     @property
     def _none_of_these(self) -> str:
-        names = ", ".join((*self.states, *self.multipliers, *self.outputs))
+        names = ", ".join((*self._shown, *self.multipliers, *self.outputs))
         return f"no state, multiplier or output of this solution; they are {names}."
 
     def __getitem__(self, name: Any) -> np.ndarray:
@@ -319,15 +329,36 @@ class Solution(Described):
         -------
         ndarray, shape (ne,)
             In the unit of the model's time.
+
+        Raises
+        ------
+        ValueError
+            There is no such kind, or no switch, contact or event of that name in the system.
         """
 
-        def wanted(e: EventRecord) -> bool:
-            right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
-            return right_kind and (switch is None or e.switch == str(switch))
+        def times(kind: str | None, switch: Any) -> np.ndarray:
+            def wanted(e: EventRecord) -> bool:
+                right_kind = kind is None or e.kind == kind or e.kind.startswith(kind + " by")
+                return right_kind and (switch is None or e.switch == str(switch))
 
-        if isinstance(self.events, EventLog):
-            return self.events.times_of(wanted)
-        return np.array([e.time for e in self.events if wanted(e)])
+            if isinstance(self.events, EventLog):
+                return self.events.times_of(wanted)
+            return np.array([e.time for e in self.events if wanted(e)])
+
+        found = times(kind, switch)
+        if found.size:
+            return found
+        if kind is not None and kind not in KINDS and not times(kind, None).size:
+            raise ValueError(f"`kind` is {checks.shown(kind)}; kinds of events are {', '.join(KINDS)}.")
+        if switch is not None and not times(None, switch).size:
+            events = (event.name for event in self.model.events if event.recorded)
+            names = [*self.multipliers, *events, *substitutes(self.system)]
+            if str(switch) not in names:
+                raise ValueError(
+                    f"`switch` is {checks.shown(str(switch))}, no switch, contact or event of this system; they are "
+                    f"{', '.join(listed(names)) or 'none'}."
+                )
+        return found
 
     # ---- other forms -------------------------------------------------------------------------------
 
@@ -404,7 +435,10 @@ class Solution(Described):
         return solution
 
     def to_dataset(self) -> xarray.Dataset:
-        """The solution as a labelled data set, whose times are unique: `interp` and `sel(method="nearest")` take it.
+        """The solution as a labelled data set, whose times are unique.
+
+        xarray's `interp` joins columns, the ends of long steps, by straight lines: values between them are those of
+        ``solution(t, name)`` and `sample`, with dense output.
 
         Returns
         -------
@@ -415,7 +449,7 @@ class Solution(Described):
         import xarray
 
         last = np.append(self.t[1:] != self.t[:-1], True)
-        data: dict[str, Any] = {name: ("time", row[last]) for name, row in zip(self.states, self.x)}
+        data: dict[str, Any] = {name: ("time", row[last]) for name, row in zip(self._shown, self.x)}
         data.update({name: ("time", row[last]) for name, row in zip(self.multipliers, self.mult)})
         data.update({f"status_{name}": ("time", row[last]) for name, row in zip(self.multipliers, self.status)})
         data.update({name: ("time", self[name][last]) for name in self.outputs})
@@ -428,14 +462,15 @@ class Solution(Described):
         }
         for name, column in columns.items():
             column = np.clip(column, 0, len(self.t) - 1)
-            data[name] = ("event", "state_name"), np.where(self.t[column] == at, self.x[:, column], np.nan).T
+            x = self.x[: len(self._shown), column]
+            data[name] = ("event", "state_name"), np.where(self.t[column] == at, x, np.nan).T
         attributes: dict[str, Any] = {f"parameter {k}": v for k, v in self.parameters.items()}
         attributes.update({f"tolerance {k}": v for k, v in self.tolerances.items()})
         attributes.update({f"cost {k}": v for k, v in self.cost.items()})
         attributes["outcome"] = self.message
         if self.noise is not None:
             attributes["noise"] = str(self.noise)
-        coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self.states)}
+        coordinates = {"time": self.t[last], "event_time": ("event", at), "state_name": list(self._shown)}
         return xarray.Dataset(data, coords=coordinates, attrs=attributes)
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -472,7 +507,7 @@ class Solution(Described):
         import pandas
 
         t = np.linspace(self.t[0], self.t[-1], checks.whole(n, "`n`", 2))
-        names = (*self.states, *self.multipliers, *self.outputs)
+        names = (*self._shown, *self.multipliers, *self.outputs)
         return pandas.DataFrame({name: self(t, name) for name in names}, index=pandas.Index(t, name="time"))
 
     def plot(
@@ -551,7 +586,7 @@ class Solution(Described):
         kinds = Counter(event.kind for event in self.events)
         return f"Solution: {self.message}", {
             "time": [f"{self.t[0]:.9g} to {self.t[-1]:.9g}, {len(self.t)} columns"],
-            "end": values(self.states, self.x[:, -1]),
+            "end": values(self._shown, self.x[:, -1]),
             "events": listed([f"{count} {kind}" for kind, count in kinds.items()]) or ["none"],
             "itinerary": [shown],
             "cost": listed([f"{k} {v}" for k, v in self.cost.items()]),

@@ -246,7 +246,10 @@ class OrbitDiagram(Described):
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
-        return self.points[:, :, self.states.index(str(name))]
+        name = str(checks.named(name))
+        if name not in self.states:
+            raise KeyError(f"{name!r} is no state of this diagram; they are {', '.join(self.states)}.")
+        return self.points[:, :, self.states.index(name)]
 
     @property
     def failures(self) -> dict[str, np.ndarray]:
@@ -270,11 +273,17 @@ class OrbitDiagram(Described):
         -------
         Axes
             The same.
+
+        Raises
+        ------
+        KeyError
+            No state of that name.
         """
         from ..plotting import COLOUR, axes_for
 
-        (ax,) = axes_for(ax, 1, (7.0, 3.6), "one diagram; give one")
         name = self.states[0] if name is None else name
+        points = self[name]
+        (ax,) = axes_for(ax, 1, (7.0, 3.6), "one diagram; give one")
         at = np.repeat(self.values, self.points.shape[1])
         dots = {
             "color": COLOUR["exact"],
@@ -283,7 +292,7 @@ class OrbitDiagram(Described):
             "linestyle": "none",
             "rasterized": True,
         }
-        ax.plot(at, self[name].ravel(), **{**dots, **marks})
+        ax.plot(at, points.ravel(), **{**dots, **marks})
         on_axis = {"marker": "|", "linestyle": "none", "transform": ax.get_xaxis_transform()}
         for (word, failed), colour in zip(
             self.failures.items(), itertools.cycle(("left", "right", "fast", "mark"))

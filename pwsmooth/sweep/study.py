@@ -28,7 +28,7 @@ class StudyError(ValueError):
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=False)
+    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class Spaced(_Table):
@@ -91,7 +91,7 @@ class Study(_Table):
     longest_return: float = LONGEST
     transient: int = 100
     periods: int = 20
-    t_span: tuple[float, float] | None = None
+    t_span: Annotated[tuple[float, float], Field(strict=False)] | None = None  # TOML has lists
     measure_from: float | None = None
     units: dict[str, str] = {}
     kicks: dict[str, Any] | None = None
@@ -267,6 +267,10 @@ def _law(name: str) -> Any:
 
 def _call(function: Any, arguments: dict[str, Any], key: str) -> Any:
     try:
+        known = inspect.signature(function).parameters
+        if not any(p.kind is p.VAR_KEYWORD for p in known.values()):
+            if unknown := [name for name in arguments if name not in known]:
+                raise ValueError(f"no argument is called {unknown[0]!r}; they are {', '.join(known)}.")
         return function(**arguments)
     except (TypeError, ValueError) as error:
         raise StudyError(f"{key}: {error}") from None

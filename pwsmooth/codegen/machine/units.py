@@ -22,7 +22,6 @@ from .workers import announced, compile_beside
 UNITS = {
     "run": ("trajectory", "run"),
     "instant_unit": ("instant.instants", "at_instant"),
-    "start_unit": ("instant.starting", "start"),
     "layer_unit": ("surface.layer", "layer"),
     "root_unit": ("step.roots", "isolate"),
     "approach_unit": ("step.singular", "approach"),

@@ -10,8 +10,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+# Numba makes millions of objects and hardly a circle of them: to look for these would take a twelfth of the time.
 _WORKER = """
-import sys
+import gc, sys
+gc.disable()
 from pwsmooth.codegen.machine.units import unit_address
 for line in sys.stdin:
     unit_address(line.strip())

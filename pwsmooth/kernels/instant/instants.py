@@ -59,6 +59,7 @@ from .other_motions import try_other_ratio
 from .plain import cross_stick_or_leave, only_one
 from .resting import come_to_rest, rests_on_kink, stay_at_rest
 from .settling import layer_code, resettle, settle_arrivals, settle_at_rest, settle_together
+from .starting import start
 from .surface_rates import approach_speed, arc_ahead, evaluate_surfaces, leading_order, stop_normal_speed
 
 # A relay of relative degree 2 with damping crosses ever more often, and never ends: so many crossings below the
@@ -328,6 +329,8 @@ def at_instant(P, C, S, R, W):
 
     Reads of W.instant: met, elapsed, fold, way and at_clock; sets jumped, together and solved_there.
     """
+    if S.started == 0:
+        return start(P, C, S, R, W)
     instant = W.instant
     fold, elapsed = instant.fold, instant.elapsed
     instant.jumped = 0

@@ -2,10 +2,8 @@
 
 import math
 
-from numba import types
-
 from ..intervals import forget_intervals
-from ..machine.compiling import unit
+from ..machine.compiling import kernel
 from ..machine.pointers import call_fields
 from ..outcome import Outcome
 from ..state import (
@@ -15,24 +13,20 @@ from ..state import (
     SECOND_ORDER,
     SLIDING,
     SOLVED,
-    Control,
-    Problem,
-    Record,
-    State,
 )
 from ..step.recording import record_point
 from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
-from ..work import Work
 from .contacts import close_at_start
 from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
 
 
-@unit(types.int64, Problem, Control, State, Record, Work)
+@kernel
 def start(P, C, S, R, W):
-    """Overwrites the status, multipliers, sides and known zeros of S; records the first point; returns a code."""
+    """The first instant: overwrites status, multipliers, sides and known zeros of S, records the point; a code."""
+    S.started = 1
     instant = W.instant
     m, status, mult = P.m, S.status, S.mult
     W.pair.longest = math.inf

@@ -234,9 +234,8 @@ def _sample(S, R, P):
 @kernel
 def _begin(P, C, S, R, W, N):
     """Classifies the start; returns a code."""
-    S.started = 1
     begin_interval(N)
-    code = call_unit(P.start_unit, P, C, S, R, W)
+    code = call_unit(P.instant_unit, P, C, S, R, W)
     if code == GO_ON:
         _sample(S, R, P)
         _evaluate(P, S, W, N)

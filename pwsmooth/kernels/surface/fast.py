@@ -17,6 +17,8 @@ from .sliding import mask_instant, mask_solved
 SETTLED, OSCILLATES, LOST = range(3)
 _SURE_STEP = 0.02  # of the relaxation of a layered state, in its own time constant: fixed steps of it were safe
 _FARTHEST = 1e150  # of u, whose square is finite
+_FAR = 20.0  # from there on lambda is within 2e-3 of its bound, and moves ever more slowly
+_MANY = 1000  # steps without rest, after which it is looked at what slow motion there is
 
 
 @kernel
@@ -140,6 +142,34 @@ def _rest_is_near(P, S, W, size):
 
 
 @kernel
+def _outward(P, S, W, size, y, rates):
+    """Of switches far out on their way to a bound, one that still goes outward at the bound, the others at rest there.
+
+    Its place, or -1. It creeps by the difference from a root beyond its bound, for ever where that is small.
+    """
+    instant = W.instant
+    found = -1
+    for i in range(size):
+        if not (abs(y[i]) > _FAR and y[i] * rates[i] > 0.0):
+            continue
+        j, side = instant.group[i], 1.0 if y[i] > 0.0 else -1.0
+        for r in range(size):
+            W.layer.mult[r] = S.mult[instant.group[r]]
+            W.mask[instant.group[r]] = 0 if r == i else 1
+        S.mult[j] = side
+        stays = call_newton(P.newton_unit, P, S, W) != 0
+        for r in range(size):
+            stays = stays and abs(S.mult[instant.group[r]] - W.layer.mult[r]) < 1e-2
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        if stays and side * W.g[j] > 1e-12:
+            found = i
+        for r in range(size):
+            S.mult[instant.group[r]] = W.layer.mult[r]
+            W.mask[instant.group[r]] = 0
+    return found
+
+
+@kernel
 def _set_pace(P, S, W, size):
     """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
     fastest = 0.0
@@ -176,7 +206,7 @@ def integrate(P, S, W, size):
     tau, step, scale = 0.0, 1e-3, 0.0
     _rates(P, S, W, size, y, k, 0)
     quiet, small = 0, 1e-7
-    for _ in range(200000):
+    for taken in range(1, 200001):
         dim = size + nz
         for s in range(1, 7):
             for i in range(dim):
@@ -204,6 +234,8 @@ def integrate(P, S, W, size):
             if i < size and abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
                 gone = i
         scale = max(scale, speed)
+        if taken % _MANY == 0 and gone < 0 and nz == 0:
+            gone = _outward(P, S, W, size, y, k[0])
         if gone >= 0:
             j = instant.group[gone]
             S.status[j] = 1 if y[gone] > 0.0 else -1
@@ -219,12 +251,15 @@ def integrate(P, S, W, size):
             step = min(step, 0.1)
             continue
         quiet = quiet + 1 if speed <= small * scale else 0
-        if quiet >= 3:
+        creeps = False  # to a root just inside of its bound
+        for i in range(size if taken % _MANY == 0 and nz == 0 else 0):
+            creeps = creeps or abs(y[i]) > _FAR
+        if quiet >= 3 or creeps:
             if _rest_is_near(P, S, W, size):
                 return SETTLED
             # A bottleneck near a fold, not an equilibrium: continue with a stricter test of rest.
+            small *= 1.0 if creeps else 0.1
             quiet = 0
-            small *= 0.1
             for i in range(size):
                 W.mask[instant.group[i]] = 0
     return OSCILLATES
