@@ -35,6 +35,7 @@ def solve(
     strict: bool = False,
     parameters: Mapping[Any, float] | None = None,
     noise: Any = None,
+    with_respect_to: Sequence[Any] | None = None,
 ) -> Solution:
     """Solve a piecewise-smooth system from `x0` over `t_span`.
 
@@ -82,6 +83,9 @@ def solve(
     noise : Kicks or Diffusion, optional
         Random kicks at regular times, or white noise. A diffusion has steps of its own:
         tolerances do not act on it.
+    with_respect_to : sequence of str or Symbol, optional
+        Quantities by which the solution is differentiated, through every event: parameters, states and memories (their
+        initial values), and "t0", the start of the span. The solution's `derivatives` has the results.
 
     Returns
     -------
@@ -112,11 +116,15 @@ def solve(
     if parameters is not None:
         system = system.with_parameters(parameters)
     t0, t1 = checks.span(t_span, backward=True)
+    if with_respect_to is not None:
+        from .results.derivatives import Derivatives, quantities
+
+        wanted = quantities(system, with_respect_to)
     if t0 > t1:
-        if noise is not None or dense_output or method == "stiff":
+        if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:
             raise ValueError(
-                "`t_span` decreases: backward in time there is no `noise`, no `dense_output` and no method 'stiff'; "
-                "give `t_eval` for wanted times."
+                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to` and no "
+                "method 'stiff'; give `t_eval` for wanted times."
             )
         from .paths.backward import solve_backward
 
@@ -142,10 +150,15 @@ def solve(
     stiff = method == "stiff" and not smoothed
     spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
-        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict)
+        taped = dense_output or with_respect_to is not None
+        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
         solution = prepared_run(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
+        if with_respect_to is not None:
+            solution.derivatives = Derivatives(solution, solution.tape, wanted)
         return solution
+    if with_respect_to is not None:
+        raise ValueError("XXX")
     initial = np.array(start)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)

@@ -47,3 +47,22 @@ def instants_of_time(
         merged = np.maximum.accumulate(np.where(np.append(False, near), 0, np.arange(len(when))))
         when = when[merged]
     return when, which
+
+
+def slopes_of_instants(
+    model: Model, values: Mapping[sp.Symbol, float], instants: np.ndarray, owners: np.ndarray, symbol: sp.Symbol
+) -> np.ndarray:
+    """d(instant)/d(parameter) of the time events at these instants, as `instants_of_time` gives them."""
+    slopes = np.zeros(len(instants))
+    for i, event in enumerate(model.events):
+        own = owners == i
+        if not own.any():
+            continue
+        when = instants[own]
+        if event.every is not None:
+            slopes[own] = when / float(event.every.subs(values)) * float(event.every.diff(symbol).subs(values))
+        for at in event.at:
+            if not isinstance(at, Table) and symbol in at.free_symbols:
+                here = own & np.isclose(instants, float(at.subs(values)), rtol=1e-14, atol=0.0)
+                slopes[here] = float(at.diff(symbol).subs(values))
+    return slopes

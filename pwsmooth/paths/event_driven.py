@@ -163,7 +163,6 @@ class EventDriven:
         self.state = names.State.in_one_block(names.State.planned(dict(n=len(model.states), m=m, ne=ne)))
         self.state.side[:], self.state.step = 1, min(1e-3, options.max_step)
         self.blank = self.state.block.copy(), self.state.cells.copy()
-        self._empty = self._record(0)
         self._keep(min(_ROOM, max(_LEAST_ROOM, _KEPT_BYTES // self._bytes(1))))
 
     def _keep(self, room: int) -> None:
@@ -310,20 +309,13 @@ class EventDriven:
         return parts
 
     def _tape(self, p: np.ndarray, control: Any, state: Any, record: Any) -> Tape:
-        """The run's tape, with what it ran with, and the state at its end as its last entry."""
+        """The run's tape, with the state at its end as its last entry."""
         k, n, m = state.taped, len(state.x), len(state.mult)
-        tape, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
-        tape[k, 0], tape[k, 4:] = names.TAPE_END, state.status
+        entries, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
+        entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
         values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
-        return Tape(
-            self.parts,
-            p.copy(),
-            self.one_step,
-            control,
-            self._empty.changed(tape=tape, tape_x=values),
-            k + 1,
-            state.points,
-        )
+        clock = (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
+        return Tape(p.copy(), self.one_step, control.order, control.rtol, *clock, entries, values)
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None

@@ -5,7 +5,9 @@ Chain: event_driven.py, whose run writes the tape -> **replay** -> results/deriv
 
 from __future__ import annotations
 
+import contextlib
 import functools
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,15 +23,16 @@ _PLACES = 64  # wanted times on one way that are looked at together
 
 
 class Tape(NamedTuple):
-    """What the loop has written of a run, and what it ran with."""
+    """What the loop has written of a run (step/recording.py), and what it ran with."""
 
-    parts: Any  # the CompiledProblem, and what it makes a Problem of
     p: np.ndarray
-    method: str
-    control: Any
-    record: Any  # a Record of which only the tape is there
-    count: int
-    points: int
+    method: str  # of one step, or ""
+    order: int
+    rtol: float
+    clock: np.ndarray
+    clock_event: np.ndarray
+    entries: np.ndarray
+    values: np.ndarray
 
 
 class Deviations(NamedTuple):
@@ -73,7 +76,9 @@ class _FlowOf:
         return Flow(
             jet=self.jet, own=self.own, residuals=self.m, first=self.first, what=what,
             index=np.where(what == 2, self.column * wide, self.column), place=self.place * width, moves=self.moves,
-            same=self.same, by_mult=table[by_mult],
+            same=self.same, by_mult=table[by_mult], solved=np.full(1 + self.m, -2), count=np.zeros(1, np.int64),
+            equations=np.zeros(6 * len(self.same) + 6 * self.m, np.int64), term_at=np.zeros(2 * len(table), np.int64),
+            term_row=np.zeros(2 * len(table), np.int64),
         )  # fmt: skip
 
 
@@ -113,25 +118,32 @@ class CompiledTangents:
             slopes=max((n + m + count + 1) * most, m + code.ne, 1), bias=count + m,
         )  # fmt: skip
 
-    def tangent(self, order: int, tolerance: float, columns: int, **given: np.ndarray) -> Tangent:
-        """A Tangent for so many columns (a multiple of eight)."""
+        self.kept: dict[tuple, list[tuple[Tangent, np.ndarray]]] = {}
+
+    @contextlib.contextmanager
+    def tangent(self, order: int, tolerance: float, columns: int, **given: np.ndarray) -> Iterator[Tangent]:
+        """A Tangent for so many columns (a multiple of eight), at rest and nobody else's while it is used."""
+        kept = self.kept.setdefault((order, tolerance, columns), [])
+        made, cells = kept.pop() if kept else self._new(order, tolerance, columns)
+        made.cells[:] = cells
+        made.w[:], made.seeds[:] = 0.0, 0.0
+        for name, value in given.items():
+            Tangent.members[name].give(made, value)
+        yield made
+        kept.append((made, cells))
+
+    def _new(self, order: int, tolerance: float, columns: int) -> tuple[Tangent, np.ndarray]:
+        """A Tangent, and what its cells hold at rest."""
         sizes = self.sizes | dict(wide=columns + 8, width=terms(order) + names.PAD, columns=columns)
         width, wide = sizes["width"], sizes["wide"]
         scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
         made = Tangent.zeros(
-            sizes,
-            rows_flat=np.empty(0),
-            order=order,
-            tolerance=tolerance,
-            columns=columns,
-            **self.fixed,
-            **scratch,
-            **given,
+            sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch
         )
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
-        return made
+        return made, made.cells.copy()
 
 
 @functools.lru_cache(maxsize=64)
@@ -151,27 +163,30 @@ def replay(
     from ..codegen.machine.units import tangent_replay
 
     loop, compiled = tangent_replay(), compiled_tangents(model)
-    n, k = start.shape
+    (n, k), m = start.shape, compiled.code.m
     columns = -(-k // 8) * 8
-    tape_kinds = tape.record.tape[: tape.count, 0]
-    instants = int(np.count_nonzero(tape_kinds == names.TAPE_MEET))
+    kinds = tape.entries[:, 0]
+    instants, recorded = (int(np.count_nonzero(kinds == kind)) for kind in (names.TAPE_MEET, names.TAPE_POINT))
     times = np.empty(0) if times is None else times
-    ticks = len(tape.control.clock)
+    ticks = len(tape.clock)
     slopes = np.zeros((ticks, columns + 8))
     if clock is not None:
         slopes[:, :k] = clock
-    tangent = compiled.tangent(
-        tape.control.order, max(10.0 * tape.control.rtol, 1e-15), columns, t_eval=times, clock=slopes,
-        at_point=np.zeros((tape.points if points else 0, n, columns)),
-        at_sample=np.zeros((len(times), n, columns)), instant_t=np.zeros(instants),
+    asked = dict(
+        t_eval=times, clock=slopes, tape=tape.entries, tape_x=tape.values,
+        at_point=np.zeros((recorded if points else 0, n + m, columns)),
+        at_sample=np.zeros((len(times), n + m, columns)), instant_t=np.zeros(instants),
         instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
-        instant_w=np.zeros((instants, n, columns)),
+        instant_w=np.zeros((instants, 2 * n, columns)),
     )  # fmt: skip
-    tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
-    stopped = loop(tape.parts.problem(tape.p, tape.method), tape.control, tape.record, tangent, tape.count)
-    found = tangent.instants
+    tolerance = max(10.0 * tape.rtol, 1e-15)
+    with compiled.tangent(tape.order, tolerance, columns, **asked) as tangent:
+        tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
+        stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(kinds))
+        found, end = tangent.instants, tangent.w[:, :k].copy()
+        samples = tangent.samples
     return Deviations(
-        tangent.w[:, :k].copy(), tangent.at_point[:, :, :k], tangent.at_sample[: tangent.samples, :, :k],
-        tangent.instant_t[:found], tangent.instant_why[:found], tangent.instant_dt[:found, :k],
-        tangent.instant_w[:found, :, :k], np.nan if stopped < 0 else float(tape.record.tape_x[stopped, 0]),
+        end, asked["at_point"][:, :, :k], asked["at_sample"][:samples, :, :k],
+        asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
+        asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]),
     )  # fmt: skip

@@ -74,6 +74,8 @@ class Solution(Described):
         What `solve` was given; of a loaded solution in words, as a str.
     course : (ndarray, shape (k,), and ndarray, shape (m, k)), or None
         As given.
+    derivatives : Derivatives or None
+        By the quantities of `solve(with_respect_to=...)`.
 
     Notes
     -----
@@ -129,6 +131,8 @@ class Solution(Described):
         # A Symbol's name is what str() gives, a hundred times sooner.
         self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
+        self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
+        self.derivatives: Any = None  # Derivatives, of solve(with_respect_to=...)
 
     # ---- scipy's names -----------------------------------------------------------------------------
 

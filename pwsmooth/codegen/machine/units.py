@@ -113,10 +113,11 @@ def trajectory_loop():
 
 @cache
 def tangent_replay():
-    """kernels.tangent.replay as a Python function of four Bundles and a number of entries."""
-    prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 4, ctypes.c_int64)
-    replay = prototype(unit_address("replay"))
-    return lambda P, C, R, V, count: replay(P.address, C.address, R.address, V.address, count)
+    """kernels.tangent.replay as a Python function of two Bundles and a number of entries."""
+    replay = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)(
+        unit_address("replay")
+    )
+    return lambda P, V, count: replay(P.address, V.address, count)
 
 
 @cache

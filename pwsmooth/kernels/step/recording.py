@@ -82,8 +82,7 @@ def put_causes_on_tape(P, C, S, R, W):
 @inlined_kernel
 def record_point(P, S, R):
     if R.tape.shape[0] > 0:
-        R.tape[S.taped, 0] = TAPE_POINT
-        S.taped += 1
+        put_on_tape(P, S, R, TAPE_POINT, 0, 0, 0, 0.0)
     i = S.points
     R.t[i] = S.t
     for k in range(P.n):

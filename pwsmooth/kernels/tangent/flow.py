@@ -58,46 +58,79 @@ def _product(rows, row, series, start, k):
 
 
 @kernel
+def plan(V, A, states, size):
+    """Overwrites the plan of a flow by what its rows are made of where V.unknown are solved for, if that has changed.
+
+    Each equation has terms of order 0 of an entry, products of the others, and parameters; residuals come first.
+    """
+    unknown, equations, at, row = V.unknown, A.equations, A.term_at, A.term_row
+    changed = A.solved[0] != size
+    for j in range(A.residuals):
+        changed = changed or A.solved[1 + j] != unknown[j]
+        A.solved[1 + j] = unknown[j]
+    if not changed:
+        return
+    A.solved[0] = size
+    orders, terms, count = 8 * (V.order + 1 + ZEROS), 0, 0
+    for turn in range(states + A.residuals):
+        i = states + turn if turn < A.residuals else turn - A.residuals
+        residual = i >= states
+        if residual and unknown[i - states] < 0:
+            continue
+        # Held at 0 by its multiplier: a row without terms.
+        empty = not residual and size > 0 and A.same[i] >= 0 and unknown[A.same[i]] >= 0
+        place = states + unknown[i - states] if residual else i
+        equations[6 * count] = FIRST + orders * place + (0 if residual else 8)
+        equations[6 * count + 1] = unknown[i - states] if residual else -1
+        for section in range(4):
+            for e in range(A.first[i], A.first[i] if empty else A.first[i + 1]):
+                what, column = A.what[e], A.index[e]
+                if what == BY_P:
+                    if section == (2 if A.moves[e] else 3):
+                        at[terms], row[terms] = column, A.place[e]
+                        terms += 1
+                    continue
+                if what == BY_MULT:
+                    if unknown[column] < 0:
+                        continue
+                    column = states + unknown[column]
+                if (section == 0 and (what == BY_X or not residual)) or (section == 1 and A.moves[e]):
+                    at[terms], row[terms] = FIRST + orders * column, A.place[e]
+                    terms += 1
+            equations[6 * count + 2 + section] = terms
+        count += 1
+    A.count[0] = count
+
+
+@kernel
 def _series(V, A, K, states, size, block):
     """Overwrites V.series by the orders 0 to K of a block of columns, of which order 0 of the states is there."""
-    series, sums, unknown, matrix, rows, seeds = V.series, V.sums, V.unknown, V.matrix, V.rows_flat, V.seeds
-    ends, kinds, columns, places, moving = A.first, A.what, A.index, A.place, A.moves
-    orders, equations = 8 * (K + 1 + ZEROS), states + (A.residuals if size > 0 else 0)
+    series, sums, matrix, rows, seeds = V.series, V.sums, V.matrix, V.rows_flat, V.seeds
+    equations, at, row, count = A.equations, A.term_at, A.term_row, A.count[0]
+    orders = 8 * (K + 1 + ZEROS)
     for k in range(K + 1):
-        inv = 1.0 / (k + 1.0)
+        inv, e = 1.0 / (k + 1.0), 0
         # The residuals first, which give order k of the multipliers; then the rates, which give order k + 1 of the states.
-        for turn in range(equations if k < K else equations - states):
-            i = states + turn if turn < equations - states else turn - (equations - states)
-            if i >= states and unknown[i - states] < 0:
-                continue
-            if i < states and size > 0 and A.same[i] >= 0 and unknown[A.same[i]] >= 0:
-                store8(series, FIRST + orders * i + 8 * (k + 1), splat8(0.0))  # held at 0 by that multiplier
-                continue
+        for q in range(0, 6 * (count if k < K else size), 6):
             total = splat8(0.0)
-            for e in range(ends[i], ends[i + 1]):
-                what, row = kinds[e], places[e]
-                if what == BY_P:
-                    if k == 0 or moving[e]:
-                        total = total + load8(seeds, columns[e] + block) * rows[row + k]
-                    continue
-                place = columns[e]
-                if what == BY_MULT:
-                    if unknown[place] < 0:
-                        continue
-                    place = states + unknown[place]
-                if what == BY_X or i < states:
-                    total = total + load8(series, FIRST + orders * place + 8 * k) * rows[row]
-                if moving[e]:
-                    total = total + _product(rows, row, series, FIRST + orders * place, k)
-            if i < states:
-                store8(series, FIRST + orders * i + 8 * (k + 1), total * inv)
-                continue
-            if size == 1:
-                store8(series, FIRST + orders * states + 8 * k, total * -matrix[0, 1])
-                continue
-            store8(sums, 8 * unknown[i - states], total)
-            if unknown[i - states] == size - 1:
-                _solve(V, FIRST + orders * states + 8 * k, orders, size)
+            for e in range(e, equations[q + 2]):
+                total = total + load8(series, at[e] + 8 * k) * rows[row[e]]
+            for e in range(equations[q + 2], equations[q + 3]):
+                total = total + _product(rows, row[e], series, at[e], k)
+            for e in range(equations[q + 3], equations[q + 4]):
+                total = total + load8(seeds, at[e] + block) * rows[row[e] + k]
+            if k == 0:
+                for e in range(equations[q + 4], equations[q + 5]):
+                    total = total + load8(seeds, at[e] + block) * rows[row[e]]
+            e = equations[q + 5]
+            if equations[q + 1] < 0:
+                store8(series, equations[q] + 8 * k, total * inv)
+            elif size == 1:
+                store8(series, equations[q] + 8 * k, total * -matrix[0, 1])
+            else:
+                store8(sums, 8 * equations[q + 1], total)
+                if equations[q + 1] == size - 1:
+                    _solve(V, FIRST + orders * states + 8 * k, orders, size)
 
 
 @kernel
@@ -151,6 +184,11 @@ def way_within(V, A, w, states, size, K, s):
     return s
 
 
+@inlined_kernel
+def _place(V, states, j):
+    return states + V.unknown[j] if V.unknown[j] >= 0 else -1
+
+
 @kernel
 def move(V, A, w, states, size, K, s, time_row):
     """Moves the deviations w by s, and leaves those at the wanted places V.place of this way in V.at_sample.
@@ -165,10 +203,15 @@ def move(V, A, w, states, size, K, s, time_row):
         for q in range(V.wanted):
             here = V.place[q]
             row = V.at_sample[V.samples + q]
-            for i in range(n):
-                value = _value(series, FIRST + orders * i, K, here)
+            for i in range(row.shape[0]):
+                # Behind the states their multipliers: on an arc they are states, else unknowns or fixed.
+                from_series = i if i < n else (i + 1 if time_row >= 0 else _place(V, states, i - n))
+                value = splat8(0.0)
+                if from_series >= 0:
+                    value = _value(series, FIRST + orders * from_series, K, here)
                 if time_row >= 0:
-                    value = value - _value(series, FIRST + orders * time_row, K, here) * V.pace[q, i]
+                    shift = _value(series, FIRST + orders * time_row, K, here)
+                    value = value - shift * V.pace[q, from_series]
                 store8(row[i], block, value)
         for i in range(states):
             store8(w[i], block, _value(series, FIRST + orders * i, K, s))

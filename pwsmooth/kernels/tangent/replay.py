@@ -5,6 +5,7 @@ belong to this very run. Entries: a step; a point that is recorded; at an instan
 the clock that it is the zero of, then the updates that act, by rounds; and the end of the run.
 """
 
+import numpy as np
 from numba import types
 
 from ..machine.compiling import kernel, unit
@@ -25,12 +26,10 @@ from ..state import (
     TAPE_ROUND,
     TAPE_STEP,
     TAPE_SURFACE,
-    Control,
     Problem,
-    Record,
 )
 from ..step.steps import dot, powers
-from .flow import invert, move, number_unknowns, way_within
+from .flow import invert, move, number_unknowns, plan, way_within
 from .saltation import (
     act,
     begin_instant,
@@ -109,7 +108,7 @@ def _note_places(V, t, way, time_row, last):
                     break
                 s = new
             slope = _slope(V.rows[time_row], K, s)
-            for i in range(time_row):
+            for i in range(V.arc_w.shape[0]):
                 V.pace[V.wanted, i] = _slope(V.rows[i], K, s) / slope
         elif s > way and not (last and s <= way * (1.0 + 1e-12)):
             return
@@ -127,7 +126,8 @@ def _move(P, V, A, kind, w, t, length, states, unknowns):
     for _ in range(200):
         if not _jet(P, V, A, kind, t + at):
             return -1.0
-        size = number_unknowns(V, V.mask, unknowns) if kind != SLIP else 0
+        size = number_unknowns(V, V.mask, unknowns)
+        plan(V, A, states, size)
         if size > 0 and not _factor(V, A, size):
             return -1.0
         left = length - at
@@ -158,26 +158,26 @@ def _move(P, V, A, kind, w, t, length, states, unknowns):
 
 
 @kernel
-def _step(P, R, V, k):
+def _step(P, V, k):
     """Deviations over the step of entry k of the tape; False where it has no series."""
     n, m = P.n, P.m
-    kind, t, length = R.tape[k, 1], R.tape_x[k, 0], R.tape_x[k, 1]
+    kind, t, length = V.tape[k, 1], V.tape_x[k, 0], V.tape_x[k, 1]
     if kind == PAIR:
         return False
     for i in range(n):
-        V.x[i] = R.tape_x[k, 2 + i]
+        V.x[i] = V.tape_x[k, 2 + i]
     for j in range(m):
-        V.mult[j] = R.tape_x[k, 2 + n + j]
-        V.mask[j] = 1 if R.tape[k, 4 + j] == SOLVED else 0
+        V.mult[j] = V.tape_x[k, 2 + n + j]
+        V.mask[j] = 1 if V.tape[k, 4 + j] == SOLVED else 0
     if kind == ARC:
-        return _arc(P, R, V, k, t, length)
+        return _arc(P, V, k, t, length)
     if kind == SLIP:
         return _move(P, V, V.slip, kind, V.w, t, length, n, m) >= 0.0
     return _move(P, V, V.general, kind, V.w, t, length, n, m) >= 0.0
 
 
 @kernel
-def _arc(P, R, V, k, t, length):
+def _arc(P, V, k, t, length):
     """The same along a multiplier: deviations of (x, t, lambda) at one place of its arc."""
     n, m, count = P.n, P.m, len(P.p)
     look(P, V, t, V.x, V.mult)
@@ -196,12 +196,12 @@ def _arc(P, R, V, k, t, length):
     V.x[n] = t
     for j in range(m):
         V.x[n + 1 + j] = V.mult[j]
-        V.bias[count + j] = float(R.tape[k, 3]) if j == R.tape[k, 2] else 0.0
+        V.bias[count + j] = float(V.tape[k, 3]) if j == V.tape[k, 2] else 0.0
     for j in range(m, 0, -1):
         V.mask[j] = V.mask[j - 1]
     V.mask[0] = 1
     for j in range(m + 1):
-        V.mult[j] = R.tape_x[k, 2 + n + m + j]
+        V.mult[j] = V.tape_x[k, 2 + n + m + j]
     way = _move(P, V, V.fold, ARC, V.arc_w, 0.0, length, n + 1 + m, m + 1)
     for i in range(n + 1):
         V.arc_rates[i] = _slope(V.rows[i], V.order, way)
@@ -221,54 +221,70 @@ def _leave_arc(P, V):
 
 
 @kernel
-def _put(V, target, k):
-    """Copies the deviations to row k of `target`."""
-    for i in range(V.w.shape[0]):
-        for c in range(V.columns):
-            target[k, i, c] = V.w[i, c]
+def _put(P, V, k, point):
+    """Copies the deviations to those at point k, with the ones of its multipliers; its entry of the tape is `point`."""
+    n, m, target = P.n, P.m, V.at_point[k]
+    for i in range(n):
+        for block in range(0, V.columns, 8):
+            store8(target[i], block, load8(V.w[i], block))
+    if m == 0:
+        return
+    for i in range(n):
+        V.x[i] = V.tape_x[point, 2 + i]
+    for j in range(m):
+        V.mult[j] = V.tape_x[point, 2 + n + j]
+        V.mask[j] = 1 if V.tape[point, 4 + j] == SOLVED else 0
+    look(P, V, V.tape_x[point, 0], V.x, V.mult)
+    for block in range(0, V.columns, 8):
+        store8(V.other_dt, block, splat8(0.0))
+    known = multipliers(P, V, V.w, V.other_dt, V.mask, 0, V.columns)
+    for j in range(m):
+        for block in range(0, V.columns, 8):
+            store8(target[n + j], block, load8(V.lam[j], block) if known else splat8(np.nan))
 
 
 @kernel
-def _record_instant(P, R, V):
+def _record_instant(P, V):
     k = V.instants
-    V.instant_t[k] = R.tape_x[V.met, 0]
+    V.instant_t[k] = V.tape_x[V.met, 0]
     V.instant_why[k, 0], V.instant_why[k, 1] = V.why, V.cause
     for c in range(V.columns):
         V.instant_dt[k, c] = V.dt[c] if V.cause >= 0 else 0.0
         for i in range(P.n):
-            V.instant_w[k, i, c] = V.event[i, c]
+            V.instant_w[k, i, c] = V.met_w[i, c] if V.acted else V.event[i, c]
+            V.instant_w[k, P.n + i, c] = V.w[i, c] + V.rates[i] * V.dt[c]
     V.instants += 1
 
 
 @kernel
-def _end(P, R, V, k):
+def _end(P, V, k):
     """Entry k of the tape stands behind an instant, with the multipliers that hold from there on."""
     n, m = P.n, P.m
     for i in range(n):
-        V.x[i] = R.tape_x[k, 2 + i]
+        V.x[i] = V.tape_x[k, 2 + i]
     for j in range(m):
-        V.mult[j] = R.tape_x[k, 2 + n + j]
-    end_instant(P, V, R.tape_x[k, 0], V.x, V.mult, R.tape[k, 4:], R.tape[V.met, 4:])
-    _record_instant(P, R, V)
+        V.mult[j] = V.tape_x[k, 2 + n + j]
+    end_instant(P, V, V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:], V.tape[V.met, 4:])
+    _record_instant(P, V)
     for q in range(V.pending, min(V.points, V.at_point.shape[0])):
-        _put(V, V.at_point, q)
+        _put(P, V, q, k)
 
 
 @kernel
-def _meet(P, R, V, k):
+def _meet(P, V, k):
     """Entry k of the tape tells a cause of an instant, which begins with its first one."""
-    n, m, what, i = P.n, P.m, R.tape[k, 1], R.tape[k, 2]
+    n, m, what, i = P.n, P.m, V.tape[k, 1], V.tape[k, 2]
     if what == TAPE_NOTHING:
         return
     if not V.inside:
         for q in range(n):
-            V.x[q] = R.tape_x[k, 2 + q]
+            V.x[q] = V.tape_x[k, 2 + q]
         for j in range(m):
-            V.mult[j] = R.tape_x[k, 2 + n + j]
+            V.mult[j] = V.tape_x[k, 2 + n + j]
         if what != TAPE_FOLD:
             _leave_arc(P, V)
         V.met = k
-        begin_instant(P, V, R.tape_x[k, 0], V.x, V.mult, R.tape[k, 4:])
+        begin_instant(P, V, V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:])
         V.pending = V.points
     if what == TAPE_SURFACE:
         meet_surface(P, V, i)
@@ -282,37 +298,37 @@ def _meet(P, R, V, k):
         V.why = UNKNOWN
 
 
-@unit(types.int64, Problem, Control, Record, Tangent, types.int64)
-def replay(P, C, R, V, count):
+@unit(types.int64, Problem, Tangent, types.int64)
+def replay(P, V, count):
     """Carries the deviations of V over the entries of the tape before `count`; the entry that has no derivative at all
     (a step of the pair), or -1."""
     n, m = P.n, P.m
     for k in range(V.read, count):
-        what = R.tape[k, 0]
+        what = V.tape[k, 0]
         if V.inside and (what == TAPE_STEP or what == TAPE_END):
-            _end(P, R, V, k)
+            _end(P, V, k)
         if what == TAPE_STEP:
             _leave_arc(P, V)
-            if not _step(P, R, V, k):
+            if not _step(P, V, k):
                 return k
         elif what == TAPE_POINT:
             if V.on_arc and not V.inside:
                 _leave_arc(P, V)
             if V.points < V.at_point.shape[0]:
                 if not V.inside or V.first_point:
-                    _put(V, V.at_point, V.points)
+                    _put(P, V, V.points, k)
                     V.first_point = 0
                     V.pending = V.points + 1
             V.points += 1
         elif what == TAPE_ACT:
             for i in range(n):
-                V.x[i] = R.tape_x[k, 2 + i]
+                V.x[i] = V.tape_x[k, 2 + i]
             for j in range(m):
-                V.mult[j] = R.tape_x[k, 2 + n + j]
-            act(P, V, R.tape[k, 2], R.tape_x[k, 0], V.x, V.mult, R.tape[k, 4:])
+                V.mult[j] = V.tape_x[k, 2 + n + j]
+            act(P, V, V.tape[k, 2], V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:])
         elif what == TAPE_ROUND:
             V.fresh = 1
         elif what != TAPE_END:
-            _meet(P, R, V, k)
+            _meet(P, V, k)
     V.read = count
     return -1

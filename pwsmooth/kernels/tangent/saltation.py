@@ -223,6 +223,8 @@ def act(P, V, i, t, x, mult, status):
         for k in range(n):
             for block in range(0, time, 8):
                 store8(V.before[k], block, load8(V.event[k], block))
+                if V.acted == 0:
+                    store8(V.met_w[k], block, load8(V.event[k], block))
         V.fresh = 0
     V.acted = 1
     call_act_slopes(V.act_slopes, i, t, x, mult, P.p, V.slopes)

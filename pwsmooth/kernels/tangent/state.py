@@ -31,6 +31,12 @@ class Flow(Bundle):
     moves: "i8*[:]"  # 0: only its order 0
     same: "i8*[:]"  # of a rate the residual that it is, or -1
     by_mult: "i8[:, 3]"  # the entries of residuals by multipliers: row, column, place
+    # What `plan` of flow.py makes of them: how many unknowns, and the place of each; equations and their terms.
+    solved: "i8*[:]"
+    count: "i8*[:]"
+    equations: "i8*[:]"  # where its series is written, its place among the unknowns, the ends of its four kinds of terms
+    term_at: "i8*[:]"
+    term_row: "i8*[:]"
 
 
 class Tangent(Bundle):
@@ -45,6 +51,8 @@ class Tangent(Bundle):
     write_first: "i8[:]"  # of every update the first of its writes
     write_state: "i8[:]"  # the state that one writes, and whether it adds
     write_adds: "i8[:]"
+    tape: "i8[:, :]"  # step/recording.py
+    tape_x: "f8[:, :]"
     columns: "int"  # without the time's
     order: "int"
     tolerance: "float"
@@ -55,6 +63,7 @@ class Tangent(Bundle):
     w: "f8[n, wide]"
     event: "f8[n, wide]"
     before: "f8[n, wide]"
+    met_w: "f8[n, wide]"  # before the first of them
     lam: "f8[m, wide]"
     dt: "f8[wide]"
     other_dt: "f8[wide]"
@@ -92,12 +101,12 @@ class Tangent(Bundle):
     kept: "f8[all, wide]"
     points: "int"
     pending: "int"  # the first point whose deviations the end of the instant tells
-    at_point: "f8[:, n, columns]"
+    at_point: "f8[:, :, :]"  # states and multipliers
     samples: "int"
     t_eval: "f8[:]"
-    at_sample: "f8[:, n, columns]"
+    at_sample: "f8[:, :, :]"
     instants: "int"
     instant_t: "f8[:]"
     instant_why: "i8[:, 2]"
-    instant_dt: "f8[:, columns]"
-    instant_w: "f8[:, n, columns]"
+    instant_dt: "f8[:, :]"
+    instant_w: "f8[:, :, :]"  # of the state at the instant's own time, before it and after it
