@@ -126,7 +126,7 @@ class CompiledTangents:
         kept = self.kept.setdefault((order, tolerance, columns), [])
         made, cells = kept.pop() if kept else self._new(order, tolerance, columns)
         made.cells[:] = cells
-        made.w[:], made.seeds[:] = 0.0, 0.0
+        made.w[:], made.seeds[:], made.slope_q[:] = 0.0, 0.0, 0.0
         for name, value in given.items():
             Tangent.members[name].give(made, value)
         yield made
@@ -140,7 +140,8 @@ class CompiledTangents:
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
         made = Tangent.zeros(
-            sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch
+            sizes, order=order, tolerance=tolerance, columns=columns, parameters=self.code.np,
+            **self.fixed, **scratch
         )
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
         return made, made.cells.copy()
@@ -190,3 +191,65 @@ def replay(
         asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
         asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]),
     )  # fmt: skip
+
+
+class Slopes(NamedTuple):
+    """Of a cost, by what a run began with."""
+
+    start: np.ndarray  # (n,)
+    parameters: np.ndarray  # (np,)
+    clock: np.ndarray  # (ticks,)
+    why: tuple[int, int, float] | None  # of the first instant without derivative: code, cause, time
+
+
+class Readings(NamedTuple):
+    """Slopes of a cost by what it reads: the end state, states and multipliers at times, instants of the tape."""
+
+    end: np.ndarray  # (n,)
+    times: np.ndarray  # sorted
+    at: np.ndarray  # (times, n + m)
+    entries: np.ndarray  # sorted entries of the tape at which instants begin
+    instants: np.ndarray  # (entries, 2 n + 1): by the states before and after, and by the time
+
+
+def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
+    """Slopes of a cost by the start of a run, by its parameters and by the instants of its clock.
+
+    Raises
+    ------
+    ValueError
+        A step has no Taylor series.
+    """
+    from ..codegen.machine.units import tangent_replay
+
+    loop, compiled = tangent_replay(), compiled_tangents(model)
+    n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
+    columns = -(-(n + count + 1) // 8) * 8
+    steps = np.flatnonzero(tape.entries[:, 0] == names.TAPE_STEP)
+    arcs = steps[tape.entries[steps, 1] == names.ARC]
+    # Only along arcs, and at the end, columns are asked for what the cost reads.
+    begins = np.append(tape.values[arcs, 0], tape.values[-1, 0])
+    ends = np.append(tape.values[arcs + 1, 0], np.inf)
+    most = int((np.searchsorted(cost.times, ends) - np.searchsorted(cost.times, begins)).max())
+    clock = np.zeros((len(tape.clock), columns + 8))
+    clock[:, n + count] = 1.0
+    slope_clock = np.zeros(len(tape.clock))
+    asked = dict(
+        tape=tape.entries, tape_x=tape.values, t_eval=cost.times, cost_slope=cost.at, cost_entry=cost.entries,
+        cost_instant=cost.instants, clock=clock, slope_clock=slope_clock, at_sample=np.zeros((most, n + m, columns)),
+        instant_t=np.zeros(1), instant_why=np.zeros((1, 2), np.int64), instant_dt=np.zeros((1, columns)),
+        instant_w=np.zeros((1, 2 * n, columns)),
+    )  # fmt: skip
+    with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
+        tangent.seeds[:, n : n + count] = np.eye(count)
+        tangent.slope[:] = cost.end
+        tangent.backward, tangent.bad = 1, -1
+        tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
+        stopped = loop(
+            compiled_problem(model).problem(tape.p, tape.method), tangent, len(tape.entries)
+        )
+        if stopped >= 0:
+            raise ValueError(f"The step at t = {tape.values[stopped, 0]:.12g} has no Taylor series.")
+        bad = tangent.bad
+        why = None if bad < 0 else (tangent.bad_why, tangent.bad_cause, float(tape.values[bad, 0]))
+        return Slopes(tangent.slope.copy(), tangent.slope_q[:, 0].copy(), slope_clock, why)

@@ -202,7 +202,7 @@ def move(V, A, w, states, size, K, s, time_row):
             _start(V, A, w, states, size, K, block)
         for q in range(V.wanted):
             here = V.place[q]
-            row = V.at_sample[V.samples + q]
+            row = V.at_sample[V.samples - V.first_sample + q]
             for i in range(row.shape[0]):
                 # Behind the states their multipliers: on an arc they are states, else unknowns or fixed.
                 from_series = i if i < n else (i + 1 if time_row >= 0 else _place(V, states, i - n))

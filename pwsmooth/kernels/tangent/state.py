@@ -68,6 +68,7 @@ class Tangent(Bundle):
     dt: "f8[wide]"
     other_dt: "f8[wide]"
     rates: "f8[n]"
+    off: "f8[wide]"  # what leads out of the surfaces that hold the start
     inside: "int"  # whether the instant that has begun is not over
     met: "int"  # entry of the tape at which it began
     acted: "int"
@@ -103,6 +104,7 @@ class Tangent(Bundle):
     pending: "int"  # the first point whose deviations the end of the instant tells
     at_point: "f8[:, :, :]"  # states and multipliers
     samples: "int"
+    first_sample: "int"  # of those in at_sample
     t_eval: "f8[:]"
     at_sample: "f8[:, :, :]"
     instants: "int"
@@ -110,3 +112,20 @@ class Tangent(Bundle):
     instant_why: "i8[:, 2]"
     instant_dt: "f8[:, :]"
     instant_w: "f8[:, :, :]"  # of the state at the instant's own time, before it and after it
+    # Of a cost (reverse.py): its slopes by the state where the tape has been read back to, by parameters (rows of their
+    # seeds), by instants of the clock; by states and multipliers at t_eval, of which the first `cost` are left; by the state
+    # before and after an instant and by its time, of which the first `cost_events` are left.
+    backward: "int"
+    slope: "f8[n]"
+    parameters: "int"
+    slope_q: "f8*[np, wide]"  # and a copy
+    slope_clock: "f8[:]"
+    cost: "int"
+    cost_slope: "f8[:, :]"
+    cost_events: "int"
+    cost_entry: "i8[:]"
+    cost_instant: "f8[:, :]"
+    back: "f8*[series]"  # orders K to 0 of all series
+    bad: "int"  # entry of the first instant without derivative, and why
+    bad_why: "int"
+    bad_cause: "int"
