@@ -46,6 +46,7 @@ class Deviations(NamedTuple):
     instant_dt: np.ndarray  # (instants, columns)
     instant_w: np.ndarray  # (instants, n, columns)
     stopped: float  # time of the step that has no series, or nan
+    off: np.ndarray  # (columns,) what led out of the surfaces on which the run begins
 
 
 class _FlowOf:
@@ -126,7 +127,7 @@ class CompiledTangents:
         kept = self.kept.setdefault((order, tolerance, columns), [])
         made, cells = kept.pop() if kept else self._new(order, tolerance, columns)
         made.cells[:] = cells
-        made.w[:], made.seeds[:], made.slope_q[:] = 0.0, 0.0, 0.0
+        made.w[:], made.seeds[:], made.slope_q[:], made.scale[:] = 0.0, 0.0, 0.0, 0.0
         for name, value in given.items():
             Tangent.members[name].give(made, value)
         yield made
@@ -151,6 +152,11 @@ class CompiledTangents:
 def compiled_tangents(model: Model) -> CompiledTangents:
     """The programs of a model; the last ones are kept."""
     return CompiledTangents(model)
+
+
+def _instant(tape: Tape) -> float:
+    """Times that differ by less are one."""
+    return 1e-12 * float(tape.values[-1, 0] - tape.values[0, 0])
 
 
 def replay(
@@ -183,13 +189,16 @@ def replay(
     tolerance = max(10.0 * tape.rtol, 1e-15)
     with compiled.tangent(tape.order, tolerance, columns, **asked) as tangent:
         tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
+        first = np.abs(tape.values[0, 2 : 2 + n])
+        tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(tape.p), (start != 0).T @ first)
+        tangent.instant = _instant(tape)
         stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(kinds))
         found, end = tangent.instants, tangent.w[:, :k].copy()
-        samples = tangent.samples
+        samples, off = tangent.samples, tangent.off[:k].copy()
     return Deviations(
         end, asked["at_point"][:, :, :k], asked["at_sample"][:samples, :, :k],
         asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
-        asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]),
+        asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]), off,
     )  # fmt: skip
 
 
@@ -200,6 +209,7 @@ class Slopes(NamedTuple):
     parameters: np.ndarray  # (np,)
     clock: np.ndarray  # (ticks,)
     why: tuple[int, int, float] | None  # of the first instant without derivative: code, cause, time
+    off: np.ndarray  # (n + np,) what leads out of the surfaces on which the run begins
 
 
 class Readings(NamedTuple):
@@ -242,6 +252,7 @@ def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
     )  # fmt: skip
     with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
         tangent.seeds[:, n : n + count] = np.eye(count)
+        tangent.scale[n : n + count], tangent.instant = np.abs(tape.p), _instant(tape)
         tangent.slope[:] = cost.end
         tangent.backward, tangent.bad = 1, -1
         tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
@@ -252,4 +263,4 @@ def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
             raise ValueError(f"The step at t = {tape.values[stopped, 0]:.12g} has no Taylor series.")
         bad = tangent.bad
         why = None if bad < 0 else (tangent.bad_why, tangent.bad_cause, float(tape.values[bad, 0]))
-        return Slopes(tangent.slope.copy(), tangent.slope_q[:, 0].copy(), slope_clock, why)
+        return Slopes(tangent.slope.copy(), tangent.slope_q[:, 0].copy(), slope_clock, why, tangent.off[: n + count].copy())

@@ -21,6 +21,7 @@ from ..paths.tangents import Deviations, Tape, replay
 from . import outputs
 
 START_TIME = "t0"
+_TANGENT = 1e-9  # deviations out of a surface that are roundings
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span
 
 
@@ -169,6 +170,9 @@ class Derivatives(Described):
             found.append(
                 NoDerivative(ambiguity.time, ambiguity.switch, f"the motion is not unique ({ambiguity.kind})")
             )
+        for name in (name for name, off in zip(self.names, run.off) if off > _TANGENT):
+            reason = f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
+            found.append(NoDerivative(float(self._solution.t[0]), "", reason))
         if run.stopped == run.stopped:
             found.append(NoDerivative(run.stopped, "", "a step has no Taylor series"))
         return sorted(found, key=lambda problem: problem.t)

@@ -352,8 +352,10 @@ def begin(P, V):
             store8(V.event[i], block, load8(V.w[i], block))
     for j in range(m):
         V.mult[j] = V.tape_x[0, 2 + n + j]
-    keep_held(P, V, V.tape_x[0, 0], V.x, V.mult, V.tape[0, 4:])
+    keep_held(P, V, V.tape_x[0, 0], V.x, V.mult, V.tape[0, 4:], 1)
     for c in range(V.columns):
-        V.off[c] = 0.0
+        V.off[c], size = 0.0, 1e-300
         for i in range(n):
             V.off[c] = max(V.off[c], abs(V.event[i, c] - V.w[i, c]))
+            size = max(size, abs(V.event[i, c]))
+        V.off[c] /= size

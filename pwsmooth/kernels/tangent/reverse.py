@@ -156,10 +156,11 @@ def _step_back(P, V, A, k):
 
 
 @kernel
-def _begin_columns(P, V):
-    """A column for each state, and in V.seeds one for each parameter; the last one is a shift of the clock."""
+def _begin_columns(P, V, k):
+    """At entry k of the tape a column for each state, and in V.seeds one for each parameter; the last one is a shift of the clock."""
     V.inside, V.on_arc, V.why, V.instants, V.points = 0, 0, FINE, 0, 0
     for i in range(P.n):
+        V.scale[i] = abs(V.tape_x[k, 2 + i])
         for c in range(V.w.shape[1]):
             V.w[i, c] = 1.0 if i == c else 0.0
 
@@ -210,7 +211,7 @@ def _instant_back(P, V, a, b):
             tick = V.tape[k, 2]
     if not (arc or some):
         return True
-    _begin_columns(P, V)
+    _begin_columns(P, V, a if arc else a + 1)
     V.samples = V.first_sample = _first_sample(V, V.tape_x[a, 0]) if arc else V.cost
     for k in range(a if arc else a + 1, b):
         if not go_over(P, V, k):
@@ -226,7 +227,7 @@ def _instant_back(P, V, a, b):
 def pull_back(P, V, count):
     """Slopes of a cost by the last entry's state, in V.slope, become those by the first one's and by the parameters."""
     b = count - 1
-    _begin_columns(P, V)
+    _begin_columns(P, V, b)
     V.samples = V.first_sample = _first_sample(V, V.tape_x[b, 0])
     go_over(P, V, b)
     _pull(P, V, V.first_sample)
@@ -241,7 +242,7 @@ def pull_back(P, V, count):
             if kind == PAIR or not _step_back(P, V, V.slip if kind == SLIP else V.general, a):
                 return a
         b = a
-    _begin_columns(P, V)
+    _begin_columns(P, V, 0)
     begin(P, V)
     V.samples = V.first_sample = V.cost
     _pull(P, V, V.cost)

@@ -13,7 +13,7 @@ which an impact without rebound would stop it.
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import call_act_slopes, call_fields, call_outputs
-from ..state import CONTACT, HELD, SECOND_ORDER, SOLVED
+from ..state import CONTACT, HELD, SECOND_ORDER, SLIDING, SOLVED
 from .flow import invert, number_unknowns
 from .state import (
     CORNER,
@@ -149,7 +149,9 @@ def _take(P, V, out, which):
     """Makes `out` the shift of the instant, or compares it with the one that another cause has set."""
     if V.cause >= 0:
         for c in range(V.columns):
-            if not abs(out[c] - V.dt[c]) <= _TOUCHING * (abs(out[c]) + abs(V.dt[c]) + _TOUCHING):
+            apart = abs(out[c] - V.dt[c])
+            # A quantity that changes by its own size must part them, else it is a rounding that does.
+            if not (apart <= _TOUCHING * (abs(out[c]) + abs(V.dt[c])) or 0.0 < apart * V.scale[c] <= V.instant):
                 V.why = CORNER
         return
     V.cause = which
@@ -265,78 +267,71 @@ def end_instant(P, V, t, x, mult, status, before):
         closed = status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
         hold = hold or (closed and (V.acted != 0 or before[j] != SOLVED))
         hold = hold or (status[j] == HELD and before[j] != HELD)
-    if hold and not keep_held(P, V, t, x, mult, status):
-        V.why = UNKNOWN
+    if hold:
+        keep_held(P, V, t, x, mult, status, 0)
     V.inside = 0
 
 
 @kernel
-def keep_held(P, V, t, x, mult, status):
-    """Takes from the deviations V.w what leads out of the surfaces that are held; False where that is not unique."""
-    n, entries, held = P.n, V.entries_point, V.held
-    look(P, V, t, x, mult)
-    size, half = 0, held.shape[0] // 2  # gradients C above, directions D below
-    for j in range(P.m):
-        twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
-        if status[j] != HELD and not (status[j] == SOLVED and twice):
-            continue
-        for level in range(2 if twice else 1):
-            for i in range(n):
-                held[size, i] = held[half + size, i] = 0.0
-            for e in range(entries.shape[0]):
-                kind, i, k = entries[e, 0], entries[e, 1], entries[e, 2]
-                if kind == (H_X if level == 0 else S_X) and i == j:
-                    held[size, k] = held[half + size, k] = V.jac[e]
-            if level == 1:
-                for i in range(n):
-                    held[half + size, i] = 0.0
-                for e in range(entries.shape[0]):
-                    if entries[e, 0] == F_MULT and entries[e, 2] == j:
-                        held[half + size, entries[e, 1]] = V.jac[e]
-            size += 1
-    if size == 0:
+def _is_kept(P, j, status, sliding):
+    """Whether deviations are kept on the surface of multiplier j. One that slides keeps them there by itself."""
+    if status[j] == HELD:
         return True
-    matrix = V.matrix
-    for r in range(size):
-        for c in range(size):
-            total = 0.0
-            for i in range(n):
-                total += held[r, i] * held[half + c, i]
-            matrix[r, c] = total
-    if not invert(V, size):
-        return False
-    for block in range(0, V.columns, 8):
-        for r in range(size):
-            total = splat8(0.0)
-            for i in range(n):
-                total = total + load8(V.w[i], block) * held[r, i]
-            # The parameters move a surface as well.
-            store8(V.sums, 8 * r, total)
-        _add_parameters(P, V, status, block)
-        for r in range(size):
-            total = splat8(0.0)
-            for c in range(size):
-                total = total + load8(V.sums, 8 * c) * matrix[r, size + c]
-            for i in range(n):
-                if held[half + r, i] != 0.0:
-                    store8(V.w[i], block, load8(V.w[i], block) - total * held[half + r, i])
-    return True
+    twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
+    return status[j] == SOLVED and (twice or (sliding != 0 and P.kind[j] == SLIDING))
 
 
 @kernel
-def _add_parameters(P, V, status, block):
-    entries, size = V.entries_point, 0
+def keep_held(P, V, t, x, mult, status, sliding):
+    """Takes from the deviations V.w what leads out of the surfaces that are held, or on which the motion is `sliding`."""
+    entries, held = V.entries_point, V.held
+    look(P, V, t, x, mult)
+    count, half = 0, held.shape[0] // 2  # gradients above, directions out of the surfaces before below
     for j in range(P.m):
         twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
-        if status[j] != HELD and not (status[j] == SOLVED and twice):
-            continue
-        for level in range(2 if twice else 1):
+        for level in range(0 if not _is_kept(P, j, status, sliding) else 2 if twice else 1):
+            gradient, out = held[count], held[half + count]
+            for i in range(P.n):
+                gradient[i], out[i] = 0.0, 0.0
+            for block in range(0, V.columns, 8):
+                store8(V.other_dt, block, splat8(0.0))
             for e in range(entries.shape[0]):
                 kind, i, k = entries[e, 0], entries[e, 1], entries[e, 2]
-                if kind == (H_P if level == 0 else S_P) and i == j:
-                    store8(
-                        V.sums,
-                        8 * size,
-                        load8(V.sums, 8 * size) + load8(V.seeds, V.w.shape[1] * k + block) * V.jac[e],
-                    )
-            size += 1
+                if kind == (H_X if level == 0 else S_X) and i == j:
+                    gradient[k] = V.jac[e]
+                    _add(V, V.w[k], V.jac[e])
+                elif kind == (H_P if level == 0 else S_P) and i == j:
+                    for block in range(0, V.columns, 8):
+                        term = load8(V.seeds, V.w.shape[1] * k + block) * V.jac[e]
+                        store8(V.other_dt, block, load8(V.other_dt, block) + term)
+                if level == 1 and kind == F_MULT and k == j:
+                    out[i] = V.jac[e]
+            for i in range(P.n if level == 0 else 0):
+                out[i] = gradient[i]
+            size = _product(gradient, out)
+            for r in range(count):
+                share = _product(held[r], out) / _product(held[r], held[half + r])
+                for i in range(P.n):
+                    out[i] -= share * held[half + r, i]
+            pivot = _product(gradient, out)
+            if abs(pivot) <= _TOUCHING * abs(size):
+                continue  # the surfaces before it keep it
+            count += 1
+            for i in range(P.n):
+                for block in range(0, V.columns, 8):
+                    share8 = load8(V.other_dt, block) * (-out[i] / pivot)
+                    store8(V.w[i], block, load8(V.w[i], block) + share8)
+
+
+@kernel
+def _add(V, row, c):
+    for block in range(0, V.columns, 8):
+        store8(V.other_dt, block, load8(V.other_dt, block) + load8(row, block) * c)
+
+
+@kernel
+def _product(a, b):
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total

@@ -58,6 +58,8 @@ class Tangent(Bundle):
     tolerance: "float"
     seeds: "f8*[np, wide]"  # deviations of the parameters
     clock: "f8[:, wide]"  # of the instants of the clock
+    scale: "f8[wide]"  # size of what each column deviates, 0 if it has none
+    instant: "float"  # times that differ by less are one
     read: "int"  # entries of the tape that have been read
     # The deviations, and those of an instant: at its own time, and before a round of updates.
     w: "f8[n, wide]"
