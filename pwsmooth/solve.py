@@ -117,14 +117,15 @@ def solve(
         system = system.with_parameters(parameters)
     t0, t1 = checks.span(t_span, backward=True)
     if with_respect_to is not None:
-        from .results.derivatives import Derivatives, quantities
+        from .derivatives import Derivatives, quantities
 
+        system = system._written_out()
         wanted = quantities(system, with_respect_to)
     if t0 > t1:
         if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:
             raise ValueError(
-                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to` and no "
-                "method 'stiff'; give `t_eval` for wanted times."
+                "`t_span` decreases: backward in time there is no `noise`, no `dense_output`, no `with_respect_to` and "
+                "no method 'stiff'; give `t_eval` for wanted times."
             )
         from .paths.backward import solve_backward
 
@@ -150,7 +151,7 @@ def solve(
     stiff = method == "stiff" and not smoothed
     spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
-        taped = dense_output or with_respect_to is not None
+        taped = with_respect_to is not None or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
         solution = prepared_run(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
@@ -158,7 +159,10 @@ def solve(
             solution.derivatives = Derivatives(solution, solution.tape, wanted)
         return solution
     if with_respect_to is not None:
-        raise ValueError("XXX")
+        raise ValueError(
+            "`with_respect_to` is given for a smoothed view, a diffusion or method='stiff', whose steps have no "
+            "derivatives yet; differentiate the event-driven system."
+        )
     initial = np.array(start)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)

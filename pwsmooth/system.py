@@ -304,6 +304,18 @@ class System(DescribedSystem):
         other._check_values()
         return other
 
+    def _written_out(self):
+        """This system without a template: what is derived of a family's elements one by one needs them all."""
+        if self.model.families is None:
+            return self
+        if "written out" not in self._cache:
+            self._cache["written out"] = lower(self._field)
+        other = copy.copy(self)
+        other._element, other._cache, other.model = None, {}, self._cache["written out"]
+        values = {p.name: value for p, value in self.parameters.items()}
+        other.parameters = {p: values[p.name] for p in self.definition.parameters}
+        return other
+
     def _check_values(self):
         if self._element and not self._view:
             self._element.check_values(self.parameters)

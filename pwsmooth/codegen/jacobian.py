@@ -17,7 +17,7 @@ from .graph.dag import Graph
 from .graph.scalar import ScalarCode, Writer
 from .graph.slopes import derivative
 
-# What is differentiated (rates, residuals, surfaces, the speeds of gaps) by what (states, multipliers, parameters, time).
+# What is differentiated (rates, residuals, surfaces, speeds of gaps) by what (states, multipliers, parameters, time).
 F_X, F_MULT, F_P, G_X, G_MULT, G_P, G_T, H_X, H_MULT, H_P, H_T, S_X, S_P, S_T = range(14)
 
 

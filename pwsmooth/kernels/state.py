@@ -45,8 +45,8 @@ SOLVED, HELD = 0, 2
 SLIP, GENERAL, PAIR, ARC = range(4)
 
 # Entries of a tape (step/recording.py, kernels/tangent): a step; a recorded point; what an instant is the zero of (a
-# surface, the bound of a multiplier, a fold, a tick of the clock, something else, nothing new); an update that acts, and
-# the end of its round; the end of the run.
+# surface, the bound of a multiplier, a fold, a tick of the clock, something else, nothing new); an update that acts,
+# and the end of its round; the end of the run.
 TAPE_STEP, TAPE_POINT, TAPE_MEET, TAPE_ACT, TAPE_ROUND, TAPE_END = range(6)
 TAPE_SURFACE, TAPE_BOUND, TAPE_FOLD, TAPE_CLOCK, TAPE_OTHER, TAPE_NOTHING = range(6)
 

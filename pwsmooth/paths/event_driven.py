@@ -314,8 +314,10 @@ class EventDriven:
         entries, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
         entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
         values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
-        clock = (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
-        return Tape(p.copy(), self.one_step, control.order, control.rtol, *clock, entries, values)
+        clock, owners = (
+            (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
+        )
+        return Tape(p.copy(), self.one_step, control.order, control.rtol, clock, owners, entries, values)
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None

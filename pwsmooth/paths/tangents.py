@@ -39,12 +39,12 @@ class Deviations(NamedTuple):
     """What a replay gives, for each of the columns that it began with."""
 
     end: np.ndarray  # (n, columns)
-    at_point: np.ndarray  # (points, n, columns)
-    at_sample: np.ndarray  # (samples, n, columns)
+    at_point: np.ndarray  # (points, n + m, columns)
+    at_sample: np.ndarray  # (samples, n + m, columns)
     instant_t: np.ndarray  # (instants,)
     instant_why: np.ndarray  # (instants, 2)
     instant_dt: np.ndarray  # (instants, columns)
-    instant_w: np.ndarray  # (instants, n, columns)
+    instant_w: np.ndarray  # (instants, 2 n, columns), before and after, along with the instant's time
     stopped: float  # time of the step that has no series, or nan
     off: np.ndarray  # (columns,) what led out of the surfaces on which the run begins
 
@@ -141,8 +141,13 @@ class CompiledTangents:
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
         made = Tangent.zeros(
-            sizes, order=order, tolerance=tolerance, columns=columns, parameters=self.code.np,
-            **self.fixed, **scratch
+            sizes,
+            order=order,
+            tolerance=tolerance,
+            columns=columns,
+            parameters=self.code.np,
+            **self.fixed,
+            **scratch,
         )
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
         return made, made.cells.copy()
@@ -256,11 +261,15 @@ def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
         tangent.slope[:] = cost.end
         tangent.backward, tangent.bad = 1, -1
         tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
-        stopped = loop(
-            compiled_problem(model).problem(tape.p, tape.method), tangent, len(tape.entries)
-        )
+        stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(tape.entries))
         if stopped >= 0:
             raise ValueError(f"The step at t = {tape.values[stopped, 0]:.12g} has no Taylor series.")
         bad = tangent.bad
         why = None if bad < 0 else (tangent.bad_why, tangent.bad_cause, float(tape.values[bad, 0]))
-        return Slopes(tangent.slope.copy(), tangent.slope_q[:, 0].copy(), slope_clock, why, tangent.off[: n + count].copy())
+        return Slopes(
+            tangent.slope.copy(),
+            tangent.slope_q[:, 0].copy(),
+            slope_clock,
+            why,
+            tangent.off[: n + count].copy(),
+        )

@@ -109,11 +109,11 @@ def _series(V, A, K, states, size, block):
     equations, at, row, count = A.equations, A.term_at, A.term_row, A.count[0]
     orders = 8 * (K + 1 + ZEROS)
     for k in range(K + 1):
-        inv, e = 1.0 / (k + 1.0), 0
-        # The residuals first, which give order k of the multipliers; then the rates, which give order k + 1 of the states.
+        inv, first = 1.0 / (k + 1.0), 0
+        # The residuals first, which give order k of the multipliers; then the rates: order k + 1 of the states.
         for q in range(0, 6 * (count if k < K else size), 6):
             total = splat8(0.0)
-            for e in range(e, equations[q + 2]):
+            for e in range(first, equations[q + 2]):
                 total = total + load8(series, at[e] + 8 * k) * rows[row[e]]
             for e in range(equations[q + 2], equations[q + 3]):
                 total = total + _product(rows, row[e], series, at[e], k)
@@ -122,7 +122,7 @@ def _series(V, A, K, states, size, block):
             if k == 0:
                 for e in range(equations[q + 4], equations[q + 5]):
                     total = total + load8(seeds, at[e] + block) * rows[row[e]]
-            e = equations[q + 5]
+            first = equations[q + 5]
             if equations[q + 1] < 0:
                 store8(series, equations[q] + 8 * k, total * inv)
             elif size == 1:

@@ -1,11 +1,12 @@
 """Deviations of a run's start and of its parameters along its tape, entry by entry.
 
 The loop writes what it does and where it stands (step/recording.py); nothing is decided anew, so that the deviations
-belong to this very run. Entries: a step; a point that is recorded; at an instant the surfaces, bounds, folds and ticks of
-the clock that it is the zero of, then the updates that act, by rounds; and the end of the run.
+belong to this very run. Entries: a step; a point that is recorded; at an instant the surfaces, bounds, folds and ticks
+of the clock that it is the zero of, then the updates that act, by rounds; and the end of the run.
 """
 
 import numpy as np
+
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import call_jet_general, call_jet_slip

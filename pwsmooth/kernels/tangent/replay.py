@@ -1,4 +1,4 @@
-"""The replay of a tape: every step, every instant of a run again, forward for deviations or backward for slopes of a cost."""
+"""The replay of a tape: each step and instant of a run again, forward for deviations, backward for slopes of a cost."""
 
 from numba import types
 

@@ -1,8 +1,8 @@
 """Slopes of a cost, from the end of a run to its start: the transposed maps of forward.py, in the opposite order.
 
-With w1 = Phi w0 + Psi q over a step, slopes by w1 become slopes by w0, Phi' c, and by the parameters, Psi' c. On a step the
-recurrence of flow.py is transposed term by term, so that both directions agree to roundings. At instants and along arcs,
-which are few, Phi and Psi are made as they stand, with a column for each state and each parameter.
+With w1 = Phi w0 + Psi q over a step, slopes c by w1 become slopes Phi' c by w0 and Psi' c by the parameters. On a step
+the recurrence of flow.py is transposed term by term, so that both directions agree to roundings. At instants and along
+arcs, which are few, Phi and Psi are made as they stand, with a column for each state and each parameter.
 """
 
 from ..machine.compiling import inlined_kernel, kernel
@@ -80,16 +80,14 @@ def _seed_costs(V, t, states, m):
                 V.back[stride * i + K - k] += power * V.cost_slope[V.cost, i]
             for j in range(m):
                 if V.unknown[j] >= 0:
-                    V.back[stride * (states + V.unknown[j]) + K - k] += (
-                        power * V.cost_slope[V.cost, states + j]
-                    )
+                    V.back[stride * (states + V.unknown[j]) + K - k] += power * V.cost_slope[V.cost, states + j]
             power *= way
 
 
 @kernel
 def _pull_step(V, A, states, m, size, t, s, last):
-    """Slopes by the state at a way s from t become those by that at t; False, and nothing done, where these would owe more
-    than the tolerance to the last two orders, unless it is the `last` try."""
+    """Slopes by the state at a way s from t become those by that at t; False, and nothing done, where these would owe
+    more than the tolerance to the last two orders, unless it is the `last` try."""
     K, stride, parameters, cost = V.order, V.order + 1 + ZEROS, V.w.shape[1] * V.parameters, V.cost
     if not last:
         _seed(V, states, size, s, K - 1)
@@ -157,7 +155,7 @@ def _step_back(P, V, A, k):
 
 @kernel
 def _begin_columns(P, V, k):
-    """At entry k of the tape a column for each state, and in V.seeds one for each parameter; the last one is a shift of the clock."""
+    """At entry k of the tape a column for each state, beside those of V.seeds for the parameters and of the clock."""
     V.inside, V.on_arc, V.why, V.instants, V.points = 0, 0, FINE, 0, 0
     for i in range(P.n):
         V.scale[i] = abs(V.tape_x[k, 2 + i])
@@ -203,7 +201,7 @@ def _first_sample(V, t):
 
 @kernel
 def _instant_back(P, V, a, b):
-    """Slopes behind the instant of the entries between a and b become those before it, and before the arc of entry a."""
+    """Slopes behind the instant of the entries between a and b become those before it, or before the arc of a."""
     arc, tick, some = V.tape[a, 0] == TAPE_STEP and V.tape[a, 1] == ARC, -1, False
     for k in range(a + 1, b):
         some = some or V.tape[k, 0] == TAPE_MEET or V.tape[k, 0] == TAPE_ACT

@@ -33,6 +33,7 @@ from .state import (
     UNKNOWN,
 )
 
+_INFINITE = 1e300  # stands for what lets nothing move
 _TOUCHING = 1e-9  # slower than this part of its scale a surface is not crossed but touched
 
 
@@ -40,6 +41,21 @@ _TOUCHING = 1e-9  # slower than this part of its scale a surface is not crossed 
 def look(P, V, t, x, mult):
     """Overwrites V.jac by the Jacobians at a point."""
     call_outputs(V.jacobian, t, x, mult, P.p, V.jac)
+
+
+@kernel
+def _leave_out_idle(P, V, size):
+    """A multiplier that acts on nothing at a point, kappa*v*lambda at v = 0, does not deviate there."""
+    for j in range(P.m):
+        r, idle = V.unknown[j], V.unknown[j] >= 0
+        for c in range(size if idle else 0):
+            idle = idle and V.matrix[r, c] == 0.0
+        for e in range(V.entries_point.shape[0] if idle else 0):
+            kind, column = V.entries_point[e, 0], V.entries_point[e, 2]
+            acts = kind == F_MULT or kind == G_MULT or kind == H_MULT
+            idle = idle and not (acts and column == j and V.jac[e] != 0.0)
+        if idle:
+            V.matrix[r, r] = _INFINITE
 
 
 @kernel
@@ -60,6 +76,7 @@ def multipliers(P, V, w, dt, mask, first, last):
         i, j = entries[e, 1], entries[e, 2]
         if entries[e, 0] == G_MULT and unknown[i] >= 0 and unknown[j] >= 0:
             V.matrix[unknown[i], unknown[j]] = V.jac[e]
+    _leave_out_idle(P, V, size)
     if not invert(V, size):
         return False
     for block in range(first, last, 8):

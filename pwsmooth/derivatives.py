@@ -12,13 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
-from ..definition.describe import Described, Rows, values
-from ..definition.model import Model
-from ..kernels.tangent.state import CORNER, GRAZES
-from ..paths.clock import slopes_of_instants
-from ..paths.tangents import Deviations, Tape, replay
-from . import outputs
+from .definition import checks
+from .definition.describe import Described, Rows, values
+from .definition.model import Model
+from .kernels.tangent.state import CORNER, GRAZES
+from .paths.clock import slopes_of_instants
+from .paths.tangents import Deviations, Tape, replay
+from .results import outputs
+
+__all__ = ["Derivatives", "EventDerivative", "NoDerivative"]
 
 START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
@@ -57,8 +59,8 @@ class EventDerivative(NamedTuple):
     time : ndarray, shape (k,)
         d(time of the event)/dq, in units of the time over those of the quantities.
     before, after : ndarray, shape (n, k)
-        d(state at the event)/dq, along with its time, before and after what happens there; in the units of the states over
-        those of the quantities.
+        d(state at the event)/dq, along with its time, before and after what happens there; in the units of the states
+        over those of the quantities.
     """
 
     time: np.ndarray
@@ -96,8 +98,8 @@ def quantities(system: Any, wanted: Any) -> Quantities:
             known = ", ".join((*parameters, *states, START_TIME))
             raise ValueError(
                 f"{what} names {checks.shown(name)}, which has no derivative here: give parameters, states or memories "
-                f"(their initial values) or {START_TIME!r}, of {known}. The time of an Event, a restitution, a level of "
-                "a switch is one if it is written as a parameter."
+                f"(their initial values) or {START_TIME!r}, of {known}. The time of an Event, a restitution, a level "
+                "of a switch is one if it is written as a parameter."
             )
         if model.states[states[name]] in cells:
             raise ValueError(f"{what} names {name!r}, which counts the cells of a drive: it has no derivative.")
@@ -112,9 +114,9 @@ def quantities(system: Any, wanted: Any) -> Quantities:
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
-    Indexing gives the derivatives of a state, multiplier or output at the solution's times, ``derivatives["v"]`` of shape
-    (k, nt); a call those at other times, ``derivatives(t, "v")``. They belong to one time on all sides of the run's events,
-    and to the side after an event at the event itself, as the dense output does.
+    Indexing gives those of a state, multiplier or output at the solution's times, ``derivatives["v"]`` of shape
+    (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values of the
+    dense output are; a solution's two columns there have both.
 
     Attributes
     ----------
@@ -138,9 +140,7 @@ class Derivatives(Described):
         for column, (parameter, state) in enumerate(zip(wanted.parameters, wanted.states)):
             if parameter is not None:
                 seeds[numbers[parameter], column] = 1.0
-                clock[:, column] = slopes_of_instants(
-                    model, given, tape.clock, tape.clock_event, parameter
-                )
+                clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, parameter)
             elif state is not None:
                 start[state, column] = 1.0
         if wanted.start_time is not None:
@@ -245,7 +245,8 @@ class Derivatives(Described):
         begin, end = solution.t[0], solution.t[-1]
         if flat.size and not (flat.min() >= begin and flat.max() <= end):
             raise ValueError(
-                f"`t` reaches from {flat.min():.9g} to {flat.max():.9g}: it leaves the solved span [{begin:.9g}, {end:.9g}]."
+                f"`t` reaches from {flat.min():.9g} to {flat.max():.9g}: it leaves the solved span [{begin:.9g}, "
+                f"{end:.9g}]."
             )
         if flat.size:
             self._defined(flat.max())
@@ -350,8 +351,14 @@ class Derivatives(Described):
         problems = self.problems
         return f"Derivatives with respect to {', '.join(self.names)}", {
             "problems": [str(problem) for problem in problems],
-            **({} if problems else {f"by {name}": values(self._solution._shown, column)
-                                    for name, column in zip(self.names, self.end.T)}),
+            **(
+                {}
+                if problems
+                else {
+                    f"by {name}": values(self._solution._shown, column)
+                    for name, column in zip(self.names, self.end.T)
+                }
+            ),
         }.items()
 
 
