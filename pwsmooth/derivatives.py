@@ -115,8 +115,8 @@ class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
     Indexing gives those of a state, multiplier or output at the solution's times, ``derivatives["v"]`` of shape
-    (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values of the
-    dense output are; a solution's two columns there have both.
+    (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values of
+    the dense output are; a solution's two columns there have both.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Deviations of a run: its tape played again (kernels/tangent), with the model's Jacobians.
 
-Chain: event_driven.py, whose run writes the tape -> **replay** -> results/derivatives.py, analysis/.
+Chain: event_driven.py, whose run writes the tape -> **replay** -> derivatives.py, analysis/.
 """
 
 from __future__ import annotations

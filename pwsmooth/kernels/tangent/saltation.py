@@ -5,9 +5,9 @@ At the zero of H(t, x, lambda; p) a run that deviates by (w, q) arrives by dt la
     H_x (w + f- dt) + H_lambda l + H_p q + H_t dt = 0
 
 Every update acts there, R_x (...) + R_p q + R_t dt, and the field after leads back to one time, w+ = ... - f+ dt (di
-Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008). A motion that is held on surfaces from
-there on has no deviation out of them: w -> (1 - D (C D)^-1 C) w, with their gradients and rates C and the directions D in
-which an impact without rebound would stop it.
+Bernardo, Budd, Champneys & Kowalczyk, Piecewise-smooth Dynamical Systems, 2008). A motion that is held on surfaces
+from there on has no deviation out of them: w -> (1 - D (C D)^-1 C) w, with their gradients and rates C and the
+directions D in which an impact without rebound would stop it.
 """
 
 from ..machine.compiling import kernel
@@ -300,7 +300,7 @@ def _is_kept(P, j, status, sliding):
 
 @kernel
 def keep_held(P, V, t, x, mult, status, sliding):
-    """Takes from the deviations V.w what leads out of the surfaces that are held, or on which the motion is `sliding`."""
+    """Takes from the deviations V.w what leads out of the surfaces that are held, or on which it is `sliding`."""
     entries, held = V.entries_point, V.held
     look(P, V, t, x, mult)
     count, half = 0, held.shape[0] // 2  # gradients above, directions out of the surfaces before below

@@ -34,7 +34,8 @@ class Flow(Bundle):
     # What `plan` of flow.py makes of them: how many unknowns, and the place of each; equations and their terms.
     solved: "i8*[:]"
     count: "i8*[:]"
-    equations: "i8*[:]"  # where its series is written, its place among the unknowns, the ends of its four kinds of terms
+    # Of each where its series is written, its place among the unknowns, the ends of its four kinds of terms.
+    equations: "i8*[:]"
     term_at: "i8*[:]"
     term_row: "i8*[:]"
 
@@ -115,8 +116,8 @@ class Tangent(Bundle):
     instant_dt: "f8[:, :]"
     instant_w: "f8[:, :, :]"  # of the state at the instant's own time, before it and after it
     # Of a cost (reverse.py): its slopes by the state where the tape has been read back to, by parameters (rows of their
-    # seeds), by instants of the clock; by states and multipliers at t_eval, of which the first `cost` are left; by the state
-    # before and after an instant and by its time, of which the first `cost_events` are left.
+    # seeds), by instants of the clock; by states and multipliers at t_eval, of which the first `cost` are left; by the
+    # state before and after an instant and by its time, of which the first `cost_events` are left.
     backward: "int"
     slope: "f8[n]"
     parameters: "int"

@@ -1,0 +1,306 @@
+"""Derivatives of runs by parameters, initial values, instants of time and the start: closed forms, differences."""
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, solve
+from pwsmooth.derivatives import NoDerivative
+from pwsmooth.paths.tangents import Readings, pull_back
+
+t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
+a, b, g, e, p, rho, beta, sigma, omega = sp.symbols("a b g e p rho beta sigma omega", positive=True)
+TIGHT = {"rtol": 1e-13, "atol": 1e-15}
+
+
+def friction_oscillator():
+    lam = Switch("lam", v)
+    return System(
+        {
+            y: v,
+            v: -2.4 * sp.sin(omega * t) - sigma * y - v / 10 - lam * (1 + z),
+            z: (rho * (1 - lam**2) - z) / beta,
+        },
+        time=t,
+        parameters={rho: 3, beta: 0.1, sigma: 3.1, omega: 1},
+        outputs={"friction": lam * (1 + z), "power": sigma * y * v},
+    )
+
+
+def differences(run, quantities):
+    """d(run)/dq by Richardson's extrapolation, and what two steps of it differ by."""
+    at = np.array(list(quantities.values()), float)
+
+    def central(k, h):
+        step = np.zeros(len(at))
+        step[k] = h
+        high, low = (run(dict(zip(quantities, at + s))) for s in (step, -step))
+        return (high - low) / (2 * h)
+
+    columns, spread = [], []
+    for k in range(len(at)):
+        coarse, middle, fine = (central(k, h) for h in (2e-3, 1e-3, 5e-4))
+        first, second = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
+        columns.append(second + (second - first) / 15)
+        spread.append(np.abs(second - first))
+    return np.stack(columns, -1), np.stack(spread, -1)
+
+
+def assert_by_differences(system, span, start, quantities, look, times=None):
+    """Derivatives against differences of `look(solution)`, within ten times what these are unsure of."""
+
+    def run(values):
+        changed = {name: values[name] for name in values if name in start}
+        parameters = {name: values[name] for name in values if name not in start and name != "t0"}
+        first = values.get("t0", span[0])
+        solution = solve(
+            system, (first, span[1]), start | changed, parameters=parameters, dense_output=True, **TIGHT
+        )
+        return look(solution)
+
+    solution = solve(system, span, start, with_respect_to=list(quantities), dense_output=True, **TIGHT)
+    expected, unsure = differences(run, quantities)
+    found = look(solution.derivatives, solution)
+    assert np.all(np.abs(found - expected) <= 10 * unsure + 1e-9 * np.abs(expected).max())
+    return solution
+
+
+def states_at(times):
+    def look(where, solution=None):
+        found = where(times)
+        return found.ravel() if solution is None else np.moveaxis(found, 1, -1).reshape(-1, found.shape[1])
+
+    return look
+
+
+# ---- closed forms ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level", [0.55, 0.7, 0.99])
+def test_a_reset_moves_with_its_level(level):
+    system = System({x: 1}, events=[Event(x - p, update={x: 0})], parameters={p: level})
+    d = solve(system, (0, 1), {x: 0}, with_respect_to=[p], **TIGHT).derivatives
+    assert d.end[0, 0] == pytest.approx(-1.0, abs=1e-12) and d.event_times() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_ball_moves_with_height_gravity_and_restitution():
+    ground = Unilateral(x, restitution=e, name="R")
+    ball = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.8})
+    d = solve(ball, (0, 5), {x: 50, v: 0}, with_respect_to=["x", g, e], **TIGHT).derivatives
+    assert d.end[0] == pytest.approx([0.21744565164973, 1.87472271249865, 56.5247584249853], rel=1e-12)
+    assert d.end[1] == pytest.approx([0.56348913032995, -2.12505545750027, 31.304951684997], rel=1e-12)
+    # The impact, at sqrt(2 h/g), and the speeds beside it.
+    impact = d.at_event(0)
+    fall = np.sqrt(2 * 50 / 9.8)
+    assert impact.time == pytest.approx([fall / 100, -fall / 19.6, 0.0], rel=1e-12)
+    assert impact.before[1] == pytest.approx([-9.8 / (9.8 * fall), -50 / (9.8 * fall), 0.0], rel=1e-11)
+    assert impact.after[1] == pytest.approx(-0.8 * impact.before[1] + [0, 0, 9.8 * fall], rel=1e-11)
+
+
+def test_what_ends_at_a_stick_keeps_what_it_has_become():
+    system = System({x: -a * sp.sign(x), y: b * sp.Abs(sp.sign(x))}, parameters={a: 1.3, b: 2.0})
+    d = solve(system, (0, 3), {x: 1, y: 0}, with_respect_to=[a, b, "x", "y"], **TIGHT).derivatives
+    assert d.end[0] == pytest.approx(np.zeros(4), abs=1e-14)
+    assert d.end[1] == pytest.approx([-2.0 / 1.3**2, 1 / 1.3, 2 / 1.3, 1.0], rel=1e-13)
+
+
+def test_instants_of_the_clock_move_with_their_period():
+    m = Memory("m", 0.0)
+    system = System(
+        {x: -x + m}, time=t, events=[Event(every=a, update={m: m + b * x, x: x / 2 + a})],
+        parameters={a: 0.3, b: 0.4},
+    )  # fmt: skip
+    quantities = {"a": 0.3, "b": 0.4, "x": 1.0}
+    assert_by_differences(system, (0, 2), {"x": 1.0}, quantities, states_at(np.array([0.55, 1.1, 1.95])))
+    single = System({x: -x}, time=t, events=[Event(at=[a**2], update={x: x + 1})], parameters={a: 0.7})
+    d = solve(single, (0, 1), {x: 2}, with_respect_to=[a], **TIGHT).derivatives
+    assert d.end[0, 0] == pytest.approx(1.4 * np.exp(0.49 - 1.0), rel=1e-12)
+
+
+def test_the_start_of_the_span_moves_what_follows():
+    system = System({x: -x * sp.sin(t)}, time=t)
+    d = solve(system, (0.4, 2), {x: 1.5}, with_respect_to=["t0"], **TIGHT).derivatives
+    end = 1.5 * np.exp(np.cos(2) - np.cos(0.4))
+    assert d.end[0, 0] == pytest.approx(end * np.sin(0.4), rel=1e-12)
+
+
+def test_after_an_accumulation_nothing_of_the_fall_is_left():
+    ground = Unilateral(x, restitution=e, name="R")
+    ball = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.6})
+    d = solve(ball, (0, 30), {x: 1, v: 0}, with_respect_to=["x", "v", g, e], **TIGHT).derivatives
+    assert d.end == pytest.approx(np.zeros((2, 4)), abs=1e-12)
+
+
+# ---- against differences ---------------------------------------------------------------------------
+
+
+def test_hidden_friction_states_outputs_and_events():
+    times = np.array([1.0, 3.3, 7.0, 12.345, 20.0])
+
+    def look(where, solution=None):
+        rows = [*where(times)]
+        if solution is None:
+            rows += [where(times, name) for name in ("friction", "power", "lam")]
+            return np.concatenate([np.ravel(row) for row in rows] + [where.event_times("stick")])
+        rows += [where(times, name) for name in ("friction", "power", "lam")]
+        return np.concatenate([row.T for row in rows] + [where.event_times("stick")])
+
+    quantities = {"rho": 3.0, "sigma": 3.1, "omega": 1.0, "y": 0.5, "t0": 0.0}
+    start = {"y": 0.5, "v": 0.3, "z": 0.0}
+    solution = assert_by_differences(friction_oscillator(), (0, 25), start, quantities, look)
+    # The same at wanted times, and at the solution's own.
+    asked = solve(
+        friction_oscillator(), (0, 25), start, t_eval=times, with_respect_to=list(quantities), **TIGHT
+    )
+    d = solution.derivatives
+    assert asked.derivatives.x == pytest.approx(d(times), rel=1e-11, abs=1e-11)
+    assert asked.derivatives["friction"] == pytest.approx(d(times, "friction"), rel=1e-11, abs=1e-11)
+    last = np.append(np.diff(solution.t) > 0, True)
+    assert d.x[..., last] == pytest.approx(d(solution.t[last]), rel=1e-10, abs=1e-10)
+
+
+def test_a_hidden_fold():
+    lam = Switch("lam", v)
+    system = System(
+        {y: v, v: -2.4 * sp.sin(t) - sigma * y - v / 10 - lam * (1 + rho * (1 - lam**2))},
+        time=t, parameters={rho: 3, sigma: 3.1},
+    )  # fmt: skip
+    times = np.array([2.0, 5.0, 9.0])
+    solution = assert_by_differences(
+        system, (0, 10), {"y": 0.5, "v": 0.3}, {"rho": 3.0, "sigma": 3.1, "v": 0.3}, states_at(times)
+    )
+    assert any("fold" in event.kind for event in solution.events)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_systems_with_crossings_slides_resets_and_impacts(seed):
+    rng = np.random.default_rng(seed)
+    gap = Unilateral(x + 1.2, restitution=e, name="R")
+    m = Memory("m", 0.2)
+    c = rng.uniform(0.5, 1.5, 6).round(3).tolist()
+    system = System(
+        {
+            x: y,
+            y: -c[0] * x - a * sp.sign(y - b) + c[1] * sp.cos(c[2] * t) + m + gap.reaction,
+            z: -c[3] * z + sp.Max(x, p) * c[4],
+        },
+        time=t,
+        events=[Event(z - c[5] / 2, update={m: -m, z: z / 2 + a}, direction=1)],
+        parameters={a: 0.5, b: 0.1, p: 0.3, e: 0.7},
+    )
+    start = {"x": 0.4, "y": float(rng.normal()), "z": 0.0}
+    quantities = {"a": 0.5, "b": 0.1, "p": 0.3, "e": 0.7, "x": 0.4, "z": 0.0}
+    solution = assert_by_differences(system, (0, 6), start, quantities, states_at(np.array([1.5, 3.1, 6.0])))
+    assert len(solution.events) > 3
+
+
+def test_elements_of_a_family():
+    blocks = Family(10)
+    u, q = blocks.symbols("u q")
+    pull = blocks.neighbour(u, 1) - 2 * u + blocks.neighbour(u, -1)
+    system = System({u: q, q: pull - u - Switch("lam", q - b)}, parameters={b: 0.1})
+    start = dict(zip(map(str, system.states), 0.1 * np.random.default_rng(1).normal(size=20)))
+    quantities = {"b": 0.1, "u_2": start["u_2"]}
+    assert_by_differences(system, (0, 6), start, quantities, states_at(np.array([2.0, 6.0])))
+
+
+# ---- backward --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["friction", "ball"])
+def test_backward_and_forward_agree(name):
+    if name == "friction":
+        system, span, start = friction_oscillator(), (0, 40), {"y": 0.5, "v": 0.3, "z": 0.0}
+    else:
+        ground = Unilateral(x, restitution=e, name="R")
+        system = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.8})
+        span, start = (0, 12), {"x": 5.0, "v": 0.0}
+    names = [*map(str, system.parameters), *map(str, system.states)]
+    solution = solve(system, span, start, with_respect_to=names, **TIGHT)
+    n, m = len(system.states), len(system.model.multipliers)
+    rng = np.random.default_rng(0)
+    times = np.sort(rng.uniform(*span, 9))
+    times[-1] = span[1]
+    run = solution.derivatives._replay(times, points=False)
+    end, at = rng.normal(size=n), rng.normal(size=(len(times), n + m))
+    forward = end @ run.end + np.einsum("ti,tik->k", at, run.at_sample)
+    none = np.zeros(0, np.int64), np.zeros((0, 2 * n + 1))
+    slopes = pull_back(system.model, solution.tape, Readings(end, times, at, *none))
+    assert slopes.why is None
+    order = [system.model.parameters.index(sp.Symbol(q, positive=True)) for q in names[:-n]]
+    backward = np.concatenate([slopes.parameters[order], slopes.start])
+    assert np.abs(forward - backward).max() <= 1e-11 * np.abs(forward).max()
+
+
+# ---- what has no derivative ------------------------------------------------------------------------
+
+
+def test_a_grazing_impact_is_refused_from_there_on():
+    ground = Unilateral(x, restitution=e, name="R")
+    swing = System({x: v, v: -x + 1 + ground.reaction}, parameters={e: 0.8})  # x = 1 - cos(t) + ...
+    run = solve(swing, (0, 9), {x: 2, v: 0}, with_respect_to=["x"], **TIGHT)
+    d = run.derivatives
+    assert d(1.0)[0, 0] == pytest.approx(np.cos(1.0), rel=1e-11)
+    with pytest.raises(NoDerivative, match=r"from t = 3\.14"):
+        _ = d.x
+    with pytest.raises(NoDerivative, match="R"):
+        d(5.0)
+
+
+def test_two_surfaces_at_once_are_refused_and_one_surface_twice_is_not():
+    meet = System({x: -1, y: -1, z: sp.sign(x) * a + sp.sign(x + y) * sp.sign(y)}, parameters={a: 0.5})
+    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    with pytest.raises(NoDerivative, match="several surfaces"):
+        _ = d.end
+    twice = System({x: -1, z: sp.sign(x) * a + sp.sign(2 * x)}, parameters={a: 0.5})
+    d = solve(twice, (0, 3), {x: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    assert d.end[1] == pytest.approx([2 * (0.5 + 1), 1 - 2], rel=1e-13)
+
+
+def test_a_start_on_a_surface_that_holds_it_is_refused_across_it_alone():
+    system = System({x: -2 * sp.sign(x) + y, y: -a * y}, parameters={a: 1.0})
+    run = solve(system, (0, 1), {x: 0, y: 1}, with_respect_to=["x"], **TIGHT)
+    with pytest.raises(NoDerivative, match="x leads out of that"):
+        _ = run.derivatives.end
+    d = solve(system, (0, 1), {x: 0, y: 1}, with_respect_to=["y", a], **TIGHT).derivatives
+    assert d.end == pytest.approx(np.array([[0, 0], [np.exp(-1), -np.exp(-1)]]), abs=1e-13)
+
+
+def test_an_ambiguity_is_refused():
+    run = solve(System({x: a * sp.sign(x)}, parameters={a: 1.0}), (0, 1), {x: 0}, with_respect_to=[a])
+    with pytest.raises(NoDerivative, match="not unique"):
+        _ = run.derivatives.end
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["q"], "'q', which has no derivative here"),
+        (["lam"], "'lam', which has no derivative here"),
+        (["rho", "rho"], "twice"),
+        ("rho", "with_respect_to"),
+        ([3], "with_respect_to"),
+    ],
+)
+def test_names_that_have_none_are_refused_at_the_door(names, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=names)
+
+
+def test_smoothed_and_backward_runs_say_that_they_have_none():
+    smooth = friction_oscillator().smoothed(1e-3)
+    with pytest.raises(ValueError, match="smoothed view"):
+        solve(smooth, (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"])
+    with pytest.raises(ValueError, match="decreases"):
+        solve(friction_oscillator(), (1, 0), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"])
+
+
+def test_times_outside_the_span_and_unknown_names():
+    d = solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"]).derivatives
+    with pytest.raises(ValueError, match="leaves the solved span"):
+        d(2.0)
+    with pytest.raises(KeyError, match="no state"):
+        d["nothing"]
+    with pytest.raises(ValueError, match="dense"):
+        d(0.5, "friction")
+    assert "rho" in repr(d) and d(0.5, "y").shape == (1,)
