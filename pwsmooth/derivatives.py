@@ -24,6 +24,8 @@ __all__ = ["Derivatives", "EventDerivative", "NoDerivative"]
 
 START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
+# Ambiguities in which one of several attractors is taken: what is near it is taken too.
+_KEPT_CHOICES = ("several attracting states of the layer",)
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span
 
 
@@ -43,6 +45,17 @@ class NoDerivative(ArithmeticError):
     ----------
     t, cause, reason
         As given.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, a = sp.symbols("x a", real=True)
+    >>> run = solve(System({x: a * sp.sign(x)}, parameters={a: 1}), (0, 1), {x: 0}, with_respect_to=[a])
+    >>> run.derivatives.end
+    Traceback (most recent call last):
+        ...
+    pwsmooth.derivatives.NoDerivative: There is no derivative from t = 0 on: the motion is not unique ...
     """
 
     def __init__(self, t: float, cause: str, reason: str) -> None:
@@ -61,6 +74,19 @@ class EventDerivative(NamedTuple):
     before, after : ndarray, shape (n, k)
         d(state at the event)/dq, along with its time, before and after what happens there; in the units of the states
         over those of the quantities.
+
+    Examples
+    --------
+    A body that friction stops: when, and where, by the friction.
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> mu = sp.Symbol("mu", positive=True)
+    >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
+    >>> stop = solve(body, (0, 3), {x: 0, v: 4}, with_respect_to=[mu]).derivatives.at_event(0)
+    >>> print(f"{stop.time[0]:.6f} {stop.after[0, 0]:.6f}")  # of 4/mu and 8/mu
+    -1.000000 -2.000000
     """
 
     time: np.ndarray
@@ -118,10 +144,37 @@ class Derivatives(Described):
     (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values of
     the dense output are; a solution's two columns there have both.
 
+    Parameters
+    ----------
+    solution : Solution
+        The run; `solve` makes them.
+    tape : Tape
+        What the run has written.
+    wanted : Quantities
+        By what is differentiated.
+
     Attributes
     ----------
     names : tuple of str
         The k quantities, as they were given.
+
+    Notes
+    -----
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for what happens at events;
+    between them the variational equations are solved by Taylor series on the run's own steps.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> mu = sp.Symbol("mu", positive=True)
+    >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
+    >>> derivatives = solve(body, (0, 3), {x: 0, v: 4}, with_respect_to=[mu, "v"]).derivatives
+    >>> print(derivatives.end[0].round(6).tolist())  # of v**2/(2*mu)
+    [-2.0, 2.0]
+    >>> print(derivatives(1.0, "x").round(6).tolist())  # of v*t - mu*t**2/2
+    [-0.5, 1.0]
     """
 
     def __init__(self, solution: Any, tape: Tape, wanted: Quantities) -> None:
@@ -167,6 +220,8 @@ class Derivatives(Described):
                 reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
                 found.append(NoDerivative(float(t), names[cause] if 0 <= cause < len(names) else "", reason))
         for ambiguity in self._solution.ambiguities:
+            if ambiguity.kind in _KEPT_CHOICES:
+                continue
             found.append(
                 NoDerivative(ambiguity.time, ambiguity.switch, f"the motion is not unique ({ambiguity.kind})")
             )
