@@ -141,8 +141,8 @@ class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
     Indexing gives those of a state, multiplier or output at the solution's times, ``derivatives["v"]`` of shape
-    (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values of
-    the dense output are; a solution's two columns there have both.
+    (k, nt); a call those at other times, ``derivatives(t, "v")``. At an event they are of the side after it, as values
+    of the dense output are; a solution's two columns there have both.
 
     Parameters
     ----------
@@ -160,8 +160,8 @@ class Derivatives(Described):
 
     Notes
     -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for what happens at events;
-    between them the variational equations are solved by Taylor series on the run's own steps.
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for events; between
+    them the variational equations are solved by Taylor series on the run's own steps.
 
     Examples
     --------
@@ -376,11 +376,13 @@ class Derivatives(Described):
         return EventDerivative(run.instant_dt[k], run.instant_w[k, :n], run.instant_w[k, n:])
 
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
-        """d(time)/dq of the events of one kind or switch, both, or all, in the order of `Solution.event_times`.
+        """Of the times of events of one kind or switch, both, or all, in the order of `Solution.event_times`.
 
         Parameters
         ----------
-        kind, switch
+        kind : str, optional
+            As of `Solution.event_times`.
+        switch : Switch, Symbol or str, optional
             As of `Solution.event_times`.
 
         Returns
