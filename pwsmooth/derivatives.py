@@ -6,7 +6,7 @@ Chain: paths/tangents.py, which plays the run's tape again -> **Derivatives**, `
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,6 +137,30 @@ def quantities(system: Any, wanted: Any) -> Quantities:
     return Quantities(tuple(found), of_parameters, of_states, start)
 
 
+def problems(
+    solution: Any, marked: Sequence[tuple[int, int, float]], off: Mapping[str, float]
+) -> list[NoDerivative]:
+    """Why a run has no derivative, the first first: instants that a replay has `marked` with (code, cause, time),
+    ambiguities, quantities that lead `off` the surfaces on which it begins."""
+    model, found = solution.model, []
+    names = [str(m.symbol) for m in model.multipliers] + [event.name for event in model.events]
+    reasons = {
+        GRAZES: "the surface is touched and not crossed, where the derivative by one side has no bound",
+        CORNER: "several surfaces are met at once, in an order that any change may turn",
+    }
+    for why, cause, t in marked:
+        reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
+        found.append(NoDerivative(float(t), names[cause] if 0 <= cause < len(names) else "", reason))
+    for ambiguity in solution.ambiguities:
+        if ambiguity.kind not in _KEPT_CHOICES:
+            reason = f"the motion is not unique ({ambiguity.kind})"
+            found.append(NoDerivative(ambiguity.time, ambiguity.switch, reason))
+    for name in (name for name, size in off.items() if size > _TANGENT):
+        reason = f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
+        found.append(NoDerivative(float(solution.t[0]), "", reason))
+    return sorted(found, key=lambda problem: problem.t)
+
+
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
@@ -197,7 +221,7 @@ class Derivatives(Described):
             elif state is not None:
                 start[state, column] = 1.0
         if wanted.start_time is not None:
-            start[:, wanted.start_time] = -_first_rates(model, tape)
+            start[:, wanted.start_time] = -first_rates(model, tape)
         return replay(model, tape, start, seeds, times, clock, points)
 
     @functools.cached_property
@@ -208,26 +232,9 @@ class Derivatives(Described):
     @functools.cached_property
     def problems(self) -> list[NoDerivative]:
         """Instants from which the run has no derivative, the first first."""
-        run, found = self._whole, []
-        model = self._solution.model
-        names = [str(m.symbol) for m in model.multipliers] + [event.name for event in model.events]
-        reasons = {
-            GRAZES: "the surface is touched and not crossed, where the derivative by one side has no bound",
-            CORNER: "several surfaces are met at once, in an order that any change may turn",
-        }
-        for t, (why, cause) in zip(run.instant_t, run.instant_why):
-            if why:
-                reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
-                found.append(NoDerivative(float(t), names[cause] if 0 <= cause < len(names) else "", reason))
-        for ambiguity in self._solution.ambiguities:
-            if ambiguity.kind in _KEPT_CHOICES:
-                continue
-            found.append(
-                NoDerivative(ambiguity.time, ambiguity.switch, f"the motion is not unique ({ambiguity.kind})")
-            )
-        for name in (name for name, off in zip(self.names, run.off) if off > _TANGENT):
-            reason = f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
-            found.append(NoDerivative(float(self._solution.t[0]), "", reason))
+        run = self._whole
+        marked = [(why, cause, t) for t, (why, cause) in zip(run.instant_t, run.instant_why) if why]
+        found = problems(self._solution, marked, dict(zip(self.names, run.off)))
         if run.stopped == run.stopped:
             found.append(NoDerivative(run.stopped, "", "a step has no Taylor series"))
         return sorted(found, key=lambda problem: problem.t)
@@ -425,7 +432,7 @@ def _gradient(model: Model, expression: sp.Basic, symbols: Sequence[sp.Symbol]) 
     return outputs.vectorised(model, sp.Tuple(*(expression.diff(s) for s in symbols)))
 
 
-def _first_rates(model: Model, tape: Tape) -> np.ndarray:
+def first_rates(model: Model, tape: Tape) -> np.ndarray:
     """f behind the start of a run."""
     n, m = len(model.states), len(model.multipliers)
     values = tape.values[0]

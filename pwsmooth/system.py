@@ -304,6 +304,19 @@ class System(DescribedSystem):
         other._check_values()
         return other
 
+    def _extended(self, rates, outputs):
+        """This view with further states and outputs."""
+        if self._view:
+            original = self._view.original._extended(rates, outputs)
+            view = getattr(original, self._view.kind)(**self._view.arguments)
+            return view.with_parameters({p: value for p, value in self.parameters.items()})
+        own, time, parameters, named, events, contacts, algebraic, drives = self._arguments
+        extended = System(
+            (*own, *rates.items()), time=time, parameters=parameters, outputs={**named, **outputs}, events=events,
+            contacts=contacts, algebraic=algebraic, drives=drives, convention=self._convention,
+        )._written_out()  # fmt: skip
+        return extended.with_parameters({p.name: value for p, value in self.parameters.items()})
+
     def _written_out(self):
         """This system without a template: what is derived of a family's elements one by one needs them all."""
         if self.model.families is None:

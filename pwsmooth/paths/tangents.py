@@ -34,6 +34,13 @@ class Tape(NamedTuple):
     entries: np.ndarray
     values: np.ndarray
 
+    def instants(self) -> np.ndarray:
+        """The entries at which instants begin, as a replay counts them."""
+        kind, what = self.entries[:, 0], self.entries[:, 1]
+        meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
+        steps = np.searchsorted(np.flatnonzero(kind == names.TAPE_STEP), meets)
+        return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
+
 
 class Deviations(NamedTuple):
     """What a replay gives, for each of the columns that it began with."""

@@ -69,16 +69,16 @@ def _seed(V, states, unknowns, s, lowest):
 
 
 @kernel
-def _seed_costs(V, t, states, m):
-    """Adds the slopes of what the cost reads from t on."""
+def _seed_costs(V, t, states, m, lowest):
+    """Adds the slopes of the orders from `lowest` on, from those by what the cost reads from t on."""
     K, stride = V.order, V.order + 1 + ZEROS
     while V.cost > 0 and V.t_eval[V.cost - 1] >= t:
         V.cost -= 1
         power, way = 1.0, max(V.t_eval[V.cost] - t, 0.0)
         for k in range(K + 1):
-            for i in range(states):
+            for i in range(states if k >= lowest else 0):
                 V.back[stride * i + K - k] += power * V.cost_slope[V.cost, i]
-            for j in range(m):
+            for j in range(m if k >= lowest else 0):
                 if V.unknown[j] >= 0:
                     V.back[stride * (states + V.unknown[j]) + K - k] += power * V.cost_slope[V.cost, states + j]
             power *= way
@@ -91,13 +91,15 @@ def _pull_step(V, A, states, m, size, t, s, last):
     K, stride, parameters, cost = V.order, V.order + 1 + ZEROS, V.w.shape[1] * V.parameters, V.cost
     if not last:
         _seed(V, states, size, s, K - 1)
+        _seed_costs(V, t, states, m, K - 1)
         _transposed(V, A, states, size, False)
+        V.cost = cost
         for i in range(states):
             V.x[i] = V.back[stride * i + K]
         for j in range(0, parameters, V.w.shape[1]):
             V.slope_q[j + 1] = V.slope_q[j]
     _seed(V, states, size, s, 0)
-    _seed_costs(V, t, states, m)
+    _seed_costs(V, t, states, m, 0)
     _transposed(V, A, states, size, True)
     for i in range(states):
         if not last and abs(V.x[i]) > V.tolerance * (abs(V.slope[i]) + abs(V.back[stride * i + K])):
