@@ -360,13 +360,23 @@ class Objective:
         read = {f"read {k}": q.expression for k, q in enumerate(found) if q.expression is not None and q.kind != "integral"}
         self._wanted: Quantities = quantities(system, with_respect_to)
         self.names = self._wanted.names
-        self._plain, self._count = system, len(system.states)
+        self._plain = system
         self._system = system._extended(integrals, read)
         self._names = {q: f"read {k}" for k, q in enumerate(found)}
         self._integrals = {q: str(s) for s, q in zip(integrals, (q for q in found if q.kind == "integral"))}
         self._found, self._options = found, options
-        self._parameters = tuple(system.parameters)
-        arguments = (*found, *self._parameters)
+        model = self._system.model
+        places = {p.name: i for i, p in enumerate(model.parameters)}
+        states = {s.name: i for i, s in enumerate(model.states)}
+        self._integral_places = {q: states[name] for q, name in self._integrals.items()}
+        # Of each quantity its place among the parameters, or the states of the model; none of the start time.
+        self._places = [
+            places[name] if p is not None else states.get(name)
+            for name, p in zip(self.names, self._wanted.parameters)
+        ]
+        used = sorted(cost.free_symbols - set(found), key=str)
+        self._used = np.array([places[s.name] for s in used], int)
+        arguments = (*found, *used)
         self._cost = numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True)
         start = system.initial_state(x0, self._span[0])
         self._x0 = dict(zip(map(str, system.states), start))
@@ -447,28 +457,22 @@ class _Reader:
         objective, run = self.objective, self.run
         readers = [getattr(self, f"_{q.kind}")(q) for q in objective._found]
         numbers = [value for value, _ in readers]
-        values = dict(zip((s.name for s in self.model.parameters), self.p))
-        cost, *slopes = objective._cost(*numbers, *(values[s.name] for s in objective._parameters))
+        cost, *slopes = objective._cost(*numbers, *self.p[objective._used])
         for (_, add), slope in zip(readers, slopes):
             if slope != 0.0:
                 add(float(slope))
-        direct = dict(zip((s.name for s in objective._parameters), slopes[len(readers) :]))
+        self.by_parameter[objective._used] += slopes[len(readers) :]
         found = self._pulled()
         gradient = np.zeros(len(objective.names))
-        wanted = objective._wanted
-        given = dict(zip(self.model.parameters, self.p))
-        numbered = {s.name: i for i, s in enumerate(self.model.parameters)}
-        for k, (name, p, state) in enumerate(zip(wanted.names, wanted.parameters, wanted.states)):
+        tape, given = run.tape, dict(zip(self.model.parameters, self.p))
+        for k, (place, p) in enumerate(zip(objective._places, objective._wanted.parameters)):
             if p is not None:
-                i = numbered[name]
-                tape = run.tape
-                moved = slopes_of_instants(self.model, given, tape.clock, tape.clock_event, self.model.parameters[i])
-                gradient[k] = (
-                    direct[name] + found.parameters[i] + self.by_parameter[i] + moved @ found.clock
-                )
-            elif state is not None:
-                i = [str(s) for s in self.model.states].index(name)
-                gradient[k] = found.start[i]
+                gradient[k] = found.parameters[place] + self.by_parameter[place]
+                if len(tape.clock):
+                    moved = slopes_of_instants(self.model, given, tape.clock, tape.clock_event, p)
+                    gradient[k] += moved @ found.clock
+            elif place is not None:
+                gradient[k] = found.start[place]
             else:
                 gradient[k] = -found.start @ first_rates(self.model, run.tape)
         return Gradient(float(cost), gradient)
@@ -483,12 +487,11 @@ class _Reader:
         times, slopes = np.append(times[order], self.run.t[-1]), np.vstack([slopes[order], self.end])
         readings = Readings(np.zeros(self.n), times, slopes, entries, at_instants)
         found = pull_back(self.model, self.run.tape, readings)
-        n, numbers = self.n, {s.name: i for i, s in enumerate(self.model.parameters)}
-        states = {name: i for i, name in enumerate(self.run.states)}
+        objective = self.objective
         off = {
-            name: found.off[n + numbers[name] if p is not None else states[name]]
-            for name, p in zip(self.objective.names, self.objective._wanted.parameters)
-            if p is not None or name in states
+            name: found.off[place if p is None else self.n + place]
+            for name, place, p in zip(objective.names, objective._places, objective._wanted.parameters)
+            if place is not None
         }
         for problem in problems(self.run, [found.why] if found.why else [], off):
             raise problem
@@ -501,9 +504,11 @@ class _Reader:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Values of the expression at points, and its slopes (states, multipliers, parameters, time; points)."""
         expression = self.run._expressions[self.objective._names[quantity]]
-        made = _with_slopes(self.model, expression)(t, *x, *mult, *self.p)
-        rows = np.array([np.broadcast_to(np.asarray(row, float), t.shape) for row in made])
-        return rows[0], rows[1:]
+        made, rows = _with_slopes(self.model, expression)
+        found = np.zeros((self.n + self.m + len(self.p) + 2, len(t)))
+        for row, values in zip(rows, made(t, *x, *mult, *self.p)):
+            found[row] = values
+        return found[0], found[1:]
 
     def _read(self, quantity: Quantity, t: np.ndarray) -> tuple[np.ndarray, Any]:
         """Values at times, and what adds given slopes by these values to those of the cost."""
@@ -523,7 +528,7 @@ class _Reader:
     # ---- kinds -------------------------------------------------------------------------------------
 
     def _integral(self, quantity: Quantity) -> tuple[float, Any]:
-        i = self.run.states.index(self.objective._integrals[quantity])
+        i = self.objective._integral_places[quantity]
 
         def add(slope: float) -> None:
             self.end[i] += slope
@@ -648,10 +653,13 @@ def _highest(value: Any, run: Any, begin: float, end: float) -> float:
 
 
 @functools.lru_cache(maxsize=256)
-def _with_slopes(model: Any, expression: sp.Basic) -> Any:
-    """A numpy function of (t, *x, *mult, *p): an expression, its slopes by states, multipliers, parameters, time."""
+def _with_slopes(model: Any, expression: sp.Basic) -> tuple[Any, list[int]]:
+    """A numpy function of (t, *x, *mult, *p): an expression, and its slopes by the symbols that stand in it; and their
+    rows where 0 is the expression, and states, multipliers, parameters and time follow."""
     symbols = (*model.states, *(mu.symbol for mu in model.multipliers), *model.parameters, model.time)
-    return outputs.vectorised(model, sp.Tuple(expression, *(expression.diff(s) for s in symbols)))
+    rows = [k for k, s in enumerate(symbols) if s in expression.free_symbols]
+    slopes = [expression.diff(symbols[k]) for k in rows]
+    return outputs.vectorised(model, sp.Tuple(expression, *slopes)), [0, *(k + 1 for k in rows)]
 
 
 def value_and_gradient(

@@ -172,18 +172,18 @@ def _pull(P, V, first):
     at_instant = V.cost_events > 0 and V.instants > 0 and V.cost_entry[V.cost_events - 1] == V.met
     if at_instant:
         V.cost_events -= 1
-    for c in range(n + count + 1):
-        total = 0.0
+    for block in range(0, V.columns, 8):
+        total = splat8(0.0)
         for i in range(n):
-            total += V.w[i, c] * V.slope[i]
+            total = total + load8(V.w[i], block) * V.slope[i]
         for q in range(first, V.samples):
             for i in range(n + P.m):
-                total += V.at_sample[q - first, i, c] * V.cost_slope[q, i]
+                total = total + load8(V.at_sample[q - first, i], block) * V.cost_slope[q, i]
         if at_instant:
-            total += V.cost_instant[V.cost_events, 2 * n] * V.instant_dt[0, c]
+            total = total + load8(V.instant_dt[0], block) * V.cost_instant[V.cost_events, 2 * n]
             for i in range(2 * n):
-                total += V.cost_instant[V.cost_events, i] * V.instant_w[0, i, c]
-        V.other_dt[c] = total
+                total = total + load8(V.instant_w[0, i], block) * V.cost_instant[V.cost_events, i]
+        store8(V.other_dt, block, total)
     for i in range(n):
         V.slope[i] = V.other_dt[i]
     for j in range(count):

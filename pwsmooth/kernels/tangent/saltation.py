@@ -79,21 +79,22 @@ def multipliers(P, V, w, dt, mask, first, last):
     _leave_out_idle(P, V, size)
     if not invert(V, size):
         return False
-    for block in range(first, last, 8):
-        for r in range(size):
-            store8(V.sums, 8 * r, splat8(0.0))
-        for e in range(entries.shape[0]):
-            kind, i, j = entries[e, 0], entries[e, 1], entries[e, 2]
-            if not G_X <= kind <= G_T or kind == G_MULT or unknown[i] < 0:
-                continue
-            r = 8 * unknown[i]
+    for e in range(entries.shape[0]):
+        kind, i, j = entries[e, 0], entries[e, 1], entries[e, 2]
+        if not G_X <= kind <= G_T or kind == G_MULT or unknown[i] < 0:
+            continue
+        for block in range(first, last, 8):
             if kind == G_X:
-                term = load8(w[j], block) * V.jac[e]
+                term = load8(w[j], block)
             elif kind == G_P:
-                term = load8(V.seeds, V.w.shape[1] * j + block) * V.jac[e]
+                term = load8(V.seeds, V.w.shape[1] * j + block)
             else:
-                term = load8(dt, block) * V.jac[e]
-            store8(V.sums, r, load8(V.sums, r) + term)
+                term = load8(dt, block)
+            store8(lam[i], block, load8(lam[i], block) + term * V.jac[e])
+    for block in range(first, last, 8):
+        for j in range(P.m):
+            if unknown[j] >= 0:
+                store8(V.sums, 8 * unknown[j], load8(lam[j], block))
         for j in range(P.m):
             if unknown[j] >= 0:
                 total = splat8(0.0)
