@@ -93,6 +93,17 @@ def integral(expression: Any) -> Quantity:
     -------
     Quantity
         In the unit of the expression times that of the time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import integral, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, integral(v), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
     """
     return Quantity("integral", _expression(expression))
 
@@ -109,6 +120,17 @@ def final(expression: Any) -> Quantity:
     -------
     Quantity
         In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import final, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, final(x), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
     """
     return Quantity("final", _expression(expression))
 
@@ -127,6 +149,17 @@ def at(expression: Any, time: float) -> Quantity:
     -------
     Quantity
         In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import at, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, at(x, 1), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    3.0000 1.0000
     """
     return Quantity("at", _expression(expression), (checks.number(time, "`time`"),))
 
@@ -152,6 +185,17 @@ def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantit
     -------
     Quantity
         In the unit of the model's time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import event_time, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, event_time("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    2.0000 0.5000
     """
     return Quantity("event_time", None, _event(switch, kind, number))
 
@@ -178,6 +222,17 @@ def at_event(
     -------
     Quantity
         In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import at_event, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, at_event(x, "sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
     """
     where = (*_event(switch, kind, number), checks.flag(after, "`after`"))
     return Quantity("at_event", _expression(expression), where)
@@ -204,6 +259,17 @@ def largest(expression: Any, start: float | None = None, end: float | None = Non
     -------
     Quantity
         In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import largest, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -x})
+    >>> value, slope = value_and_gradient(body, largest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 1.0000
     """
     return _window("largest", expression, start, end)
 
@@ -222,6 +288,17 @@ def smallest(expression: Any, start: float | None = None, end: float | None = No
     -------
     Quantity
         In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import smallest, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -x})
+    >>> value, slope = value_and_gradient(body, smallest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    -4.0000 -1.0000
     """
     return _window("smallest", expression, start, end)
 
@@ -238,6 +315,17 @@ def duration(switch: Any) -> Quantity:
     -------
     Quantity
         In the unit of the model's time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import duration, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, duration("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    1.0000 -0.5000
     """
     return Quantity("duration", None, (str(checks.key(switch, "`switch`")),))
 
@@ -265,6 +353,18 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
     ------
     ValueError
         Lengths that differ, times that decrease, an error that is not positive.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import misfit, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> cost = misfit(x, [1, 2], [2.5, 4])
+    >>> value, slope = value_and_gradient(body, cost, (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    0.2500 1.0000
     """
     when, measured = checks.array(times, "`times`"), np.asarray(values, float)
     errors = np.broadcast_to(np.asarray(sigma, float), when.shape)
@@ -289,6 +389,16 @@ class Gradient(NamedTuple):
         In the unit of the cost.
     gradient : ndarray, shape (k,)
         By the quantities, in the unit of the cost over theirs.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import final, value_and_gradient
+    >>> x = sp.Symbol("x", real=True)
+    >>> found = value_and_gradient(System({x: -2 * x}), final(x) ** 2, (0, 1), {x: 1}, with_respect_to=["x"])
+    >>> print(f"{found.value:.6f} {found.gradient[0]:.6f}")  # exp(-4), twice that
+    0.018316 0.036631
     """
 
     value: float
@@ -307,7 +417,7 @@ class Objective:
     t_span : (float, float), in the unit of the model's time
         As of `solve`.
     x0 : mapping of state to float, or sequence of float, length n
-        As of `solve`.
+        As of `solve`, in the units of the states.
     with_respect_to : sequence of str or Symbol
         As of `solve`: parameters, initial values of states and memories, "t0".
     **options
@@ -351,19 +461,25 @@ class Objective:
         found = sorted((s for s in cost.free_symbols if isinstance(s, Quantity)), key=str)
         strange = cost.free_symbols - set(found) - set(system.parameters)
         if strange or not found:
-            what = f"names {checks.listing(sorted(strange, key=str))}" if strange else "reads nothing of the run"
+            what = (
+                f"names {checks.listing(sorted(strange, key=str))}" if strange else "reads nothing of the run"
+            )
             raise ValueError(
                 f"`cost` {what}; write it with quantities of a run (integral, final, at, ...) and parameters."
             )
         self._span = checks.span(t_span)
-        integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(found) if q.kind == "integral"}
-        read = {f"read {k}": q.expression for k, q in enumerate(found) if q.expression is not None and q.kind != "integral"}
+        integrated = [q for q in found if q.kind == "integral"]
+        integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(integrated)}
+        named = {
+            f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated
+        }
+        read = {name: q.expression for name, q in named.items()}
         self._wanted: Quantities = quantities(system, with_respect_to)
         self.names = self._wanted.names
         self._plain = system
         self._system = system._extended(integrals, read)
-        self._names = {q: f"read {k}" for k, q in enumerate(found)}
-        self._integrals = {q: str(s) for s, q in zip(integrals, (q for q in found if q.kind == "integral"))}
+        self._names = {q: name for name, q in named.items()}
+        self._integrals = {q: s.name for s, q in zip(integrals, integrated)}
         self._found, self._options = found, options
         model = self._system.model
         places = {p.name: i for i, p in enumerate(model.parameters)}
@@ -401,13 +517,23 @@ class Objective:
         -------
         Solution
             Of the system with the integrals of the cost as states behind its own.
+
+        Raises
+        ------
+        ValueError
+            Another number of values.
         """
         q = checks.array(q, "`q`")
         if q.shape != self.start.shape:
-            raise ValueError(f"`q` has shape {q.shape}; give {len(self.start)} values, of {', '.join(self.names)}.")
+            raise ValueError(
+                f"`q` has shape {q.shape}; give {len(self.start)} values, of {', '.join(self.names)}."
+            )
         values = dict(zip(self.names, q.tolist()))
         parameters = {name: values[name] for name in self._values if name in values}
-        x0 = {name: values.get(name, value) if name not in parameters else value for name, value in self._x0.items()}
+        x0 = {
+            name: values.get(name, value) if name not in parameters else value
+            for name, value in self._x0.items()
+        }
         t0 = self._span[0] if self._wanted.start_time is None else values["t0"]
         return solve(
             self._system, (t0, self._span[1]), x0 | dict.fromkeys(self._integrals.values(), 0.0),
@@ -563,7 +689,9 @@ class _Reader:
         switch, kind, number, *_ = quantity.where
         times = self.run.event_times(kind, switch)
         if number >= len(times):
-            raise NoDerivative(float(self.run.t[-1]), switch, f"{quantity} asks for an event that does not happen")
+            raise NoDerivative(
+                float(self.run.t[-1]), switch, f"{quantity} asks for an event that does not happen"
+            )
         return float(times[number])
 
     def _instant(self, time: float, before: Any = 0.0, after: Any = 0.0, shift: float = 0.0) -> None:
@@ -578,7 +706,9 @@ class _Reader:
 
     def _at_event(self, quantity: Quantity) -> tuple[float, Any]:
         time, after = self._time(quantity), quantity.where[-1]
-        column = np.searchsorted(self.run.t, time, side="right") - 1 if after else np.searchsorted(self.run.t, time)
+        column = (
+            np.searchsorted(self.run.t, time, side="right") - 1 if after else np.searchsorted(self.run.t, time)
+        )
         return self._at_instant(quantity, time, int(column), after)
 
     def _at_instant(self, quantity: Quantity, time: float, column: int, after: bool) -> tuple[float, Any]:
@@ -599,7 +729,9 @@ class _Reader:
         run = self.run
         (switch,) = quantity.where
         if switch not in run.multipliers:
-            raise ValueError(f"{quantity}: the system has no switch of that name; it has {', '.join(run.multipliers)}.")
+            raise ValueError(
+                f"{quantity}: the system has no switch of that name; it has {', '.join(run.multipliers)}."
+            )
         j = run.multipliers.index(switch)
         pieces = [(s.start, s.end) for s in run.segments if s.status[j] == 0]
         ends = [(t, sign) for piece in pieces for t, sign in zip(piece, (-1.0, 1.0))]
@@ -666,7 +798,7 @@ def value_and_gradient(
     system: Any, cost: Any, t_span: Sequence[float], x0: Mapping[Any, float] | Sequence[float], *,
     with_respect_to: Sequence[Any], **options: Any,
 ) -> Gradient:  # fmt: skip
-    """A cost of a run and its gradient, exact through every event: one run and one way back, for any number of parameters.
+    """A cost of a run and its gradient, exact through every event: one run and one way back, by any number of names.
 
     Parameters
     ----------
@@ -677,7 +809,7 @@ def value_and_gradient(
     t_span : (float, float), in the unit of the model's time
         As of `solve`.
     x0 : mapping of state to float, or sequence of float, length n
-        As of `solve`.
+        As of `solve`, in the units of the states.
     with_respect_to : sequence of str or Symbol
         As of `solve`: parameters, initial values of states and memories, "t0".
     **options

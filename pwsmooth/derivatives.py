@@ -156,7 +156,9 @@ def problems(
             reason = f"the motion is not unique ({ambiguity.kind})"
             found.append(NoDerivative(ambiguity.time, ambiguity.switch, reason))
     for name in (name for name, size in off.items() if size > _TANGENT):
-        reason = f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
+        reason = (
+            f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
+        )
         found.append(NoDerivative(float(solution.t[0]), "", reason))
     return sorted(found, key=lambda problem: problem.t)
 

@@ -7,7 +7,17 @@ import sympy as sp
 
 from pwsmooth import Switch, System, Unilateral
 from pwsmooth.costs import (
-    Objective, at, at_event, duration, event_time, final, integral, largest, misfit, smallest, value_and_gradient,
+    Objective,
+    at,
+    at_event,
+    duration,
+    event_time,
+    final,
+    integral,
+    largest,
+    misfit,
+    smallest,
+    value_and_gradient,
 )  # fmt: skip
 from pwsmooth.derivatives import NoDerivative
 

@@ -38,7 +38,10 @@ class Tape(NamedTuple):
         """The entries at which instants begin, as a replay counts them."""
         kind, what = self.entries[:, 0], self.entries[:, 1]
         meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
-        steps = np.searchsorted(np.flatnonzero(kind == names.TAPE_STEP), meets)
+        parts = (kind == names.TAPE_STEP) & (
+            (self.values[:, 1] > 1e-15 * np.abs(self.values[:, 0])) | (what == names.ARC)
+        )
+        steps = np.searchsorted(np.flatnonzero(parts), meets)
         return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
 
 

@@ -34,6 +34,7 @@ from .saltation import (
     end_instant,
     keep_held,
     look,
+    meet_again,
     meet_bound,
     meet_clock,
     meet_fold,
@@ -290,16 +291,28 @@ def _meet(P, V, k):
         V.met = k
         begin_instant(P, V, V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:])
         V.pending = V.points
-    if what == TAPE_SURFACE:
+    if what == TAPE_SURFACE and V.acted:
+        for q in range(n):
+            V.x[q] = V.tape_x[k, 2 + q]
+        for j in range(m):
+            V.mult[j] = V.tape_x[k, 2 + n + j]
+        meet_again(P, V, i, V.tape_x[k, 0], V.x, V.mult)
+    elif what == TAPE_SURFACE:
         meet_surface(P, V, i)
     elif what == TAPE_BOUND:
         meet_bound(P, V, i)
     elif what == TAPE_CLOCK:
         meet_clock(P, V, i)
     elif what == TAPE_FOLD:
-        meet_fold(P, V)
+        meet_fold(P, V, i)
     else:
         V.why = UNKNOWN
+
+
+@kernel
+def has_length(V, k):
+    """Whether time passes, or an arc is begun, at entry k: a step of a rounding parts no instants."""
+    return V.tape[k, 1] == ARC or V.tape_x[k, 1] > 1e-15 * abs(V.tape_x[k, 0])
 
 
 @kernel
@@ -314,6 +327,8 @@ def leave(P, V, k):
 def go_over(P, V, k):
     """Carries the deviations over entry k of the tape; False where a step has no series."""
     n, m, what = P.n, P.m, V.tape[k, 0]
+    if what == TAPE_STEP and not has_length(V, k):
+        return True
     if what == TAPE_STEP or what == TAPE_END:
         leave(P, V, k)
     if what == TAPE_STEP:

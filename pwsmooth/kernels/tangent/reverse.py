@@ -10,7 +10,7 @@ from ..machine.lanes import load8, splat8, store8
 from ..state import ARC, PAIR, SLIP, SOLVED, TAPE_ACT, TAPE_CLOCK, TAPE_MEET, TAPE_STEP
 from ..step.steps import dot, powers
 from .flow import number_unknowns, plan
-from .forward import begin, factor, go_over, jet, leave
+from .forward import begin, factor, go_over, has_length, jet, leave
 from .state import FINE, ZEROS
 
 _PARTS = 32  # that a step is taken in, at most
@@ -233,7 +233,7 @@ def pull_back(P, V, count):
     _pull(P, V, V.first_sample)
     while b > 0:
         a = b - 1
-        while a > 0 and V.tape[a, 0] != TAPE_STEP:
+        while a > 0 and not (V.tape[a, 0] == TAPE_STEP and has_length(V, a)):
             a -= 1
         if not _instant_back(P, V, a, b):
             return a

@@ -12,7 +12,7 @@ directions D in which an impact without rebound would stop it.
 
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
-from ..machine.pointers import call_act_slopes, call_fields, call_outputs
+from ..machine.pointers import abs8, call_act_slopes, call_fields, call_outputs
 from ..state import CONTACT, HELD, SECOND_ORDER, SLIDING, SOLVED
 from .flow import invert, number_unknowns
 from .state import (
@@ -105,15 +105,15 @@ def multipliers(P, V, w, dt, mask, first, last):
 
 
 @kernel
-def _change(P, V, i, out):
-    """Overwrites `out` by the deviations of surface i at fixed time, its rate as that of the last column but seven;
-    returns the size of what the rate is made of."""
+def _change(P, V, i, kinds, out):
+    """Overwrites `out` by the deviations at fixed time of surface i (`kinds` is H_X), or of residual i with its multiplier
+    fixed (G_X), its rate as that of the last column but seven; returns the size of what the rate is made of."""
     entries, wide, size = V.entries_point, V.w.shape[1], 0.0
     for block in range(0, wide, 8):
         store8(out, block, splat8(0.0))
     for e in range(entries.shape[0]):
-        kind, j = entries[e, 0], entries[e, 2]
-        if kind < H_X or kind > H_T or entries[e, 1] != i:
+        kind, j = entries[e, 0] - kinds + H_X, entries[e, 2]
+        if kind < H_X or kind > H_T or entries[e, 1] != i or (kind == H_MULT and kinds == G_X):
             continue
         value = V.jac[e]
         if kind == H_T:
@@ -182,7 +182,7 @@ def _take(P, V, out, which):
 def meet_surface(P, V, i):
     """The instant is the zero of surface i."""
     out, time = V.other_dt, V.columns
-    size = _change(P, V, i, out)
+    size = _change(P, V, i, H_X, out)
     speed = out[time]
     if not abs(speed) > _TOUCHING * (size + _TOUCHING):
         V.why = GRAZES
@@ -191,6 +191,38 @@ def meet_surface(P, V, i):
     for block in range(0, time, 8):
         store8(out, block, load8(out, block) * (-1.0 / speed))
     _take(P, V, out, i)
+
+
+@kernel
+def meet_again(P, V, i, t, x, mult):
+    """Updates have carried the run over surface i, which moves nothing, or onto it, where all runs must stay."""
+    entries, out, reach = V.entries_point, V.other_dt, 0.0
+    call_fields(P.fields, t, x, mult, P.p, V.rates, V.slopes, V.sums)
+    h = V.slopes[i]
+    look(P, V, t, x, mult)
+    for block in range(0, V.columns, 8):
+        store8(out, block, splat8(0.0))
+        store8(V.sizes, block, splat8(0.0))
+    for e in range(entries.shape[0]):
+        kind, j = entries[e, 0], entries[e, 2]
+        if entries[e, 1] != i or (kind != H_X and kind != H_P and kind != H_T):
+            continue
+        if kind == H_X:
+            reach += abs(V.jac[e] * x[j])
+        for block in range(0, V.columns, 8):
+            if kind == H_X:
+                term = load8(V.event[j], block)
+            elif kind == H_P:
+                term = load8(V.seeds, V.w.shape[1] * j + block)
+            else:
+                term = load8(V.dt, block)
+            store8(out, block, load8(out, block) + term * V.jac[e])
+            store8(V.sizes, block, load8(V.sizes, block) + abs8(term * V.jac[e]))
+    if abs(h) > _TOUCHING * (reach + abs(h)):
+        return
+    for c in range(V.columns):
+        if abs(out[c]) > _TOUCHING * V.sizes[c]:
+            V.why, V.cause = CORNER, i
 
 
 @kernel
@@ -216,11 +248,20 @@ def meet_clock(P, V, tick):
 
 
 @kernel
-def meet_fold(P, V):
-    """The instant is the fold at which the last arc has ended: t'(s) = 0 there, and x'(s) with it."""
+def meet_fold(P, V, j):
+    """The instant is the fold of multiplier j at which the last arc has ended: t'(s) = 0 there, and x'(s) with it.
+    Without an arc it is the zero of dg/dlambda, at which g does not read lambda."""
     n = P.n
     if not V.on_arc:
-        V.why = UNKNOWN
+        _change(P, V, j, G_X, V.other_dt)
+        speed = V.other_dt[V.columns]
+        if number_unknowns(V, V.mask, P.m) > 1 or speed == 0.0:
+            V.why = UNKNOWN
+            return
+        for block in range(0, V.columns, 8):
+            store8(V.other_dt, block, load8(V.other_dt, block) * (-1.0 / speed))
+        V.why = FINE
+        _take(P, V, V.other_dt, P.m + P.ne + 1)
         return
     V.on_arc = 0
     for block in range(0, V.columns, 8):

@@ -70,6 +70,7 @@ class Tangent(Bundle):
     lam: "f8[m, wide]"
     dt: "f8[wide]"
     other_dt: "f8[wide]"
+    sizes: "f8[wide]"
     rates: "f8[n]"
     off: "f8[wide]"  # what leads out of the surfaces that hold the start
     inside: "int"  # whether the instant that has begun is not over
