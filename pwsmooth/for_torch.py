@@ -1,0 +1,50 @@
+"""A cost of a run as a function that torch differentiates: extra `torch`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .costs import Objective
+from .definition import checks
+
+__all__ = ["torch_function"]
+
+
+@checks.door(objective=checks.instance(Objective, "an Objective, as pwsmooth.costs makes it"))
+def torch_function(objective: Objective) -> Any:
+    """An objective as a function of a torch tensor.
+
+    Parameters
+    ----------
+    objective : Objective
+        A cost as a function of k quantities.
+
+    Returns
+    -------
+    callable
+        Of a tensor of shape (k,) to a scalar tensor in double precision, whose `backward` is the exact gradient.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import Objective, final
+    >>> x = sp.Symbol("x", real=True)
+    >>> objective = Objective(System({x: -2 * x}), final(x), (0, 1), {x: 1}, ["x"])
+    >>> cost = torch_function(objective)  # doctest: +SKIP
+    """
+    import torch
+
+    class Cost(torch.autograd.Function):
+        @staticmethod
+        def forward(context: Any, q: Any) -> Any:
+            value, gradient = objective(q.detach().cpu().numpy())
+            context.save_for_backward(torch.as_tensor(gradient))
+            return torch.as_tensor(value, dtype=torch.float64)
+
+        @staticmethod
+        def backward(context: Any, *slopes: Any) -> Any:
+            (gradient,) = context.saved_tensors
+            return slopes[0] * gradient
+
+    return Cost.apply
