@@ -292,6 +292,16 @@ def _stacked(model: Model, expressions: Sequence[sp.Expr]) -> Any:
     return evaluate
 
 
+def rates(model: Model, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """f (n,) at a point."""
+    return _rates(model)(np.array([t]), x[:, None], mult[:, None], p)[:, 0]
+
+
+@functools.lru_cache(maxsize=64)
+def _rates(model: Model) -> Any:
+    return _stacked(model, model.rhs)
+
+
 @functools.lru_cache(maxsize=256)
 def _gradient(model: Model, chosen: tuple[sp.Symbol, ...], surface: sp.Expr) -> Any:
     symbols = [*model.states, *chosen, model.time, *(mu.symbol for mu in model.multipliers)]

@@ -34,7 +34,7 @@ __all__ = ["Saltation", "saltations", "tangent_projector"]
 _TOUCHING = 1e-9
 _LANDED = 1e-6  # of a state: contacts that close with a jump take away what speed is left
 _MOST_WAYS = 32  # in which the events of one instant may have fired, of those that are tried
-_CHATTER = 1e-6  # before an accumulation, relative to the time
+CHATTER = 1e-6  # before an accumulation, relative to the time
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
         replace(s, degenerate="")
-        if np.any((ends >= s.time) & (ends - s.time < _CHATTER * (1 + abs(s.time))))
+        if np.any((ends >= s.time) & (ends - s.time < CHATTER * (1 + abs(s.time))))
         else s
         for s in jumps
     ]

@@ -16,7 +16,7 @@ from ..codegen import compile_model
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
-from ..kernels.tangent.state import ZEROS, Flow, Tangent
+from ..kernels.tangent.state import CORNER, GRAZES, ZEROS, Flow, Tangent
 from .problem import compiled_problem, terms
 
 _PLACES = 64  # wanted times on one way that are looked at together
@@ -190,3 +190,16 @@ def replay(
         asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
         asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]),
     )  # fmt: skip
+
+
+def instants_without(model: Model, times: np.ndarray, why: np.ndarray) -> Iterator[tuple[float, str]]:
+    """Instants of a replay that have no derivative, and why in words."""
+    known = [str(mu.symbol) for mu in model.multipliers] + [event.name for event in model.events]
+    reasons = {
+        GRAZES: "touches its surface (grazing)",
+        CORNER: "meets its surface together with others, in an order that any change may turn (a corner)",
+    }
+    for t, (reason, cause) in zip(times.tolist(), why.tolist()):
+        if reason:
+            subject = f"{known[cause]} " if 0 <= cause < len(known) else ""
+            yield t, subject + reasons.get(reason, "begins anew by a rule that has no derivative")
