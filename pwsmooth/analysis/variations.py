@@ -167,14 +167,16 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     >>> round(float(variations(run).matrix[0, 0]), 12) == round(float(sp.exp(-1)), 12)
     True
     """
-    chosen = chosen_parameters(solution.system, parameters)
+    return moved(solution, chosen_parameters(solution.system, parameters))
+
+
+def moved(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> Variations:
+    """What `variations` gives, for what has been looked at."""
     if solution.dense is None and solution.tape is None:
         raise ValueError("`solution` has no dense output. Solve with dense_output=True.")
-    found = _replayed(solution, chosen) or _collocated(solution, chosen)
-    n = len(solution.x)
-    matrix, degenerate = found
-    degenerate = degenerate + [str(a) for a in solution.ambiguities]
-    return Variations(matrix[:, :n], matrix[:, n:], degenerate, solution, chosen)
+    matrix, degenerate = _replayed(solution, chosen) or _collocated(solution, chosen)
+    n, ambiguous = len(solution.x), [str(a) for a in solution.ambiguities]
+    return Variations(matrix[:, :n], matrix[:, n:], degenerate + ambiguous, solution, chosen)
 
 
 def _values(solution: Solution) -> np.ndarray:
