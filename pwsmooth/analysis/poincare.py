@@ -110,7 +110,6 @@ class _Map:
         """
         other = copy.copy(self)  # nothing of what __post_init__ checks or makes depends on values
         object.__setattr__(other, "system", self.system.with_parameters(values))
-        other.__dict__.pop("forcing_period", None)
         return other
 
     def _chosen(self, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:

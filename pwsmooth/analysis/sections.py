@@ -89,6 +89,12 @@ class Stroboscopic(_Map):
             matrix = symmetry_matrix(self.system, self.symmetry, self.forcing_period)
             object.__setattr__(self, "symmetry", matrix)
 
+    def with_parameters(self, values: Mapping[Any, float]) -> Any:
+        other = super().with_parameters(values)
+        if self.period.free_symbols:
+            other.__dict__.pop("forcing_period", None)
+        return other
+
     def doubled(self) -> Stroboscopic:
         if self.symmetry is not None:
             return replace(self, symmetry=None)
