@@ -183,10 +183,15 @@ def _values(solution: Solution) -> np.ndarray:
     return np.array([solution.parameters[p.name] for p in solution.model.parameters])
 
 
+def has_series(solution: Solution) -> bool:
+    """Whether the solution has a tape that is played again: steps by series, of a system without loops."""
+    return solution.tape is not None and not solution.tape.method and solution.model.families is None
+
+
 def _replayed(solution: Solution, chosen: Sequence[sp.Symbol]) -> tuple[np.ndarray, list[str]] | None:
     """The first n rows of the fundamental matrix of (x, q), and where it has none; None without series all the way."""
     model, tape = solution.model, solution.tape
-    if tape is None or tape.method or model.families is not None:
+    if not has_series(solution):
         return None
     n, N, p = len(solution.x), len(solution.x) + len(chosen), tape.p
     start, seeds, clock = np.eye(n, N), np.zeros((len(p), N)), np.zeros((len(tape.clock), N))
