@@ -16,7 +16,7 @@ from ..results.solution import Solution
 from .itineraries import same_itinerary
 from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
-from .variations import moved, sticks_at_start
+from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
 _NEAR = 0.03  # of the period: an event so near to the section moves it
@@ -115,7 +115,7 @@ class Walk:
             return here
         map_, time = self.map, middles[best]
         part = map_.solved(here.u[:-1], time, here.orbit.system)
-        found = moved(part, section._chosen((self.name,)))
+        found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
         slope = section.period_slope(self.name)
         along = found.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from ..definition import checks
 from ..paths.budget import whole
@@ -111,11 +110,6 @@ class _Map:
         other = copy.copy(self)  # nothing of what __post_init__ checks or makes depends on values
         object.__setattr__(other, "system", self.system.with_parameters(values))
         return other
-
-    def _chosen(self, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
-        return tuple(
-            checks.lookup(name, self.system.parameters, "`parameters`", "parameter") for name in names
-        )
 
     def __call__(self, x: Any) -> np.ndarray:
         """P(x), shape (n,); nan where the trajectory fails or does not come back."""

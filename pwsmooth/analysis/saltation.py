@@ -23,12 +23,11 @@ from itertools import chain, combinations, islice
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..results.outputs import vectorised
 from ..results.solution import EventRecord, Solution
 from .linearised import Blocks, Linearised
 
-__all__ = ["Saltation", "saltations", "tangent_projector"]
+__all__ = ["Saltation"]
 
 # Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
 _TOUCHING = 1e-9
@@ -79,51 +78,8 @@ class Saltation:
     degenerate: str = ""
 
 
-_DOOR: dict[str, checks.Check] = {
-    "line": checks.instance(Linearised, "what linearise() gives"),
-    "p": lambda value, what: checks.array(value, what).reshape(-1),
-    "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
-}
-
-
-@checks.door(**_DOOR)
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
-    """Saltation matrices of all instants of a solution after its start, in order of time.
-
-    Parameters
-    ----------
-    line : Linearised
-        Of the solution's model, with the chosen parameters.
-    solution : Solution
-        Event-driven.
-    p : ndarray, shape (np,)
-        Values in the order of `model.parameters`, in their units.
-
-    Returns
-    -------
-    list of Saltation
-        One for each instant with events.
-
-    Notes
-    -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
-    the instant follows from the left null vector of the layer's Jacobian, derived here.
-
-    Examples
-    --------
-    A stick takes a direction away: S = 0 in one dimension.
-
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.linearised import linearise
-    >>> from pwsmooth.analysis.saltation import saltations
-    >>> x = sp.Symbol("x", real=True)
-    >>> system = System({x: -sp.sign(x)})
-    >>> (stick,) = saltations(linearise(system.model), solve(system, (0, 2), {x: 1}), np.empty(0))
-    >>> stick.kinds, stick.matrix.tolist()
-    (('stick',), [[0.0]])
-    """
+    """Of all instants of an event-driven solution after its start, in order of time."""
     t = solution.t
     instants: dict[float, list[EventRecord]] = {}
     for event in solution.events:
@@ -325,37 +281,8 @@ def _at(blocks: Blocks, k: int) -> Blocks:
     return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
 
 
-@checks.door(**_DOOR)
 def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
-    """Projector on deviations along the surfaces on which a solution starts.
-
-    Parameters
-    ----------
-    line : Linearised
-        Of the solution's model.
-    solution : Solution
-        Event-driven.
-    p : ndarray, shape (np,)
-        Values in the order of `model.parameters`, in their units.
-
-    Returns
-    -------
-    ndarray, shape (N, N), or None
-        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it; None if
-        it slides on none.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.linearised import linearise
-    >>> from pwsmooth.analysis.saltation import tangent_projector
-    >>> x, y = sp.symbols("x y", real=True)
-    >>> system = System({x: -2 * sp.sign(x) + y, y: -y})
-    >>> tangent_projector(linearise(system.model), solve(system, (0, 1), {x: 0, y: 1}), np.empty(0)).tolist()
-    [[0.0, 0.0], [0.0, 1.0]]
-    """
+    """Projector (N, N) on deviations along the surfaces on which a solution starts; None if it slides on none."""
     column = int(np.searchsorted(solution.t, solution.t[0], side="right") - 1)
     t, x, mult = solution.t[column], solution.x[:, column], solution.mult[:, column]
     blocks = line.blocks(np.array([t]), x[:, None], mult[:, None], p)

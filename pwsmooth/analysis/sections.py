@@ -26,7 +26,7 @@ from ..results.solution import Solution
 from .linearised import linearise
 from .poincare import RETURN, Image, Word, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
-from .variations import moved
+from .variations import chosen_parameters, moved
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
@@ -193,7 +193,7 @@ class Stroboscopic(_Map):
         end = back @ run.x[:, -1]
         if parameters is None:
             return Image(end, self.duration, (run,))
-        found = moved(run, self._chosen(parameters))
+        found = moved(run, chosen_parameters(self.system, parameters))
         by_parameter = found.by_parameter
         for k, q in enumerate(found.chosen):
             # The ends of the span move with the parameter: phi(t0 + T) by f there, and by -Phi f at its start.
@@ -278,7 +278,7 @@ class Section(_Map):
         n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
-        chosen = self._chosen(parameters or ())
+        chosen = chosen_parameters(self.system, parameters or ())
         degenerate: list[str] = []
         runs: list[Solution] = []
         for _ in range(self.count):

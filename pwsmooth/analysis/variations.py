@@ -26,7 +26,7 @@ from ..results.solution import Dense, Solution
 from .linearised import Linearised, linearise, rates
 from .saltation import CHATTER, Saltation, saltations, tangent_projector
 
-__all__ = ["Variations", "chosen_parameters", "variations"]
+__all__ = ["Variations", "variations"]
 
 _TOLERANCE = 1e-12  # of a step's transition matrix: whole step against two halves
 _DEEPEST = 10  # halvings; the steps resolve the solution already, so few are ever needed
@@ -93,41 +93,6 @@ class Variations:
         return rates(run.model, run.t[column], run.x[:, column], run.mult[:, column], _values(run))
 
 
-@checks.door(system=checks.system, names=checks.several)
-def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
-    """Symbols of parameters given by name.
-
-    Parameters
-    ----------
-    system : System
-        Whose parameters they are.
-    names : sequence of str or Symbol
-        Which are wanted.
-
-    Returns
-    -------
-    tuple of Symbol
-        In the order of `names`.
-
-    Raises
-    ------
-    ValueError
-        No parameter of that name.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.variations import chosen_parameters
-    >>> x, k = sp.symbols("x k", positive=True)
-    >>> chosen_parameters(System({x: -k * x}, parameters={k: 1}), ["k"])
-    (k,)
-    """
-    return tuple(
-        checks.lookup(name, system.parameters, "`names` of `parameters`", "parameter") for name in names
-    )
-
-
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
 def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations:
     """Fundamental matrix of a solution from its start to its end.
@@ -168,6 +133,10 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     True
     """
     return moved(solution, chosen_parameters(solution.system, parameters))
+
+
+def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
+    return tuple(checks.lookup(name, system.parameters, "`parameters`", "parameter") for name in names)
 
 
 def moved(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> Variations:

@@ -254,9 +254,10 @@ class EventDriven:
                 t_end[0] = next(later)
             return code
 
-        code, record = self.advanced(
-            advance, lambda record: part(Outcome.FINISHED, record), control, state, self.first_record(), spending
-        )
+        def emptied(record: Any) -> Any:
+            return part(Outcome.FINISHED, record)
+
+        code, record = self.advanced(advance, emptied, control, state, self.first_record(), spending)
         if code != Outcome.FINISHED:
             part(code, record)
 

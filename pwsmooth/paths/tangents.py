@@ -140,9 +140,7 @@ class CompiledTangents:
         scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
-        made = Tangent.zeros(
-            sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch
-        )
+        made = Tangent.zeros(sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch)
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
         return made, made.cells.copy()
 
@@ -220,7 +218,9 @@ def growth(model: Model, tape: Tape, frame: np.ndarray) -> Growth:
         instant_dt=np.zeros((instants, columns)), instant_w=np.zeros((instants, 2 * n, columns)),
         t_eval=np.empty(0), at_point=np.empty((0, 0, 0)), at_sample=np.empty((0, 0, 0)),
     )  # fmt: skip
-    grown = Frame(replay=unit_address("replay"), count=k, entries=entries, t=np.zeros(most), log=np.zeros((most, k)))
+    grown = Frame(
+        replay=unit_address("replay"), count=k, entries=entries, t=np.zeros(most), log=np.zeros((most, k))
+    )
     with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
         tangent.w[:, :k] = frame
         stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, grown)
