@@ -79,13 +79,13 @@ class Variations:
 
     @property
     def first_rates(self) -> np.ndarray:
-        """f at the start, shape (n,), in the units of the model."""
+        """Rates f at the start, shape (n,), in the units of the model."""
         t = self.solution.t
         return self._rates(int(np.searchsorted(t, t[0], side="right")) - 1)
 
     @property
     def rates(self) -> np.ndarray:
-        """f at the end, shape (n,), in the units of the model."""
+        """Rates f at the end, shape (n,), in the units of the model."""
         return self._rates(-1)
 
     def _rates(self, column: int) -> np.ndarray:
