@@ -10,6 +10,7 @@ L-stable, for smoothed ones, whose layers are stiff; S from saltation.py.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -157,8 +158,11 @@ def has_series(solution: Solution) -> bool:
     return solution.tape is not None and not solution.tape.method and solution.model.families is None
 
 
-def _replayed(solution: Solution, chosen: Sequence[sp.Symbol]) -> tuple[np.ndarray, list[str]] | None:
-    """The first n rows of the fundamental matrix of (x, q), and where it has none; None without series all the way."""
+def _replayed(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.ndarray, list[str]] | None:
+    """The first n rows of the fundamental matrix of (x, q), and where it has none; None without series.
+
+    What the tape does not tell the dense output does, where it was kept.
+    """
     model, tape = solution.model, solution.tape
     if not has_series(solution):
         return None
@@ -171,12 +175,16 @@ def _replayed(solution: Solution, chosen: Sequence[sp.Symbol]) -> tuple[np.ndarr
             given = dict(zip(model.parameters, p))
             clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, symbol)
     if len(solution.status) and sticks_at_start(solution):
-        along = tangent_projector(linearise(model, tuple(chosen)), solution, p)
+        along = tangent_projector(linearise(model, chosen), solution, p)
         start = start if along is None else along[:n]
     run = replay(model, tape, start, seeds, clock=clock, points=False)
+    if not run.known and solution.dense is not None:
+        with contextlib.suppress(np.linalg.LinAlgError):  # of an instant that neither tells
+            return _collocated(solution, chosen)
+    degenerate = without_derivative(solution, run.instant_t, run.instant_why)
     if not np.isnan(run.stopped):
-        return None
-    return run.end, without_derivative(solution, run.instant_t, run.instant_why)
+        return np.full((n, N), np.nan), [*degenerate, f"t = {run.stopped:.9g}: a step has no Taylor series"]
+    return run.end, degenerate
 
 
 def sticks_at_start(run: Solution) -> bool:

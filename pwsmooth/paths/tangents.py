@@ -17,7 +17,7 @@ from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
 from ..kernels.tangent.frame import Frame
-from ..kernels.tangent.state import CORNER, GRAZES, ZEROS, Flow, Tangent
+from ..kernels.tangent.state import CORNER, GRAZES, UNKNOWN, ZEROS, Flow, Tangent
 from .problem import compiled_problem, terms
 
 _PLACES = 64  # wanted times on one way that are looked at together
@@ -47,6 +47,11 @@ class Deviations(NamedTuple):
     instant_dt: np.ndarray  # (instants, columns)
     instant_w: np.ndarray  # (instants, n, columns)
     stopped: float  # time of the step that has no series, or nan
+
+    @property
+    def known(self) -> bool:
+        """Whether every step and every instant has been gone through by a rule that is known."""
+        return np.isnan(self.stopped) and not (self.instant_why[:, 0] == UNKNOWN).any()
 
 
 class _FlowOf:
