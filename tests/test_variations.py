@@ -261,6 +261,18 @@ def test_a_tape_and_collocation_on_the_dense_output_agree(system, start, names):
     assert played.rates.tolist() == collocated.rates.tolist() and not played.degenerate
 
 
+def test_wanted_times_make_no_difference():
+    system, span, start = hidden(), (1.8, 8), (-1.0, 0, 0.5)  # begins in a stick
+    plain = variations(solve(system, span, start, dense_output=True), ("sigma",))
+    asked = solve(system, span, start, dense_output=True, t_eval=[3, 4])
+    moved = variations(asked, ("sigma",))
+    for name in ("matrix", "by_parameter", "first_rates", "rates"):
+        assert np.array_equal(getattr(moved, name), getattr(plain, name))
+    asked.tape = None
+    with pytest.raises(ValueError, match="t_eval"):
+        variations(asked)
+
+
 def test_a_run_by_the_pair_has_no_series_to_play_and_moves_the_same():
     moved = agree(coulomb(), (0, T), (0.5, 0.3), ("sigma",), kinds=["crossing"] * 3, method="rk")
     assert [s.kinds for s in moved.saltations] == [("crossing",)] * 3

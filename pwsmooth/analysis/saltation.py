@@ -281,12 +281,12 @@ def _at(blocks: Blocks, k: int) -> Blocks:
     return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
 
 
-def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
-    """Projector (N, N) on deviations along the surfaces on which a solution starts; None if it slides on none."""
-    column = int(np.searchsorted(solution.t, solution.t[0], side="right") - 1)
-    t, x, mult = solution.t[column], solution.x[:, column], solution.mult[:, column]
+def tangent_projector(
+    line: Linearised, t: float, x: np.ndarray, mult: np.ndarray, status: np.ndarray, p: np.ndarray
+) -> np.ndarray | None:
+    """Projector (N, N) on deviations along the surfaces that are slid on; None if there are none."""
     blocks = line.blocks(np.array([t]), x[:, None], mult[:, None], p)
-    return _projector(line, float(t), x, mult, p, solution.status[:, column], blocks)
+    return _projector(line, t, x, mult, p, status, blocks)
 
 
 def _projector(line, t, x, mult, p, status, blocks) -> np.ndarray | None:

@@ -81,17 +81,12 @@ class Variations:
     @property
     def first_rates(self) -> np.ndarray:
         """Rates f at the start, shape (n,), in the units of the model."""
-        t = self.solution.t
-        return self._rates(int(np.searchsorted(t, t[0], side="right")) - 1)
+        return rates(self.solution.model, *_begin(self.solution)[:3], _values(self.solution))
 
     @property
     def rates(self) -> np.ndarray:
         """Rates f at the end, shape (n,), in the units of the model."""
-        return self._rates(-1)
-
-    def _rates(self, column: int) -> np.ndarray:
-        run = self.solution
-        return rates(run.model, run.t[column], run.x[:, column], run.mult[:, column], _values(run))
+        return rates(self.solution.model, *_end(self.solution), _values(self.solution))
 
 
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
@@ -174,8 +169,8 @@ def _replayed(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.nda
         if len(clock):
             given = dict(zip(model.parameters, p))
             clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, symbol)
-    if len(solution.status) and sticks_at_start(solution):
-        along = tangent_projector(linearise(model, chosen), solution, p)
+    if sticks_at_start(solution):
+        along = tangent_projector(linearise(model, chosen), *_begin(solution), p)
         start = start if along is None else along[:n]
     run = replay(model, tape, start, seeds, clock=clock, points=False)
     if not run.known and solution.dense is not None:
@@ -187,8 +182,27 @@ def _replayed(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.nda
     return run.end, degenerate
 
 
-def sticks_at_start(run: Solution) -> bool:
-    return bool(np.any(run.status[:, np.searchsorted(run.t, run.t[0], side="right") - 1] == 0))
+def _begin(solution: Solution) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states, multipliers and their status where the first step begins."""
+    tape, n, m = solution.tape, len(solution.x), len(solution.mult)
+    if tape is not None:
+        t, _, *rest = tape.values[tape.first_step]
+        status = tape.entries[tape.first_step, 4:]
+        return t, np.array(rest[:n]), np.array(rest[n : n + m]), np.where(np.abs(status) == 1, status, 0)
+    k = int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1
+    return float(solution.t[k]), solution.x[:, k], solution.mult[:, k], solution.status[:, k]
+
+
+def _end(solution: Solution) -> tuple[float, np.ndarray, np.ndarray]:
+    """Time, states and multipliers at the end."""
+    tape, n, m = solution.tape, len(solution.x), len(solution.mult)
+    if tape is not None:
+        return tape.values[-1, 0], tape.values[-1, 2 : 2 + n], tape.values[-1, 2 + n : 2 + n + m]
+    return float(solution.t[-1]), solution.x[:, -1], solution.mult[:, -1]
+
+
+def sticks_at_start(solution: Solution) -> bool:
+    return bool((_begin(solution)[3] == 0).any())
 
 
 def without_derivative(solution: Solution, times: np.ndarray, why: np.ndarray) -> list[str]:
@@ -218,7 +232,7 @@ def factors(solution: Solution, line: Linearised) -> tuple[list[tuple[float, np.
     steps, values = _steps(solution), _values(solution)
     transitions = _transitions(line, steps, steps.statuses(solution), values)
     salts = saltations(line, solution, values)
-    first = tangent_projector(line, solution, values)
+    first = tangent_projector(line, *_begin(solution), values)
     moves = [] if first is None else [(float(solution.t[0]), first)]
     jumps = [(s.time, s.matrix) for s in salts]
     done = 0
@@ -249,6 +263,8 @@ class _Steps:
 
 def _steps(solution: Solution) -> _Steps:
     dense = solution.dense
+    if solution.course is not None:
+        raise ValueError("`solution` has its columns at `t_eval`, not at its events; solve without `t_eval`.")
     if isinstance(dense, Dense) and dense.time_coefficients is not None and dense.length is not None:
         time = dense.time_coefficients
         return _Steps(

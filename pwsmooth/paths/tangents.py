@@ -35,6 +35,12 @@ class Tape(NamedTuple):
     entries: np.ndarray
     values: np.ndarray
 
+    @property
+    def first_step(self) -> int:
+        """Its entry, where the run stands as it holds from the start on; of a run without steps the last one."""
+        steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
+        return int(steps[0]) if steps.size else len(self.entries) - 1
+
 
 class Deviations(NamedTuple):
     """What a replay gives, for each of the columns that it began with."""
