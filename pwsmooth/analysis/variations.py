@@ -86,7 +86,7 @@ class Variations:
     @property
     def rates(self) -> np.ndarray:
         """Rates f at the end, shape (n,), in the units of the model."""
-        return rates(self.solution.model, *_end(self.solution), _values(self.solution))
+        return rates(self.solution.model, *_standing(self.solution, -1), _values(self.solution))
 
 
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
@@ -184,25 +184,24 @@ def _replayed(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.nda
 
 def _begin(solution: Solution) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Time, states, multipliers and their status where the first step begins."""
-    tape, n, m = solution.tape, len(solution.x), len(solution.mult)
+    tape = solution.tape
     if tape is not None:
-        t, _, *rest = tape.values[tape.first_step]
-        status = tape.entries[tape.first_step, 4:]
-        return t, np.array(rest[:n]), np.array(rest[n : n + m]), np.where(np.abs(status) == 1, status, 0)
+        k = tape.first_step
+        return *_standing(solution, k), np.where(np.abs(tape.entries[k, 4:]) == 1, tape.entries[k, 4:], 0)
     k = int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1
-    return float(solution.t[k]), solution.x[:, k], solution.mult[:, k], solution.status[:, k]
+    return *_standing(solution, k), solution.status[:, k]
 
 
-def _end(solution: Solution) -> tuple[float, np.ndarray, np.ndarray]:
-    """Time, states and multipliers at the end."""
+def _standing(solution: Solution, k: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Time, states and multipliers at an entry of the tape, or in a column of a run without."""
     tape, n, m = solution.tape, len(solution.x), len(solution.mult)
-    if tape is not None:
-        return tape.values[-1, 0], tape.values[-1, 2 : 2 + n], tape.values[-1, 2 + n : 2 + n + m]
-    return float(solution.t[-1]), solution.x[:, -1], solution.mult[:, -1]
+    if tape is None:
+        return float(solution.t[k]), solution.x[:, k], solution.mult[:, k]
+    return float(tape.values[k, 0]), tape.values[k, 2 : 2 + n], tape.values[k, 2 + n : 2 + n + m]
 
 
 def sticks_at_start(solution: Solution) -> bool:
-    return bool((_begin(solution)[3] == 0).any())
+    return 0 in _begin(solution)[3]
 
 
 def without_derivative(solution: Solution, times: np.ndarray, why: np.ndarray) -> list[str]:

@@ -455,10 +455,11 @@ class EventDriven:
     def _dense(self, blocks, lengths, t, status) -> Dense:
         n = len(self.model.states)
         time = blocks[:, -1]
-        column = np.clip(np.searchsorted(t, time[:, 0], side="right") - 1, 0, len(t) - 1)
+        column = np.maximum(np.searchsorted(t, time[:, 0], side="right") - 1, 0)
         self._pin(blocks[:, :n].swapaxes(0, 1), status[column])
         ends = np.zeros(len(lengths))
-        for k in range(time.shape[1] - 1, -1, -1):
+        # Of most runs t(s) = t0 + s on every step.
+        for k in range(int(np.flatnonzero(time.any(axis=0)).max(initial=0)), -1, -1):
             ends = ends * lengths + time[:, k]
         return Dense(time[:, 0].copy(), ends, blocks[:, :n], blocks[:, n:-1], time, lengths)
 
