@@ -13,7 +13,7 @@ from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
 from pwsmooth.analysis.orbits import find_orbit
 
 PERIOD = 2 * math.pi
-t, x, u = sp.symbols("t x u", real=True)
+t, x, u, w = sp.symbols("t x u w", real=True)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +106,16 @@ def test_a_long_run_keeps_no_more_than_its_growth():
     # Of a step its time and the logarithm, 16 bytes, and these once more while they are put together and binned. On a
     # tape it takes 160: two entries, of five integers and five numbers each.
     assert peak(long) - peak(short) < 100 * (steps[1] - steps[0])
+
+
+def test_a_run_under_a_record_begins_where_the_record_is():
+    times = np.linspace(0, 30, 301)
+    force = np.random.default_rng(3).normal(size=301)
+    driven = System({x: u, u: w - x - x**3}, drives={w: (times, force)})
+    begin, start = 7.03, {x: 0.3, u: 0.0}
+    found = lyapunov_exponents(driven, start, 20, start_time=begin)
+    run = solve(driven, (begin, begin + 20), start, dense_output=True)
+    assert found.exponents[0] == pytest.approx(largest_exponent(run, after=begin), abs=1e-9)
 
 
 def test_a_failed_run_gives_the_average_of_what_was_reached():

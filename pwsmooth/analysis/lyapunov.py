@@ -224,7 +224,8 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     >>> round(largest_exponent(run), 6)
     -0.5
     """
-    start, end = float(solution.t[0]), float(solution.t[-1])
+    times = solution.t if solution.course is None else solution.course[0]
+    start, end = float(times[0]), float(times[-1])
     if not end > start:
         return math.nan
     frame = _Frame(len(solution.x), 1, start)
@@ -277,7 +278,7 @@ def lyapunov_exponents(
 
     Notes
     -----
-    Memory does not grow with the length of the run: deviations are carried along a part of it as soon as that is there.
+    Of a long run no more is kept than the growth on each step: deviations follow it part by part.
 
     Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
@@ -312,7 +313,10 @@ def _taped_run(system: Any, options: dict[str, Any]) -> EventDriven | None:
     """The event-driven run that solve() would make of these options, with a tape; None for any other."""
     model, known = system.model, {name: option.default for name, option in _SOLVE.items()}
     given = {name: value for name, value in (known | options).items() if name in Options._fields}
-    if not options.keys() <= {*given, "max_seconds"} or given["method"] not in ("auto", "taylor"):
+    if not options.keys() <= {*given, "max_seconds", "dense_output"} or given["method"] not in (
+        "auto",
+        "taylor",
+    ):
         return None
     if (model.smoothing and not model.multipliers) or model.families is not None:
         return None
@@ -333,9 +337,9 @@ def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float,
         if not frame.carry_along(part):
             raise _NoSeries
 
-    p = np.array(system.parameter_values, float)
+    p, start = np.array(system.parameter_values, float), system.initial_state(x.tolist(), t)
     try:
-        run.in_parts(system, p, t, [first, last] if first > t else [last], x, opened(), take)
+        run.in_parts(system, p, t, [first, last] if first > t else [last], start, opened(), take)
     except _NoSeries:
         return None
     return frame, *ended
