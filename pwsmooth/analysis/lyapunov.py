@@ -23,7 +23,7 @@ from ..definition import checks
 from ..definition.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
 from ..paths.event_driven import EventDriven, Options, prepared_run
-from ..paths.tangents import growth
+from ..paths.growth import growth
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve

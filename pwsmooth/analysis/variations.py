@@ -21,7 +21,8 @@ import sympy as sp
 
 from ..definition import checks
 from ..paths.clock import slopes_of_instants
-from ..paths.tangents import instants_without, replay
+from ..paths.tangents import replay
+from ..paths.words import instants_without
 from ..results.records import StepPolynomials
 from ..results.solution import Dense, Solution
 from .linearised import Linearised, linearise, rates
