@@ -150,7 +150,9 @@ class CompiledTangents:
         scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
-        made = Tangent.zeros(sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch)
+        made = Tangent.zeros(
+            sizes, order=order, tolerance=tolerance, columns=columns, **self.fixed, **scratch
+        )
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
         return made, made.cells.copy()
 
