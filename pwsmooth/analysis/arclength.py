@@ -117,7 +117,7 @@ class Walk:
         part = map_.solved(here.u[:-1], time, here.orbit.system)
         found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
-        slope = section.period_slope(self.name)
+        slope = section._period_slope(self.name)
         along = found.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
             found.by_parameter[:, 0]
             + found.rates * slope * time / period

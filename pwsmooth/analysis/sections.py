@@ -139,24 +139,8 @@ class Stroboscopic(_Map):
         """The period T at the system's parameters, in the unit of the model's time."""
         return value(self.period, self.system.parameters)
 
-    def period_slope(self, name: Any) -> float:
-        """dT/dq by a parameter, in units of the time over the parameter's.
-
-        Parameters
-        ----------
-        name : str or Symbol
-            The parameter.
-
-        Returns
-        -------
-        float
-            At the system's parameters.
-
-        Raises
-        ------
-        ValueError
-            No parameter of that name.
-        """
+    def _period_slope(self, name: Any) -> float:
+        """dT/dq by a parameter."""
         q = checks.lookup(name, self.system.parameters, "`parameters`", "parameter")
         return value(self.period.diff(q), self.system.parameters) if q in self.period.free_symbols else 0.0
 
@@ -197,7 +181,7 @@ class Stroboscopic(_Map):
         by_parameter = found.by_parameter
         for k, q in enumerate(found.chosen):
             # The ends of the span move with the parameter: phi(t0 + T) by f there, and by -Phi f at its start.
-            slope = self.period_slope(q)
+            slope = self._period_slope(q)
             if slope:
                 stretch = self.phase * slope + slope * self.duration / self.forcing_period
                 by_parameter[:, k] += (
