@@ -19,9 +19,7 @@ def cost():
     from pwsmooth.for_jax import jax_function
 
     jax.config.update("jax_enable_x64", True)
-    return jax_function(
-        Objective(BODY, final(x) * event_time("sgn(v)"), (0, 9), {x: 0, v: 4}, ["mu", "v"])
-    )
+    return jax_function(Objective(BODY, final(x) * event_time("sgn(v)"), (0, 9), {x: 0, v: 4}, ["mu", "v"]))
 
 
 def exact(q):
@@ -45,7 +43,9 @@ def test_values_gradients_and_directions(cost):
 def test_a_map_runs_a_sweep(cost):
     q = jax.numpy.array([[2.0, 4.0], [1.0, 3.0], [3.0, 5.0]])
     assert np.asarray(jax.vmap(cost)(q)) == pytest.approx([exact(row)[0] for row in q], rel=1e-9)
-    assert np.asarray(jax.vmap(jax.grad(cost))(q)) == pytest.approx(np.array([exact(row)[1] for row in q]), rel=1e-9)
+    assert np.asarray(jax.vmap(jax.grad(cost))(q)) == pytest.approx(
+        np.array([exact(row)[1] for row in q]), rel=1e-9
+    )
 
 
 def test_single_precision_is_refused():

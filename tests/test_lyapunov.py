@@ -1,18 +1,19 @@
 """Lyapunov exponents: of periodic orbits, of a chaotic flow with an exact return map, of a chaotic oscillator."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, Memory, System, solve
+from pwsmooth import Event, Memory, System, Unilateral, solve
 from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
 from pwsmooth.analysis.orbits import find_orbit
 
 PERIOD = 2 * math.pi
-x, u = sp.symbols("x u", real=True)
+t, x, u, w = sp.symbols("t x u w", real=True)
 
 
 @pytest.mark.parametrize(
@@ -65,6 +66,56 @@ def test_the_pieces_of_a_long_run_make_no_difference():
     # One average begins at t = 200, the other with the first step after it: no step or jump grows by more than e.
     assert pieces.exponents[0] == pytest.approx(largest_exponent(whole, after=200), abs=1 / 1100)
     assert 0 < pieces.errors[0] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [(coulomb(), {y: 0.5, v: 0.3}), (hidden().layered({z: sp.oo}), {y: 0.78, v: -1.03})],
+    ids=["crossings", "folds"],
+)
+def test_along_a_tape_and_by_factors_they_are_the_same(system, start):
+    run = solve(system, (0, 100), start, dense_output=True, rtol=1e-12, atol=1e-14)
+    along = largest_exponent(run, after=0)
+    run.tape = None
+    assert along == pytest.approx(largest_exponent(run, after=0), abs=1e-12)
+
+
+def test_all_exponents_together_are_the_mean_divergence():
+    # Impacts turn and shrink the momentum by 0.7, the volume by 0.49; between them it shrinks with 2 delta.
+    wall = Unilateral(x + sp.Rational(3, 10), restitution=sp.Rational(7, 10), name="R")
+    system = System({x: u, u: -x - u / 10 + sp.cos(sp.Rational(13, 10) * t) + wall.reaction}, time=t)
+    found = lyapunov_exponents(system, {x: 0.1, u: -0.5}, 200, count=2)
+    impacts = len(solve(system, (0, 200), {x: 0.1, u: -0.5}).event_times("impact"))
+    assert impacts > 20
+    assert found.exponents.sum() == pytest.approx(-0.1 + impacts * math.log(0.49) / 200, abs=1e-9)
+
+
+def test_a_long_run_keeps_no_more_than_its_growth():
+    system, start = coulomb(), {y: 0.5, v: 0.3}
+
+    def peak(time):
+        tracemalloc.start()
+        lyapunov_exponents(system, start, time)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    short, long = 20_000, 80_000
+    steps = [solve(system, (0, time), start).cost["steps"] for time in (short, long)]
+    peak(short)
+    # Of a step its time and the logarithm, 16 bytes, and these once more while they are put together and binned. On a
+    # tape it takes 160: two entries, of five integers and five numbers each.
+    assert peak(long) - peak(short) < 100 * (steps[1] - steps[0])
+
+
+def test_a_run_under_a_record_begins_where_the_record_is():
+    times = np.linspace(0, 30, 301)
+    force = np.random.default_rng(3).normal(size=301)
+    driven = System({x: u, u: w - x - x**3}, drives={w: (times, force)})
+    begin, start = 7.03, {x: 0.3, u: 0.0}
+    found = lyapunov_exponents(driven, start, 20, start_time=begin)
+    run = solve(driven, (begin, begin + 20), start, dense_output=True)
+    assert found.exponents[0] == pytest.approx(largest_exponent(run, after=begin), abs=1e-9)
 
 
 def test_a_failed_run_gives_the_average_of_what_was_reached():

@@ -229,6 +229,55 @@ def test_fifty_events_at_one_instant_are_gone_through_in_no_time():
     assert len(variations(run).saltations[0].kinds) == 50
 
 
+def latched():
+    """A clock, a reset, a memory and an impact."""
+    held, wall = (
+        Memory("held", 0.3),
+        Unilateral(x + sp.Rational(4, 5), restitution=sp.Rational(7, 10), name="R"),
+    )
+    return System(
+        {x: u, u: -x - a * held + sp.cos(t) + wall.reaction}, time=t, parameters={a: 0.4, b: 0.9},
+        events=[Event(every=b, update={held: x / 2}), Event(x - a, direction=-1, update={u: u - b * x})],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("system", "start", "names"),
+    [
+        (hidden(), (0.6, -1.07, 0.01), ("sigma", "rho", "beta", "omega")),
+        (hidden().layered({z: sp.oo}), (0.78, -1.03), ("sigma", "omega")),
+        (latched(), (0.5, 0.1, 0.3), ("a", "b")),
+    ],
+    ids=["sticks", "folds", "jumps"],
+)
+def test_a_tape_and_collocation_on_the_dense_output_agree(system, start, names):
+    run = solve(system, (0, 2 * T), list(start), dense_output=True, **TIGHT)
+    played = variations(run, names)
+    run.tape = None
+    collocated = variations(run, names)
+    # They linearise the same run: what differs is rounding, of some 1e2 steps.
+    for one, other in ((played.matrix, collocated.matrix), (played.by_parameter, collocated.by_parameter)):
+        assert np.abs(one - other).max() < 1e-12 * (1 + np.abs(other).max())
+    assert played.rates.tolist() == collocated.rates.tolist() and not played.degenerate
+
+
+def test_wanted_times_make_no_difference():
+    system, span, start = hidden(), (1.8, 8), (-1.0, 0, 0.5)  # begins in a stick
+    plain = variations(solve(system, span, start, dense_output=True), ("sigma",))
+    asked = solve(system, span, start, dense_output=True, t_eval=[3, 4])
+    moved = variations(asked, ("sigma",))
+    for name in ("matrix", "by_parameter", "first_rates", "rates"):
+        assert np.array_equal(getattr(moved, name), getattr(plain, name))
+    asked.tape = None
+    with pytest.raises(ValueError, match="t_eval"):
+        variations(asked)
+
+
+def test_a_run_by_the_pair_has_no_series_to_play_and_moves_the_same():
+    moved = agree(coulomb(), (0, T), (0.5, 0.3), ("sigma",), kinds=["crossing"] * 3, method="rk")
+    assert [s.kinds for s in moved.saltations] == [("crossing",)] * 3
+
+
 def test_a_solution_without_step_polynomials_is_refused():
     with pytest.raises(ValueError, match="dense_output=True"):
         variations(solve(coulomb(), (0, 1), {y: 0.5, v: 0.3}))

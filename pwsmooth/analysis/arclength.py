@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..definition import checks
 from ..results.solution import Solution
 from .itineraries import same_itinerary
 from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
-from .variations import variations
+from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
 _NEAR = 0.03  # of the period: an event so near to the section moves it
@@ -116,14 +115,13 @@ class Walk:
             return here
         map_, time = self.map, middles[best]
         part = map_.solved(here.u[:-1], time, here.orbit.system)
-        moved = variations(part, (self.name,))
+        found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
-        q = checks.lookup(self.name, map_.system.parameters, "`parameter`", "parameter")
-        slope = float(map_.period.diff(q).subs(here.orbit.system.parameters))
-        along = moved.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
-            moved.by_parameter[:, 0]
-            + moved.rates * slope * time / period
-            - moved.matrix @ moved.first_rates * slope * map_.phase
+        slope = section._period_slope(self.name)
+        along = found.matrix @ here.tangent[:-1] + here.tangent[-1] * self.scale * (
+            found.by_parameter[:, 0]
+            + found.rates * slope * time / period
+            - found.matrix @ found.first_rates * slope * map_.phase
         )
         orbit = refine(turned.with_parameters({self.name: self.value(here)}), part.x[:, -1])
         if not orbit.success:
@@ -200,10 +198,6 @@ class Walk:
             if point is not None:
                 return point
         return None
-
-
-def sticks_at_start(run: Solution) -> bool:
-    return bool(np.any(run.status[:, np.searchsorted(run.t, run.t[0], side="right") - 1] == 0))
 
 
 def _full_rank(DF: np.ndarray) -> bool:

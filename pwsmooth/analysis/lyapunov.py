@@ -2,15 +2,17 @@
 
     q_k+1 r_k = F_k q_k     (QR decompositions),     exponent_i = lim sum_k log|r_k,ii| / time
 
-with the factors F of variations.py: transition matrices of the steps and saltation matrices (P. C. Mueller, Chaos,
-Solitons & Fractals, 1995). A stick annihilates a direction: its exponent is -inf, and that is the truth.
-On a periodic orbit the exponents are log|multiplier|/period.
+with the factors F of the fundamental matrix, steps and what the instants do (P. C. Mueller, Chaos, Solitons &
+Fractals, 1995): along the tape of an event-driven run (paths/tangents.py), else those of variations.py. A stick
+annihilates a direction: its exponent is -inf, and that is the truth. On a periodic orbit the exponents are
+log|multiplier|/period.
 
 Chain: variations.py -> **lyapunov**.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -19,16 +21,20 @@ import numpy as np
 
 from ..definition import checks
 from ..definition.describe import Described, Rows, listed
-from ..paths.budget import whole
+from ..paths.budget import opened, whole
+from ..paths.event_driven import EventDriven, Options, prepared_run
+from ..paths.growth import growth
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve
-from .variations import Variations, variations
+from .linearised import linearise
+from .variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
 
 _PIECES = 20  # means over as many parts of the run give the error
 _CHUNK = 500.0  # time whose polynomials are kept at once
+_SOLVE = inspect.signature(solve).parameters
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,19 +122,33 @@ class _Frame:
         self.start = start
         # The same generic directions in every run: results do not depend on a seed.
         self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
-        self.times: list[float] = []
+        self.times: list[np.ndarray] = []
         self.logs: list[np.ndarray] = []
         self.degenerate: list[str] = []
 
-    def carry(self, moved: Variations, until: float = math.inf) -> None:
-        """Apply the factors up to a time."""
+    def carry_along(self, run: Solution) -> bool:
+        """Along the tape of a run; False where a step has no series."""
+        found = growth(run.model, run.tape, self.q)
+        if not np.isnan(found.stopped):
+            return False
+        self.q = found.frame
+        self.times.append(found.t)
+        self.logs.append(found.log)
+        self.degenerate += without_derivative(run, found.instant_t, found.instant_why)
+        self.degenerate += [str(a) for a in run.ambiguities]
+        return True
+
+    def carry_by_factors(self, run: Solution, until: float = math.inf) -> None:
+        """Along the dense output of a run, up to a time."""
         n, count = self.q.shape
-        self.degenerate += [s.degenerate for s in moved.saltations if s.degenerate and s.time <= until]
-        self.degenerate += moved.ambiguous
-        for factor, time in zip(moved.factors, moved.times):
+        moves, salts = factors(run, linearise(run.model))
+        self.degenerate += [s.degenerate for s in salts if s.degenerate and s.time <= until]
+        self.degenerate += [str(a) for a in run.ambiguities]
+        times, logs = [], []
+        for time, factor in moves:
             if time > until:
                 break
-            grown = factor[:n, :n] @ self.q
+            grown = factor @ self.q
             if count == 1:
                 size = np.sqrt((grown * grown).sum(axis=0))
                 self.q = grown / size if size > 0 else self.q
@@ -138,13 +158,15 @@ class _Frame:
                 # What is left of an annihilated direction is rounding.
                 size[size < 1e-14 * np.abs(grown).max()] = 0.0
             with np.errstate(divide="ignore"):
-                self.logs.append(np.log(size))
-            self.times.append(float(time))
+                logs.append(np.log(size))
+            times.append(time)
+        self.times.append(np.array(times))
+        self.logs.append(np.array(logs).reshape(-1, count))
 
     def means(self, start: float, end: float, outcome: Outcome) -> LyapunovExponents:
         """Growth rates over (start, end]."""
         count = self.q.shape[1]
-        times, logs = np.array(self.times), np.array(self.logs).reshape(-1, count)
+        times, logs = np.concatenate(self.times), np.concatenate(self.logs)
         before = times <= start
         if not end > start or before.all():
             empty = np.full(count, np.nan)
@@ -202,11 +224,13 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     >>> round(largest_exponent(run), 6)
     -0.5
     """
-    start, end = float(solution.t[0]), float(solution.t[-1])
+    times = solution.t if solution.course is None else solution.course[0]
+    start, end = float(times[0]), float(times[-1])
     if not end > start:
         return math.nan
     frame = _Frame(len(solution.x), 1, start)
-    frame.carry(variations(solution))
+    if not (has_series(solution) and frame.carry_along(solution)):
+        frame.carry_by_factors(solution)
     begin = start + 0.2 * (end - start) if after is None else float(after)
     return float(frame.means(begin, end, solution.outcome).exponents[0])
 
@@ -254,8 +278,7 @@ def lyapunov_exponents(
 
     Notes
     -----
-    The run is solved in pieces, so that memory does not grow with its length. A piece ends where nothing slides:
-    a restart would have to choose anew between several roots of the layer.
+    Of a long run no more is kept than the growth on each step: deviations follow it part by part.
 
     Source: Mueller, Chaos, Solitons & Fractals, 1995.
 
@@ -275,10 +298,55 @@ def lyapunov_exponents(
             f"`time` is {time:g}: with `start_time` {start_time:g} and `transient` {transient:g} the run ends at t = "
             f"{last:g}, where floats are {math.ulp(last):g} apart; give less."
         )
+    if (values := options.pop("parameters", None)) is not None:
+        system = system.with_parameters(values)
     x = np.array(system.initial_state(x0), float)
-    frame = _Frame(len(x), checks.whole(count, "`count`", 1, len(x)), start_time)
-    t, first = start_time, start_time + transient
-    outcome = Outcome.FINISHED
+    count = checks.whole(count, "`count`", 1, len(x))
+    first = start_time + transient
+    run = _taped_run(system, options)
+    along = run and _along_a_tape(run, system, x, count, start_time, first, last)
+    frame, end, outcome = along or _by_chunks(system, options, x, count, start_time, first, last)
+    return frame.means(first, end, outcome)
+
+
+def _taped_run(system: Any, options: dict[str, Any]) -> EventDriven | None:
+    """The event-driven run that solve() would make of these options, with a tape; None for any other."""
+    model, known = system.model, {name: option.default for name, option in _SOLVE.items()}
+    given = {name: value for name, value in (known | options).items() if name in Options._fields}
+    if not options.keys() <= {*given, "max_seconds", "dense_output"} or given["method"] not in (
+        "auto",
+        "taylor",
+    ):
+        return None
+    if (model.smoothing and not model.multipliers) or model.families is not None:
+        return None
+    run = prepared_run(model, Options(**given, dense=False, tape=True))
+    return None if run.one_step else run
+
+
+class _NoSeries(Exception):
+    """A step has none, so that its tape is not played."""
+
+
+def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float, Outcome] | None:
+    frame, ended = _Frame(len(x), count, t), (t, Outcome.FINISHED)
+
+    def take(part: Solution) -> None:
+        nonlocal ended
+        ended = float(part.t[-1]), part.outcome
+        if not frame.carry_along(part):
+            raise _NoSeries
+
+    p, start = np.array(system.parameter_values, float), system.initial_state(x.tolist(), t)
+    try:
+        run.in_parts(system, p, t, [first, last] if first > t else [last], start, opened(), take)
+    except _NoSeries:
+        return None
+    return frame, *ended
+
+
+def _by_chunks(system, options, x, count, t, first, last) -> tuple[_Frame, float, Outcome]:
+    frame, outcome = _Frame(len(x), count, t), Outcome.FINISHED
     while t < last:
         # The average begins where a piece does, so that it holds whole periods if `time` does.
         end = min(t + _CHUNK, last, first if t < first else last)
@@ -287,11 +355,11 @@ def lyapunov_exponents(
         column = len(run.t) - 1
         if run.success and run.t[-1] < last:
             column = _free_column(run)
-        frame.carry(variations(run), float(run.t[column]))
+        frame.carry_by_factors(run, float(run.t[column]))
         t, x = float(run.t[column]), run.x[:, column]
         if outcome is not Outcome.FINISHED:
             break
-    return frame.means(first, t, outcome)
+    return frame, t, outcome
 
 
 def _free_column(run: Solution) -> int:

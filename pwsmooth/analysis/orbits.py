@@ -266,7 +266,7 @@ def find_orbit(
         at = points[-1]
         if count is None and symmetry is None:
             first = replace(first, count=_recurrence(points, most))
-    return refine(first, at)
+    return _refined(first, at)
 
 
 def _recurrence(points: np.ndarray, most: int) -> int:
@@ -312,7 +312,10 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
     >>> orbit.success, round(float(orbit.x[0]), 9)
     (True, 0.5)
     """
-    x = np.array(map_.system.initial_state(x0), float)
+    return _refined(map_, np.array(map_.system.initial_state(x0), float))
+
+
+def _refined(map_: Stroboscopic | Section, x: np.ndarray) -> PeriodicOrbit:
     image = map_.image(x, ())
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
@@ -345,7 +348,7 @@ def refine(map_: Stroboscopic | Section, x0: Any) -> PeriodicOrbit:
         return replace(orbit, success=False, message=broken)
     count = repeats_after(orbit)
     if count < map_.count:
-        shorter = refine(replace(map_, count=count), x)
+        shorter = _refined(replace(map_, count=count), x)
         said = f" It repeats after {count} of the {map_.count} applications of the map that were asked for."
         return replace(shorter, message=shorter.message + said) if shorter.success else orbit
     if not orbit.isolated:

@@ -23,18 +23,17 @@ from itertools import chain, combinations, islice
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..results.outputs import vectorised
 from ..results.solution import EventRecord, Solution
 from .linearised import Blocks, Linearised
 
-__all__ = ["Saltation", "saltations", "tangent_projector"]
+__all__ = ["Saltation"]
 
 # Slower than this part of its scale a surface is not crossed but touched: grazing has no saltation matrix.
 _TOUCHING = 1e-9
 _LANDED = 1e-6  # of a state: contacts that close with a jump take away what speed is left
 _MOST_WAYS = 32  # in which the events of one instant may have fired, of those that are tried
-_CHATTER = 1e-6  # before an accumulation, relative to the time
+CHATTER = 1e-6  # before an accumulation, relative to the time
 
 
 @dataclass(frozen=True)
@@ -79,51 +78,8 @@ class Saltation:
     degenerate: str = ""
 
 
-_DOOR: dict[str, checks.Check] = {
-    "line": checks.instance(Linearised, "what linearise() gives"),
-    "p": lambda value, what: checks.array(value, what).reshape(-1),
-    "solution": checks.instance(Solution, "a Solution, as solve() gives it"),
-}
-
-
-@checks.door(**_DOOR)
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
-    """Saltation matrices of all instants of a solution after its start, in order of time.
-
-    Parameters
-    ----------
-    line : Linearised
-        Of the solution's model, with the chosen parameters.
-    solution : Solution
-        Event-driven.
-    p : ndarray, shape (np,)
-        Values in the order of `model.parameters`, in their units.
-
-    Returns
-    -------
-    list of Saltation
-        One for each instant with events.
-
-    Notes
-    -----
-    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008; at a fold
-    the instant follows from the left null vector of the layer's Jacobian, derived here.
-
-    Examples
-    --------
-    A stick takes a direction away: S = 0 in one dimension.
-
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.linearised import linearise
-    >>> from pwsmooth.analysis.saltation import saltations
-    >>> x = sp.Symbol("x", real=True)
-    >>> system = System({x: -sp.sign(x)})
-    >>> (stick,) = saltations(linearise(system.model), solve(system, (0, 2), {x: 1}), np.empty(0))
-    >>> stick.kinds, stick.matrix.tolist()
-    (('stick',), [[0.0]])
-    """
+    """Of all instants of an event-driven solution after its start, in order of time."""
     t = solution.t
     instants: dict[float, list[EventRecord]] = {}
     for event in solution.events:
@@ -143,7 +99,7 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
         replace(s, degenerate="")
-        if np.any((ends >= s.time) & (ends - s.time < _CHATTER * (1 + abs(s.time))))
+        if np.any((ends >= s.time) & (ends - s.time < CHATTER * (1 + abs(s.time))))
         else s
         for s in jumps
     ]
@@ -325,41 +281,12 @@ def _at(blocks: Blocks, k: int) -> Blocks:
     return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
 
 
-@checks.door(**_DOOR)
-def tangent_projector(line: Linearised, solution: Solution, p: np.ndarray) -> np.ndarray | None:
-    """Projector on deviations along the surfaces on which a solution starts.
-
-    Parameters
-    ----------
-    line : Linearised
-        Of the solution's model.
-    solution : Solution
-        Event-driven.
-    p : ndarray, shape (np,)
-        Values in the order of `model.parameters`, in their units.
-
-    Returns
-    -------
-    ndarray, shape (N, N), or None
-        1 - D (C D)^-1 C, dimensionless, with the gradients C of what is held at 0 and directions D out of it; None if
-        it slides on none.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import sympy as sp
-    >>> from pwsmooth import System, solve
-    >>> from pwsmooth.analysis.linearised import linearise
-    >>> from pwsmooth.analysis.saltation import tangent_projector
-    >>> x, y = sp.symbols("x y", real=True)
-    >>> system = System({x: -2 * sp.sign(x) + y, y: -y})
-    >>> tangent_projector(linearise(system.model), solve(system, (0, 1), {x: 0, y: 1}), np.empty(0)).tolist()
-    [[0.0, 0.0], [0.0, 1.0]]
-    """
-    column = int(np.searchsorted(solution.t, solution.t[0], side="right") - 1)
-    t, x, mult = solution.t[column], solution.x[:, column], solution.mult[:, column]
+def tangent_projector(
+    line: Linearised, t: float, x: np.ndarray, mult: np.ndarray, status: np.ndarray, p: np.ndarray
+) -> np.ndarray | None:
+    """Projector (N, N) on deviations along the surfaces that are slid on; None if there are none."""
     blocks = line.blocks(np.array([t]), x[:, None], mult[:, None], p)
-    return _projector(line, float(t), x, mult, p, solution.status[:, column], blocks)
+    return _projector(line, t, x, mult, p, status, blocks)
 
 
 def _projector(line, t, x, mult, p, status, blocks) -> np.ndarray | None:

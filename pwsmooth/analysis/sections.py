@@ -10,6 +10,7 @@ Chain: poincare.py, variations.py -> **sections** -> orbits.py, continuation.py,
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -25,7 +26,7 @@ from ..results.solution import Solution
 from .linearised import linearise
 from .poincare import RETURN, Image, Word, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
-from .variations import variations
+from .variations import chosen_parameters, moved
 
 __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
@@ -88,6 +89,12 @@ class Stroboscopic(_Map):
             matrix = symmetry_matrix(self.system, self.symmetry, self.forcing_period)
             object.__setattr__(self, "symmetry", matrix)
 
+    def with_parameters(self, values: Mapping[Any, float]) -> Any:
+        other = super().with_parameters(values)
+        if self.period.free_symbols:
+            other.__dict__.pop("forcing_period", None)
+        return other
+
     def doubled(self) -> Stroboscopic:
         if self.symmetry is not None:
             return replace(self, symmetry=None)
@@ -127,10 +134,15 @@ class Stroboscopic(_Map):
         """
         return self._solve(system, (replace(self, system=system).start_time, time), x, True)
 
-    @property
+    @functools.cached_property
     def forcing_period(self) -> float:
         """The period T at the system's parameters, in the unit of the model's time."""
-        return float(self.period.subs(self.system.parameters))
+        return value(self.period, self.system.parameters)
+
+    def _period_slope(self, name: Any) -> float:
+        """dT/dq by a parameter."""
+        q = checks.lookup(name, self.system.parameters, "`parameters`", "parameter")
+        return value(self.period.diff(q), self.system.parameters) if q in self.period.free_symbols else 0.0
 
     @property
     def start_time(self) -> float:
@@ -165,19 +177,18 @@ class Stroboscopic(_Map):
         end = back @ run.x[:, -1]
         if parameters is None:
             return Image(end, self.duration, (run,))
-        moved = variations(run, parameters)
-        by_parameter = moved.by_parameter.copy()
-        for k, name in enumerate(parameters):
+        found = moved(run, chosen_parameters(self.system, parameters))
+        by_parameter = found.by_parameter
+        for k, q in enumerate(found.chosen):
             # The ends of the span move with the parameter: phi(t0 + T) by f there, and by -Phi f at its start.
-            q = checks.lookup(name, self.system.parameters, "`parameters`", "parameter")
-            slope = float(self.period.diff(q).subs(self.system.parameters))
+            slope = self._period_slope(q)
             if slope:
                 stretch = self.phase * slope + slope * self.duration / self.forcing_period
                 by_parameter[:, k] += (
-                    moved.rates * stretch - moved.matrix @ moved.first_rates * self.phase * slope
+                    found.rates * stretch - found.matrix @ found.first_rates * self.phase * slope
                 )
         return Image(
-            end, self.duration, (run,), back @ moved.matrix, back @ by_parameter, tuple(moved.degenerate)
+            end, self.duration, (run,), back @ found.matrix, back @ by_parameter, tuple(found.degenerate)
         )
 
 
@@ -251,6 +262,7 @@ class Section(_Map):
         n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
+        chosen = chosen_parameters(self.system, parameters or ())
         degenerate: list[str] = []
         runs: list[Solution] = []
         for _ in range(self.count):
@@ -261,18 +273,18 @@ class Section(_Map):
             at, time = run.x[:, -1], time + float(run.t[-1] - run.t[0])
             if parameters is None:
                 continue
-            moved = variations(run, parameters)
-            degenerate += moved.degenerate
-            h_w = self._gradient(self._watched, run, parameters)
-            speed = h_w[:n] @ moved.rates
-            if abs(speed) < 1e-12 * (1 + np.abs(moved.rates).max()):
+            found = moved(run, chosen)
+            degenerate += found.degenerate
+            h_w, f = self._gradient(at, chosen), found.rates
+            speed = h_w[:n] @ f
+            if abs(speed) < 1e-12 * (1 + np.abs(f).max()):
                 return lost(
                     n, tuple(runs), f"it comes to rest on the section {self.surface} = 0, or only touches it."
                 )
-            stop = np.eye(n) - np.outer(moved.rates, h_w[:n]) / speed
-            by_parameter = moved.matrix @ by_parameter + moved.by_parameter
-            by_parameter = stop @ by_parameter - np.outer(moved.rates, h_w[n:]) / speed
-            total = stop @ moved.matrix @ total
+            stop = np.eye(n) - np.outer(f, h_w[:n]) / speed
+            by_parameter = found.matrix @ by_parameter + found.by_parameter
+            by_parameter = stop @ by_parameter - np.outer(f, h_w[n:]) / speed
+            total = stop @ found.matrix @ total
         if parameters is None:
             return Image(at, time, tuple(runs))
         return Image(at, time, tuple(runs), total, by_parameter, tuple(degenerate))
@@ -325,17 +337,12 @@ class Section(_Map):
         ndarray, shape (n,)
             In the unit of h over those of the states.
         """
-        states = self.system.model.states
-        point = {**self.system.parameters, **dict(zip(states, map(float, x)))}
-        return np.array([value(self.surface.diff(s), point) for s in states])
+        return self._gradient(x)
 
-    def _gradient(self, system, run, parameters) -> np.ndarray:
-        chosen = tuple(
-            checks.lookup(name, self.system.parameters, "`parameters`", "parameter") for name in parameters
-        )
-        line = linearise(system.model, chosen)
-        p = np.array([run.parameters[str(q)] for q in system.model.parameters])
-        return line.gradient(self.surface, run.t[-1], run.x[:, -1], run.mult[:, -1], p)[0]
+    def _gradient(self, x: np.ndarray, chosen: tuple[sp.Symbol, ...] = ()) -> np.ndarray:
+        """The same by parameters too."""
+        line, nothing = linearise(self._watched.model, chosen), np.zeros(len(self.system.model.multipliers))
+        return line.gradient(self.surface, 0.0, x, nothing, np.array(self._watched.parameter_values, float))[0]
 
 
 def poincare_map(

@@ -13,7 +13,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.pointwise import value
-from .linearised import linearise
+from .linearised import rates
 
 __all__ = ["symmetry_matrix"]
 
@@ -84,7 +84,6 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
 def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
     """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces."""
     model = system.model
-    line = linearise(model)
     p = np.array(system.parameter_values, float)
     rng = np.random.default_rng(0)
     worst = 0.0
@@ -98,8 +97,8 @@ def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
                 point[mu.symbol] = 0.0
                 if mu.kind == "switch":
                     point[mu.symbol] = 1.0 if value(mu.surface, point) > 0 else -1.0
-            mult = np.array([[point[mu.symbol]] for mu in model.multipliers]).reshape(-1, 1)
-            fields.append(line.blocks(np.array([time]), at[:, None], mult, p).f[0])
+            mult = np.array([point[mu.symbol] for mu in model.multipliers])
+            fields.append(rates(model, time, at, mult, p))
         difference = np.abs(G @ fields[0] - fields[1]).max(initial=0.0)
         worst = max(worst, difference / (1e-300 + np.abs(fields[1]).max(initial=0.0) + 1e-12))
     return float(worst)

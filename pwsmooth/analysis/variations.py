@@ -1,15 +1,16 @@
-"""The fundamental matrix of a solution: the linearised flow between events times saltation matrices at them.
+"""The fundamental matrix of a solution: how its end moves with its start and with parameters.
 
-    Phi = Phi_K S_K ... S_1 Phi_0,     X' = A(t) X  on every step,     S from saltation.py
+    Phi = Phi_K S_K ... S_1 Phi_0,     X' = A(t) X  between events,     S the saltation matrices at them
 
-A is evaluated on the steps' own polynomials, so the orbit is not integrated again; the linear equation is solved on
-each step by collocation (Hairer, Norsett & Wanner, Solving ODEs I, II.7; II, IV.5): Gauss, order 16, for
-event-driven steps; Radau IIA, order 9 and L-stable, for smoothed ones, whose layers are stiff. Beside a fold both
-dt/ds and g_lambda vanish at the end of a step; Gauss has no node there.
+An event-driven run by series has kept a tape, which is played again with the linearised flow (paths/tangents.py). For
+all other runs A is evaluated on the steps' own polynomials and the linear equation solved on each step by collocation
+(Hairer, Norsett & Wanner, Solving ODEs I, II.7; II, IV.5): Gauss, order 16, for the pair; Radau IIA, order 9 and
+L-stable, for smoothed ones, whose layers are stiff; S from saltation.py.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +20,15 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..paths.clock import slopes_of_instants
+from ..paths.tangents import replay
+from ..paths.words import instants_without
 from ..results.records import StepPolynomials
 from ..results.solution import Dense, Solution
-from .linearised import Linearised, linearise
-from .saltation import Saltation, saltations, tangent_projector
+from .linearised import Linearised, linearise, rates
+from .saltation import CHATTER, Saltation, saltations, tangent_projector
 
-__all__ = ["Variations", "chosen_parameters", "variations"]
+__all__ = ["Variations", "variations"]
 
 _TOLERANCE = 1e-12  # of a step's transition matrix: whole step against two halves
 _DEEPEST = 10  # halvings; the steps resolve the solution already, so few are ever needed
@@ -40,17 +44,12 @@ class Variations:
         d x(end) / d x(start), in the units of the states.
     by_parameter : ndarray, shape (n, k)
         d x(end) / d q, one column a parameter, in units of the state over the parameter's.
-    factors : list of ndarray, shape (N, N)
-        Factors of the fundamental matrix of (x, q), in order of time, N = n + k: steps and saltations; in
-        units of those.
-    times : ndarray, shape (nf,)
-        End time of each factor, in the unit of the model's time.
-    saltations : list of Saltation
-        Of the instants with events.
-    first_rates, rates : ndarray, shape (n,)
-        f at the start and at the end, in the units of the model.
-    ambiguous : list of str
-        The solution's ambiguities, in words.
+    degenerate : list of str
+        Instants at which the solution has no derivative (grazing, corners, ambiguities), in words.
+    solution : Solution
+        Whose they are.
+    chosen : tuple of Symbol
+        The parameters.
 
     Notes
     -----
@@ -71,52 +70,24 @@ class Variations:
 
     matrix: np.ndarray
     by_parameter: np.ndarray
-    factors: list[np.ndarray]
-    times: np.ndarray
-    saltations: list[Saltation]
-    first_rates: np.ndarray
-    rates: np.ndarray
-    ambiguous: list[str]
+    degenerate: list[str]
+    solution: Solution
+    chosen: tuple[sp.Symbol, ...]
+
+    @functools.cached_property
+    def saltations(self) -> list[Saltation]:
+        """What the events of each instant do to a deviation."""
+        return saltations(linearise(self.solution.model, self.chosen), self.solution, _values(self.solution))
 
     @property
-    def degenerate(self) -> list[str]:
-        """Instants at which the solution has no derivative (simultaneous switchings, ambiguities), in words."""
-        return [s.degenerate for s in self.saltations if s.degenerate] + self.ambiguous
+    def first_rates(self) -> np.ndarray:
+        """Rates f at the start, shape (n,), in the units of the model."""
+        return rates(self.solution.model, *_begin(self.solution)[:3], _values(self.solution))
 
-
-@checks.door(system=checks.system, names=checks.several)
-def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
-    """Symbols of parameters given by name.
-
-    Parameters
-    ----------
-    system : System
-        Whose parameters they are.
-    names : sequence of str or Symbol
-        Which are wanted.
-
-    Returns
-    -------
-    tuple of Symbol
-        In the order of `names`.
-
-    Raises
-    ------
-    ValueError
-        No parameter of that name.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import System
-    >>> from pwsmooth.analysis.variations import chosen_parameters
-    >>> x, k = sp.symbols("x k", positive=True)
-    >>> chosen_parameters(System({x: -k * x}, parameters={k: 1}), ["k"])
-    (k,)
-    """
-    return tuple(
-        checks.lookup(name, system.parameters, "`names` of `parameters`", "parameter") for name in names
-    )
+    @property
+    def rates(self) -> np.ndarray:
+        """Rates f at the end, shape (n,), in the units of the model."""
+        return rates(self.solution.model, *_standing(self.solution, -1), _values(self.solution))
 
 
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
@@ -158,15 +129,107 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     >>> round(float(variations(run).matrix[0, 0]), 12) == round(float(sp.exp(-1)), 12)
     True
     """
-    steps = _steps(solution)
-    chosen = chosen_parameters(solution.system, parameters)
+    return moved(solution, chosen_parameters(solution.system, parameters))
+
+
+def chosen_parameters(system: Any, names: Sequence[Any]) -> tuple[sp.Symbol, ...]:
+    return tuple(checks.lookup(name, system.parameters, "`parameters`", "parameter") for name in names)
+
+
+def moved(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> Variations:
+    """What `variations` gives, for what has been looked at."""
+    if solution.dense is None and solution.tape is None:
+        raise ValueError("`solution` has no dense output. Solve with dense_output=True.")
+    matrix, degenerate = _replayed(solution, chosen) or _collocated(solution, chosen)
+    n, ambiguous = len(solution.x), [str(a) for a in solution.ambiguities]
+    return Variations(matrix[:, :n], matrix[:, n:], degenerate + ambiguous, solution, chosen)
+
+
+def _values(solution: Solution) -> np.ndarray:
+    return np.array([solution.parameters[p.name] for p in solution.model.parameters])
+
+
+def has_series(solution: Solution) -> bool:
+    """Whether the solution has a tape that is played again: steps by series, of a system without loops."""
+    return solution.tape is not None and not solution.tape.method and solution.model.families is None
+
+
+def _replayed(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.ndarray, list[str]] | None:
+    """The first n rows of the fundamental matrix of (x, q), and where it has none; None without series.
+
+    What the tape does not tell the dense output does, where it was kept.
+    """
+    model, tape = solution.model, solution.tape
+    if not has_series(solution):
+        return None
+    n, N, p = len(solution.x), len(solution.x) + len(chosen), tape.p
+    start, seeds, clock = np.eye(n, N), np.zeros((len(p), N)), np.zeros((len(tape.clock), N))
+    for column, symbol in enumerate(chosen, n):
+        if symbol in model.parameters:
+            seeds[model.parameters.index(symbol), column] = 1.0
+        if len(clock):
+            given = dict(zip(model.parameters, p))
+            clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, symbol)
+    run = replay(model, tape, start, seeds, clock=clock, points=False)
+    if not run.known and solution.dense is not None:
+        with contextlib.suppress(np.linalg.LinAlgError):  # of an instant that neither tells
+            return _collocated(solution, chosen)
+    degenerate = without_derivative(solution, run.instant_t, run.instant_why)
+    if not np.isnan(run.stopped):
+        return np.full((n, N), np.nan), [*degenerate, f"t = {run.stopped:.9g}: a step has no Taylor series"]
+    return run.end, degenerate
+
+
+def _begin(solution: Solution) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states, multipliers and their status where the first step begins."""
+    tape = solution.tape
+    if tape is not None:
+        k = tape.first_step
+        return *_standing(solution, k), np.where(np.abs(tape.entries[k, 4:]) == 1, tape.entries[k, 4:], 0)
+    k = int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1
+    return *_standing(solution, k), solution.status[:, k]
+
+
+def _standing(solution: Solution, k: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Time, states and multipliers at an entry of the tape, or in a column of a run without."""
+    tape, n, m = solution.tape, len(solution.x), len(solution.mult)
+    if tape is None:
+        return float(solution.t[k]), solution.x[:, k], solution.mult[:, k]
+    return float(tape.values[k, 0]), tape.values[k, 2 : 2 + n], tape.values[k, 2 + n : 2 + n + m]
+
+
+def sticks_at_start(solution: Solution) -> bool:
+    return 0 in _begin(solution)[3]
+
+
+def without_derivative(solution: Solution, times: np.ndarray, why: np.ndarray) -> list[str]:
+    """Instants of a replay that have no derivative, in words."""
+    if not why[:, 0].any():
+        return []
+    # The last impacts before an accumulation are always slow; what follows from it contains their effect.
+    ends = solution.event_times("accumulation")
+    return [
+        f"t = {t:.9g}: {said}" for t, said in instants_without(solution.model, times, why)
+        if not np.any((ends >= t) & (ends - t < CHATTER * (1 + abs(t))))
+    ]  # fmt: skip
+
+
+def _collocated(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.ndarray, list[str]]:
+    """The same from dense output."""
     line = linearise(solution.model, chosen)
-    values = np.array([solution.parameters[str(p)] for p in solution.model.parameters])
-    groups = steps.statuses(solution)
-    transitions = _transitions(line, steps, groups, values)
+    moves, salts = factors(solution, line)
+    total = np.eye(line.N)
+    for _, factor in moves:
+        total = factor @ total
+    return total[: line.n], [s.degenerate for s in salts if s.degenerate]
+
+
+def factors(solution: Solution, line: Linearised) -> tuple[list[tuple[float, np.ndarray]], list[Saltation]]:
+    """Factors (N, N) of a fundamental matrix with the end time of each, steps and saltations, in order of time."""
+    steps, values = _steps(solution), _values(solution)
+    transitions = _transitions(line, steps, steps.statuses(solution), values)
     salts = saltations(line, solution, values)
-    n, N = line.n, line.N
-    first = tangent_projector(line, solution, values)
+    first = tangent_projector(line, *_begin(solution), values)
     moves = [] if first is None else [(float(solution.t[0]), first)]
     jumps = [(s.time, s.matrix) for s in salts]
     done = 0
@@ -174,22 +237,7 @@ def variations(solution: Solution, parameters: Sequence[Any] = ()) -> Variations
     for count, end, transition in zip(before, steps.ends, transitions):
         moves += [*jumps[done:count], (float(end), transition)]
         done = count
-    moves += jumps[done:]
-    total = np.eye(N)
-    for _, factor in moves:
-        total = factor @ total
-    c = [int(np.searchsorted(solution.t, solution.t[0], side="right")) - 1, -1]
-    f = line.blocks(solution.t[c], solution.x[:, c], solution.mult[:, c], values).f
-    return Variations(
-        total[:n, :n],
-        total[:n, n:],
-        [factor for _, factor in moves],
-        np.array([time for time, _ in moves]),
-        salts,
-        f[0],
-        f[1],
-        [str(a) for a in solution.ambiguities],
-    )
+    return moves + jumps[done:], salts
 
 
 @dataclass(frozen=True)
@@ -212,6 +260,8 @@ class _Steps:
 
 def _steps(solution: Solution) -> _Steps:
     dense = solution.dense
+    if solution.course is not None:
+        raise ValueError("`solution` has its columns at `t_eval`, not at its events; solve without `t_eval`.")
     if isinstance(dense, Dense) and dense.time_coefficients is not None and dense.length is not None:
         time = dense.time_coefficients
         return _Steps(

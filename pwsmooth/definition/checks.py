@@ -148,7 +148,7 @@ def period(value, parameters, what="`period`"):
         raise ValueError(
             f"{what} is {e}, in which {listing(unknown)} is no parameter of the system; they are {listing(parameters)}."
         )
-    if not (T := number(e.subs(parameters), what)) > 0:
+    if not (T := number(e.subs(parameters) if e.free_symbols else e, what)) > 0:
         raise ValueError(f"{what} is {e} = {T:g}; give a positive period.")
     return e
 

@@ -171,7 +171,7 @@ class Path(EventDriven):
             view.model, Options("auto", 1e-9, np.full(n, 1e-12), False, math.inf, max_steps, None, strict)
         )
         self.owner = run
-        self.problem = _free(self.parts.problem(np.array(view.parameter_values, float)), run.lowered)
+        self.problem = _free(self.parts.new_problem(np.array(view.parameter_values, float)), run.lowered)
         self.tolerances = _steps(noise)
 
     def diffuse(self, first, last, start, times, spending):

@@ -11,6 +11,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition.model import Model, Table
+from ..definition.pointwise import value
 from .budget import MOST_STEPS
 
 
@@ -22,12 +23,12 @@ def instants_of_time(
     if all(event.every is None and not event.at for event in model.events):
         return instants[0], owners[0]
     for i, event in enumerate(model.events):
-        when = np.array([float(at.subs(values)) for at in event.at if not isinstance(at, Table)])
+        when = np.array([value(at, values) for at in event.at if not isinstance(at, Table)])
         for table in event.tables:
             table.check(t0, t1)
             when = table.instants
         if event.every is not None:
-            every = float(event.every.subs(values))
+            every = value(event.every, values)
             if not every > 0:
                 raise ValueError(f"Event {event.name!r}: `every` is {every:g}; give a period > 0.")
             # Every instant costs a step: beyond the bound on steps none is reached.
@@ -59,10 +60,10 @@ def slopes_of_instants(
         if not own.any():
             continue
         when = instants[own]
-        if event.every is not None:
-            slopes[own] = when / float(event.every.subs(values)) * float(event.every.diff(symbol).subs(values))
+        if event.every is not None and symbol in event.every.free_symbols:
+            slopes[own] = when * value(event.every.diff(symbol) / event.every, values)
         for at in event.at:
             if not isinstance(at, Table) and symbol in at.free_symbols:
-                here = own & np.isclose(instants, float(at.subs(values)), rtol=1e-14, atol=0.0)
-                slopes[here] = float(at.diff(symbol).subs(values))
+                here = own & np.isclose(instants, value(at, values), rtol=1e-14, atol=0.0)
+                slopes[here] = value(at.diff(symbol), values)
     return slopes

@@ -227,6 +227,40 @@ class EventDriven:
             self._keep(room)
         return solution
 
+    def in_parts(
+        self, system: Any, p: np.ndarray, t0: float, ends: list[float], start: Any, spending: Budget, take: Any
+    ) -> None:  # fmt: skip
+        """One run to the last of `ends`, however long, in buffers that do not grow: `take` is given it in parts.
+
+        Each is a Solution with its tape; parts end where the buffers are full, and at the `ends`.
+        """
+        problem = self.parts.problem(p, self.one_step)
+        control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
+        t_end, later = control.scalar("t_end"), iter(ends)
+        t_end[0] = next(later)
+
+        def part(code: int, record: Any) -> Any:
+            solution = self.finish(system, code, problem, state, record)
+            solution.tape = self._tape(p, control, state, record)
+            take(solution)
+            state.points = state.events = state.ambiguities = state.taped = 0
+            return record
+
+        def advance(record: Any) -> int:
+            while (code := self.loop(problem, control, state, record, self.work)) == Outcome.FINISHED:
+                part(code, record)
+                if t_end[0] == ends[-1]:
+                    break
+                t_end[0] = next(later)
+            return code
+
+        def emptied(record: Any) -> Any:
+            return part(Outcome.FINISHED, record)
+
+        code, record = self.advanced(advance, emptied, control, state, self.first_record(), spending)
+        if code != Outcome.FINISHED:
+            part(code, record)
+
     def advanced(self, advance: Any, more: Any, control: Any, state: Any, record: Any, spending: Budget) -> Any:
         """(code, record) of `advance(record)` at its end; full buffers go on as `more(record)`, or are the end.
 
@@ -423,10 +457,11 @@ class EventDriven:
     def _dense(self, blocks, lengths, t, status) -> Dense:
         n = len(self.model.states)
         time = blocks[:, -1]
-        column = np.clip(np.searchsorted(t, time[:, 0], side="right") - 1, 0, len(t) - 1)
+        column = np.maximum(np.searchsorted(t, time[:, 0], side="right") - 1, 0)
         self._pin(blocks[:, :n].swapaxes(0, 1), status[column])
         ends = np.zeros(len(lengths))
-        for k in range(time.shape[1] - 1, -1, -1):
+        # Of most runs t(s) = t0 + s on every step.
+        for k in range(int(np.flatnonzero(time.any(axis=0)).max(initial=0)), -1, -1):
             ends = ends * lengths + time[:, k]
         return Dense(time[:, 0].copy(), ends, blocks[:, :n], blocks[:, n:-1], time, lengths)
 

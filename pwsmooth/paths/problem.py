@@ -16,7 +16,7 @@ from ..codegen import compile_model
 from ..codegen.machine.units import UNITS, unit_address, unit_addresses
 from ..definition.folds import fold_model
 from ..definition.model import EventSpec, Model, Multiplier
-from ..definition.pointwise import fingerprint
+from ..definition.pointwise import fingerprint, value
 from ..definition.regularity import may_skip_orders
 from ..definition.sigmoids import sigmoid
 from ..definition.singular import KINDS
@@ -189,14 +189,15 @@ class CompiledProblem:
     def problem(self, p: np.ndarray, method: str = ""):
         """The Problem at parameter values p (one per symbol of model.parameters), for jets or a method of one step.
 
-        This thread's last one is kept: some forty arrays, half of the cost of a short run, depend on p alone.
+        This thread's one is kept: of its some forty arrays, half of the cost of a short run, two depend on p.
         """
         kept = self.kept("problems")
-        known, made = kept.get(method, (None, None))
-        if known != p.tobytes():
-            made = self.new_problem(p.copy(), method)
-            kept[method] = p.tobytes(), made
-        made.p[:] = p  # a sweep writes each orbit's values there
+        made = kept.get(method)
+        if made is None:
+            made = kept[method] = self.new_problem(p.copy(), method)
+        made.p[:] = p
+        if self.ratios:
+            made.ratio[:] = self._ratios_at(p)
         return made
 
     def new_problem(self, p: np.ndarray, method: str = ""):
@@ -206,16 +207,19 @@ class CompiledProblem:
             fixed = fixed | dict(step_unit=unit_address(method or "rk"))
         if method:
             fixed = fixed | dict(pair=1, jet_fold=0)
-        at = dict(zip(self.model.parameters, p.tolist(), strict=True))
-        ratio = [1e3 if r == sp.oo else float(r.subs(at)) for r in self.ratios]
         weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)
         return state.Problem(
             p=p,
             fold_bias=np.zeros(len(p) + self.code.m),
             weight=1.0 / weight,
-            ratio=np.array(ratio, float),
+            ratio=self._ratios_at(p),
             **fixed,
         )
+
+    def _ratios_at(self, p: np.ndarray) -> np.ndarray:
+        """Relaxation of the layered states over that of the layer."""
+        at = dict(zip(self.model.parameters, p.tolist(), strict=True))
+        return np.array([1e3 if r == sp.oo else value(r, at) for r in self.ratios])
 
     def work(self, order: int):
         """Scratch arrays for one run: those of this thread's last run of the order, which no run leaves in use."""

@@ -16,7 +16,7 @@ from ..codegen import compile_model
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
-from ..kernels.tangent.state import ZEROS, Flow, Tangent
+from ..kernels.tangent.state import UNKNOWN, ZEROS, Flow, Tangent
 from .problem import compiled_problem, terms
 
 _PLACES = 64  # wanted times on one way that are looked at together
@@ -44,6 +44,12 @@ class Tape(NamedTuple):
         steps = np.searchsorted(np.flatnonzero(parts), meets)
         return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
 
+    @property
+    def first_step(self) -> int:
+        """Its entry, where the run stands as it holds from the start on; of a run without steps the last one."""
+        steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
+        return int(steps[0]) if steps.size else len(self.entries) - 1
+
 
 class Deviations(NamedTuple):
     """What a replay gives, for each of the columns that it began with."""
@@ -57,6 +63,11 @@ class Deviations(NamedTuple):
     instant_w: np.ndarray  # (instants, 2 n, columns), before and after, along with the instant's time
     stopped: float  # time of the step that has no series, or nan
     off: np.ndarray  # (columns,) what led out of the surfaces on which the run begins
+
+    @property
+    def known(self) -> bool:
+        """Whether every step and every instant has been gone through by a rule that is known."""
+        return np.isnan(self.stopped) and not (self.instant_why[:, 0] == UNKNOWN).any()
 
 
 class _FlowOf:
@@ -169,7 +180,7 @@ def compiled_tangents(model: Model) -> CompiledTangents:
     return CompiledTangents(model)
 
 
-def _instant(tape: Tape) -> float:
+def instant_of(tape: Tape) -> float:
     """Times that differ by less are one."""
     return 1e-12 * float(tape.values[-1, 0] - tape.values[0, 0])
 
@@ -206,7 +217,7 @@ def replay(
         tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
         first = np.abs(tape.values[0, 2 : 2 + n])
         tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(tape.p), (start != 0).T @ first)
-        tangent.instant = _instant(tape)
+        tangent.instant = instant_of(tape)
         stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(kinds))
         found, end = tangent.instants, tangent.w[:, :k].copy()
         samples, off = tangent.samples, tangent.off[:k].copy()
@@ -267,7 +278,7 @@ def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
     )  # fmt: skip
     with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
         tangent.seeds[:, n : n + count] = np.eye(count)
-        tangent.scale[n : n + count], tangent.instant = np.abs(tape.p), _instant(tape)
+        tangent.scale[n : n + count], tangent.instant = np.abs(tape.p), instant_of(tape)
         tangent.slope[:] = cost.end
         tangent.backward, tangent.bad = 1, -1
         tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)

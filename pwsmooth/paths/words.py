@@ -1,10 +1,11 @@
-"""The event-driven kernels' integers in words: events, ambiguities.
+"""The event-driven kernels' integers in words: events, ambiguities, instants without derivative.
 
 Chain: kernels/state.py (the integers) -> **this file** -> event_driven.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import sympy as sp
 from ..definition.model import EventSpec, Model
 from ..definition.singular import remedy
 from ..kernels import state as names
+from ..kernels.tangent.state import CORNER, GRAZES
 from ..results.outputs import vectorised
 from ..results.records import CONFLICTING_UPDATES, Ambiguity, EventRecord
 
@@ -117,3 +119,16 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         what = str(model.multipliers[index].symbol) if index < m else model.events[index - m].name
         found.append(Ambiguity(t, what, name, choice, continuations))
     return found
+
+
+def instants_without(model: Model, times: np.ndarray, why: np.ndarray) -> Iterator[tuple[float, str]]:
+    """Instants of a replay that have no derivative, and why in words."""
+    known = [str(mu.symbol) for mu in model.multipliers] + [event.name for event in model.events]
+    reasons = {
+        GRAZES: "touches its surface (grazing)",
+        CORNER: "meets its surface together with others, in an order that any change may turn (a corner)",
+    }
+    for t, (reason, cause) in zip(times.tolist(), why.tolist()):
+        if reason:
+            subject = f"{known[cause]} " if 0 <= cause < len(known) else ""
+            yield t, subject + reasons.get(reason, "begins anew by a rule that has no derivative")

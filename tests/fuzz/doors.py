@@ -36,7 +36,7 @@ import public_names
 
 import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, scenes, solve
-from pwsmooth.analysis import linearised, sections, sticking
+from pwsmooth.analysis import sections, sticking
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.sweep import study
 
@@ -159,7 +159,6 @@ def subjects():
     times = np.linspace(0, 1, 21)
     many = {"start": start, "period": drive, "transient": 1, "periods": 2, "measures": ["period"], **short}
     motion = np.sin(6 * times)
-    line, values = linearised.linearise(system.model), np.array(system.parameter_values)
     word = {"velocity": v}
     out = tempfile.mkdtemp()
     path = Path(out) / "study.toml"
@@ -222,12 +221,8 @@ def subjects():
         "branch_off": dict(bifurcation=flip, amplitude=0.05),
         "change_between": dict(one=orbit, other=orbit),
         "same_itinerary": dict(one=orbit, other=orbit),
-        "linearise": dict(model=system.model),
         "largest_exponent": dict(solution=run),
         "refine": dict(map_=strobe, x0=start),
-        "saltations": dict(line=line, solution=run, p=values),
-        "tangent_projector": dict(line=line, solution=run, p=values),
-        "Linearised": dict(model=system.model),
         "Section": dict(system=free, surface=v, options=short),
         "Stroboscopic": dict(system=system, period=drive, options=short),
         "word_of": dict(solution=run),
@@ -236,7 +231,6 @@ def subjects():
         "linear_sticking": dict(drive=0, stiffness=1, load=1),
         "nonlinear_sticking": dict(drive=0, stiffness=1, load=1, gamma=1 - z**2, lam=z, rho=3),
         "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
-        "chosen_parameters": dict(system=system, names=["k"]),
         "variations": dict(solution=run, parameters=["k"]),
         "fit": dict(
             law=friction.Coulomb(sigma2=0.1),

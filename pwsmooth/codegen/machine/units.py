@@ -41,6 +41,7 @@ MORE_UNITS = {
     "kick_act_smooth": ("noise.kicks", "kick_act_smooth"),
     "diffuse": ("noise.path", "diffuse"),
     "replay": ("tangent.replay", "replay"),
+    "growth": ("tangent.growth", "growth"),
     "diffuse_many": ("noise.many", "diffuse_many"),
 }
 # Those of the smoothed path; behind the loop in the order of stiff_call.ATTEMPT_UNIT and its successors.
@@ -118,6 +119,13 @@ def tangent_replay():
         unit_address("replay")
     )
     return lambda P, V, count: replay(P.address, V.address, count)
+
+
+@cache
+def tangent_growth():
+    """kernels.tangent.growth as a Python function of three Bundles."""
+    growth = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)(unit_address("growth"))
+    return lambda P, V, F: growth(P.address, V.address, F.address)
 
 
 @cache

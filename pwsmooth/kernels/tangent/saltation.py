@@ -107,7 +107,7 @@ def multipliers(P, V, w, dt, mask, first, last):
 @kernel
 def _change(P, V, i, kinds, out):
     """Overwrites `out` by the deviations at fixed time of surface i (`kinds` is H_X), or of residual i with its
-    multiplier fixed (G_X), its rate as that of the last column but seven; returns the size of what the rate is made of."""
+    multiplier fixed (G_X), its rate as that of the last column but seven; returns the size of the rate's terms."""
     entries, wide, size = V.entries_point, V.w.shape[1], 0.0
     for block in range(0, wide, 8):
         store8(out, block, splat8(0.0))
