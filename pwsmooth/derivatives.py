@@ -227,14 +227,14 @@ class Derivatives(Described):
         return replay(model, tape, start, seeds, times, clock, points)
 
     @functools.cached_property
-    def _whole(self) -> Deviations:
-        times = None if self._solution.course is None else self._solution.t
-        return self._replay(times, points=times is None)
+    def _outline(self) -> Deviations:
+        """The end and the events."""
+        return self._replay(None, points=False)
 
     @functools.cached_property
     def problems(self) -> list[NoDerivative]:
         """Instants from which the run has no derivative, the first first."""
-        run = self._whole
+        run = self._outline
         marked = [(why, cause, t) for t, (why, cause) in zip(run.instant_t, run.instant_why) if why]
         found = problems(self._solution, marked, dict(zip(self.names, run.off)))
         if run.stopped == run.stopped:
@@ -263,8 +263,9 @@ class Derivatives(Described):
         """Of states and multipliers, quantities, times."""
         solution = self._solution
         self._defined(solution.t[-1])
-        run, n = self._whole, len(solution.x)
-        found = run.at_point if solution.course is None else run.at_sample
+        own = solution.course is None
+        run, n = self._replay(None if own else solution.t, points=own), len(solution.x)
+        found = run.at_point if own else run.at_sample
         found = np.moveaxis(found, 0, -1)
         return found[:n], found[n:]
 
@@ -272,7 +273,7 @@ class Derivatives(Described):
     def end(self) -> np.ndarray:
         """Of the states at the end of the run, shape (n, k)."""
         self._defined(self._solution.t[-1])
-        return self._whole.end
+        return self._outline.end
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Of a state, multiplier or output at the solution's times, shape (k, nt)."""
@@ -375,7 +376,7 @@ class Derivatives(Described):
             There is no such event; one at the very start.
         """
         event = self._solution.events[i]
-        run = self._whole
+        run = self._outline
         near = _SAME_INSTANT * max(abs(event.time), float(np.ptp(self._solution.t)))
         self._defined(event.time + near)
         k = int(np.argmin(np.abs(run.instant_t - event.time))) if len(run.instant_t) else -1
@@ -404,7 +405,7 @@ class Derivatives(Described):
         NoDerivative
             One of them has none.
         """
-        run = self._whole
+        run = self._outline
         times = self._solution.event_times(kind, switch)
         if not len(times):
             return np.zeros((0, len(self.names)))
