@@ -11,6 +11,7 @@ import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from pwsmooth import Drive
 from pwsmooth.laws import friction
 from pwsmooth.scenes import (
     block_on_belt,
@@ -255,3 +256,12 @@ def test_stiff_bristles_tend_to_the_switching_block_with_order_one_half(kind):
         distances.append(np.hypot(run["y"][0] - block["y"][0], run["v"][0] - block["v"][0]))
     slope = -np.polyfit(np.log(stiffness), np.log(distances), 1)[0]
     assert slope == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_law_that_begins_relaxed_under_a_record_begins_at_its_rate():
+    times = np.linspace(0, 3, 241)
+    law = friction.MultistateXKY()
+    record = prescribed_motion(law, position=Drive(times, np.sin(4 * times) / 2))
+    formula = prescribed_motion(law, position=sp.sin(4 * t) / 2, t_span=(0, 3))
+    assert record.start["s"] == pytest.approx(formula.start["s"], rel=1e-6)
+    assert record.solve()["force"][-1] == pytest.approx(formula.solve()["force"][-1], rel=1e-3)

@@ -229,6 +229,7 @@ def assemble(
     system = System(rates, time=time, parameters=values, outputs=shown, drives=drives, **parts)
     groups = system.groups
     known = {p.name: v for p, v in system.parameters.items()} | ({} if time is None else {str(time): begin})
+    known |= {str(symbol): record.at(begin) for symbol, record in (drives or {}).items()}
     for own in (start, first):  # the mechanism's own are numbers; a law's may be expressions of them
         known |= {str(key): drive.value(e, known, f"`start`, value of {key}") for key, e in own.items()}
 
