@@ -44,7 +44,7 @@ def fit(
     intervals: int | None = None,
     rtol: float = 1e-9,
     max_runs: int = 200,
-    max_steps: int = 1_000_000,
+    max_steps: int = 200_000,
     progress: bool | None = None,
     callback: Callable[[Iteration], None] | None = None,
 ) -> Fit:
@@ -64,13 +64,14 @@ def fit(
     priors : mapping of (str or Symbol) to (float, float), optional
         Mean and standard deviation of what is known of a parameter before.
     intervals : int, optional
-        Into how many each record is cut (multiple shooting); 1, single shooting, where no state is measured.
+        Into how many each record is cut where a state is measured (multiple shooting); by default one of 20 samples
+        each, 30 at most. 1 is single shooting.
     rtol : float, dimensionless
         Of the runs.
     max_runs : int
         Bound on runs along all records.
     max_steps : int
-        Bound on the steps of one run.
+        Bound on the steps of one run, over an interval.
     progress : bool, optional
         Tell each iteration on stderr; by default on a terminal.
     callback : callable, optional

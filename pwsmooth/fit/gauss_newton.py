@@ -1,13 +1,11 @@
-"""Least squares with gaps to close: Gauss and Newton's step in a box, which a filter accepts.
+"""Least squares with gaps to close: Gauss and Newton's step in a box.
 
     min over d in the box of  | r + a B + J d |^2,     d nodes = a b + A d
 
 B and b close the gaps (shooting.py), by the fraction a; without nodes this is a bounded trust-region method. A step is
-accepted where it lessens the misfit as much as the model says, or, while gaps are open, where no earlier point was better
-in both misfit and gap.
+accepted where misfit + nu * gap becomes smaller, with nu so large that the step promises as much.
 
-Source: Fletcher and Leyffer, Nonlinear programming without a penalty function, 2002, for the filter; Bock 1983 for the
-step. SciPy's least_squares has no constraints, and its step would see the gaps as residuals of some weight.
+Source: Bock 1983 for the step; Nocedal and Wright, Numerical Optimization, 2006, sec. 18.3, for nu. SciPy's least_squares has no constraints, and its step would see the gaps as residuals of some weight.
 Chain: shooting.py -> **gauss_newton** -> fitting.py.
 """
 
@@ -21,9 +19,10 @@ import numpy as np
 from .shooting import Evaluation, Linearised, RunFailed, Shooting
 
 _CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
-_FLAT = 1e-9  # of the misfit: a change that tells nothing
+_FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
-_FIRST, _WIDEST, _NARROWEST = 0.5, 3.0, 1e-10  # half widths of the box; coordinates are logarithms or of size 1
+_FIRST, _WIDEST, _NARROWEST = 0.5, 3.0, 1e-5  # half widths of the box; coordinates are logarithms or of size 1
+_LEAST = "The misfit does not become smaller any more."
 
 
 class Iteration(NamedTuple):
@@ -70,7 +69,7 @@ def minimise(
     low, high = problem.coordinates.low, problem.coordinates.high
     at = problem.evaluate(z, nodes)
     slopes = problem.linearise(z, at)
-    box, part, seen, runs, failures, accepted = _FIRST, 1.0, [(at.misfit, at.gap)], 1, 0, 0
+    box, part, nu, every, runs, failures, accepted = _FIRST, 1.0, 0.0, 1, 1, 0, 0
     success, message = False, f"{most} runs were not enough: give a better first guess, or a larger `max_runs`."
     try:
         told(Iteration(0, at.misfit, at.gap, at.values))
@@ -85,35 +84,46 @@ def minimise(
                 ).x
             predicted = at.misfit - 0.5 * float(np.sum((slopes.jacobian @ step - target) ** 2))
             closed = at.gap <= _CLOSED
-            if closed and (predicted <= _FLAT * at.misfit or np.abs(step).max(initial=0.0) <= _STILL):
-                success, message = True, "The misfit does not become smaller any more."
+            size = float(np.abs(step).max(initial=0.0))
+            if closed and size <= _STILL:
+                success, message = True, _LEAST
                 break
+            if box < _NARROWEST and not closed:
+                every *= 2  # where it is no smooth function of the nodes, go on with fewer of them
+                at = problem.evaluate(z, at.nodes, every)
+                slopes = problem.linearise(z, at)
+                box, part, nu, runs = _FIRST, 1.0, 0.0, runs + 1
+                continue
             if box < _NARROWEST:
                 success, message = closed, "No step lessens the misfit: it is no smooth function here, or the least one."
                 break
+            if at.gap:
+                nu = max(nu, -2 * predicted / (part * at.gap))
+            promised = predicted + nu * part * at.gap
             there = np.clip(z + step, low, high)
             moved = [own + A @ step + part * b for own, A, b in zip(at.nodes, slopes.node_slopes, slopes.node_closing)]
             runs += 1
             try:
-                trial = problem.evaluate(there, moved)
+                trial = problem.evaluate(there, moved, every)
+                gained = at.misfit - trial.misfit + nu * (at.gap - trial.gap)
             except (RunFailed, ValueError):
                 failures += 1
-                box, part = 0.25 * min(box, np.abs(step).max(initial=0.0) or box), 0.5 * part
+                gained = -np.inf
+            flat = closed and predicted <= _FLAT * at.misfit
+            if not gained >= (0.0 if flat else 1e-4 * promised):
+                if flat:
+                    success, message = True, _LEAST
+                    break
+                box, part = 0.25 * min(box, size or box), 0.5 * part
                 continue
-            gained = at.misfit - trial.misfit
-            if closed and trial.gap <= max(_CLOSED, 2 * at.gap) or not len(at.gaps):
-                good = gained >= 1e-4 * predicted
-            else:
-                good = all(trial.gap <= 0.9 * gap or trial.misfit <= misfit - 1e-3 * gap for misfit, gap in seen)
-            if not good:
-                box, part = 0.25 * min(box, np.abs(step).max(initial=0.0) or box), 0.5 * part
-                continue
-            if gained > 0.5 * predicted or trial.gap < 0.5 * at.gap:
+            if gained > 0.5 * promised:
                 box = min(2.0 * box, _WIDEST)
             z, at, part, accepted = there, trial, min(1.0, 2.0 * part), accepted + 1
-            seen.append((at.misfit, at.gap))
             slopes = problem.linearise(z, at)
             told(Iteration(accepted, at.misfit, at.gap, at.values))
+            if flat:
+                success, message = at.gap <= _CLOSED, _LEAST
+                break
     except KeyboardInterrupt:
         success, message = False, "Interrupted: this is the best point until then."
         slopes = problem.linearise(z, at)

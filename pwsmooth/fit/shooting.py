@@ -28,8 +28,10 @@ from ..solve import solve
 from .coordinates import Coordinates
 from .records import Record
 
-_BESIDE = 1e-9  # of the interval: how near to an instant without a derivative a run ends, and begins anew
-_MANY = 50  # such instants of one interval: after them its samples move with nothing
+_BESIDE = 1e-9, 1e-7, 1e-5  # of an interval: how near to an instant without a derivative a run ends, and begins anew
+_SAMPLES, _MOST = 20, 30  # of an interval, and intervals, where the user says nothing
+_CHOICES = "the motion is not unique", "it begins on a surface"  # reasons of NoDerivative at a start
+_MANY = 20  # such instants of one interval: after them its samples move with nothing
 
 
 class Arc(NamedTuple):
@@ -73,9 +75,8 @@ class Experiment:
         self.unknown = [self.states.index(name) for name in record.unknown]
         curves = self._curves()
         self.relaxed = np.array([name in curves for name in self.states])
-        if intervals is None:
-            intervals = 1
-        self.cuts = self._cuts(intervals if curves else 1)
+        wanted = min(len(self.t) // _SAMPLES, _MOST) if intervals is None else intervals
+        self.cuts = self._cuts(max(1, wanted) if curves else 1)
         tables = {k for event in self.system.model.events if event.tables for k, _ in event.update}
         self.differentiable = [name for i, name in enumerate(self.states) if i not in tables]
         self.nodes = self._first_nodes(curves, guesses)
@@ -138,6 +139,24 @@ class Experiment:
         self.scale = np.where((size > 0) & np.isfinite(size), size, 1.0)
         return np.array(found[:-1]).reshape(-1, len(self.states))
 
+    @functools.cached_property
+    def _surfaces(self) -> np.ndarray:
+        """Of each multiplier the states that are not free while it is solved, shape (m, n): of its surface, and of h'."""
+        model = self.system.model
+        rates = dict(zip(model.states, model.rhs))
+        found = np.zeros((len(model.multipliers), len(self.states)), bool)
+        for row, multiplier in zip(found, model.multipliers):
+            if multiplier.surface is not None:
+                of = multiplier.surface.free_symbols
+                if multiplier.kind == "contact":
+                    of = of.union(*(rates[x].free_symbols for x in of if x in rates))
+                row[:] = [x in of for x in model.states]
+        return found
+
+    def confined(self, status: np.ndarray) -> np.ndarray:
+        """States that lie on a surface with this status of the multipliers; shape (n,)."""
+        return self._surfaces[status == 0].any(axis=0)
+
     # ---- runs
 
     def arc(self, j: int, x: np.ndarray, values: Mapping[str, float]) -> Arc:
@@ -176,11 +195,10 @@ class Experiment:
         if not moved.shape[1]:
             return rows, moved
         a, x, by, solution = arc.begin, arc.start, arc.states, arc.solution
-        near = _BESIDE * (arc.end - arc.begin)
 
-        def along(solution, by, first, last):
+        def along(solution, last):
             place = [self.states.index(name) for name in by]
-            d = solution.derivatives
+            d, first = solution.derivatives, np.searchsorted(arc.times, a)
             for k, name in enumerate(self.names):
                 of = d[name].T[: last - first]
                 rows[k, first:last] = of[:, p:] @ moved[place]
@@ -190,18 +208,25 @@ class Experiment:
             return end
 
         for _ in range(_MANY):
-            first = np.searchsorted(arc.times, a)
+            # Where a run may begin in several ways the one that was taken stays, and states on a surface stay there.
+            d = solution.derivatives
+            d.problems = [found for found in d.problems if found.t > a or not found.reason.startswith(_CHOICES)]
             if not solution.derivatives.problems:
-                return rows, along(solution, by, first, len(arc.times))
+                return rows, along(solution, len(arc.times))
             problems.append(problem := solution.derivatives.problems[0])
-            before, a_next = problem.t - near, problem.t + near
-            if before > a:
-                last = np.searchsorted(arc.times, before, side="right")
-                moved = along(self._solved(a, before, x, values, arc.times[first:last], by), by, first, last)
-            if a_next >= arc.end:
+            for near in np.array(_BESIDE) * (arc.end - arc.begin):
+                if problem.t - near <= a:
+                    continue
+                last = np.searchsorted(arc.times, problem.t - near, side="right")
+                times = arc.times[np.searchsorted(arc.times, a) : last]
+                before = self._solved(a, problem.t - near, x, values, times, by)
+                if not before.derivatives.problems:
+                    moved = along(before, last)
+                    break
+            if (past := problem.t + near) >= arc.end:
                 break
-            x = self._solved(a, a_next, x, values, np.empty(0), []).x[:, -1]
-            a, by = a_next, self.differentiable
+            x = self._solved(a, past, x, values, np.empty(0), []).x[:, -1]
+            a, by = past, self.differentiable
             solution = self._solved(a, arc.end, x, values, arc.times[arc.times >= a], by)
         return rows, moved
 
@@ -258,11 +283,11 @@ class Shooting:
             for e in self.experiments
         ]  # fmt: skip
 
-    def evaluate(self, z: np.ndarray, nodes: Sequence[np.ndarray]) -> Evaluation:
+    def evaluate(self, z: np.ndarray, nodes: Sequence[np.ndarray], every: int = 1) -> Evaluation:
         """Runs all experiments; RunFailed where one stops, ValueError for values that a system does not take."""
         numbers = self.coordinates.values(z)
         values = dict(zip(self.coordinates.names, numbers.tolist()))
-        arcs, residual, gaps, held = [], [], [], []
+        arcs, residual, gaps, all_nodes = [], [], [], []
         for e, columns, weights, own in zip(self.experiments, self.columns, self.weights, nodes):
             x, runs, here = e.start.copy(), [], own.copy()
             x[e.unknown] = numbers[columns]
@@ -275,13 +300,14 @@ class Shooting:
                 runs.append(arc)
                 if j < len(own):
                     end = arc.solution.x[:, -1]
-                    here[j, ~e.relaxed] = end[~e.relaxed]
+                    held = ~e.relaxed | e.confined(arc.solution.status[:, -1]) | ((j + 1) % every != 0)
+                    here[j, held] = end[held]
                     gaps.append((end - here[j]) / e.scale)
                     x = here[j]
             arcs.append(runs)
-            held.append(here)
+            all_nodes.append(here)
         known = [(numbers[i] - mean) / spread for i, mean, spread in self.priors]
-        return Evaluation(values, np.concatenate([*residual, known]), np.concatenate([np.empty(0), *gaps]), arcs, held)
+        return Evaluation(values, np.concatenate([*residual, known]), np.concatenate([np.empty(0), *gaps]), arcs, all_nodes)
 
     def linearise(self, z: np.ndarray, at: Evaluation) -> Linearised:
         """Slopes of what was evaluated at z."""
