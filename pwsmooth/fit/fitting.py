@@ -141,17 +141,16 @@ def fit(
         try:
             found = minimise(problem, first, [e.nodes for e in experiments], fixed, max_runs, told)
             runs, failures = found.runs, found.failures
-            for _ in range(_ROUNDS if sizes else 0):
+            for i in range(_ROUNDS if sizes else 0):
                 before, levels = problem.levels, _levels(problem, found, sizes, rtol, 1 - unknowns / samples)
                 problem.weigh(levels)
-                ended = found.success, found.message
+                settled = all(abs(level - before[name]) <= _SETTLED * before[name] for name, level in levels.items())
+                if settled or not found.success or i == _ROUNDS - 1:
+                    at = problem.evaluate(found.z, found.at.nodes, found.every)
+                    found = found._replace(at=at, slopes=problem.linearise(found.z, at))
+                    break
                 found = minimise(problem, found.z, found.at.nodes, fixed, max_runs, told)
                 runs, failures = runs + found.runs, failures + found.failures
-                if not ended[0]:
-                    found = found._replace(success=ended[0], message=ended[1])
-                    break
-                if all(abs(levels[name] - before[name]) <= _SETTLED * before[name] for name in levels):
-                    break
         except RunFailed as error:
             raise ValueError(f"the run from the first guess stops: {error} Give other guesses or fewer `intervals`.") from None
     begun = clock.process_time()
@@ -254,19 +253,16 @@ def _telling(
     progress: bool | None, samples: int, callback: Callable[[Iteration], None] | None
 ) -> Iterator[Callable[[Iteration], None]]:
     """What each iteration is told to: the terminal, the callback, both or none."""
-    with contextlib.ExitStack() as stack:
-        status = None
-        if sys.stderr.isatty() if progress is None else progress:
-            from rich.console import Console
+    terminal = sys.stderr.isatty()
+    shown = terminal if progress is None else progress
 
-            status = stack.enter_context(Console(stderr=True).status("fit"))
+    def told(at: Iteration) -> None:
+        if shown:
+            line = f"fit: step {at.number}, misfit {at.misfit / samples:.6g} a sample, gaps {at.gap:.2g}"
+            print(f"{line:<70}", end="\r" if terminal else "\n", file=sys.stderr, flush=True)
+        if callback is not None:
+            callback(at)
 
-        def told(at: Iteration) -> None:
-            if status is not None:
-                status.update(
-                    f"fit: step {at.number}, misfit {at.misfit / samples:.6g} a sample, gaps {at.gap:.2g}"
-                )
-            if callback is not None:
-                callback(at)
-
-        yield told
+    yield told
+    if shown and terminal:
+        print(file=sys.stderr)

@@ -21,7 +21,7 @@ from .shooting import Evaluation, Linearised, RunFailed, Shooting
 _CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
-_FIRST, _WIDEST, _NARROWEST = 0.5, 3.0, 1e-5  # half widths of the box; coordinates are logarithms or of size 1
+_FIRST, _WIDEST, _NARROWEST = 0.5, 1.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
 _LEAST = "The misfit does not become smaller any more."
 
 
@@ -52,6 +52,7 @@ class Minimum(NamedTuple):
     z: np.ndarray
     at: Evaluation
     slopes: Linearised
+    every: int  # how many intervals are one: between them states are handed on
     success: bool
     message: str
     runs: int
@@ -76,16 +77,19 @@ def minimise(
         while runs < most:
             target = -(at.residual + part * slopes.closing)
             step = np.zeros(len(z))
+            norm = np.linalg.norm(slopes.jacobian, axis=0)
             if len(free):
-                below, above = np.fmax(low - z, -box)[free], np.fmin(high - z, box)[free]
-                slack = np.fmax(1e-12 * box - (above - below), 0.0)  # its bounds must differ
+                # What the data feel most moves least: the others go far along a narrow valley.
+                reach = np.fmin(box * norm.max() / np.where(norm > 0, norm, np.inf), _WIDEST)
+                below, above = np.fmax(low - z, -reach)[free], np.fmin(high - z, reach)[free]
+                slack = np.fmax(1e-12 - (above - below), 0.0)  # its bounds must differ
                 step[free] = lsq_linear(
                     slopes.jacobian[:, free], target, (below - slack, above + slack), method="bvls"
                 ).x
             predicted = at.misfit - 0.5 * float(np.sum((slopes.jacobian @ step - target) ** 2))
             closed = at.gap <= _CLOSED
-            size = float(np.abs(step).max(initial=0.0))
-            if closed and size <= _STILL:
+            felt = float(np.max(np.abs(step) * norm, initial=0.0) / (norm.max(initial=0.0) or 1.0))
+            if closed and np.abs(step).max(initial=0.0) <= _STILL:
                 success, message = True, _LEAST
                 break
             if box < _NARROWEST and not closed:
@@ -95,7 +99,7 @@ def minimise(
                 box, part, nu, runs = _FIRST, 1.0, 0.0, runs + 1
                 continue
             if box < _NARROWEST:
-                success, message = closed, "No step lessens the misfit: it is no smooth function here, or the least one."
+                message = "No step lessens the misfit: it is no smooth function here. Try other guesses or `intervals`."
                 break
             if at.gap:
                 nu = max(nu, -2 * predicted / (part * at.gap))
@@ -114,7 +118,7 @@ def minimise(
                 if flat:
                     success, message = True, _LEAST
                     break
-                box, part = 0.25 * min(box, size or box), 0.5 * part
+                box, part = 0.25 * min(box, felt or box), 0.5 * part
                 continue
             if gained > 0.5 * promised:
                 box = min(2.0 * box, _WIDEST)
@@ -127,4 +131,4 @@ def minimise(
     except KeyboardInterrupt:
         success, message = False, "Interrupted: this is the best point until then."
         slopes = problem.linearise(z, at)
-    return Minimum(z, at, slopes, success, message, runs, failures)
+    return Minimum(z, at, slopes, every, success, message, runs, failures)

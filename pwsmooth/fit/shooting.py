@@ -68,13 +68,12 @@ class Experiment:
         self.there = np.isfinite(self.data)
         used = self.there.any(axis=0)
         self.t, self.data, self.there = record.t[used], self.data[:, used], self.there[:, used]
-        self.begin = self.t[0] if record.begin is None else record.begin
+        self.begin = record.t[0] if record.begin is None else record.begin
         if not self.t[-1] > self.begin:
             raise ValueError("a Record has one sample at the time it begins; give several times, or an earlier `begin`.")
         self.start = self._start()
         self.unknown = [self.states.index(name) for name in record.unknown]
         curves = self._curves()
-        self.relaxed = np.array([name in curves for name in self.states])
         wanted = min(len(self.t) // _SAMPLES, _MOST) if intervals is None else intervals
         self.cuts = self._cuts(max(1, wanted) if curves else 1)
         tables = {k for event in self.system.model.events if event.tables for k, _ in event.update}
@@ -113,6 +112,7 @@ class Experiment:
         for name, row, there in zip(self.names, self.data, self.there):
             if name in self.states and name not in memories and there.sum() >= 5:
                 curve = make_smoothing_spline(self.t[there], row[there])
+                curve.extrapolate = False
                 found[name] = curve
                 if (rate := rates[name]) in self.states and rate not in (*memories, *self.names):
                     found[rate] = curve.derivative()
@@ -124,14 +124,17 @@ class Experiment:
         return np.concatenate([[self.begin], self.t[places[1:-1]], [self.t[-1]]])
 
     def _first_nodes(self, curves: Mapping[str, Any], values: Mapping[str, float]) -> np.ndarray:
-        """States between the intervals, shape (intervals - 1, n), and the size of each state."""
+        """States between the intervals, shape (intervals - 1, n), which of them are relaxed, and the size of each state."""
+        self.relaxed = np.zeros((len(self.cuts) - 2, len(self.states)), bool)
         x, found, size = self.start, [], np.abs(self.start)
         for j in range(len(self.cuts) - 1):
             solution = self.arc(j, x, values).solution
             size = np.fmax(size, np.abs(solution.x).max(axis=1))
             x = np.where(np.isfinite(solution.x[:, -1]), solution.x[:, -1], x)
             for name, curve in curves.items():
-                x[self.states.index(name)] = curve(self.cuts[j + 1])
+                if j < len(self.relaxed) and np.isfinite(value := curve(self.cuts[j + 1])):
+                    k = self.states.index(name)
+                    x[k], self.relaxed[j, k] = value, True
             found.append(x)
         for name, row, there in zip(self.names, self.data, self.there):
             if name in self.states:
@@ -300,7 +303,7 @@ class Shooting:
                 runs.append(arc)
                 if j < len(own):
                     end = arc.solution.x[:, -1]
-                    held = ~e.relaxed | e.confined(arc.solution.status[:, -1]) | ((j + 1) % every != 0)
+                    held = ~e.relaxed[j] | e.confined(arc.solution.status[:, -1]) | ((j + 1) % every != 0)
                     here[j, held] = end[held]
                     gaps.append((end - here[j]) / e.scale)
                     x = here[j]
