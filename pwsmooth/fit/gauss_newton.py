@@ -21,7 +21,7 @@ from .shooting import Evaluation, Linearised, RunFailed, Shooting
 _CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
-_FIRST, _WIDEST, _NARROWEST = 0.5, 1.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
+_FIRST, _WIDEST, _NARROWEST = 0.5, 0.5, 1e-6  # half widths of the box; coordinates are logarithms or of size 1
 _LEAST = "The misfit does not become smaller any more."
 
 
