@@ -1,4 +1,4 @@
-"""E12: what do exact derivatives and multiple shooting bring to the identification of friction, and which law wins?
+"""E12: how well is friction identified with exact derivatives and multiple shooting, and which law wins?
 
 Four questions on synthetic records with 1 % noise:
 
@@ -8,9 +8,9 @@ Four questions on synthetic records with 1 % noise:
    differences along one shot.
 4. Laws side by side on one presliding record of the law with most parameters.
 
-Expected: in 1 and 2 each identifiable combination lies within three standard errors of the truth for 9 seeds in 10. In 3 one
-shot seldom finds the truth, by whatever derivatives: the misfit has many minima, which intervals remove. In 4 the law that made
-the record has the smallest BIC.
+Expected: in 1 and 2 each identifiable combination lies within three standard errors of the truth for 9 seeds in 10.
+In 3 one shot seldom finds the truth, by whatever derivatives: the misfit has many minima, which intervals remove. In 4
+the law that made the record has the smallest BIC.
 
 Usage: python experiments/identification.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -98,8 +98,8 @@ def controlled(config):
 
 
 def oscillator(config):
-    scene, t = friction_oscillator(friction.HiddenStatic(rho=3.0, beta=0.1)), np.linspace(0, 60, 601)
-    y = scene.solve(t_eval=t)["y"]
+    scene, t = friction_oscillator(friction.HiddenStatic(rho=3.0, beta=0.1)), np.linspace(0, 120, 2401)
+    y = scene.solve((0, 120), t_eval=t)["y"]
 
     def problem(rng):
         data, level = noisy(y, config, rng)
@@ -139,7 +139,9 @@ def side_by_side(config):
             else:
                 found = fit(scene, record, first, intervals=None if name == "intervals" else 1, max_runs=100)
                 chi2, runs = found.chi2 / found.samples, found.runs
-            row.append({"seconds": time.process_time() - begun, "chi2": chi2, "runs": runs, "found": chi2 < 1.3})
+            row.append(
+                {"seconds": time.process_time() - begun, "chi2": chi2, "runs": runs, "found": chi2 < 1.3}
+            )
     return rows
 
 
@@ -172,7 +174,13 @@ def presliding(config):
             "states": len(scene.system.states) - 1, "free": [c.words for c in found.identifiability().free],
             "force": found.predicted("force"),
         }  # fmt: skip
-    return {"t": t, "x": sp.lambdify(clock, x)(t), "measured": force, "order": list(compare(fits).fits), "laws": table}
+    return {
+        "t": t,
+        "x": sp.lambdify(clock, x)(t),
+        "measured": force,
+        "order": list(compare(fits).fits),
+        "laws": table,
+    }
 
 
 def run(config: Config) -> dict:
@@ -221,15 +229,25 @@ def draw(data: dict):
     (errors, times), (force, rest) = fig.subplots(2, 2)
     for key, colour, shift in (("lugre", COLOUR["right"], -0.1), ("oscillator", COLOUR["left"], 0.1)):
         for row in data[key]:
-            errors.plot(np.arange(len(row["deviations"])) + 1 + shift, row["deviations"], ".", color=colour, markersize=4)
+            errors.plot(
+                np.arange(len(row["deviations"])) + 1 + shift,
+                row["deviations"],
+                ".",
+                color=colour,
+                markersize=4,
+            )
         errors.plot([], [], ".", color=colour, label="LuGre, controlled" if key == "lugre" else "oscillator")
     errors.axhspan(-3, 3, color=COLOUR["mark"], alpha=0.12, linewidth=0)
     errors.set(xlabel="combination, the best known first", ylabel="off by (standard errors)")
     errors.legend()
     for name, colour in zip(data["belt"], (COLOUR["right"], COLOUR["stick"], COLOUR["left"])):
         rows = data["belt"][name]
-        times.plot([r["seconds"] for r in rows], [r["chi2"] for r in rows], "o", color=colour, markersize=4, label=name)
-    times.set(xscale="log", yscale="log", xlabel="processor time (s)", ylabel="squared residual a sample / noise²")
+        times.plot(
+            [r["seconds"] for r in rows], [r["chi2"] for r in rows], "o", color=colour, markersize=4, label=name
+        )
+    times.set(
+        xscale="log", yscale="log", xlabel="processor time (s)", ylabel="squared residual a sample / noise²"
+    )
     times.legend()
     record = data["presliding"]
     colours = dict(zip(record["laws"], (COLOUR["right"], COLOUR["stick"], COLOUR["fast"], COLOUR["left"])))
@@ -246,8 +264,8 @@ def draw(data: dict):
 
 STUDY = Study(
     name="identification",
-    question="What do exact derivatives and multiple shooting bring to the identification of friction, and which law wins?",
-    expected="Errors that hold, stick-slip records that one shot cannot fit, and the law that made a record ahead of the others.",
+    question="How well is friction identified with exact derivatives and multiple shooting, and which law wins?",
+    expected="Errors that hold, a stick-slip record that one shot cannot fit, the law that made a record ahead of others.",
     full=Config(),
     fast=Config(seeds=3, starts=3, presliding=401),
     run=run, claims=claims, draw=draw,

@@ -1,4 +1,4 @@
-"""fit() recovers parameters and unknown starts of any system from records of its motion, with exact slopes and honest errors."""
+"""fit() recovers parameters and unknown starts of any system from records, with exact slopes and honest errors."""
 
 import math
 
@@ -9,7 +9,13 @@ import sympy as sp
 from pwsmooth import Drive, Event, Memory, System, solve
 from pwsmooth.fit import Record, compare, fit, fit_law
 from pwsmooth.laws import friction
-from pwsmooth.scenes import block_on_belt, force_driven, friction_oscillator, position_control, prescribed_motion
+from pwsmooth.scenes import (
+    block_on_belt,
+    force_driven,
+    friction_oscillator,
+    position_control,
+    prescribed_motion,
+)
 
 TIMES = np.linspace(0, 40, 401)
 NOISE = 0.01
@@ -170,7 +176,9 @@ def test_bounds_hold_and_are_told():
 
 def test_a_prior_counts_as_much_as_its_error_says():
     t = np.linspace(0, 6, 61)
-    x = solve(block(), (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"] + 0.02 * np.random.default_rng(3).normal(size=t.size)
+    x = solve(block(), (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"] + 0.02 * np.random.default_rng(3).normal(
+        size=t.size
+    )
     record = Record(t, {"x": x}, noise=0.02, start={"x": 3, "v": 0})
     free = fit(block(), record, ["k"])
     error = free.errors["k"]
@@ -186,7 +194,9 @@ def test_only_the_ratio_of_what_enters_as_a_ratio_is_identifiable():
     system = System({x: v, v: (-k * x - F * sp.sign(v)) / m}, parameters={m: 1, k: 1.5, F: 0.5})
     t = np.linspace(0, 6, 61)
     data = solve(system, (0, 6), {"x": 3, "v": 0}, t_eval=t)["x"]
-    one = fit(system, Record(t, {"x": data}, noise=0.01, start={"x": 3, "v": 0}), {"m": 1.5, "k": 2.0, "F": 0.6})
+    one = fit(
+        system, Record(t, {"x": data}, noise=0.01, start={"x": 3, "v": 0}), {"m": 1.5, "k": 2.0, "F": 0.6}
+    )
     (free,) = one.identifiability().free
     assert free.words == "m * k * F" and math.isinf(free.error)
     assert [math.isinf(error) for error in one.errors.values()] == [True] * 3

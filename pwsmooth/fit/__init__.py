@@ -14,5 +14,6 @@ from .records import Record
 from .result import Comparison, Fit, Profile, compare
 
 __all__ = [
-    "Combination", "Comparison", "Fit", "Identifiability", "Iteration", "Profile", "Record", "compare", "fit", "fit_law",
+    "Combination", "Comparison", "Fit", "Identifiability", "Iteration", "Profile", "Record", "compare", "fit",
+    "fit_law",
 ]  # fmt: skip

@@ -116,7 +116,9 @@ def fit(
         raise ValueError("`records` is empty; give at least one Record.")
     own = checks.system(system.system if isinstance(system, Scene) else system, "`system`")
     guesses = _guesses(own, parameters)
-    limits = {name: _bounds(pair, f"`bounds` of {name}") for name, pair in _spread(own, bounds, "bounds", guesses)}
+    limits = {
+        name: _bounds(pair, f"`bounds` of {name}") for name, pair in _spread(own, bounds, "bounds", guesses)
+    }
     options = dict(rtol=rtol, max_steps=max_steps)
     experiments = [Experiment(record, system, guesses, intervals, options) for record in given]
     coordinates, columns, first = _coordinates(own, guesses, limits, experiments)
@@ -144,7 +146,9 @@ def fit(
             for i in range(_ROUNDS if sizes else 0):
                 before, levels = problem.levels, _levels(problem, found, sizes, rtol, 1 - unknowns / samples)
                 problem.weigh(levels)
-                settled = all(abs(level - before[name]) <= _SETTLED * before[name] for name, level in levels.items())
+                settled = all(
+                    abs(level - before[name]) <= _SETTLED * before[name] for name, level in levels.items()
+                )
                 if settled or not found.success or i == _ROUNDS - 1:
                     at = problem.evaluate(found.z, found.at.nodes, found.every)
                     found = found._replace(at=at, slopes=problem.linearise(found.z, at))
@@ -152,7 +156,9 @@ def fit(
                 found = minimise(problem, found.z, found.at.nodes, fixed, max_runs, told)
                 runs, failures = runs + found.runs, failures + found.failures
         except RunFailed as error:
-            raise ValueError(f"the run from the first guess stops: {error} Give other guesses or fewer `intervals`.") from None
+            raise ValueError(
+                f"the run from the first guess stops: {error} Give other guesses or fewer `intervals`."
+            ) from None
     begun = clock.process_time()
     for e, arcs in zip(experiments, found.at.arcs):
         e.plain(arcs[0].start, found.at.values)
@@ -187,7 +193,9 @@ def _spread(system: Any, wanted: Any, what: str, names: Mapping[str, float]) -> 
         name = str(checks.named(key))
         for member in system.groups.get(name, (name,)):
             if member not in names:
-                raise ValueError(f"`{what}` names {name!r}, which is not fitted; `parameters` has {', '.join(names)}.")
+                raise ValueError(
+                    f"`{what}` names {name!r}, which is not fitted; `parameters` has {', '.join(names)}."
+                )
             yield member, value
 
 
@@ -207,7 +215,10 @@ def _bounds(pair: Any, what: str) -> tuple[float, float]:
 
 
 def _coordinates(
-    system: Any, guesses: Mapping[str, float], limits: Mapping[str, tuple[float, float]], experiments: list[Experiment]
+    system: Any,
+    guesses: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+    experiments: list[Experiment],
 ) -> tuple[Coordinates, list[list[int]], np.ndarray]:
     """Coordinates of the parameters and then of all unknown starts; the latter's columns by record; the first guess."""
     symbols = {p.name: p for p in system.parameters}
@@ -215,10 +226,16 @@ def _coordinates(
     for name, value in guesses.items():
         low, high = limits.get(name, (-np.inf, np.inf))
         if not low <= value <= high:
-            raise ValueError(f"the first guess of {name!r} is {value:g}, outside of its `bounds` ({low:g}, {high:g}).")
+            raise ValueError(
+                f"the first guess of {name!r} is {value:g}, outside of its `bounds` ({low:g}, {high:g})."
+            )
         positive = bool(symbols[name].is_nonnegative) or low >= 0
         logarithmic = positive and value > 0
-        unit = 1.0 if logarithmic else abs(value) or next((abs(x) for x in (high, low) if np.isfinite(x) and x), 1.0)
+        unit = (
+            1.0
+            if logarithmic
+            else abs(value) or next((abs(x) for x in (high, low) if np.isfinite(x) and x), 1.0)
+        )
         low = max(low, 0.0) if positive else low
         rows.append((name, logarithmic, unit, coordinate(low, logarithmic, unit), coordinate(high, logarithmic, unit),
                      coordinate(value, logarithmic, unit)))  # fmt: skip
@@ -228,9 +245,9 @@ def _coordinates(
         for k in e.unknown:
             name, scale = f"{e.states[k]} of record {i}", e.scale[k]
             rows.append((name, False, scale, -np.inf, np.inf, e.start[k] / scale))
-    names, logarithmic, *numbers = zip(*rows)
-    unit, low, high, first = (np.array(of) for of in numbers)
-    return Coordinates(names, np.array(logarithmic), unit, low, high), columns, first
+    names, logs, *numbers = zip(*rows)
+    units, lowest, highest, first = (np.array(of) for of in numbers)
+    return Coordinates(names, np.array(logs), units, lowest, highest), columns, first
 
 
 def _levels(
@@ -245,7 +262,9 @@ def _levels(
                 squares[name] += float(np.sum((of - data)[there] ** 2))
                 counts[name] += int(there.sum())
     # Data without noise are met up to the error of the runs.
-    return {name: max(float(np.sqrt(squares[name] / counts[name] / share)), rtol * sizes[name]) for name in sizes}
+    return {
+        name: max(float(np.sqrt(squares[name] / counts[name] / share)), rtol * sizes[name]) for name in sizes
+    }
 
 
 @contextlib.contextmanager

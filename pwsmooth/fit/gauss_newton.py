@@ -5,12 +5,14 @@
 B and b close the gaps (shooting.py), by the fraction a; without nodes this is a bounded trust-region method. A step is
 accepted where misfit + nu * gap becomes smaller, with nu so large that the step promises as much.
 
-Source: Bock 1983 for the step; Nocedal and Wright, Numerical Optimization, 2006, sec. 18.3, for nu. SciPy's least_squares has no constraints, and its step would see the gaps as residuals of some weight.
+Source: Bock 1983 for the step; Nocedal and Wright, Numerical Optimization, 2006, sec. 18.3, for nu. SciPy's
+least_squares has no constraints, and its step would see the gaps as residuals of some weight.
 Chain: shooting.py -> **gauss_newton** -> fitting.py.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -18,6 +20,7 @@ import numpy as np
 
 from .shooting import Evaluation, Linearised, RunFailed, Shooting
 
+_NEAR, _ALL = 1e-2, 2**60  # sum of gaps from which on one run without nodes is tried
 _CLOSED = 1e-7  # sum of gaps, in units of the states, that counts as closed
 _FLAT = 1e-8  # of the misfit: a change that tells nothing
 _STILL = 1e-9  # a step, in coordinates of size 1
@@ -70,7 +73,7 @@ def minimise(
     low, high = problem.coordinates.low, problem.coordinates.high
     at = problem.evaluate(z, nodes)
     slopes = problem.linearise(z, at)
-    box, part, nu, every, runs, failures, accepted = _FIRST, 1.0, 0.0, 1, 1, 0, 0
+    box, part, nu, every, stalled, runs, failures, accepted = _FIRST, 1.0, 0.0, 1, np.inf, 1, 0, 0
     success, message = False, f"{most} runs were not enough: give a better first guess, or a larger `max_runs`."
     try:
         told(Iteration(0, at.misfit, at.gap, at.values))
@@ -92,20 +95,26 @@ def minimise(
             if closed and np.abs(step).max(initial=0.0) <= _STILL:
                 success, message = True, _LEAST
                 break
-            if box < _NARROWEST and not closed:
-                every *= 2  # where it is no smooth function of the nodes, go on with fewer of them
+            if box < _NARROWEST:
+                if closed and at.misfit > 0.999 * stalled:
+                    message = (
+                        "No step lessens the misfit, no smooth function here: try other guesses or `intervals`."
+                    )
+                    break
+                # It is no smooth function of the nodes: go on with fewer of them.
+                stalled, every = at.misfit if closed else stalled, every if closed else 2 * every
                 at = problem.evaluate(z, at.nodes, every)
                 slopes = problem.linearise(z, at)
                 box, part, nu, runs = _FIRST, 1.0, 0.0, runs + 1
                 continue
-            if box < _NARROWEST:
-                message = "No step lessens the misfit: it is no smooth function here. Try other guesses or `intervals`."
-                break
             if at.gap:
                 nu = max(nu, -2 * predicted / (part * at.gap))
             promised = predicted + nu * part * at.gap
             there = np.clip(z + step, low, high)
-            moved = [own + A @ step + part * b for own, A, b in zip(at.nodes, slopes.node_slopes, slopes.node_closing)]
+            moved = [
+                own + A @ step + part * b
+                for own, A, b in zip(at.nodes, slopes.node_slopes, slopes.node_closing)
+            ]
             runs += 1
             try:
                 trial = problem.evaluate(there, moved, every)
@@ -123,6 +132,13 @@ def minimise(
             if gained > 0.5 * promised:
                 box = min(2.0 * box, _WIDEST)
             z, at, part, accepted = there, trial, min(1.0, 2.0 * part), accepted + 1
+            if 0 < at.gap <= _NEAR:
+                # Near the solution one run from end to end is as good, and has no gaps that hold up its steps.
+                runs += 1
+                with contextlib.suppress(RunFailed):
+                    joined = problem.evaluate(z, at.nodes, _ALL)
+                    if joined.misfit <= 1.1 * at.misfit:
+                        at, every = joined, _ALL
             slopes = problem.linearise(z, at)
             told(Iteration(accepted, at.misfit, at.gap, at.values))
             if flat:

@@ -52,7 +52,9 @@ class Combination(NamedTuple):
         """The product, without factors that hardly matter."""
         largest = max(map(abs, self.powers.values()))
         told = {name: power / largest for name, power in self.powers.items() if abs(power) > _WORTH * largest}
-        return " * ".join(name if round(power, 2) == 1 else f"{name}^{power:.2g}" for name, power in told.items())
+        return " * ".join(
+            name if round(power, 2) == 1 else f"{name}^{power:.2g}" for name, power in told.items()
+        )
 
 
 class Identifiability(Described):
@@ -96,6 +98,9 @@ class Identifiability(Described):
         free = len(self.free)
         return f"Identifiability: {len(self.known)} of {len(self.combinations)} combinations are known", {
             "known": [f"{c.words} to {100 * c.error:.2g} %" for c in self.known],
-            "free": [f"{c.words}, error {'inf' if np.isinf(c.error) else f'{100 * c.error:.2g} %'}" for c in self.free],
+            "free": [
+                f"{c.words}, error {'inf' if np.isinf(c.error) else f'{100 * c.error:.2g} %'}"
+                for c in self.free
+            ],
             "advice": [f"fix {free} of the parameters, give priors, or measure more"] if free else [],
         }.items()

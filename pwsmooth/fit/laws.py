@@ -124,6 +124,6 @@ def _with(law: Law, values: dict[str, float], message: str) -> tuple[Law, str]:
         elif name in values:
             changed[name] = values[name]
     try:
-        return dataclasses.replace(law, **changed), message
+        return dataclasses.replace(law, **changed), message  # type: ignore[type-var]
     except ValueError as error:
         return law, f"{message} The fitted values are none of this law: {error}"

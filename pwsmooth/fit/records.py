@@ -22,9 +22,13 @@ def _measured(value: Any, what: str) -> np.ndarray:
     try:
         found = np.array(value, float)
     except (TypeError, ValueError):
-        raise TypeError(f"{what} is {checks.shown(value)}; give a sequence of numbers, nan where one is missing.") from None
+        raise TypeError(
+            f"{what} is {checks.shown(value)}; give a sequence of numbers, nan where one is missing."
+        ) from None
     if np.isinf(found).any() or not np.isfinite(found).any():
-        raise ValueError(f"{what} is infinite somewhere, or nan everywhere; give numbers, nan where one is missing.")
+        raise ValueError(
+            f"{what} is infinite somewhere, or nan everywhere; give numbers, nan where one is missing."
+        )
     return found
 
 
@@ -86,24 +90,36 @@ class Record(Described):
         if not (np.diff(self.t) > 0).all():
             raise ValueError("`t` of Record does not increase; sort the samples, and give each time once.")
         columns = {
-            str(checks.named(name)): _measured(column, f"`values` of {name}") for name, column in self.values.items()
+            str(checks.named(name)): _measured(column, f"`values` of {name}")
+            for name, column in self.values.items()
         }
         for name, column in columns.items():
             if column.shape != self.t.shape:
                 raise ValueError(
-                    f"`values` of {name!r} have the shape {column.shape}, `t` has {self.t.shape}; give a value, or nan, "
-                    "for each time."
+                    f"`values` of {name!r} have the shape {column.shape}, `t` has {self.t.shape}; give a value, or "
+                    "nan, for each time."
                 )
         if not columns:
             raise ValueError("`values` of Record is empty; give the samples of at least one state or output.")
         if isinstance(self.noise, Mapping):
-            noise = {str(checks.named(key)): checks.positive(level, f"`noise` of {key}") for key, level in self.noise.items()}
+            noise = {
+                str(checks.named(key)): checks.positive(level, f"`noise` of {key}")
+                for key, level in self.noise.items()
+            }
         else:
-            noise = {} if self.noise is None else dict.fromkeys(columns, checks.positive(self.noise, "`noise` of Record"))
+            noise = (
+                {}
+                if self.noise is None
+                else dict.fromkeys(columns, checks.positive(self.noise, "`noise` of Record"))
+            )
         if strange := noise.keys() - columns.keys():
-            raise ValueError(f"`noise` names {', '.join(sorted(strange))}, which `values` does not have; leave it out.")
+            raise ValueError(
+                f"`noise` names {', '.join(sorted(strange))}, which `values` does not have; leave it out."
+            )
         if self.begin is not None and self.begin > self.t[0]:
-            raise ValueError(f"`begin` is {self.begin:g}, after the first sample at {self.t[0]:g}; begin before it.")
+            raise ValueError(
+                f"`begin` is {self.begin:g}, after the first sample at {self.t[0]:g}; begin before it."
+            )
         unknown = tuple(str(checks.named(name)) for name in self.unknown)
         for name, value in (("values", columns), ("noise", noise), ("unknown", unknown)):
             object.__setattr__(self, name, value)
@@ -115,7 +131,8 @@ class Record(Described):
 
     def _described(self) -> tuple[str, Rows]:
         told = [
-            f"{np.isfinite(column).sum()} of {name}" + (f", noise {self.noise[name]:g}" if name in self.noise else "")
+            f"{np.isfinite(column).sum()} of {name}"
+            + (f", noise {self.noise[name]:g}" if name in self.noise else "")
             for name, column in self.values.items()
         ]
         return f"Record: {self.samples} samples over {self.t[0]:g} to {self.t[-1]:g}", {

@@ -5,7 +5,6 @@ Chain: gauss_newton.py, identifiability.py -> **result** -> fitting.py.
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -72,14 +71,14 @@ class Fit(Described):
     >>> import sympy as sp
     >>> from pwsmooth import System
     >>> from pwsmooth.fit import Record, fit
-    >>> x, v = sp.symbols("x v", real=True)
-    >>> F, k = sp.symbols("F k", positive=True)
-    >>> block = System({x: v, v: -k * x - F * sp.sign(v)}, parameters={F: 0.5, k: 1.5})
-    >>> t = np.linspace(0, 6, 40)
-    >>> record = Record(t, {"x": 2.5 * np.cos(t) + np.where(t < np.pi, 1, -1) - np.where(t < np.pi, 0, 0)},
-    ...                 start={"x": 3.5, "v": 0})
-    >>> fit(block, record, ["F", "k"]).parameters
-    2
+    >>> v = sp.Symbol("v", real=True)
+    >>> F = sp.Symbol("F", positive=True)
+    >>> sliding = System({v: -F * sp.sign(v)}, parameters={F: 0.3})
+    >>> t = np.linspace(0, 3, 31)
+    >>> noise = 0.01 * np.random.default_rng(1).normal(size=t.size)
+    >>> found = fit(sliding, Record(t, {"v": np.fmax(1 - 0.5 * t, 0) + noise}, start={"v": 1}), ["F"])
+    >>> bool(abs(found.values["F"] - 0.5) < 3 * found.errors["F"]), found.samples, found.quantities
+    (True, 31, 2)
     """
 
     law: Any = None
@@ -97,7 +96,12 @@ class Fit(Described):
         ]
         self.system = system.with_parameters({name: self.values[name] for name in self._names})
         self.noise, self.cost = dict(estimated), cost
-        self.runs, self.failures, self.success, self.message = found.runs, found.failures, found.success, found.message
+        self.runs, self.failures, self.success, self.message = (
+            found.runs,
+            found.failures,
+            found.success,
+            found.message,
+        )
         self.problems = found.slopes.problems
         low, high = problem.coordinates.low, problem.coordinates.high
         self._bound = ~fixed & ((found.z <= low + 1e-9) | (found.z >= high - 1e-9))
@@ -238,7 +242,9 @@ class Fit(Described):
             raise ValueError(f"`name` is {name!r}; fitted parameters are {', '.join(self.values)}.")
         error = self.errors[name]
         if not 0 < error < math.inf:
-            raise ValueError(f"{name!r} has the error {error:g}, which sets no scale; give it a prior, or bounds apart.")
+            raise ValueError(
+                f"{name!r} has the error {error:g}, which sets no scale; give it a prior, or bounds apart."
+            )
         i, coordinates = self._names.index(name), self._problem.coordinates
         reach = width * error / coordinates.slopes(self._found.z)[i]
         offsets = np.linspace(-reach, reach, points | 1)
@@ -284,13 +290,19 @@ class Fit(Described):
 
         e = self._experiment(record)
         size = 2 * len(e.names)
-        panels = plotting.axes_for(axes, size, (7.0, 0.6 + 1.4 * size), f"{len(e.names)} columns; give two for each")
+        panels = plotting.axes_for(
+            axes, size, (7.0, 0.6 + 1.4 * size), f"{len(e.names)} columns; give two for each"
+        )
         for k, name in enumerate(e.names):
             above, below, there = panels[2 * k], panels[2 * k + 1], e.there[k]
-            above.plot(e.t[there], e.data[k, there], ".", color=plotting.COLOUR["mark"], markersize=3, label="measured")
+            above.plot(
+                e.t[there], e.data[k, there], ".", color=plotting.COLOUR["mark"], markersize=3, label="measured"
+            )
             above.plot(e.t, self._model(record)[k], color=plotting.COLOUR["right"], label="fitted")
             above.set_ylabel(name)
-            below.plot(e.t[there], self._difference(record)[k, there], ".", color=plotting.COLOUR["left"], markersize=3)
+            below.plot(
+                e.t[there], self._difference(record)[k, there], ".", color=plotting.COLOUR["left"], markersize=3
+            )
             level = e.record.noise.get(name, self.noise.get(name))
             below.axhspan(-level, level, color=plotting.LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
             below.set_ylabel(f"fitted - measured\n{name}")
@@ -481,7 +493,12 @@ def compare(fits: Mapping[str, Fit] | Iterable[Fit]) -> Comparison:
     if not named:
         raise ValueError("`fits` is empty; give at least one.")
     checks.all_of_kind("fits", named.values(), Fit)
-    data = {tuple(column.tobytes() for r in fit.records for column in (r.t, *r.values.values())) for fit in named.values()}
+    data = {
+        tuple(column.tobytes() for r in fit.records for column in (r.t, *r.values.values()))
+        for fit in named.values()
+    }
     if len(data) > 1:
-        raise ValueError("`fits` are of different data, whose criteria cannot be compared; fit the same records.")
+        raise ValueError(
+            "`fits` are of different data, whose criteria cannot be compared; fit the same records."
+        )
     return Comparison(named)

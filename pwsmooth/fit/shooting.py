@@ -2,8 +2,8 @@
 
     r_i = w_i (y(t_i; p, s_j) - y_i),       c_j = x(t_(j+1); t_j, s_j, p) - s_(j+1)
 
-Where intervals meet, a state that is measured, or the rate of one, is an unknown s_j: a guess from the data, whose gap c_j
-closes on the way to the solution. All other states, and all memories, are handed on. The gaps, linearised, give ds_j in
+Where intervals meet, a state that is measured, or the rate of one, is an unknown s_j: a guess from the data, whose gap
+c_j closes on the way to the solution. All other states, and all memories, are handed on. The gaps, linearised, give ds_j in
 terms of the fitted quantities z alone, so that what remains to be minimised has no more unknowns than z (condensing):
 
     ds_(j+1) = c_j + dx/dp dp + dx/ds ds_j  =:  A_(j+1) dz + b_(j+1)
@@ -28,7 +28,11 @@ from ..solve import solve
 from .coordinates import Coordinates
 from .records import Record
 
-_BESIDE = 1e-9, 1e-7, 1e-5  # of an interval: how near to an instant without a derivative a run ends, and begins anew
+_BESIDE = (
+    1e-9,
+    1e-7,
+    1e-5,
+)  # of an interval: how near to an instant without a derivative a run ends, and begins anew
 _SAMPLES, _MOST = 20, 30  # of an interval, and intervals, where the user says nothing
 _CHOICES = "the motion is not unique", "it begins on a surface"  # reasons of NoDerivative at a start
 _MANY = 20  # such instants of one interval: after them its samples move with nothing
@@ -50,18 +54,23 @@ class Experiment:
     """A record and its system, cut into intervals."""
 
     def __init__(
-        self, record: Record, system: Any, guesses: Mapping[str, float], intervals: int | None, options: Mapping[str, Any]
+        self,
+        record: Record,
+        system: Any,
+        guesses: Mapping[str, float],
+        intervals: int | None,
+        options: Mapping[str, Any],
     ) -> None:
         model = record.system if record.system is not None else system
         self.scene = model if isinstance(model, Scene) else None
         self.system = checks.system(model if self.scene is None else model.system, "`system`")
-        self.run_from = functools.partial(
-            self.scene.solve if self.scene else functools.partial(solve, self.system), **options
-        )
+        self.options = options
         self.record, self.parameters = record, dict(record.parameters)
         names = list(guesses)
         self.free = [name for name in names if name in {p.name for p in self.system.parameters}]
-        self.numbers = [names.index(name) for name in self.free]  # of the fitted parameters those of this system
+        self.numbers = [
+            names.index(name) for name in self.free
+        ]  # of the fitted parameters those of this system
         self.states = [s.name for s in self.system.states]
         self.names, self.data = list(record.values), np.array(list(record.values.values()))
         self._known()
@@ -70,7 +79,9 @@ class Experiment:
         self.t, self.data, self.there = record.t[used], self.data[:, used], self.there[:, used]
         self.begin = record.t[0] if record.begin is None else record.begin
         if not self.t[-1] > self.begin:
-            raise ValueError("a Record has one sample at the time it begins; give several times, or an earlier `begin`.")
+            raise ValueError(
+                "a Record has one sample at the time it begins; give several times, or an earlier `begin`."
+            )
         self.start = self._start()
         self.unknown = [self.states.index(name) for name in record.unknown]
         curves = self._curves()
@@ -84,7 +95,10 @@ class Experiment:
         model = self.system.model
         outputs = [str(name) for name, _ in model.outputs]
         known = [*self.states, *(str(m.symbol) for m in model.multipliers), *outputs]
-        for what, names, owner in (("values", self.names, known), ("unknown", self.record.unknown, self.states)):
+        for what, names, owner in (
+            ("values", self.names, known),
+            ("unknown", self.record.unknown, self.states),
+        ):
             for name in names:
                 if name not in owner and (model.families is None or what == "unknown"):
                     raise ValueError(f"`{what}` of a Record names {name!r}; the system has {', '.join(owner)}.")
@@ -124,7 +138,7 @@ class Experiment:
         return np.concatenate([[self.begin], self.t[places[1:-1]], [self.t[-1]]])
 
     def _first_nodes(self, curves: Mapping[str, Any], values: Mapping[str, float]) -> np.ndarray:
-        """States between the intervals, shape (intervals - 1, n), which of them are relaxed, and the size of each state."""
+        """States between the intervals, shape (intervals - 1, n); also which are relaxed, and the size of each state."""
         self.relaxed = np.zeros((len(self.cuts) - 2, len(self.states)), bool)
         x, found, size = self.start, [], np.abs(self.start)
         for j in range(len(self.cuts) - 1):
@@ -144,7 +158,7 @@ class Experiment:
 
     @functools.cached_property
     def _surfaces(self) -> np.ndarray:
-        """Of each multiplier the states that are not free while it is solved, shape (m, n): of its surface, and of h'."""
+        """Of each multiplier the states that are not free while it is solved, shape (m, n)."""
         model = self.system.model
         rates = dict(zip(model.states, model.rhs))
         found = np.zeros((len(model.multipliers), len(self.states)), bool)
@@ -172,16 +186,23 @@ class Experiment:
         times = self.t[first:end]
         return Arc(a, x, b, times, slice(first, end), by, self._solved(a, b, x, values, times, by))
 
+    def _run(self, span: tuple[float, float], x: list[float], **more: Any) -> Solution:
+        if self.scene is not None:
+            return self.scene.solve(span, x, **self.options, **more)
+        return solve(self.system, span, x, **self.options, **more)
+
     def _solved(self, a, b, x, values, times, by) -> Solution:
         """The run from a to b, with columns at these times and at b."""
         given = self.parameters | {name: values[name] for name in self.free}
         every = times if len(times) and times[-1] == b else np.append(times, b)
-        return self.run_from((a, b), list(x), parameters=given, t_eval=every, with_respect_to=[*self.free, *by] or None)
+        return self._run(
+            (a, b), list(x), parameters=given, t_eval=every, with_respect_to=[*self.free, *by] or None
+        )
 
     def plain(self, x: np.ndarray, values: Mapping[str, float]) -> Solution:
         """The run along the whole record, without anything for derivatives."""
         given = self.parameters | {name: values[name] for name in self.free}
-        return self.run_from((self.begin, self.t[-1]), list(x), parameters=given, t_eval=self.t)
+        return self._run((self.begin, self.t[-1]), list(x), parameters=given, t_eval=self.t)
 
     def values(self, arc: Arc) -> np.ndarray:
         """What was measured, of a run at its samples, shape (k, nt)."""
@@ -193,7 +214,10 @@ class Experiment:
         `problems` gets instants without a derivative, at which the deviation goes on as it came.
         """
         p, n = len(self.free), len(self.states)
-        rows, moved = np.zeros((len(self.names), len(arc.times), p + len(arc.states))), np.zeros((n, p + len(arc.states)))
+        rows, moved = (
+            np.zeros((len(self.names), len(arc.times), p + len(arc.states))),
+            np.zeros((n, p + len(arc.states))),
+        )
         moved[[self.states.index(name) for name in arc.states], np.arange(p, moved.shape[1])] = 1.0
         if not moved.shape[1]:
             return rows, moved
@@ -310,7 +334,9 @@ class Shooting:
             arcs.append(runs)
             all_nodes.append(here)
         known = [(numbers[i] - mean) / spread for i, mean, spread in self.priors]
-        return Evaluation(values, np.concatenate([*residual, known]), np.concatenate([np.empty(0), *gaps]), arcs, all_nodes)
+        return Evaluation(
+            values, np.concatenate([*residual, known]), np.concatenate([np.empty(0), *gaps]), arcs, all_nodes
+        )
 
     def linearise(self, z: np.ndarray, at: Evaluation) -> Linearised:
         """Slopes of what was evaluated at z."""

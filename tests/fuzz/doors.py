@@ -37,6 +37,7 @@ import public_names
 import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, scenes, solve
 from pwsmooth.analysis import linearised, sections, sticking
+from pwsmooth.fit import Record
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.sweep import study
 
@@ -239,6 +240,12 @@ def subjects():
         "chosen_parameters": dict(system=system, names=["k"]),
         "variations": dict(solution=run, parameters=["k"]),
         "fit": dict(
+            system=system,
+            records=Record(times, {"x": np.cos(times)}, start=start),
+            parameters=["k"],
+            max_runs=2,
+        ),
+        "fit_law": dict(
             law=friction.Coulomb(sigma2=0.1),
             t=times,
             motion=motion,
@@ -246,14 +253,13 @@ def subjects():
             kind="velocity",
             max_runs=2,
         ),
-        "fit.compare": dict(
-            laws=[friction.Coulomb(sigma2=0.1)],
-            t=times,
-            motion=motion,
-            force=np.sign(motion),
-            kind="velocity",
-            max_runs=2,
-        ),
+        "fit.compare": None,
+        "Comparison": None,
+        "Combination": None,
+        "Identifiability": None,
+        "Iteration": None,
+        "Profile": None,
+        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
         "Joint": dict(v=v),
         "law": None,
         "parameter": dict(default=1.0, unit="N", meaning="force"),
