@@ -265,7 +265,7 @@ def draw(data: dict):
 STUDY = Study(
     name="identification",
     question="How well is friction identified with exact derivatives and multiple shooting, and which law wins?",
-    expected="Errors that hold, a stick-slip record that one shot cannot fit, the law that made a record ahead of others.",
+    expected="Errors that hold, a stick-slip record that one shot cannot fit, and the true law ahead of others.",
     full=Config(),
     fast=Config(seeds=3, starts=3, presliding=401),
     run=run, claims=claims, draw=draw,

@@ -59,9 +59,9 @@ def fit(
     parameters : sequence of (str or Symbol), or mapping of them to float
         What is fitted, with first guesses in their units; a name of a family stands for all its elements. Without
         guesses they begin at the system's values.
-    bounds : mapping of (str or Symbol) to (float, float), optional
+    bounds : mapping of (str or Symbol) to (float, float), in units of the parameters, optional
         Lowest and highest value of a parameter; infinite ones are none.
-    priors : mapping of (str or Symbol) to (float, float), optional
+    priors : mapping of (str or Symbol) to (float, float), in units of the parameters, optional
         Mean and standard deviation of what is known of a parameter before.
     intervals : int, optional
         Into how many each record is cut where a state is measured (multiple shooting); by default one of 20 samples

@@ -41,6 +41,19 @@ class Iteration(NamedTuple):
         Sum of the gaps between intervals, in units of the size of the states; 0 with one interval.
     values : dict of str to float
         Fitted quantities, in their units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit_law
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 1 + 0.5 * np.sin(t)
+    >>> seen = []
+    >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity",
+    ...                 callback=seen.append)
+    >>> seen[0].number, sorted(seen[0].values)
+    (0, ['F_c', 'sigma2'])
     """
 
     number: int

@@ -41,6 +41,18 @@ class Combination(NamedTuple):
         Standard error of its logarithm; inf where the data do not see it.
     singular_value : float, dimensionless
         Of the scaled Jacobian.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit_law
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 1 + 0.5 * np.sin(t)
+    >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)
+    >>> best, second = found.identifiability().combinations
+    >>> best.words, best.error < second.error < 0.1
+    ('F_c * sigma2^0.44', True)
     """
 
     powers: dict[str, float]
@@ -58,7 +70,18 @@ class Combination(NamedTuple):
 
 
 class Identifiability(Described):
-    """Which combinations of the parameters the data determine, the best known first.
+    """Which combinations of the parameters the data determine, the best known first; `Fit.identifiability` makes it.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (m, np + nuisance), dimensionless
+        d(residual in units of the noise)/d(coordinates): of the parameters, then of unknown initial values.
+    names : list of str
+        The parameters.
+    nuisance : int
+        How many initial values.
+    limit : float, dimensionless
+        Error from which on a combination counts as free.
 
     Attributes
     ----------
@@ -66,6 +89,21 @@ class Identifiability(Described):
         As many as parameters; at right angles to each other in the logarithms.
     limit : float, dimensionless
         Error from which on a combination counts as free.
+
+    Notes
+    -----
+    Source: singular values of the Jacobian by logarithms, without what unknown initial values could explain.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit_law
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 1 + 0.5 * np.sin(t)
+    >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)
+    >>> len(found.identifiability().known), found.identifiability().free
+    (2, [])
     """
 
     def __init__(self, jacobian: np.ndarray, names: list[str], nuisance: int, limit: float) -> None:

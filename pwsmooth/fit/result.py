@@ -25,7 +25,24 @@ __all__ = ["Comparison", "Fit", "Profile", "compare"]
 
 
 class Fit(Described):
-    """A fitted system.
+    """A fitted system; `fit` and `fit_law` make it.
+
+    Parameters
+    ----------
+    system : System
+        As it was given.
+    problem, found : Shooting, Minimum
+        What was minimised, and the least misfit.
+    count : int
+        How many of the unknowns are parameters.
+    estimated : mapping of str to float
+        Noise levels that were estimated, in the units of what was measured.
+    fixed : ndarray of bool, shape (nq,), dimensionless
+        Unknowns that had one value only.
+    cost : float, dimensionless
+        As the attribute.
+    options : mapping of str to int
+        Of the search, for profiles.
 
     Attributes
     ----------
@@ -36,7 +53,7 @@ class Fit(Described):
     values, errors : dict of str to float
         Fitted parameters and their standard errors, in their units; inf where the data do not determine one, nan for
         one at its bound.
-    starts, start_errors : list of dict of str to float
+    starts, start_errors : list of dict of str to float, in units of the states
         Of each record its fitted initial values and their errors.
     covariance : ndarray, shape (np, np)
         Of the fitted parameters, in the order of `values` and in their units.
@@ -352,6 +369,19 @@ class Profile(NamedTuple):
         At which it was held, in its unit.
     excess : ndarray, shape (n,), dimensionless
         Sum of squares in units of the noise, above that of the fit; nan beyond a bound.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit_law
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 1 + 0.5 * np.sin(t)
+    >>> found = fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)
+    >>> profile = found.profile("sigma2", points=5)
+    >>> low, high = profile.interval()
+    >>> low < 0.4 < high
+    True
     """
 
     name: str
@@ -405,12 +435,29 @@ class Profile(NamedTuple):
 
 
 class Comparison(Described):
-    """Fits of the same data side by side, the smallest BIC first.
+    """Fits of the same data side by side, the smallest BIC first; `compare` makes it.
+
+    Parameters
+    ----------
+    fits : mapping of str to Fit
+        By their names.
 
     Attributes
     ----------
     fits : dict of str to Fit
         By their names.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.fit import fit_law
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> t = np.linspace(0, 3, 61)
+    >>> v = 1 + 0.5 * np.sin(t)
+    >>> fits = [fit_law(Coulomb(sigma2=0.1), t, v, 1.2 + 0.4 * v, kind="velocity", noise=0.01)]
+    >>> from pwsmooth.fit import compare
+    >>> print(compare(fits).to_dataframe().loc["Coulomb", "quantities"])
+    2
     """
 
     def __init__(self, fits: Mapping[str, Fit]) -> None:

@@ -3,8 +3,8 @@
     r_i = w_i (y(t_i; p, s_j) - y_i),       c_j = x(t_(j+1); t_j, s_j, p) - s_(j+1)
 
 Where intervals meet, a state that is measured, or the rate of one, is an unknown s_j: a guess from the data, whose gap
-c_j closes on the way to the solution. All other states, and all memories, are handed on. The gaps, linearised, give ds_j in
-terms of the fitted quantities z alone, so that what remains to be minimised has no more unknowns than z (condensing):
+c_j closes on the way to the solution. All other states, and all memories, are handed on. The gaps, linearised, give
+ds_j in terms of the fitted quantities z alone: what is minimised has no more unknowns than z (condensing):
 
     ds_(j+1) = c_j + dx/dp dp + dx/ds ds_j  =:  A_(j+1) dz + b_(j+1)
 
@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..definition import checks
-from ..results.derivatives import NoDerivative
 from ..results.solution import Solution
 from ..scenes import Scene
 from ..solve import solve
@@ -138,7 +137,7 @@ class Experiment:
         return np.concatenate([[self.begin], self.t[places[1:-1]], [self.t[-1]]])
 
     def _first_nodes(self, curves: Mapping[str, Any], values: Mapping[str, float]) -> np.ndarray:
-        """States between the intervals, shape (intervals - 1, n); also which are relaxed, and the size of each state."""
+        """States between the intervals, shape (intervals - 1, n); also which are relaxed, and sizes."""
         self.relaxed = np.zeros((len(self.cuts) - 2, len(self.states)), bool)
         x, found, size = self.start, [], np.abs(self.start)
         for j in range(len(self.cuts) - 1):
@@ -283,7 +282,7 @@ class Linearised(NamedTuple):
     closing: np.ndarray  # (m,), change of the residual as the gaps close
     node_slopes: list[np.ndarray]  # (intervals - 1, n, nq)
     node_closing: list[np.ndarray]  # (intervals - 1, n)
-    problems: list[NoDerivative]
+    problems: list[Any]  # of NoDerivative
 
 
 class RunFailed(ArithmeticError):
@@ -342,7 +341,7 @@ class Shooting:
         """Slopes of what was evaluated at z."""
         slope, count = self.coordinates.slopes(z), len(z)
         rows, closing, all_slopes, all_closing = [], [], [], []
-        problems: list[NoDerivative] = []
+        problems: list[Any] = []
         for e, columns, weights, arcs in zip(self.experiments, self.columns, self.weights, at.arcs):
             n, p = len(e.states), len(e.free)
             by_z = np.zeros((p, count))  # of the parameters

@@ -37,7 +37,7 @@ import public_names
 import pwsmooth
 from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, scenes, solve
 from pwsmooth.analysis import linearised, sections, sticking
-from pwsmooth.fit import Record
+from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.sweep import study
 
@@ -50,7 +50,8 @@ NO_DOORS = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.plotting")
 # Made by the package, or bases to derive from: their arguments come from inside, or are any names.
 INSIDE = {
     "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
-    "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
+    "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
+    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
 
 
@@ -151,6 +152,8 @@ def subjects():
         System({x: 0 * x}, time=t, parameters={k: 2.9}, events=[jump]), {x: 0.6}, period=1
     )
     (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, start=start)
+    fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
     section = sections.Section(free, surface=v, direction=-1, options=short)
     elements = Family(3)
@@ -239,12 +242,7 @@ def subjects():
         "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
         "chosen_parameters": dict(system=system, names=["k"]),
         "variations": dict(solution=run, parameters=["k"]),
-        "fit": dict(
-            system=system,
-            records=Record(times, {"x": np.cos(times)}, start=start),
-            parameters=["k"],
-            max_runs=2,
-        ),
+        "fit": dict(system=system, records=record, parameters=["k"], max_runs=2),
         "fit_law": dict(
             law=friction.Coulomb(sigma2=0.1),
             t=times,
@@ -253,12 +251,7 @@ def subjects():
             kind="velocity",
             max_runs=2,
         ),
-        "fit.compare": None,
-        "Comparison": None,
-        "Combination": None,
-        "Identifiability": None,
-        "Iteration": None,
-        "Profile": None,
+        "fit.compare": dict(fits={"one": fitted}),
         "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
         "Joint": dict(v=v),
         "law": None,
