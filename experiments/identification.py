@@ -246,7 +246,7 @@ def draw(data: dict):
             [r["seconds"] for r in rows], [r["chi2"] for r in rows], "o", color=colour, markersize=4, label=name
         )
     times.set(
-        xscale="log", yscale="log", xlabel="processor time (s)", ylabel="squared residual a sample / noise²"
+        xscale="log", yscale="log", xlabel="processor time (s)", ylabel="squares a sample / noise²"
     )
     times.legend()
     record = data["presliding"]

@@ -51,7 +51,8 @@ NO_DOORS = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.plotting")
 INSIDE = {
     "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
     "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
-    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
+    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile",
+    "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
 
 
