@@ -366,18 +366,28 @@ def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quanti
     >>> print(f"{value:.4f} {slope[0]:.4f}")
     0.2500 1.0000
     """
-    when, measured = checks.array(times, "`times`"), np.asarray(values, float)
-    errors = np.broadcast_to(np.asarray(sigma, float), when.shape)
+    when, measured = checks.array(times, "`times`"), _numbers(values, "`values`")
+    errors = _numbers(sigma, "`sigma`")
     if when.ndim != 1 or measured.shape != when.shape or np.any(np.diff(when) < 0):
         raise ValueError(
             f"`times` of shape {when.shape} and `values` of shape {measured.shape}: give two rows of one length, with "
             "times that do not decrease."
         )
-    if not np.all(errors > 0):
-        raise ValueError("`sigma` is not positive everywhere; give the standard errors of the values.")
+    if errors.shape not in ((), when.shape) or not np.all(errors > 0):
+        raise ValueError(
+            "`sigma` is no row of positive numbers; give the standard error of all values or of each."
+        )
     known = ~np.isnan(measured)
-    data = np.stack([when[known], measured[known], errors[known]])
+    data = np.stack([when[known], measured[known], np.broadcast_to(errors, when.shape)[known]])
     return Quantity("misfit", _expression(expression), (data.tobytes(),))
+
+
+def _numbers(value: Any, what: str) -> np.ndarray:
+    """As `checks.array`, with nan where nothing was measured."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{what} is {checks.shown(value)}; give numbers.") from None
 
 
 class Gradient(NamedTuple):

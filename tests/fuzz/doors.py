@@ -35,20 +35,30 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs"))
 import public_names
 
 import pwsmooth
-from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, scenes, solve
+from pwsmooth import Diffusion, Event, Family, Kicks, Switch, System, costs, scenes, solve
 from pwsmooth.analysis import sections, sticking
+from pwsmooth.fit import Record, fit
 from pwsmooth.laws import Joint, contact, friction
 from pwsmooth.sweep import study
 
 SECONDS = 5.0  # of processor time in a call
 t, x, v, k, z = sp.symbols("t x v k z", real=True)
 # Seconds of work each, or no doors of a model: comparisons, figures, pictures.
-NO_DOORS = ("pwsmooth.compare", "pwsmooth.figures", "pwsmooth.plotting")
+NO_DOORS = (
+    "pwsmooth.compare",
+    "pwsmooth.figures",
+    "pwsmooth.plotting",
+    "pwsmooth.for_jax",
+    "pwsmooth.for_torch",
+)
 
 
 # Made by the package, or bases to derive from: their arguments come from inside, or are any names.
 INSIDE = {
     "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
+    "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
+    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Gradient", "pwsmooth.costs.Quantity",
+    "pwsmooth.derivatives.Derivatives", "pwsmooth.derivatives.EventDerivative", "pwsmooth.derivatives.NoDerivative",
     "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
 
@@ -150,6 +160,8 @@ def subjects():
         System({x: 0 * x}, time=t, parameters={k: 2.9}, events=[jump]), {x: 0.6}, period=1
     )
     (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, start=start)
+    fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
     section = sections.Section(free, surface=v, direction=-1, options=short)
     elements = Family(3)
@@ -232,7 +244,8 @@ def subjects():
         "nonlinear_sticking": dict(drive=0, stiffness=1, load=1, gamma=1 - z**2, lam=z, rho=3),
         "symmetry_matrix": dict(system=system, symmetry={x: -x, v: -v}, period=2 * math.pi),
         "variations": dict(solution=run, parameters=["k"]),
-        "fit": dict(
+        "fit": dict(system=system, records=record, parameters=["k"], max_runs=2),
+        "fit_law": dict(
             law=friction.Coulomb(sigma2=0.1),
             t=times,
             motion=motion,
@@ -240,14 +253,8 @@ def subjects():
             kind="velocity",
             max_runs=2,
         ),
-        "fit.compare": dict(
-            laws=[friction.Coulomb(sigma2=0.1)],
-            t=times,
-            motion=motion,
-            force=np.sign(motion),
-            kind="velocity",
-            max_runs=2,
-        ),
+        "fit.compare": dict(fits={"one": fitted}),
+        "Record": dict(t=times, values={"x": np.cos(times)}, noise=0.1, start=start, unknown=["v"]),
         "Joint": dict(v=v),
         "law": None,
         "parameter": dict(default=1.0, unit="N", meaning="force"),
@@ -293,8 +300,25 @@ def subjects():
         "LiuImpact": dict(E_star=1e9, length=0.01, clearance=1e-3),
         "ResidualHuntCrossley": {},
     }
+    cost = costs.final(x) + costs.integral(x * v)
+    given |= {
+        "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k", "x"]),
+        "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k"]),
+        "at": dict(expression=x, time=1.0),
+        "at_event": dict(expression=x, switch="lam", kind="stick", number=0, after=True),
+        "duration": dict(switch="lam"),
+        "event_time": dict(switch="lam", kind="stick", number=0),
+        "final": dict(expression=x),
+        "integral": dict(expression=x),
+        "largest": dict(expression=x, start=0.0, end=1.0),
+        "smallest": dict(expression=x, start=0.0, end=1.0),
+        "misfit": dict(expression=x, times=times, values=motion, sigma=0.1),
+    }
     for name in ("Amplitude", "Extremes", "Statistics"):
         given[name] = None  # *names
+    for name in INSIDE:
+        if name.startswith(("pwsmooth.fit", "pwsmooth.costs", "pwsmooth.derivatives")):
+            given[name.rsplit(".", 1)[1]] = None
     for scene_name in ("block_on_belt", "friction_oscillator", "position_control"):
         given[scene_name] = dict(law=friction.Coulomb())
     for scene_name in ("falling_ball", "free_impact", "impact_oscillator"):

@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pwsmooth import Drive
-from pwsmooth.fit import fit
+from pwsmooth.fit import fit_law
 from pwsmooth.laws.friction import LuGre
 from pwsmooth.scenes import prescribed_motion
 
@@ -32,18 +32,18 @@ measured = exact + np.random.default_rng(1).normal(0, 0.02, t.size)
 # %%
 # Six parameters at once, from the textbook's values as a first guess. Every run of the fit is an exact one,
 # with the reversals :math:`v = 0` located, and the force along the true law is that of SciPy's Radau.
-found = fit(LuGre(sigma2=10), t, x, measured)
+found = fit_law(LuGre(sigma2=10), t, x, measured)
 print(f"{'':8}{'true':>10}{'found':>12}{'error':>10}{'off by':>10}")
 for name, value in found.values.items():
     wanted, error = getattr(true, name), found.errors[name]
     off = (value - wanted) / error
     print(f"{name:8}{wanted:10.4g}{value:12.5g}{error:10.2g}{off:8.1f} errors")
-print(f"residual {found.residual:.4f} N, {found.runs} runs")
+print(f"residual {found.rms['force']:.4f} N, {found.runs} runs")
 
 # %%
 fig, ax = plt.subplots(figsize=(7, 3.4))
 ax.plot(1e3 * x, measured, ".", color="0.55", markersize=4, label="measured")
-ax.plot(1e3 * x, found.force, color="#0072B2", label="fitted LuGre")
+ax.plot(1e3 * x, found.predicted("force"), color="#0072B2", label="fitted LuGre")
 ax.set(xlabel="position (mm)", ylabel="friction force (N)")
 ax.legend(loc="center")
 plt.show()
