@@ -1,0 +1,229 @@
+"""Costs as functions of quantities: value and gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+from ..definition.lambdified import numpy_function
+from ..derivatives import quantities
+from ..solve import solve
+from .quantities import Quantity
+from .reading import Asked, Gradient, Reader
+
+
+class Objective:
+    """A cost as a function of quantities, with its gradient: ``objective(q)`` gives both, as optimisers take them.
+
+    Parameters
+    ----------
+    system : System
+        Event-driven.
+    cost : Expr
+        Of quantities of a run (`integral`, `final`, ...) and of parameters.
+    t_span : (float, float), in the unit of the model's time
+        As of `solve`.
+    x0 : mapping of state to float, or sequence of float, length n
+        As of `solve`, in the units of the states.
+    with_respect_to : sequence of str or Symbol
+        As of `solve`: parameters, initial values of states and memories, "t0".
+    **options
+        Of `solve`: `rtol`, `atol`, `max_step`, `max_steps`, `max_seconds`, `order`, `parameters`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The quantities.
+    start : ndarray, shape (k,)
+        Their values in the system and in `x0`, in their units.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import Objective, final, integral
+    >>> x = sp.Symbol("x", real=True)
+    >>> k = sp.Symbol("k", positive=True)
+    >>> decay = System({x: -k * x}, parameters={k: 1})
+    >>> objective = Objective(decay, final(x) + integral(x), (0, 1), {x: 1}, [k, "x"])
+    >>> value, gradient = objective(objective.start)
+    >>> print(f"{value:.6f}", gradient.round(6).tolist())  # 1 for k = 1; by x too
+    1.000000 [-0.632121, 1.0]
+    """
+
+    def __init__(
+        self, system: Any, cost: Any, t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any], **options: Any
+    ) -> None:  # fmt: skip
+        checks.system(system, "`system`")
+        system = system._written_out()
+        if "parameters" in options:
+            system = system.with_parameters(options.pop("parameters"))
+        cost = checks.expression(cost, "`cost`")
+        found = sorted((s for s in cost.free_symbols if isinstance(s, Quantity)), key=str)
+        strange = cost.free_symbols - set(found) - set(system.parameters)
+        if strange or not found:
+            what = (
+                f"names {checks.listing(sorted(strange, key=str))}" if strange else "reads nothing of the run"
+            )
+            raise ValueError(
+                f"`cost` {what}; write it with quantities of a run (integral, final, at, ...) and parameters."
+            )
+        self._span = checks.span(t_span)
+        integrated = [q for q in found if q.kind == "integral"]
+        integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(integrated)}
+        named = {
+            f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated
+        }
+        read = {name: q.expression for name, q in named.items()}
+        wanted = quantities(system, with_respect_to)
+        self.names = wanted.names
+        self._system, self._options = system._extended(integrals, read), options
+        model = self._system.model
+        places = {p.name: i for i, p in enumerate(model.parameters)}
+        states = {s.name: i for i, s in enumerate(model.states)}
+        used = sorted(cost.free_symbols - set(found), key=str)
+        arguments = (*found, *used)
+        self._asked = Asked(
+            by=wanted,
+            places=[
+                places[name] if p is not None else states.get(name)
+                for name, p in zip(wanted.names, wanted.parameters)
+            ],
+            found=found,
+            outputs={q: name for name, q in named.items()},
+            integrals={q: states[s.name] for s, q in zip(integrals, integrated)},
+            used=np.array([places[s.name] for s in used], int),
+            cost=numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True),
+        )
+        start = system.initial_state(x0, self._span[0])
+        self._x0 = dict(zip(map(str, system.states), start)) | {s.name: 0.0 for s in integrals}
+        values = {s.name: value for s, value in system.parameters.items()}
+        self.start = np.array(
+            [
+                values[name] if p is not None else self._span[0] if state is None else self._x0[name]
+                for name, p, state in zip(wanted.names, wanted.parameters, wanted.states)
+            ]
+        )
+        self._values = values
+
+    def solve(self, q: Any) -> Any:
+        """The run at these values of the quantities.
+
+        Parameters
+        ----------
+        q : array_like, shape (k,)
+            Values of the quantities, in their units.
+
+        Returns
+        -------
+        Solution
+            Of the system with the integrals of the cost as states behind its own.
+
+        Raises
+        ------
+        ValueError
+            Another number of values.
+        """
+        q = checks.array(q, "`q`")
+        if q.shape != self.start.shape:
+            raise ValueError(
+                f"`q` has shape {q.shape}; give {len(self.start)} values, of {', '.join(self.names)}."
+            )
+        values = dict(zip(self.names, q.tolist()))
+        parameters = {name: values[name] for name in self._values if name in values}
+        x0 = {
+            name: values.get(name, value) if name not in parameters else value
+            for name, value in self._x0.items()
+        }
+        t0 = self._span[0] if self._asked.by.start_time is None else values["t0"]
+        return solve(
+            self._system, (t0, self._span[1]), x0,
+            parameters=parameters, with_respect_to=self.names, dense_output=True,
+            **self._options,
+        )  # fmt: skip
+
+    def __call__(self, q: Any) -> Gradient:
+        """The cost and its gradient.
+
+        Parameters
+        ----------
+        q : array_like, shape (k,)
+            Values of the quantities, in their units.
+
+        Returns
+        -------
+        Gradient
+            (value, gradient).
+
+        Raises
+        ------
+        NoDerivative
+            The run stops, reads an event that does not happen, or meets an instant at which it has no derivative.
+        """
+        run = self.solve(q)
+        return Reader(self._asked, run).result()
+
+
+def value_and_gradient(
+    system: Any, cost: Any, t_span: Sequence[float], x0: Mapping[Any, float] | Sequence[float], *,
+    with_respect_to: Sequence[Any], **options: Any,
+) -> Gradient:  # fmt: skip
+    """A cost of a run and its gradient, exact through every event: one run and one way back, by any number of names.
+
+    Parameters
+    ----------
+    system : System
+        Event-driven.
+    cost : Expr
+        Of quantities of a run (`integral`, `final`, `at`, `event_time`, ...) and of parameters.
+    t_span : (float, float), in the unit of the model's time
+        As of `solve`.
+    x0 : mapping of state to float, or sequence of float, length n
+        As of `solve`, in the units of the states.
+    with_respect_to : sequence of str or Symbol
+        As of `solve`: parameters, initial values of states and memories, "t0".
+    **options
+        Of `solve`.
+
+    Returns
+    -------
+    Gradient
+        (value, gradient).
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input, with the argument, its value and the remedy.
+    NoDerivative
+        The run stops, reads an event that does not happen, or meets an instant at which it has no derivative.
+
+    Notes
+    -----
+    Source: the adjoint of the saltation matrices, di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical
+    Systems, 2008.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import event_time, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> mu = sp.Symbol("mu", positive=True)
+    >>> body = System({x: v, v: -mu * sp.sign(v)}, parameters={mu: 2})
+    >>> stop = event_time("sgn(v)", "stick")
+    >>> value, gradient = value_and_gradient(body, stop, (0, 3), {x: 0, v: 4}, with_respect_to=[mu, "v"])
+    >>> print(f"{value:.6f}", gradient.round(6).tolist())  # v/mu
+    2.000000 [-1.0, 0.5]
+    """
+    objective = Objective(system, cost, t_span, x0, with_respect_to, **options)
+    return objective(objective.start)

@@ -1,0 +1,365 @@
+"""Quantities of a run as symbols, of which costs are made."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition import checks
+
+
+class Quantity(sp.Symbol):
+    """A number that a run gives, as a symbol: expressions of such symbols and of parameters are costs.
+
+    The functions of this module make them.
+
+    Parameters
+    ----------
+    kind : str
+        What it is, the name of the function.
+    expression : Expr or None
+        Of what.
+    where : tuple
+        Where: times, an event, data.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth.costs import final, integral
+    >>> x = sp.Symbol("x", real=True)
+    >>> sorted(map(str, (integral(x**2) + final(x)).free_symbols))
+    ['final(x)', 'integral(x**2)']
+    """
+
+    __slots__ = ("expression", "kind", "where")
+
+    def __new__(cls, kind, expression=None, where=()):
+        told = ", ".join(
+            str(item)
+            for item in ([] if expression is None else [expression]) + [*where]
+            if item is not None and not isinstance(item, bytes)
+        )
+        self = sp.Symbol.__xnew__(cls, f"{kind}({told})", real=True)
+        self.kind, self.expression, self.where = kind, expression, where
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.kind, self.expression, self.where), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.kind, self.expression, self.where)
+
+
+def _expression(e: Any) -> sp.Expr:
+    return checks.expression(e, "`expression`")
+
+
+def integral(expression: Any) -> Quantity:
+    """The integral of an expression over the span, to the tolerance of the run.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression times that of the time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import integral, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, integral(v), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
+    """
+    return Quantity("integral", _expression(expression))
+
+
+def final(expression: Any) -> Quantity:
+    """An expression at the end of the span.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import final, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, final(x), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
+    """
+    return Quantity("final", _expression(expression))
+
+
+def at(expression: Any, time: float) -> Quantity:
+    """An expression at a time, at an event on the side after it.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+    time : float, in the unit of the model's time
+        When.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import at, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, at(x, 1), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    3.0000 1.0000
+    """
+    return Quantity("at", _expression(expression), (checks.number(time, "`time`"),))
+
+
+def _event(switch: Any, kind: str | None, number: int) -> tuple[str, str | None, int]:
+    kind = None if kind is None else checks.name(kind, "`kind`")
+    return str(checks.key(switch, "`switch`")), kind, checks.whole(number, "`number`", 0)
+
+
+def event_time(switch: Any, kind: str | None = None, number: int = 0) -> Quantity:
+    """The time of an event.
+
+    Parameters
+    ----------
+    switch : Switch, Symbol or str
+        Switch, contact or event, by its name.
+    kind : str, optional
+        As of `EventRecord`; any without.
+    number : int
+        0 for the first of these events.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the model's time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import event_time, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, event_time("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    2.0000 0.5000
+    """
+    return Quantity("event_time", None, _event(switch, kind, number))
+
+
+def at_event(
+    expression: Any, switch: Any, kind: str | None = None, number: int = 0, after: bool = False
+) -> Quantity:
+    """An expression at an event, before or after what happens there.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, parameters and time.
+    switch : Switch, Symbol or str
+        Switch, contact or event, by its name.
+    kind : str, optional
+        As of `EventRecord`; any without.
+    number : int
+        0 for the first of these events.
+    after : bool
+        On the side after it.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import at_event, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, at_event(x, "sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 2.0000
+    """
+    where = (*_event(switch, kind, number), checks.flag(after, "`after`"))
+    return Quantity("at_event", _expression(expression), where)
+
+
+def _window(kind: str, expression: Any, start: float | None, end: float | None) -> Quantity:
+    ends = (
+        None if t is None else checks.number(t, f"`{name}`") for name, t in (("start", start), ("end", end))
+    )
+    return Quantity(kind, _expression(expression), tuple(ends))
+
+
+def largest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
+    """The largest value of an expression over a window; its slopes are those where it is taken (envelope theorem).
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+    start, end : float, in the unit of the model's time, optional
+        The window; the span without.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import largest, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -x})
+    >>> value, slope = value_and_gradient(body, largest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    4.0000 1.0000
+    """
+    return _window("largest", expression, start, end)
+
+
+def smallest(expression: Any, start: float | None = None, end: float | None = None) -> Quantity:
+    """The smallest value of an expression over a window, as `largest`.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+    start, end : float, in the unit of the model's time, optional
+        The window; the span without.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the expression.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import smallest, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -x})
+    >>> value, slope = value_and_gradient(body, smallest(x), (0, 6), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    -4.0000 -1.0000
+    """
+    return _window("smallest", expression, start, end)
+
+
+def duration(switch: Any) -> Quantity:
+    """How long a switch slides, sticking friction sticks, a contact is closed, over the span.
+
+    Parameters
+    ----------
+    switch : Switch, Symbol or str
+        Switch or contact, by its name.
+
+    Returns
+    -------
+    Quantity
+        In the unit of the model's time.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import duration, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> value, slope = value_and_gradient(body, duration("sgn(v)"), (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    1.0000 -0.5000
+    """
+    return Quantity("duration", None, (str(checks.key(switch, "`switch`")),))
+
+
+def misfit(expression: Any, times: Any, values: Any, sigma: Any = 1.0) -> Quantity:
+    """The sum of squares of (expression - value)/sigma over data.
+
+    Parameters
+    ----------
+    expression : Expr
+        Of states, multipliers, parameters and time.
+    times : array_like, shape (nd,), in the unit of the model's time
+        When it was measured, not decreasing.
+    values : array_like, shape (nd,), in the unit of the expression
+        What was measured; nan where nothing was.
+    sigma : float or array_like, shape (nd,), in the unit of the expression
+        Its standard error.
+
+    Returns
+    -------
+    Quantity
+        Dimensionless.
+
+    Raises
+    ------
+    ValueError
+        Lengths that differ, times that decrease, an error that is not positive.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System
+    >>> from pwsmooth.costs import misfit, value_and_gradient
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> body = System({x: v, v: -2 * sp.sign(v)})
+    >>> cost = misfit(x, [1, 2], [2.5, 4])
+    >>> value, slope = value_and_gradient(body, cost, (0, 3), {x: 0, v: 4}, with_respect_to=["v"])
+    >>> print(f"{value:.4f} {slope[0]:.4f}")
+    0.2500 1.0000
+    """
+    when, measured = checks.array(times, "`times`"), _numbers(values, "`values`")
+    errors = _numbers(sigma, "`sigma`")
+    if when.ndim != 1 or measured.shape != when.shape or np.any(np.diff(when) < 0):
+        raise ValueError(
+            f"`times` of shape {when.shape} and `values` of shape {measured.shape}: give two rows of one length, with "
+            "times that do not decrease."
+        )
+    if errors.shape not in ((), when.shape) or not np.all(errors > 0):
+        raise ValueError(
+            "`sigma` is no row of positive numbers; give the standard error of all values or of each."
+        )
+    known = ~np.isnan(measured)
+    data = np.stack([when[known], measured[known], np.broadcast_to(errors, when.shape)[known]])
+    return Quantity("misfit", _expression(expression), (data.tobytes(),))
+
+
+def _numbers(value: Any, what: str) -> np.ndarray:
+    """As `checks.array`, with nan where nothing was measured."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{what} is {checks.shown(value)}; give numbers.") from None
