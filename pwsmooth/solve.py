@@ -153,10 +153,10 @@ def solve(
     if not (diffuses or smoothed or stiff):
         taped = with_respect_to is not None or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
-        run = prepared_run(model, options)
-        if with_respect_to is not None and not run.by_series:
-            run = prepared_run(model, options._replace(dense=True))
-        solution = run.solve(system, p, t0, t1, start, times, spending, kicks)
+        ready = prepared_run(model, options)
+        if with_respect_to is not None and not ready.by_series:
+            ready = prepared_run(model, options._replace(dense=True))
+        solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         if with_respect_to is not None:
             solution.derivatives = Derivatives(solution, wanted)
