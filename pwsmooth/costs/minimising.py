@@ -412,16 +412,16 @@ class _Search:
         success, message = False, ""
         try:
             self._begin()
-            for _ in range(_LEGS):
+            for leg in range(_LEGS):
                 begun = self.best
-                found = self._leg(method, rows, rtol, begun.z)
+                found = self._leg(method, rows, rtol, begun.z, leg)
                 end = self.at(found.x)
                 if end.real and not end.rank[0] and end.cost <= self.best.cost + rtol * self.scale:
                     self.best = end
                 here = self.best
                 met = not here.rank[0]
-                # A trust region that has shrunk to nothing (status 2) is no minimum.
-                sure = bool(found.success) and here is end and (method, found.status) != ("trust-constr", 2)
+                # trust-constr also calls it a success that its region has shrunk, or its barrier not yet.
+                sure = bool(found.success) and here is end and method != "trust-constr"
                 success = met and (sure or self._slope(here, rows) <= _STATIONARY)
                 if success or here.rank >= begun.rank:
                     break
@@ -434,7 +434,7 @@ class _Search:
             message = "Interrupted: this is the best point until then."
         return self.best, success, message
 
-    def _leg(self, method: str, rows: Any, rtol: float, z: np.ndarray) -> Any:
+    def _leg(self, method: str, rows: Any, rtol: float, z: np.ndarray, leg: int) -> Any:
         import warnings
 
         from scipy.optimize import SR1, Bounds, LinearConstraint, NonlinearConstraint, minimize
@@ -459,7 +459,12 @@ class _Search:
         fine = {
             "L-BFGS-B": {"ftol": max(0.01 * rtol, 1e-15), "gtol": max(10 * rtol, 1e-13)},
             "SLSQP": {"ftol": max(rtol, 1e-14)},
-            "trust-constr": {"gtol": max(10 * rtol, 1e-13), "xtol": max(0.1 * rtol, 1e-14)},
+            "trust-constr": {
+                "gtol": max(10 * rtol, 1e-13),
+                "xtol": max(0.1 * rtol, 1e-14),
+                "initial_barrier_parameter": 0.1 * 1e-3**leg,
+                "initial_barrier_tolerance": 0.1 * 1e-3**leg,
+            },
         }
         with warnings.catch_warnings():
             # A straight piece of a cost or constraint tells a quasi-Newton method nothing, and needs no word.
@@ -475,7 +480,7 @@ class _Search:
         """What is left of the slope once active bounds and constraints push against it (Karush, Kuhn and Tucker)."""
         from scipy.optimize import lsq_linear
 
-        near, k = 1e-6, np.eye(len(point.z))
+        near, k = 1e-5, np.eye(len(point.z))
         pushes = [k[point.z - self.low <= near], -k[self.high - point.z <= near]]
         pushes += [
             (a * self.unit)[None] for a, low in rows if a @ (point.z * self.unit) - low <= near * abs(low)
