@@ -440,9 +440,10 @@ class _Search:
         from scipy.optimize import SR1, Bounds, LinearConstraint, NonlinearConstraint, minimize
 
         constraints: list[Any] = []
+        inner = method == "trust-constr"
         if rows:
             a, low = np.array([a for a, _ in rows]) * self.unit, np.array([low for _, low in rows])
-            constraints.append(LinearConstraint(a, low, np.inf, keep_feasible=True))
+            constraints.append(LinearConstraint(a, low, np.inf, keep_feasible=inner))
         for own in (self.signs == 0, self.signs != 0):
             if own.any():
                 size = (self.sizes * np.where(self.signs < 0, -1.0, 1.0))[own]
@@ -452,8 +453,8 @@ class _Search:
                         0.0,
                         0.0 if (self.signs[own] == 0).all() else np.inf,
                         jac=lambda z, own=own, size=size: self.at(z).slopes[own] / size[:, None],
-                        # Of trust-constr alone: a constraint is straight until it shows otherwise, to either side.
-                        hess=SR1(init_scale=1e-8),
+                        # A constraint is straight until it shows otherwise, to either side.
+                        **({"hess": SR1(init_scale=1e-8)} if inner else {}),
                     )
                 )
         fine = {

@@ -15,6 +15,8 @@ from ..definition.describe import Described, Rows, values
 from ..derivatives import NoDerivative
 from ..solve import solve
 
+HELD = 1e-7  # violation up to which a constraint counts as held
+
 
 class Evaluation(NamedTuple):
     """A point that a search has tried.
@@ -28,7 +30,8 @@ class Evaluation(NamedTuple):
     cost : float
         In the unit of the cost; nan where the run or a derivative of it failed.
     violation : float
-        The largest amount by which a constraint does not hold, in its unit; nan as the cost.
+        The largest amount by which a constraint does not hold, dimensionless: over its slope by the unknowns, these
+        in units of their size, at the first point; nan as the cost.
 
     Examples
     --------
@@ -110,9 +113,9 @@ class Minimum(Described):
     >>> from pwsmooth.costs import final, integral, minimise
     >>> x = sp.Symbol("x", real=True)
     >>> relay = System({x: 2 - sp.sign(x)})
-    >>> found = minimise(relay, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.5])
+    >>> found = minimise(relay, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.6])
     >>> print(f"{found.values['x']:.6f}", found.holds, f"{found.solution['x'][-1]:.6f}")
-    -1.500000 {'final(x) >= 1.5': True} 1.500000
+    -1.200000 {'final(x) >= 1.6': True} 1.600000
     """
 
     def __init__(
@@ -181,6 +184,3 @@ class Minimum(Described):
             "message": [self.message],
             "first without": [str(self.problem)] if self.problem else [],
         }.items()
-
-
-HELD = 1e-7  # up to which a constraint counts as held, in its unit
