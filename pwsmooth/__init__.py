@@ -21,6 +21,7 @@ _HOME = {
     "Algebraic": "definition.primitives",
     "Family": "definition.family",
     "Drive": "definition.drives",
+    "Control": "definition.controls",
     "Kicks": "noise.kicks",
     "Diffusion": "noise.diffusion",
     "ensemble": "sweep.ensemble",

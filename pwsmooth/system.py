@@ -224,6 +224,10 @@ class System(DescribedSystem):
         return {m: m.initial for m in (self._element or self.definition).memories}
 
     @property
+    def _controls(self):
+        return (self._element or self).definition.controls
+
+    @property
     def parameter_values(self):
         """Values in the order of `model.parameters`, in the units of the model."""
         return tuple(self.parameters[p] for p in self.model.parameters)
@@ -267,13 +271,16 @@ class System(DescribedSystem):
                 (index, table) for e in self.model.events for table in e.tables[:1] for index, _ in e.update
             ]
             gone = {z.name: note for z, note in (self._view.gone if self._view else {}).items()}
-            self._cache["start"] = self.states[: len(self.states) - len(memory)], memory, gone, cells
-        states, memory, gone, cells = self._cache["start"]
+            own = self.states[: len(self.states) - len(memory)]
+            self._cache["start"] = own, memory, gone, cells, self._controls
+        states, memory, gone, cells, controls = self._cache["start"]
         if not isinstance(x0, (tuple, list)) and isinstance(x0, Mapping):
             x0 = self._spread(x0, "`x0`")
         start = checks.initial_state(x0, states, memory, gone)
         for index, table in cells if t0 is not None else ():
             start[index] = table.cell(t0)
+        for u in controls if t0 is not None else ():
+            u._check_run(t0, self.parameters)
         return start
 
     def with_parameters(self, parameters):

@@ -75,7 +75,8 @@ class Variations:
     @property
     def first_rates(self) -> np.ndarray:
         """Rates f at the start, shape (n,), in the units of the model."""
-        return rates(self.solution.model, *_begin(self.solution)[:3], _values(self.solution))
+        t, x, mult, _ = _begin(self.solution)
+        return rates(self.solution.model, t, x, mult, _values(self.solution))
 
     @property
     def rates(self) -> np.ndarray:

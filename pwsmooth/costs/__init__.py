@@ -6,9 +6,11 @@ A cost is an expression of quantities that a run gives (an integral, a value at 
 time of an event, an extreme, a duration, a misfit of data) and of parameters. Its gradient by many parameters costs a
 few runs: slopes are carried back over the tape that the run has written (kernels/tangent/reverse.py).
 
-Chain: System, solve() -> **costs** -> optimisation, fits.
+Chain: System, solve() -> **costs**, minimise() -> fits.
 """
 
+from .minimising import minimise
+from .minimum import Evaluation, Minimum
 from .objective import Objective, value_and_gradient
 from .quantities import (
     Quantity,
@@ -25,6 +27,6 @@ from .quantities import (
 from .reading import Gradient
 
 __all__ = [
-    "Gradient", "Objective", "Quantity", "at", "at_event", "duration", "event_time", "final", "integral", "largest",
-    "misfit", "smallest", "value_and_gradient",
+    "Evaluation", "Gradient", "Minimum", "Objective", "Quantity", "at", "at_event", "duration", "event_time", "final",
+    "integral", "largest", "minimise", "misfit", "smallest", "value_and_gradient",
 ]  # fmt: skip

@@ -64,20 +64,39 @@ class Objective:
     def __init__(
         self, system: Any, cost: Any, t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any], **options: Any
     ) -> None:  # fmt: skip
+        self._prepare(system, {"`cost`": cost}, t_span, x0, with_respect_to, options)
+
+    @classmethod
+    def _of_several(
+        cls, system: Any, costs: Mapping[str, Any], t_span: Sequence[float], x0: Any, with_respect_to: Sequence[Any],
+        **options: Any,
+    ) -> Objective:  # fmt: skip
+        """Of costs that share a run, by what they are called; `_each` gives them all."""
+        self = cls.__new__(cls)
+        self._prepare(system, costs, t_span, x0, with_respect_to, options)
+        return self
+
+    def _prepare(
+        self, system: Any, costs: Mapping[str, Any], t_span: Any, x0: Any, with_respect_to: Any, options: dict[str, Any]
+    ) -> None:  # fmt: skip
         checks.system(system, "`system`")
         system = system._written_out()
         if "parameters" in options:
             system = system.with_parameters(options.pop("parameters"))
-        cost = checks.expression(cost, "`cost`")
-        found = sorted((s for s in cost.free_symbols if isinstance(s, Quantity)), key=str)
-        strange = cost.free_symbols - set(found) - set(system.parameters)
-        if strange or not found:
-            what = (
-                f"names {checks.listing(sorted(strange, key=str))}" if strange else "reads nothing of the run"
-            )
-            raise ValueError(
-                f"`cost` {what}; write it with quantities of a run (integral, final, at, ...) and parameters."
-            )
+        costs = {what: checks.expression(cost, what) for what, cost in costs.items()}
+        symbols = set().union(*(cost.free_symbols for cost in costs.values()))
+        found = sorted((s for s in symbols if isinstance(s, Quantity)), key=str)
+        for what, cost in costs.items():
+            strange = cost.free_symbols - set(found) - set(system.parameters)
+            if strange or not found:
+                why = (
+                    f"names {checks.listing(sorted(strange, key=str))}"
+                    if strange
+                    else "reads nothing of the run"
+                )
+                raise ValueError(
+                    f"{what} {why}; write it with quantities of a run (integral, final, at, ...) and parameters."
+                )
         self._span = checks.span(t_span)
         integrated = [q for q in found if q.kind == "integral"]
         integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(integrated)}
@@ -91,7 +110,7 @@ class Objective:
         model = self._system.model
         places = {p.name: i for i, p in enumerate(model.parameters)}
         states = {s.name: i for i, s in enumerate(model.states)}
-        used = sorted(cost.free_symbols - set(found), key=str)
+        used = sorted(symbols - set(found), key=str)
         arguments = (*found, *used)
         self._asked = Asked(
             by=wanted,
@@ -103,7 +122,10 @@ class Objective:
             outputs={q: name for name, q in named.items()},
             integrals={q: states[s.name] for s, q in zip(integrals, integrated)},
             used=np.array([places[s.name] for s in used], int),
-            cost=numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True),
+            costs=[
+                numpy_function(arguments, sp.Tuple(cost, *(cost.diff(s) for s in arguments)), cse=True)
+                for cost in costs.values()
+            ],
         )
         start = system.initial_state(x0, self._span[0])
         self._x0 = dict(zip(map(str, system.states), start)) | {s.name: 0.0 for s in integrals}
@@ -170,8 +192,12 @@ class Objective:
         NoDerivative
             The run stops, reads an event that does not happen, or meets an instant at which it has no derivative.
         """
+        return self._each(q)[0]
+
+    def _each(self, q: Any) -> list[Gradient]:
+        """Of every cost value and gradient, from one run and one way back each."""
         run = self.solve(q)
-        return Reader(self._asked, run).result()
+        return [Reader(self._asked, run).result(cost) for cost in self._asked.costs]
 
 
 def value_and_gradient(

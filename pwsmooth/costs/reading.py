@@ -53,7 +53,7 @@ class Asked(NamedTuple):
     outputs: dict[Quantity, str]  # the model's output that is the expression of one
     integrals: dict[Quantity, int]  # the model's state that is one
     used: np.ndarray  # places of the parameters that stand in the cost
-    cost: Any  # of (*found, *used): the cost and its slopes by them
+    costs: list[Any]  # of (*found, *used): each cost and its slopes by them
 
 
 class Reader:
@@ -72,11 +72,12 @@ class Reader:
         self.tape = run.derivatives.tape
         self.p = self.tape.p
 
-    def result(self) -> Gradient:
+    def result(self, of: Any) -> Gradient:
+        """Value and gradient of one of the costs."""
         asked = self.asked
         readers = [getattr(self, f"_{q.kind}")(q) for q in asked.found]
         numbers = [value for value, _ in readers]
-        cost, *slopes = asked.cost(*numbers, *self.p[asked.used])
+        cost, *slopes = of(*numbers, *self.p[asked.used])
         for (_, add), slope in zip(readers, slopes):
             if slope != 0.0:
                 add(float(slope))

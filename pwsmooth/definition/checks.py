@@ -392,6 +392,17 @@ def pair(value, what):
     return tuple(result.tolist())
 
 
+def interval(value, what):
+    """`value` as (lowest, highest), two floats that may be infinite."""
+    try:
+        low, high = map(float, value)
+    except (TypeError, ValueError, ArithmeticError, RecursionError):
+        raise TypeError(f"{what} is {shown(value)}; give two numbers, (lowest, highest).") from None
+    if not low <= high:
+        raise ValueError(f"{what} is ({low:g}, {high:g}); give the lowest first.")
+    return low, high
+
+
 def several(value, what):
     """`value` as a tuple of what it holds."""
     iterable = isinstance(value, (Iterable, sp.MatrixBase))

@@ -141,6 +141,7 @@ class DescribedSystem(Described):
         definition = element.definition if element else system.definition
         if element and model.families:
             model = model.families.template.model
+        working = {m.name for u in system._controls for m in u._memories}
         # A hidden term on a surface that slides has no template.
         hidden = () if element else system.hidden_terms
         gone = system._view.gone if system._view else {}
@@ -165,8 +166,11 @@ class DescribedSystem(Described):
                         note=f", restitution {sp.sstr(R.restitution, full_prec=False)}")
                 for R in definition.contacts
             ],
-            "memories": listed([f"{m}, at first {m.initial:g}" for m in system.initial_memory]),
+            "memories": listed([
+                f"{m}, at first {m.initial:g}" for m in system.initial_memory if m.name not in working
+            ]),
             "events": [_event(spec, event) for spec, event in zip(model.events, definition.events)],
+            "controls": [u._words for u in definition.controls],
             "drives": [f"{u}: {drive!r}" for u, drive in system._arguments[-1].items()],
             "watched": [f"{e.name} at {e.surface} = 0   ({e.singular})" for e in model.events if e.singular],
             "outputs": [formula(f"{name} = {e}", rf"\text{{{name}}} =", e) for name, e in definition.outputs],
@@ -174,7 +178,10 @@ class DescribedSystem(Described):
             "convention": _FILIPPOV if system._convention == "filippov" else [],
             "view": [*([system._view.title] if system._view else []), *system._notes],
         }  # fmt: skip
-        return f"System with states {', '.join(listed([str(x) for x in system.states]))}", rows.items()
+        return (
+            f"System with states {', '.join(listed([str(x) for x in system.states if x.name not in working]))}",
+            rows.items(),
+        )
 
 
 def _event(spec, event):

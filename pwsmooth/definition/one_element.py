@@ -143,6 +143,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled)
     one = OneElement()
     try:
         plain = definition.read(rates, time, parameters, outputs, events, contacts, algebraic, sampled, one)
+        if plain.controls:  # whose parameters no element has
+            return None
         template = _template(plain, one)
         families = Families(template, tuple(f.n for f in one.families))
         far = [abs(p.offset) >= families.sizes[p.family] for p in one.places.values()]

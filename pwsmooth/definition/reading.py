@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from . import checks, drives
+from .controls import Control
 from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
@@ -27,6 +28,7 @@ class Definition:
     outputs: tuple[tuple[str, sp.Expr], ...]
     events: tuple[Event, ...]
     contacts: tuple[Reaction, ...]
+    controls: tuple[Control, ...]
     algebraic: tuple[Algebraic, ...]
     switches: tuple[Switch, ...]
     memories: tuple[Memory, ...]
@@ -61,13 +63,16 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     states = [names(x, "`rates`") for x, _ in pairs]
     checks.states(states)
     time = _time(time, names, states)
-    updated = [names(key, "`update` of an event") for event in events for key, _ in event.update]
+    controls = {u: u._meaning(time) for u in symbols if isinstance(u, Control)}
+    changes = tuple(event for u in controls.values() for event in u.events)
+    symbols = [*symbols, *map(names.add, [p for u in controls.values() for p in u.parameters])]
+    updated = [names(key, "`update` of an event") for event in (*events, *changes) for key, _ in event.update]
     pieces = drives.pieces([(names(u, "`drives`"), drive) for u, drive in sampled.items()], time)
     if unused := [u for u in pieces if u not in symbols]:
         raise ValueError(
             f"`drives` names {checks.listing(unused)}, which stands nowhere in this system; leave it out."
         )
-    outputs = {u.name: u for u in pieces} | outputs
+    outputs = {u.name: u for u in (*pieces, *controls)} | outputs
     memories = tuple(
         dict.fromkeys(
             [
@@ -82,11 +87,13 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         **dict.fromkeys(states, "a state"),
         **dict.fromkeys(unknowns, "an unknown"),
         **dict.fromkeys(pieces, "a drive"),
+        **dict.fromkeys(controls, "a control"),
     }
-    values = _parameters(families.parameters(parameters), names, symbols, taken | meanings)
+    own = {p: value for u in controls.values() for p, value in u.parameters.items()}
+    values = _parameters(own | families.parameters(parameters), names, symbols, taken | meanings)
 
-    moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces}
-    stand_ins = {u: value for u, (value, _, _) in pieces.items()}
+    moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces, *controls}
+    stand_ins = {u: value for u, (value, *_) in (*pieces.items(), *controls.items())}
     lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)], stand_ins)
     # Rates first: their surfaces give the switches their order.
     lifted = {
@@ -95,7 +102,12 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         "sums": tuple((s, lift(e)) for s, (_, e) in families.sums.items()),
     }
     gaps = [lift(R.gap) for R in reactions]
-    specs = _events(events, lift, [*states, *memories], [*states, *memories, *unknowns, *pieces, time])
+    specs = _events(
+        (*events, *changes),
+        lift,
+        [*states, *memories],
+        [*states, *memories, *unknowns, *pieces, *controls, time],
+    )
     specs += drives.sampling(pieces, [*states, *memories])
     field = Field(
         time=time,
@@ -115,7 +127,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     )
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)
     return Definition(
-        written, seen, events, tuple(reactions), algebraic, switches, memories, values, families.groups, field
+        written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, memories, values,
+        families.groups, field,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ import sympy as sp
 from sympy.functions.elementary.piecewise import ExprCondPair
 
 from . import checks
+from .controls import Control
 from .drives import Drive, rewritten, written
 from .family import Family, Member, MemberMemory, MemberSum
 from .model import Select
@@ -78,6 +79,12 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
         ),
         (MemberMemory, lambda s: (s.name, s.initial, s.family), MemberMemory, (_text, (float,), (Family,))),
         (Family, lambda f: (f.n, f.periodic, f.name), Family, ((int,), (bool,), _text)),
+        (
+            Control,
+            lambda u: u._parts,
+            Control,
+            (_text, _several, _several, (int,), (bool,), (bool,), (float,)),
+        ),
         (Drive, written, rewritten, (_several, _several, _text, (int,))),
         (Unilateral, lambda c: (c.gap, c.restitution, c.name), Unilateral, (_expression, _expression, _text)),
         (Algebraic, lambda a: (a.unknown, a.residual), Algebraic, (_expression, _expression)),

@@ -117,7 +117,8 @@ def fit(
     own = checks.system(system.system if isinstance(system, Scene) else system, "`system`")
     guesses = _guesses(own, parameters)
     limits = {
-        name: _bounds(pair, f"`bounds` of {name}") for name, pair in _spread(own, bounds, "bounds", guesses)
+        name: checks.interval(pair, f"`bounds` of {name}")
+        for name, pair in _spread(own, bounds, "bounds", guesses)
     }
     options = dict(rtol=rtol, max_steps=max_steps)
     experiments = [Experiment(record, system, guesses, intervals, options) for record in given]
@@ -202,16 +203,6 @@ def _spread(system: Any, wanted: Any, what: str, names: Mapping[str, float]) -> 
 def _prior(pair: Any, what: str) -> tuple[float, float]:
     mean, spread = checks.pair(pair, what)
     return mean, checks.positive(spread, f"{what}, standard deviation")
-
-
-def _bounds(pair: Any, what: str) -> tuple[float, float]:
-    try:
-        low, high = map(float, pair)
-    except (TypeError, ValueError):
-        raise TypeError(f"{what} is {checks.shown(pair)}; give two numbers, (lowest, highest).") from None
-    if not low <= high:
-        raise ValueError(f"{what} is ({low:g}, {high:g}); give the lowest first.")
-    return low, high
 
 
 def _coordinates(

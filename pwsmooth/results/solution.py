@@ -169,9 +169,10 @@ class Solution(Described):
 
     @functools.cached_property
     def _shown(self) -> tuple[str, ...]:
-        """The states without the last ones, memories that number the cells of drives."""
+        """The states without the last ones, memories that number the cells of drives and hold pieces of controls."""
         cells = sum(len(event.update) for event in self.model.events if event.tables)
-        return self.states[: len(self.states) - cells]
+        pieces = sum(len(u._memories) for u in self.system._controls)
+        return self.states[: len(self.states) - cells - pieces]
 
     @property
     def multipliers(self) -> tuple[str, ...]:
