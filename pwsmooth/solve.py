@@ -6,6 +6,7 @@ Chain: System -> Model -> codegen -> kernels -> the two paths -> **solve** -> So
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 
 from .definition import checks
 from .paths.budget import MOST_STEPS, opened
-from .paths.event_driven import LOOSEST, Options, prepared_run
+from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .results.solution import Outcome, Solution
 
 
@@ -203,3 +204,20 @@ def solve(
     if with_respect_to is not None:
         solution.derivatives = Derivatives(solution, wanted)
     return solution
+
+
+def taped_run(system: Any, options: Mapping[str, Any], dense: bool = False) -> EventDriven | None:
+    """The event-driven run that solve() would make of these options, with a tape; None for any other."""
+    model, known = system.model, {name: option.default for name, option in _OPTIONS.items()}
+    given = {name: value for name, value in {**known, **options}.items() if name in Options._fields}
+    if not options.keys() <= {*given, "max_seconds", "dense_output"}:
+        return None
+    if given["method"] not in ("auto", "taylor") or model.families is not None:
+        return None
+    if model.smoothing and not model.multipliers:
+        return None
+    run = prepared_run(model, Options(**given, dense=dense, tape=True))
+    return None if run.one_step else run
+
+
+_OPTIONS = inspect.signature(solve).parameters

@@ -75,15 +75,14 @@ class Variations:
     @property
     def first_rates(self) -> np.ndarray:
         """Rates f at the start, shape (n,), in the units of the model."""
-        t, x, mult, _ = _begin(self.solution)
-        return rates(self.solution.model, t, x, mult, _values(self.solution))
+        return _rates(self.solution, _begin(self.solution)[:3])
 
     @property
     def rates(self) -> np.ndarray:
         """Rates f at the end, shape (n,), in the units of the model."""
         solution, tape = self.solution, self.solution.tape
         end = (solution.t[-1], solution.x[:, -1], solution.mult[:, -1]) if tape is None else tape.standing(-1)
-        return rates(solution.model, *end, _values(solution))
+        return _rates(solution, end)
 
 
 @checks.door(solution=checks.instance(Solution, "a Solution, as solve() gives it"), parameters=checks.several)
@@ -139,6 +138,11 @@ def moved(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> Variations:
     matrix, degenerate = _matrices(solution, chosen)
     n, ambiguous = len(solution.x), [str(a) for a in solution.ambiguities]
     return Variations(matrix[:, :n], matrix[:, n:], degenerate + ambiguous, solution, chosen)
+
+
+def _rates(solution: Solution, point: Any) -> np.ndarray:
+    t, x, mult = point
+    return rates(solution.model, t, x, mult, _values(solution))
 
 
 def _values(solution: Solution) -> np.ndarray:
