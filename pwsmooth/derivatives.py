@@ -7,7 +7,7 @@ Chain: paths/tangents.py, which plays a run's tape again, and paths/collocation.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,12 +21,14 @@ from .paths.collocation import Collocation
 from .paths.tangents import Deviations
 from .results import outputs
 
-__all__ = ["Derivatives", "EventDerivative", "NoDerivative"]
+__all__ = ["Derivatives", "EventDerivative", "NoDerivative", "Sides"]
 
 START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
 # Ambiguities in which one of several attractors is taken: what is near it is taken too.
 _KEPT_CHOICES = ("several attracting states of the layer",)
+# How far beside a run others tell a derivative's limit, how many, and what the last two may differ by.
+_FARTHEST, _BESIDE, _AGREED = 1e-4, 6, 1e-6
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span
 
 
@@ -93,6 +95,34 @@ class EventDerivative(NamedTuple):
     time: np.ndarray
     before: np.ndarray
     after: np.ndarray
+
+
+class Sides(NamedTuple):
+    """Derivatives by a quantity from either side; None where that side has none either.
+
+    Attributes
+    ----------
+    below, above : ndarray, shape (n,), or None
+        Of the states at the end of the run, in their units over that of the quantity: limits from smaller and from
+        larger values.
+
+    Examples
+    --------
+    A swing whose turning point touches a wall: one side misses it, on the other one the derivative has no bound.
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, Unilateral, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> wall = Unilateral(x, restitution=0.8, name="wall")
+    >>> swing = System({x: v, v: 1 - x + wall.reaction})
+    >>> run = solve(swing, (0, 5), {x: 2, v: 0}, with_respect_to=["x"])
+    >>> sides = run.derivatives.sides("x")
+    >>> print(sides.below.round(6).tolist(), sides.above)  # (cos 5, -sin 5)
+    [0.283662, 0.958924] None
+    """
+
+    below: np.ndarray | None
+    above: np.ndarray | None
 
 
 class Quantities(NamedTuple):
@@ -165,6 +195,23 @@ def problems(
     return sorted(found, key=lambda problem: problem.t)
 
 
+def run_beside(
+    solve: Callable[..., Any], system: Any, span: tuple[float, float], start: Sequence[float],
+    options: Mapping[str, Any], wanted: Quantities, name: str, change: float,
+) -> Any:  # fmt: skip
+    """The run from `start` over `span` with one of the quantities changed."""
+    k, (begin, end) = wanted.names.index(name), span
+    first, values = dict(zip(map(str, system.model.states), start)), dict(system.parameters)
+    parameter = wanted.parameters[k]
+    if parameter is not None:
+        values[parameter] += change
+    elif k == wanted.start_time:
+        begin += change
+    else:
+        first[name] += change
+    return solve(system, (begin, end), first, parameters=values, with_respect_to=[name], **options)
+
+
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
@@ -178,6 +225,8 @@ class Derivatives(Described):
         The run; `solve` makes them.
     wanted : Quantities
         By what is differentiated.
+    again : callable
+        (name, change) -> the Solution with one of them changed.
 
     Attributes
     ----------
@@ -204,8 +253,8 @@ class Derivatives(Described):
     [-0.5, 1.0]
     """
 
-    def __init__(self, solution: Any, wanted: Quantities) -> None:
-        self._solution, self._wanted = solution, wanted
+    def __init__(self, solution: Any, wanted: Quantities, again: Callable[[str, float], Any]) -> None:
+        self._solution, self._wanted, self._again = solution, wanted, again
         self.names = wanted.names
 
     @functools.cached_property
@@ -418,6 +467,47 @@ class Derivatives(Described):
             return np.zeros((0, len(self.names)))
         self._defined(times[-1])
         return run.instant_dt[np.abs(run.instant_t[None, :] - times[:, None]).argmin(axis=1)]
+
+    def sides(self, name: Any) -> Sides:
+        """Of the end of the run by one of the quantities, from smaller and from larger values of it.
+
+        What is left to say where there is no derivative: limits of those of runs beside this one.
+
+        Parameters
+        ----------
+        name : str or Symbol
+            One of `names`.
+
+        Returns
+        -------
+        Sides
+            They agree where there is a derivative.
+
+        Raises
+        ------
+        ValueError
+            Another name.
+        """
+        name = str(checks.key(name, "`name`"))
+        if name not in self.names:
+            raise ValueError(f"`name` is {name!r}; differentiated is by {', '.join(self.names)}.")
+        return Sides(*(self._side(name, sign) for sign in (-1.0, 1.0)))
+
+    def _side(self, name: str, sign: float) -> np.ndarray | None:
+        """The limit for changes that go to 0: from runs that are ever nearer, by Neville's extrapolation."""
+        steps = sign * _FARTHEST * 0.25 ** np.arange(_BESIDE)
+        rows: list[list[np.ndarray]] = []
+        for k, step in enumerate(steps):
+            try:
+                row = [self._again(name, float(step)).derivatives.end[:, 0]]
+            except (NoDerivative, ValueError):
+                return None
+            for j in range(1, k + 1):
+                row.append(row[j - 1] + (row[j - 1] - rows[k - 1][j - 1]) / (steps[k - j] / step - 1.0))
+            rows.append(row)
+        near, nearer = rows[-2][-1], rows[-1][-1]
+        size = np.abs(nearer).max()
+        return nearer if np.abs(nearer - near).max() <= _AGREED * (1.0 + size) else None
 
     # ---- repr --------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ Chain: System -> Model -> codegen -> kernels -> the two paths -> **solve** -> So
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
 from collections.abc import Mapping, Sequence
@@ -118,9 +119,9 @@ def solve(
         system = system.with_parameters(parameters)
     t0, t1 = checks.span(t_span, backward=True)
     if with_respect_to is not None:
-        from .derivatives import Derivatives, quantities
+        from .derivatives import Derivatives, quantities, run_beside
 
-        system = system._written_out()
+        system = given = system._written_out()
         wanted = quantities(system, with_respect_to)
     if t0 > t1:
         if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:
@@ -146,6 +147,17 @@ def solve(
         system = kicks.system if kicks else system
     model = system.model
     start = system.initial_state(x0, t0)
+    if with_respect_to is not None:
+        same = dict(
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_step=max_step,
+            max_steps=max_steps,
+            order=order,
+            noise=noise,
+        )
+        beside = functools.partial(run_beside, solve, given, (t0, t1), start, same, wanted)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
@@ -160,7 +172,7 @@ def solve(
         solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         if with_respect_to is not None:
-            solution.derivatives = Derivatives(solution, wanted)
+            solution.derivatives = Derivatives(solution, wanted, beside)
         return solution
     if with_respect_to is not None:
         from .paths.stiff_steps import SCIPY_METHODS
@@ -202,7 +214,7 @@ def solve(
             solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
         solution.noise = noise
     if with_respect_to is not None:
-        solution.derivatives = Derivatives(solution, wanted)
+        solution.derivatives = Derivatives(solution, wanted, beside)
     return solution
 
 

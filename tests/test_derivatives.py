@@ -392,6 +392,24 @@ def test_two_surfaces_at_once_are_refused_and_one_surface_twice_is_not():
     assert d.end[1] == pytest.approx([2 * (0.5 + 1), 1 - 2], rel=1e-13)
 
 
+def test_where_there_is_none_the_sides_are_told_if_they_have_one():
+    ground = Unilateral(x, restitution=e, name="R")
+    swing = System({x: v, v: -x + 1 + ground.reaction}, parameters={e: 0.8})
+    d = solve(swing, (0, 5), {x: 2, v: 0}, with_respect_to=["x"], **TIGHT).derivatives
+    below, above = d.sides("x")
+    assert below == pytest.approx([np.cos(5), -np.sin(5)], abs=1e-9)  # it misses the ground
+    assert above is None  # the impact's share grows as the root of the distance
+    meet = System({x: -1, y: -1, z: sp.sign(x) * a + sp.sign(x + y) * sp.sign(y)}, parameters={a: 0.5})
+    d = solve(meet, (0, 3), {x: 1, y: 1, z: 0}, with_respect_to=["x", a], **TIGHT).derivatives
+    # z(3) = (x0 - (3 - x0)) a + ..., where sign(x + y) sign(y) is -1 for |x0 - 1|/2, before or behind t = 1.
+    below, above = d.sides("x")
+    assert (below[2], above[2]) == pytest.approx((2 * 0.5 + 1, 2 * 0.5 - 1), abs=1e-9)
+    below, above = d.sides(a)
+    assert (below[2], above[2]) == pytest.approx((-1, -1), abs=1e-9)
+    with pytest.raises(ValueError, match="differentiated is by x, a"):
+        d.sides("y")
+
+
 def test_a_start_on_a_surface_that_holds_it_is_refused_across_it_alone():
     system = System({x: -2 * sp.sign(x) + y, y: -a * y}, parameters={a: 1.0})
     run = solve(system, (0, 1), {x: 0, y: 1}, with_respect_to=["x"], **TIGHT)

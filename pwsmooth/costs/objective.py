@@ -15,7 +15,7 @@ from ..paths.budget import MOST_STEPS, opened
 from ..paths.event_driven import Checkpoint, EventDriven
 from ..solve import solve, taped_run
 from .quantities import Quantity
-from .reading import Asked, Gradient, gradients
+from .reading import Asked, Gradient, Parts, gradients, read
 
 # Bytes that the steps of a run may take; a longer one is gone through in parts, each run again on the way back.
 _MOST = 2**26
@@ -104,7 +104,7 @@ class Objective:
                 )
         self._span = checks.span(t_span)
         integrated = [q for q in found if q.kind == "integral"]
-        integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(integrated)}
+        integrals = {sp.Symbol(str(q), real=True): q.expression for q in integrated}
         named = {
             f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated
         }
@@ -154,7 +154,8 @@ class Objective:
         Returns
         -------
         Solution
-            Of the system with the integrals of the cost as states behind its own.
+            Of the system with the integrals of the cost, up to each time, as states behind its own:
+            ``solution["integral(x**2)"]``.
 
         Raises
         ------
@@ -209,16 +210,39 @@ class Objective:
         """
         return self._each(q)[0]
 
+    def value(self, q: Any) -> float:
+        """The cost alone; it exists where the gradient does not.
+
+        Parameters
+        ----------
+        q : array_like, shape (k,)
+            Values of the quantities, in their units.
+
+        Returns
+        -------
+        float
+            In the unit of the cost.
+
+        Raises
+        ------
+        NoDerivative
+            The run stops, or reads an event that does not happen.
+        """
+        found, reader = read(self._asked, self._parts(q))
+        return float(self._asked.costs[0](*found.numbers(reader), *reader.p[self._asked.used])[0])
+
     def _each(self, q: Any) -> list[Gradient]:
         """Of every cost value and gradient, from one run and one way back each."""
+        return gradients(self._asked, self._parts(q))
+
+    def _parts(self, q: Any) -> Parts:
+        """The run, in parts where it is long."""
         ready = taped_run(self._system, self._options, dense=True)
         if ready is None or not ready.by_series:
-            return gradients(self._asked, self._asked.costs, _Whole(self.solve(q)))
+            return _Whole(self.solve(q))
         parameters, span, x0 = self._given(q)
         system = self._system.with_parameters(parameters)
-        return gradients(
-            self._asked, self._asked.costs, _Cut(ready, system, checks.span(span), x0, self._options)
-        )
+        return _Cut(ready, system, checks.span(span), x0, self._options)
 
 
 class _Whole:

@@ -69,17 +69,23 @@ class Parts(Protocol):
         """That of part k, once more."""
 
 
-def gradients(asked: Asked, costs: Sequence[Any], parts: Parts) -> list[Gradient]:
-    """Of each cost, a function of `asked.found` and of parameters, value and gradient.
+def read(asked: Asked, parts: Parts) -> tuple[Found, Reader]:
+    """What the quantities come to, and the reader of the last part."""
+    found = Found(asked)
+    for run in parts.along():
+        found.take(reader := Reader(asked, run, found.parts, found.seen[-1]))
+    return found, reader
+
+
+def gradients(asked: Asked, parts: Parts) -> list[Gradient]:
+    """Of each cost value and gradient.
 
     Raises
     ------
     NoDerivative
         As of `Objective`.
     """
-    found = Found(asked)
-    for run in parts.along():
-        found.take(reader := Reader(asked, run, found.parts, found.seen[-1]))
+    (found, reader), costs = read(asked, parts), asked.costs
     numbers, used = found.numbers(reader), reader.p[asked.used]
     values = [cost(*numbers, *used) for cost in costs]
     slopes, own = (np.array([by for _, *by in values], float)[:, part] for part in found.sections)
@@ -152,11 +158,14 @@ class Reader:
             raise NoDerivative(float(run.t[-1]), "", f"the run ends there: {run.message}")
         self.asked, self.run, self.model = asked, run, run.model
         self.n, self.m = len(run.x), len(run.mult)
-        self.tape = run.tape if run.derivatives is None else run.derivatives.tape
-        self.p = self.tape.p
+        self.p = np.array([run.parameters[p.name] for p in run.model.parameters])
         self.part, self.before, self.seen = part, seen, dict(seen)
         self.reads: dict[Quantity, Any] = {}
         self._clear()
+
+    @functools.cached_property
+    def tape(self) -> Any:
+        return self.run.tape if self.run.derivatives is None else self.run.derivatives.tape
 
     def _clear(self) -> None:
         self.end = np.zeros(self.n + self.m)
