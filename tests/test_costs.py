@@ -5,7 +5,7 @@ import pytest
 import scipy.optimize
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral
+from pwsmooth import Switch, System, Unilateral, sweep
 from pwsmooth.costs import (
     Objective,
     at,
@@ -22,6 +22,7 @@ from pwsmooth.costs import (
 from pwsmooth.costs import objective as objectives
 from pwsmooth.derivatives import NoDerivative
 from pwsmooth.paths.event_driven import EventDriven
+from pwsmooth.sweep import Cost
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 e, g, rho, beta, sigma, omega = sp.symbols("e g rho beta sigma omega", positive=True)
@@ -159,6 +160,31 @@ def test_a_run_in_parts_gives_what_the_whole_one_gives(monkeypatch):
     ambiguous = System({x: sp.cos(t), w: sp.sign(x + 1)}, time=t)  # touches its surface every period
     with pytest.raises(NoDerivative, match=r"t = 4\.71"):
         value_and_gradient(ambiguous, final(w), (0, 900), {x: 0, w: 0}, with_respect_to=["x"])
+
+
+def test_a_sweep_measures_costs():
+    times = np.linspace(0, 12, 13)
+    cost = rho * integral(y**2 + LAM * v) + largest(y) + duration(LAM) - event_time("lam", "stick") + at(v, 5.0)
+    cost = cost + misfit(y, times, np.sin(times)) + final(z)
+    objective = friction(cost)
+    system = objective._system
+    measures = [Cost("J", cost), "extremes(y)"]
+    found = sweep(
+        system, {"sigma": [3.1, 3.2]}, start={"y": 0.5, "v": 0.3, "z": 0} | dict.fromkeys(system.states[3:], 0.0),
+        t_span=(0, 12), measures=measures, **TIGHT,
+    )  # fmt: skip
+    start = objective.start
+    expected = [objective.value(np.where(np.array(objective.names) == "sigma", s, start)) for s in (3.1, 3.2)]
+    assert found["J"].values == pytest.approx(expected, rel=1e-12)
+    assert objective(start).value == expected[0]
+    # Equal names, other data: another sweep.
+    assert repr(Cost("J", misfit(y, times, times))) != repr(Cost("J", misfit(y, times, 2 * times)))
+    with pytest.raises(ValueError, match="reads nothing of the run"):
+        Cost("J", x + 1)
+    running = objective.solve(start)["integral(lam*v + y**2)"]
+    assert running[0] == 0 and running[-1] == pytest.approx(
+        friction(integral(y**2 + LAM * v)).value(start), rel=1e-12
+    )
 
 
 def test_what_has_no_gradient_says_so():

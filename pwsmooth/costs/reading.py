@@ -14,11 +14,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import sympy as sp
 
+from ..definition.lambdified import numpy_function
 from ..derivatives import NoDerivative, Quantities, problems
 from ..paths.tangents import Readings, Slopes
 from ..results import outputs
 from .quantities import Quantity
 
+_HALVINGS, _SAME = 12, 1e-13  # of a step of a quadrature at most, and by how much halves may differ from it
 _NODES = 33  # at which an expression is looked at on a step, whose polynomial has degree 31 at most
 
 
@@ -109,6 +111,23 @@ def gradients(asked: Asked, parts: Parts) -> list[Gradient]:
         else:
             gradient[:, k] = (by_state if p is None else by_parameter)[:, place]
     return [Gradient(float(value), row) for (value, *_), row in zip(values, gradient)]
+
+
+def value_of(cost: Any, found: Sequence[Quantity], outputs: dict[Quantity, str], run: Any) -> float:
+    """A cost of one Solution with dense output; of each quantity `outputs` names the expression."""
+    asked = Asked(Quantities((), (), (), None), [], list(found), outputs, {}, np.empty(0, int), [])
+    if run.derivatives is None and run.tape is None and run.dense is None:
+        raise ValueError("the Solution has no dense output; solve with dense_output=True.")
+    values = Found(asked)
+    values.take(reader := Reader(asked, run, 0, {}))
+    given = [q for q in sorted(cost.free_symbols, key=str) if not isinstance(q, Quantity)]
+    numbers = [run.parameters[str(p)] for p in given]
+    return float(_numeric(cost, (*found, *given))(*values.numbers(reader), *numbers))
+
+
+@functools.lru_cache(maxsize=64)
+def _numeric(cost: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> Any:
+    return numpy_function(symbols, cost)
 
 
 class Found:
@@ -237,6 +256,8 @@ class Reader:
     # ---- kinds -------------------------------------------------------------------------------------
 
     def _integral(self, quantity: Quantity) -> tuple[float, Any]:
+        if quantity not in self.asked.integrals:
+            return _quadrature(lambda t: self._read(quantity, t)[0], self.run), None
         i = self.asked.integrals[quantity]
 
         def add(slope: float) -> None:
@@ -342,6 +363,27 @@ class Reader:
 
     def _smallest(self, quantity: Quantity) -> tuple[float, Any] | None:
         return self._largest(quantity, -1.0)
+
+
+def _quadrature(value: Any, run: Any) -> float:
+    """The integral of a function of time over a run, step by step: Gauss's rule, by halves where these differ."""
+    x, weights = np.polynomial.legendre.leggauss(16)
+    ends = np.unique(run.t)
+    low, high = ends[:-1], ends[1:]
+
+    def rule(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        times = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * x
+        return 0.5 * (high - low) * (value(times.ravel()).reshape(times.shape) @ weights)
+
+    whole, total = rule(low, high), 0.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        left, right = rule(low, middle), rule(middle, high)
+        rough = np.abs(left + right - whole) > _SAME * (np.abs(left) + np.abs(right))
+        total += (left + right)[~rough].sum()
+        low, high = np.append(low[rough], middle[rough]), np.append(middle[rough], high[rough])
+        whole = np.append(left[rough], right[rough])
+    return float(total + whole.sum())
 
 
 def _highest(value: Any, run: Any, begin: float, end: float) -> float:

@@ -19,6 +19,7 @@ from ..analysis.sections import LONGEST
 from .contract import Measure, Window
 from .measures import (
     Amplitude,
+    Cost,
     Counts,
     Extremes,
     Function,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Amplitude",
+    "Cost",
     "Counts",
     "Extremes",
     "Function",

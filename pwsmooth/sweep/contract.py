@@ -104,6 +104,11 @@ class Measure:
         """Names of states, multipliers or outputs whose numbers the ensemble has to keep."""
         return ()
 
+    @property
+    def outputs(self) -> dict[str, Any]:
+        """Outputs that it needs beside the system's own: name -> expression of states, parameters and the like."""
+        return {}
+
     def variables(self, setting: Any) -> dict[str, Variable]:
         """The variables of the Dataset that it fills.
 

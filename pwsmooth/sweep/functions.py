@@ -1,14 +1,18 @@
-"""Measures that run through solve(), point by point: a user's function, the largest Lyapunov exponent."""
+"""Measures that run through solve(), point by point: a user's function, a cost, the largest Lyapunov exponent."""
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import sympy as sp
 
+from ..costs import Quantity
+from ..costs.reading import value_of
 from ..definition import checks
 from .contract import Measure, real
 
@@ -82,6 +86,77 @@ class Function(Measure):
                 f"for {len(self.names)} names ({', '.join(self.names)}); give `names` one for each."
             )
         return dict(zip(self.names, values.tolist()))
+
+
+@dataclass(frozen=True, repr=False)
+class Cost(Measure):
+    """The variable `<name>`: a cost of the whole run.
+
+    Parameters
+    ----------
+    name : str
+        Of the variable.
+    cost : Expr
+        Of quantities of a run (`pwsmooth.costs`) and of parameters.
+    unit : str
+        Of the variable.
+
+    Raises
+    ------
+    ValueError
+        The cost reads nothing of a run.
+
+    Notes
+    -----
+    Integrals are as exact as the run's dense output.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, sweep
+    >>> from pwsmooth.costs import final, integral
+    >>> from pwsmooth.sweep import Cost
+    >>> x = sp.Symbol("x", real=True)
+    >>> k = sp.Symbol("k", positive=True)
+    >>> found = sweep(System({x: -k * x}, parameters={k: 1}), {"k": [1.0, 2.0]}, start={"x": 1}, t_span=(0, 1),
+    ...               measures=[Cost("effort", final(x) + k * integral(x))])
+    >>> found["effort"].values.round(9).tolist()
+    [1.0, 1.0]
+    """
+
+    compiled = False
+    dense: ClassVar[bool] = True
+    name: str
+    cost: Any
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        checks.fields(self, name=checks.name, cost=checks.expression)
+        if not self._found:
+            raise ValueError(
+                f"`cost` of Cost {self.name!r} reads nothing of the run; write it with quantities of a run (integral, "
+                "final, at, ...)."
+            )
+
+    @property
+    def _found(self) -> list[Quantity]:
+        return sorted((q for q in self.cost.free_symbols if isinstance(q, Quantity)), key=str)
+
+    def __repr__(self) -> str:
+        # The names of quantities do not tell their data.
+        told = repr([(q.kind, sp.srepr(q.expression), q.where) for q in self._found])
+        return f"Cost({self.name!r}, {self.cost}, {hashlib.sha256(told.encode()).hexdigest()[:12]})"
+
+    @property
+    def outputs(self):
+        return {f"{self.name}: {q}": q.expression for q in self._found if q.expression is not None}
+
+    def variables(self, setting):
+        return {self.name: real(setting, str(self.cost), self.unit)}
+
+    def of(self, solution, window, setting):
+        outputs = {q: f"{self.name}: {q}" for q in self._found}
+        return {self.name: value_of(self.cost, self._found, outputs, solution)}
 
 
 @dataclass(frozen=True)

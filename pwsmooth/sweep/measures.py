@@ -14,13 +14,14 @@ import numpy as np
 from ..analysis.poincare import RETURN
 from ..definition import checks
 from .contract import Measure, integer, real
-from .functions import Function, Lyapunov
+from .functions import Cost, Function, Lyapunov
 from .of_solution import segments_in, strobes
 from .periodicity import Itinerary, Period
 from .quantities import Amplitude, Extremes, OfQuantities, Statistics
 
 __all__ = [
     "Amplitude",
+    "Cost",
     "Counts",
     "Extremes",
     "Function",

@@ -245,6 +245,8 @@ def make_plan(
             if not t0 <= measure_from < t1:
                 raise ValueError(f"`measure_from` is {measure_from:g}; give a time in [{t0:g}, {t1:g}).")
     chosen = tuple(_measure(m) for m in _listing(measures))
+    if more := {name: e for measure in chosen for name, e in measure.outputs.items()}:
+        system = system._extended({}, more)
     strobed_by = "period" if period is not None else "return" if section is not None else ""
     setting = _setting(system, chosen, periods, strobed_by, _unit_names(units))
     plan = Plan(
