@@ -16,9 +16,9 @@ the force may end early; when it does is a part of the question.
 # %%
 # An input that can be varied
 # ---------------------------
-# A :class:`~pwsmooth.Control` is a polynomial on each piece of a grid. Its coefficients are parameters of the system, and
-# with ``movable=True`` so are the inner times of the grid. Here it is a broken line: the first guess falls to 0.5 at
-# t = 2.5 and to 0 at the end.
+# A :class:`~pwsmooth.Control` is a polynomial on each piece of a grid. Its coefficients are parameters of the system,
+# and with ``movable=True`` so are the inner times of the grid. Here it is a broken line: the first guess falls to 0.5
+# at t = 2.5 and to 0 at the end.
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
