@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Control, System, Unilateral
-from pwsmooth.costs import at, at_event, event_time, final, integral, largest, minimise, minimising
+from pwsmooth.costs import at, at_event, event_time, final, integral, largest, minimise, minimising, misfit
 from pwsmooth.costs.objective import Objective
 
 x, y, v, w = sp.symbols("x y v w", real=True)
@@ -128,6 +128,15 @@ def test_cost_and_constraints_share_one_run_a_point(monkeypatch):
         RELAY, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.5, largest(x) <= 3]
     )
     assert len(runs) == found.evaluations == len({tuple(q) for q in runs})
+
+
+def test_constraints_of_one_text_are_told_apart():
+    # 2 (x - 5)**2 <= 1 holds down to 5 - sqrt(1/2), 2 x**2 <= 1 up to sqrt(1/2): not both.
+    near, far = (misfit(x, [0.5, 1], data) <= 1 for data in ([0, 0], [5, 5]))
+    found = minimise(
+        System({x: 0 * x}), final(x), (0, 1), {x: 3}, ["x"], bounds={x: (-9, 9)}, constraints=[far, near, far]
+    )
+    assert len(found.holds) == 2 and not all(found.holds.values()) and not found.success
 
 
 def test_unknowns_far_apart_in_size_are_found():

@@ -132,7 +132,7 @@ def minimise(
         system = system.with_parameters(options.pop("parameters"))
     span = checks.span(t_span)
     names, guesses = _unknowns(system, over)
-    relations = [_relation(r) for r in checks.several(constraints, "`constraints`")]
+    relations = _relations(constraints)
     costs = {"`cost`": cost} | {f"`constraints`, {label},": side for label, side, _ in relations}
     objective = Objective._of_several(system, costs, span, x0, names, **options)
     q = np.array([guesses.get(name, value) for name, value in zip(names, objective.start)])
@@ -201,6 +201,18 @@ def _members(system: Any, key: Any, what: str, times: bool) -> list[str]:
         if u.name == name:
             return [s.name for s in (*u.coefficients, *(u.instants if times else ()))]
     return list(system.groups.get(name, (name,)))
+
+
+def _relations(constraints: Any) -> list[tuple[str, sp.Expr, int]]:
+    """Each relation once; data that differ do not show in the text."""
+    found: dict[str, tuple[str, sp.Expr, int]] = {}
+    for relation in checks.several(constraints, "`constraints`"):
+        text, side, sign = _relation(relation)
+        if (side, sign) in [(known, other) for _, known, other in found.values()]:
+            continue
+        label = text if text not in found else f"{text} ({len(found) + 1})"
+        found[label] = label, side, sign
+    return list(found.values())
 
 
 def _relation(relation: Any) -> tuple[str, sp.Expr, int]:
@@ -342,9 +354,9 @@ class _Search:
         self.scale = max(slope, 1e-3 * abs(point.cost)) or 1.0
         steepest = np.abs(point.slopes).max(axis=1, initial=0.0)
         self.sizes = np.where(steepest > 0, steepest, 1.0)
-        self.last = self.best = self.known[self.first.tobytes()] = point._replace(
-            misses=self._misses(point.margins)
-        )
+        point = point._replace(misses=self._misses(point.margins))
+        self.last = self.best = self.known[self.first.tobytes()] = self.known[point.z.tobytes()] = point
+        self.history[-1] = self.history[-1]._replace(violation=float(point.misses.max(initial=0.0)))
 
     def _misses(self, margins: np.ndarray) -> np.ndarray:
         miss = np.where(self.signs == 0, np.abs(margins), np.fmax(-self.signs * margins, 0.0))
