@@ -1,12 +1,13 @@
 """How a run moves with parameters, initial values and its start: `solve(with_respect_to=...)`.
 
-Chain: paths/tangents.py, which plays the run's tape again -> **Derivatives**, `Solution.derivatives`.
+Chain: paths/tangents.py, which plays a run's tape again, and paths/collocation.py, for runs by implicit steps ->
+**Derivatives**, `Solution.derivatives`.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,17 +16,19 @@ import sympy as sp
 from .definition import checks
 from .definition.describe import Described, Rows, values
 from .definition.model import Model
-from .kernels.tangent.state import CORNER, GRAZES
-from .paths.clock import slopes_of_instants
-from .paths.tangents import Deviations, Tape, replay
+from .kernels.tangent.state import CORNER, GRAZES, NO_SERIES
+from .paths.collocation import Collocation
+from .paths.tangents import Deviations
 from .results import outputs
 
-__all__ = ["Derivatives", "EventDerivative", "NoDerivative"]
+__all__ = ["Derivatives", "EventDerivative", "NoDerivative", "Sides"]
 
 START_TIME = "t0"
 _TANGENT = 1e-9  # deviations out of a surface that are roundings
 # Ambiguities in which one of several attractors is taken: what is near it is taken too.
 _KEPT_CHOICES = ("several attracting states of the layer",)
+# How far beside a run others tell a derivative's limit, how many, and what the last two may differ by.
+_FARTHEST, _BESIDE, _AGREED = 1e-4, 6, 1e-6
 _SAME_INSTANT = 1e-12  # of the larger of the time and the span
 
 
@@ -94,6 +97,34 @@ class EventDerivative(NamedTuple):
     after: np.ndarray
 
 
+class Sides(NamedTuple):
+    """Derivatives by a quantity from either side; None where that side has none either.
+
+    Attributes
+    ----------
+    below, above : ndarray, shape (n,), or None
+        Of the states at the end of the run, in their units over that of the quantity: limits from smaller and from
+        larger values.
+
+    Examples
+    --------
+    A swing whose turning point touches a wall: one side misses it, on the other one the derivative has no bound.
+
+    >>> import sympy as sp
+    >>> from pwsmooth import System, Unilateral, solve
+    >>> x, v = sp.symbols("x v", real=True)
+    >>> wall = Unilateral(x, restitution=0.8, name="wall")
+    >>> swing = System({x: v, v: 1 - x + wall.reaction})
+    >>> run = solve(swing, (0, 5), {x: 2, v: 0}, with_respect_to=["x"])
+    >>> sides = run.derivatives.sides("x")
+    >>> print(sides.below.round(6).tolist(), sides.above)  # (cos 5, -sin 5)
+    [0.283662, 0.958924] None
+    """
+
+    below: np.ndarray | None
+    above: np.ndarray | None
+
+
 class Quantities(NamedTuple):
     """What is differentiated by: columns of parameters, of initial values, and that of the start time."""
 
@@ -147,6 +178,7 @@ def problems(
     reasons = {
         GRAZES: "the surface is touched and not crossed, where the derivative by one side has no bound",
         CORNER: "several surfaces are met at once, in an order that any change may turn",
+        NO_SERIES: "a step has no Taylor series",
     }
     for why, cause, t in marked:
         reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
@@ -163,6 +195,23 @@ def problems(
     return sorted(found, key=lambda problem: problem.t)
 
 
+def run_beside(
+    solve: Callable[..., Any], system: Any, span: tuple[float, float], start: Sequence[float],
+    options: Mapping[str, Any], wanted: Quantities, name: str, change: float,
+) -> Any:  # fmt: skip
+    """The run from `start` over `span` with one of the quantities changed."""
+    k, (begin, end) = wanted.names.index(name), span
+    first, values = dict(zip(map(str, system.model.states), start)), dict(system.parameters)
+    parameter = wanted.parameters[k]
+    if parameter is not None:
+        values[parameter] += change
+    elif k == wanted.start_time:
+        begin += change
+    else:
+        first[name] += change
+    return solve(system, (begin, end), first, parameters=values, with_respect_to=[name], **options)
+
+
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
@@ -174,10 +223,10 @@ class Derivatives(Described):
     ----------
     solution : Solution
         The run; `solve` makes them.
-    tape : Tape
-        What the run has written.
     wanted : Quantities
         By what is differentiated.
+    again : callable
+        (name, change) -> the Solution with one of them changed.
 
     Attributes
     ----------
@@ -187,7 +236,8 @@ class Derivatives(Described):
     Notes
     -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for events; between
-    them the variational equations are solved by Taylor series on the run's own steps.
+    them the variational equations are solved on the run's own steps, by Taylor series or, where these are implicit, by
+    collocation.
 
     Examples
     --------
@@ -203,28 +253,35 @@ class Derivatives(Described):
     [-0.5, 1.0]
     """
 
-    def __init__(self, solution: Any, tape: Tape, wanted: Quantities) -> None:
-        self._solution, self._tape, self._wanted = solution, tape, wanted
+    def __init__(self, solution: Any, wanted: Quantities, again: Callable[[str, float], Any]) -> None:
+        self._solution, self._wanted, self._again = solution, wanted, again
         self.names = wanted.names
+
+    @functools.cached_property
+    def tape(self) -> Any:
+        """By what the run is gone through again."""
+        solution = self._solution
+        if solution.tape is not None and solution.tape.by_series:
+            return solution.tape
+        return Collocation(
+            solution.whole or solution, tuple(p for p in self._wanted.parameters if p is not None)
+        )
 
     # ---- what is played again ----------------------------------------------------------------------
 
     def _replay(self, times: np.ndarray | None, points: bool) -> Deviations:
-        model, wanted, tape = self._solution.model, self._wanted, self._tape
+        model, wanted, tape = self._solution.model, self._wanted, self.tape
         k, n = len(wanted.names), len(model.states)
         start, seeds = np.zeros((n, k)), np.zeros((len(model.parameters), k))
-        clock = np.zeros((len(tape.clock), k))
         numbers = {s: i for i, s in enumerate(model.parameters)}
-        given = dict(zip(model.parameters, tape.p))
         for column, (parameter, state) in enumerate(zip(wanted.parameters, wanted.states)):
             if parameter is not None:
                 seeds[numbers[parameter], column] = 1.0
-                clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, parameter)
             elif state is not None:
                 start[state, column] = 1.0
         if wanted.start_time is not None:
-            start[:, wanted.start_time] = -first_rates(model, tape)
-        return replay(model, tape, start, seeds, times, clock, points)
+            start[:, wanted.start_time] = -tape.first_rates()
+        return tape.deviations(start, seeds, times, points)
 
     @functools.cached_property
     def _outline(self) -> Deviations:
@@ -236,10 +293,9 @@ class Derivatives(Described):
         """Instants from which the run has no derivative, the first first."""
         run = self._outline
         marked = [(why, cause, t) for t, (why, cause) in zip(run.instant_t, run.instant_why) if why]
-        found = problems(self._solution, marked, dict(zip(self.names, run.off)))
         if run.stopped == run.stopped:
-            found.append(NoDerivative(run.stopped, "", "a step has no Taylor series"))
-        return sorted(found, key=lambda problem: problem.t)
+            marked.append((NO_SERIES, -1, run.stopped))
+        return problems(self._solution, marked, dict(zip(self.names, run.off)))
 
     def _defined(self, until: float) -> None:
         if self.problems and self.problems[0].t <= until:
@@ -341,7 +397,7 @@ class Derivatives(Described):
         expression = solution._expressions[name]
         by_parameter = [p for p in self._wanted.parameters if p is not None]
         symbols = [*model.states, *(m.symbol for m in model.multipliers), *by_parameter]
-        slopes = _gradient(model, expression, tuple(symbols))(t, *states, *forces, *self._tape.p)
+        slopes = _gradient(model, expression, tuple(symbols))(t, *states, *forces, *self.tape.p)
         slopes = [np.broadcast_to(np.asarray(slope, float), np.shape(t)) for slope in slopes]
         n, m = len(states), len(forces)
         total = np.einsum("it,ikt->kt", np.array(slopes[:n]), x)
@@ -412,6 +468,47 @@ class Derivatives(Described):
         self._defined(times[-1])
         return run.instant_dt[np.abs(run.instant_t[None, :] - times[:, None]).argmin(axis=1)]
 
+    def sides(self, name: Any) -> Sides:
+        """Of the end of the run by one of the quantities, from smaller and from larger values of it.
+
+        What is left to say where there is no derivative: limits of those of runs beside this one.
+
+        Parameters
+        ----------
+        name : str or Symbol
+            One of `names`.
+
+        Returns
+        -------
+        Sides
+            They agree where there is a derivative.
+
+        Raises
+        ------
+        ValueError
+            Another name.
+        """
+        name = str(checks.key(name, "`name`"))
+        if name not in self.names:
+            raise ValueError(f"`name` is {name!r}; differentiated is by {', '.join(self.names)}.")
+        return Sides(*(self._side(name, sign) for sign in (-1.0, 1.0)))
+
+    def _side(self, name: str, sign: float) -> np.ndarray | None:
+        """The limit for changes that go to 0: from runs that are ever nearer, by Neville's extrapolation."""
+        steps = sign * _FARTHEST * 0.25 ** np.arange(_BESIDE)
+        rows: list[list[np.ndarray]] = []
+        for k, step in enumerate(steps):
+            try:
+                row = [self._again(name, float(step)).derivatives.end[:, 0]]
+            except (NoDerivative, ValueError):
+                return None
+            for j in range(1, k + 1):
+                row.append(row[j - 1] + (row[j - 1] - rows[k - 1][j - 1]) / (steps[k - j] / step - 1.0))
+            rows.append(row)
+        near, nearer = rows[-2][-1], rows[-1][-1]
+        size = np.abs(nearer).max()
+        return nearer if np.abs(nearer - near).max() <= _AGREED * (1.0 + size) else None
+
     # ---- repr --------------------------------------------------------------------------------------
 
     def _described(self) -> tuple[str, Rows]:
@@ -433,11 +530,3 @@ class Derivatives(Described):
 def _gradient(model: Model, expression: sp.Basic, symbols: Sequence[sp.Symbol]) -> Any:
     """A numpy function of (t, *x, *mult, *p): the slopes of an expression by these symbols."""
     return outputs.vectorised(model, sp.Tuple(*(expression.diff(s) for s in symbols)))
-
-
-def first_rates(model: Model, tape: Tape) -> np.ndarray:
-    """f behind the start of a run."""
-    n, m = len(model.states), len(model.multipliers)
-    values = tape.values[0]
-    rates = outputs.vectorised(model, sp.Tuple(*model.rhs))
-    return np.array(rates(values[0], *values[2 : 2 + n + m], *tape.p), float)

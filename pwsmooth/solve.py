@@ -6,6 +6,8 @@ Chain: System -> Model -> codegen -> kernels -> the two paths -> **solve** -> So
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +16,7 @@ import numpy as np
 
 from .definition import checks
 from .paths.budget import MOST_STEPS, opened
-from .paths.event_driven import LOOSEST, Options, prepared_run
+from .paths.event_driven import LOOSEST, EventDriven, Options, prepared_run
 from .results.solution import Outcome, Solution
 
 
@@ -117,9 +119,9 @@ def solve(
         system = system.with_parameters(parameters)
     t0, t1 = checks.span(t_span, backward=True)
     if with_respect_to is not None:
-        from .derivatives import Derivatives, quantities
+        from .derivatives import Derivatives, quantities, run_beside
 
-        system = system._written_out()
+        system = given = system._written_out()
         wanted = quantities(system, with_respect_to)
     if t0 > t1:
         if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:
@@ -145,6 +147,17 @@ def solve(
         system = kicks.system if kicks else system
     model = system.model
     start = system.initial_state(x0, t0)
+    if with_respect_to is not None:
+        same = dict(
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_step=max_step,
+            max_steps=max_steps,
+            order=order,
+            noise=noise,
+        )
+        beside = functools.partial(run_beside, solve, given, (t0, t1), start, same, wanted)
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
@@ -153,20 +166,27 @@ def solve(
     if not (diffuses or smoothed or stiff):
         taped = with_respect_to is not None or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
-        solution = prepared_run(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
+        ready = prepared_run(model, options)
+        if with_respect_to is not None and not ready.by_series:
+            ready = prepared_run(model, options._replace(dense=True))
+        solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         if with_respect_to is not None:
-            solution.derivatives = Derivatives(solution, solution.tape, wanted)
+            solution.derivatives = Derivatives(solution, wanted, beside)
         return solution
     if with_respect_to is not None:
-        raise ValueError(
-            "`with_respect_to` is given for a smoothed view, a diffusion or method='stiff', whose steps have no "
-            "derivatives yet; differentiate the event-driven system."
-        )
+        from .paths.stiff_steps import SCIPY_METHODS
+
+        if diffuses or method in SCIPY_METHODS:
+            raise ValueError(
+                "`with_respect_to` is given for a diffusion or one of SciPy's methods, which have no derivatives; "
+                "leave `noise`, or `method`, out."
+            )
     initial = np.array(start)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)
     strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")
+    dense = dense or with_respect_to is not None  # derivatives go along the steps' polynomials
     if diffuses:
         return kicks.solve((t0, t1), initial, times, strict, spending, max_step, dense, order)
     if order is not None or strict:
@@ -179,17 +199,37 @@ def solve(
 
         if kicks is not None:
             raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
-        return solve_stiff(
+        solution = solve_stiff(
             system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, spending
         )
-    from .paths.smoothed import solve_smoothed
+    else:
+        from .paths.smoothed import solve_smoothed
 
-    solution = solve_smoothed(
-        system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, spending,
-        kicks,
-    )  # fmt: skip
-    if times is not None:
-        ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
-        solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
-    solution.noise = noise
+        solution = solve_smoothed(
+            system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step,
+            spending, kicks,
+        )  # fmt: skip
+        if times is not None:
+            ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
+            solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
+        solution.noise = noise
+    if with_respect_to is not None:
+        solution.derivatives = Derivatives(solution, wanted, beside)
     return solution
+
+
+def taped_run(system: Any, options: Mapping[str, Any], dense: bool = False) -> EventDriven | None:
+    """The event-driven run that solve() would make of these options, with a tape; None for any other."""
+    model, known = system.model, {name: option.default for name, option in _OPTIONS.items()}
+    given = {name: value for name, value in {**known, **options}.items() if name in Options._fields}
+    if not options.keys() <= {*given, "max_seconds", "dense_output"}:
+        return None
+    if given["method"] not in ("auto", "taylor") or model.families is not None:
+        return None
+    if model.smoothing and not model.multipliers:
+        return None
+    run = prepared_run(model, Options(**given, dense=dense, tape=True))
+    return None if run.one_step else run
+
+
+_OPTIONS = inspect.signature(solve).parameters

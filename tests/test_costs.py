@@ -19,7 +19,9 @@ from pwsmooth.costs import (
     smallest,
     value_and_gradient,
 )  # fmt: skip
+from pwsmooth.costs import objective as objectives
 from pwsmooth.derivatives import NoDerivative
+from pwsmooth.paths.event_driven import EventDriven
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 e, g, rho, beta, sigma, omega = sp.symbols("e g rho beta sigma omega", positive=True)
@@ -28,7 +30,7 @@ LAM = Switch("lam", v)
 TIMES = np.linspace(0.5, 11.5, 30)
 
 
-def friction(cost):
+def friction(cost, until=12):
     system = System(
         {
             y: v,
@@ -39,7 +41,7 @@ def friction(cost):
         parameters={rho: 3, beta: 0.1, sigma: 3.1, omega: 1},
     )
     quantities = [rho, sigma, omega, "y", "z", "t0"]
-    return Objective(system, cost, (0, 12), {y: 0.5, v: 0.3, z: 0}, quantities, **TIGHT)
+    return Objective(system, cost, (0, until), {y: 0.5, v: 0.3, z: 0}, quantities, **TIGHT)
 
 
 GROUND = Unilateral(x, restitution=e, name="R")
@@ -133,6 +135,30 @@ def test_an_optimum_through_the_switching():
             both, [start], jac=True, bounds=[(-2, -1)], method="L-BFGS-B", options={"ftol": 0, "gtol": 1e-12}
         )
         assert found.x[0] == pytest.approx(best, abs=1e-10) and len(calls) <= 15
+
+
+def test_a_run_in_parts_gives_what_the_whole_one_gives(monkeypatch):
+    """Long runs keep checkpoints alone, and are run again part by part on the way back."""
+    times = np.linspace(0.0, 300.0, 301)
+    cost = (
+        integral(y**2 + LAM * v) / 100 + final(y * v * rho) + at(LAM * (1 + z), 250.3) - event_time("lam", "stick", 40)
+        + at_event(y * t * omega, LAM, "crossing", 35) / 100 + largest(y) + smallest(v, 100, 211)
+        + duration(LAM) / 100 + misfit(y + v * rho / 10, times, np.sin(times), 30.0)
+    )  # fmt: skip
+    whole = friction(cost, 300)
+    value, gradient = whole(whole.start)
+    cut, begun = objectives._Cut, []
+    monkeypatch.setattr(objectives, "_MOST", 0)
+    monkeypatch.setattr(objectives, "_Cut", lambda *given: begun.append(cut(*given)) or begun[-1])
+    parts = friction(cost, 300)
+    monkeypatch.setattr(EventDriven, "first_record", lambda self, times=None: self._record(150))
+    found = parts(parts.start)
+    assert len(begun[0].begun) > 8
+    assert found.value == pytest.approx(value, rel=1e-13)
+    assert np.abs(found.gradient - gradient).max() <= 1e-11 * np.linalg.norm(gradient)
+    ambiguous = System({x: sp.cos(t), w: sp.sign(x + 1)}, time=t)  # touches its surface every period
+    with pytest.raises(NoDerivative, match=r"t = 4\.71"):
+        value_and_gradient(ambiguous, final(w), (0, 900), {x: 0, w: 0}, with_respect_to=["x"])
 
 
 def test_what_has_no_gradient_says_so():

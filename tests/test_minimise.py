@@ -122,8 +122,8 @@ def test_times_that_move_keep_their_order():
 
 def test_cost_and_constraints_share_one_run_a_point(monkeypatch):
     runs = []
-    solve = Objective.solve
-    monkeypatch.setattr(Objective, "solve", lambda self, q: runs.append(q) or solve(self, q))
+    given = Objective._given
+    monkeypatch.setattr(Objective, "_given", lambda self, q: runs.append(q) or given(self, q))
     found = minimise(
         RELAY, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.5, largest(x) <= 3]
     )

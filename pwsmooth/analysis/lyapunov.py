@@ -12,7 +12,6 @@ Chain: variations.py -> **lyapunov**.
 
 from __future__ import annotations
 
-import inspect
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -22,19 +21,16 @@ import numpy as np
 from ..definition import checks
 from ..definition.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
-from ..paths.event_driven import EventDriven, Options, prepared_run
 from ..paths.growth import growth
 from ..results.records import Outcome
 from ..results.solution import Solution
-from ..solve import solve
-from .linearised import linearise
+from ..solve import solve, taped_run
 from .variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
 
 _PIECES = 20  # means over as many parts of the run give the error
 _CHUNK = 500.0  # time whose polynomials are kept at once
-_SOLVE = inspect.signature(solve).parameters
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,7 +124,9 @@ class _Frame:
 
     def carry_along(self, run: Solution) -> bool:
         """Along the tape of a run; False where a step has no series."""
-        found = growth(run.model, run.tape, self.q)
+        if not run.tape.by_series:
+            return False
+        found = growth(run.tape, self.q)
         if not np.isnan(found.stopped):
             return False
         self.q = found.frame
@@ -141,7 +139,7 @@ class _Frame:
     def carry_by_factors(self, run: Solution, until: float = math.inf) -> None:
         """Along the dense output of a run, up to a time."""
         n, count = self.q.shape
-        moves, salts = factors(run, linearise(run.model))
+        moves, salts = factors(run)
         self.degenerate += [s.degenerate for s in salts if s.degenerate and s.time <= until]
         self.degenerate += [str(a) for a in run.ambiguities]
         times, logs = [], []
@@ -303,45 +301,20 @@ def lyapunov_exponents(
     x = np.array(system.initial_state(x0), float)
     count = checks.whole(count, "`count`", 1, len(x))
     first = start_time + transient
-    run = _taped_run(system, options)
+    run = taped_run(system, options)
     along = run and _along_a_tape(run, system, x, count, start_time, first, last)
     frame, end, outcome = along or _by_chunks(system, options, x, count, start_time, first, last)
     return frame.means(first, end, outcome)
 
 
-def _taped_run(system: Any, options: dict[str, Any]) -> EventDriven | None:
-    """The event-driven run that solve() would make of these options, with a tape; None for any other."""
-    model, known = system.model, {name: option.default for name, option in _SOLVE.items()}
-    given = {name: value for name, value in (known | options).items() if name in Options._fields}
-    if not options.keys() <= {*given, "max_seconds", "dense_output"} or given["method"] not in (
-        "auto",
-        "taylor",
-    ):
-        return None
-    if (model.smoothing and not model.multipliers) or model.families is not None:
-        return None
-    run = prepared_run(model, Options(**given, dense=False, tape=True))
-    return None if run.one_step else run
-
-
-class _NoSeries(Exception):
-    """A step has none, so that its tape is not played."""
-
-
 def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float, Outcome] | None:
-    frame, ended = _Frame(len(x), count, t), (t, Outcome.FINISHED)
-
-    def take(part: Solution) -> None:
-        nonlocal ended
+    """None where a step has no series."""
+    frame, p, start = _Frame(len(x), count, t), np.array(system.parameter_values, float), x.tolist()
+    ended, ends = (t, Outcome.FINISHED), [first, last] if first > t else [last]
+    for part, _ in run.parts_of(system, p, t, ends, system.initial_state(start, t), opened()):
         ended = float(part.t[-1]), part.outcome
         if not frame.carry_along(part):
-            raise _NoSeries
-
-    p, start = np.array(system.parameter_values, float), system.initial_state(x.tolist(), t)
-    try:
-        run.in_parts(system, p, t, [first, last] if first > t else [last], start, opened(), take)
-    except _NoSeries:
-        return None
+            return None
     return frame, *ended
 
 

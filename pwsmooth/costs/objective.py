@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,14 @@ import sympy as sp
 from ..definition import checks
 from ..definition.lambdified import numpy_function
 from ..derivatives import quantities
-from ..solve import solve
+from ..paths.budget import MOST_STEPS, opened
+from ..paths.event_driven import Checkpoint, EventDriven
+from ..solve import solve, taped_run
 from .quantities import Quantity
-from .reading import Asked, Gradient, Reader
+from .reading import Asked, Gradient, Parts, gradients, read
+
+# Bytes that the steps of a run may take; a longer one is gone through in parts, each run again on the way back.
+_MOST = 2**26
 
 
 class Objective:
@@ -99,7 +104,7 @@ class Objective:
                 )
         self._span = checks.span(t_span)
         integrated = [q for q in found if q.kind == "integral"]
-        integrals = {sp.Symbol(f"integral {k}", real=True): q.expression for k, q in enumerate(integrated)}
+        integrals = {sp.Symbol(str(q), real=True): q.expression for q in integrated}
         named = {
             f"read {k}": q for k, q in enumerate(found) if q.expression is not None and q not in integrated
         }
@@ -149,13 +154,22 @@ class Objective:
         Returns
         -------
         Solution
-            Of the system with the integrals of the cost as states behind its own.
+            Of the system with the integrals of the cost, up to each time, as states behind its own:
+            ``solution["integral(x**2)"]``.
 
         Raises
         ------
         ValueError
             Another number of values.
         """
+        parameters, span, x0 = self._given(q)
+        return solve(
+            self._system, span, x0, parameters=parameters, with_respect_to=self.names, dense_output=True,
+            **self._options,
+        )  # fmt: skip
+
+    def _given(self, q: Any) -> tuple[dict[str, float], tuple[float, float], dict[str, float]]:
+        """Parameters, span and start of the run at these values."""
         q = checks.array(q, "`q`")
         if q.shape != self.start.shape:
             raise ValueError(
@@ -168,11 +182,13 @@ class Objective:
             for name, value in self._x0.items()
         }
         t0 = self._span[0] if self._asked.by.start_time is None else values["t0"]
-        return solve(
-            self._system, (t0, self._span[1]), x0,
-            parameters=parameters, with_respect_to=self.names, dense_output=True,
-            **self._options,
-        )  # fmt: skip
+        for quantity in self._asked.found:
+            if len(t := quantity.times) and not (t0 <= t.min() and t.max() <= self._span[1]):
+                raise ValueError(
+                    f"{quantity} asks for times from {t.min():g} to {t.max():g}, outside the span ({t0:g}, "
+                    f"{self._span[1]:g})."
+                )
+        return parameters, (t0, self._span[1]), x0
 
     def __call__(self, q: Any) -> Gradient:
         """The cost and its gradient.
@@ -194,10 +210,74 @@ class Objective:
         """
         return self._each(q)[0]
 
+    def value(self, q: Any) -> float:
+        """The cost alone; it exists where the gradient does not.
+
+        Parameters
+        ----------
+        q : array_like, shape (k,)
+            Values of the quantities, in their units.
+
+        Returns
+        -------
+        float
+            In the unit of the cost.
+
+        Raises
+        ------
+        NoDerivative
+            The run stops, or reads an event that does not happen.
+        """
+        found, reader = read(self._asked, self._parts(q))
+        return float(self._asked.costs[0](*found.numbers(reader), *reader.p[self._asked.used])[0])
+
     def _each(self, q: Any) -> list[Gradient]:
         """Of every cost value and gradient, from one run and one way back each."""
-        run = self.solve(q)
-        return [Reader(self._asked, run).result(cost) for cost in self._asked.costs]
+        return gradients(self._asked, self._parts(q))
+
+    def _parts(self, q: Any) -> Parts:
+        """The run, in parts where it is long."""
+        ready = taped_run(self._system, self._options, dense=True)
+        if ready is None or not ready.by_series:
+            return _Whole(self.solve(q))
+        parameters, span, x0 = self._given(q)
+        system = self._system.with_parameters(parameters)
+        return _Cut(ready, system, checks.span(span), x0, self._options)
+
+
+class _Whole:
+    """A run in one part."""
+
+    def __init__(self, run: Any) -> None:
+        self.run = run
+
+    def along(self) -> Iterator[Any]:
+        yield self.run
+
+    def again(self, k: int) -> Any:
+        return self.run
+
+
+class _Cut:
+    """An event-driven run in parts that take `_MOST` bytes at most, and where each began."""
+
+    def __init__(
+        self, ready: EventDriven, system: Any, span: tuple[float, float], x0: Any, options: Mapping[str, Any]
+    ) -> None:
+        self.ready, self.system, self.span, self.x0 = ready, system, span, x0
+        self.spending = opened(options.get("max_steps", MOST_STEPS), options.get("max_seconds"))
+        self.begun: list[Checkpoint] = []
+
+    def along(self) -> Iterator[Any]:
+        begin, end = self.span
+        p, start = np.array(self.system.parameter_values, float), self.system.initial_state(self.x0, begin)
+        parts = self.ready.parts_of(self.system, p, begin, [end], start, self.spending, _MOST)
+        for part, begun in parts:
+            self.begun.append(begun)
+            yield part
+
+    def again(self, k: int) -> Any:
+        return self.ready.again(self.begun[k], self.spending)
 
 
 def value_and_gradient(

@@ -45,6 +45,19 @@ class Quantity(sp.Symbol):
         self.kind, self.expression, self.where = kind, expression, where
         return self
 
+    @property
+    def data(self) -> np.ndarray:
+        """Of a misfit its times, values and standard errors."""
+        return np.frombuffer(self.where[0]).reshape(3, -1)
+
+    @property
+    def times(self) -> np.ndarray:
+        """The times, in the unit of the model's time, at which it asks for a run."""
+        if self.kind == "misfit":
+            return self.data[0]
+        windows = self.where if self.kind in ("at", "largest", "smallest") else ()
+        return np.array([t for t in windows if t is not None], float)
+
     def __getnewargs_ex__(self):
         return (self.kind, self.expression, self.where), {}
 

@@ -1,19 +1,21 @@
 """What a cost reads of a run, and with which slopes: values and covectors, pulled back over the run's tape.
 
-Chain: quantities.py, a Solution with its tape -> **reading** -> paths/tangents.py `pull_back` -> objective.py.
+A long run comes in parts, one of which is in memory at a time: once along all for the values, and back over each, which
+is run again from where it began.
+Chain: quantities.py, Solutions with their tapes -> **reading** -> `pull_back` of the tapes -> objective.py.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import sympy as sp
 
-from ..derivatives import NoDerivative, Quantities, first_rates, problems
-from ..paths.clock import slopes_of_instants
-from ..paths.tangents import Readings, pull_back
+from ..derivatives import NoDerivative, Quantities, problems
+from ..paths.tangents import Readings, Slopes
 from ..results import outputs
 from .quantities import Quantity
 
@@ -57,66 +59,152 @@ class Asked(NamedTuple):
     costs: list[Any]  # of (*found, *used): each cost and its slopes by them
 
 
-class Reader:
-    """What a cost reads of one run, and with which slopes."""
+class Parts(Protocol):
+    """A run in parts."""
 
-    def __init__(self, asked: Asked, run: Any) -> None:
+    def along(self) -> Iterator[Any]:
+        """The Solution of each part; it stands until the next one is asked for."""
+
+    def again(self, k: int) -> Any:
+        """That of part k, once more."""
+
+
+def read(asked: Asked, parts: Parts) -> tuple[Found, Reader]:
+    """What the quantities come to, and the reader of the last part."""
+    found = Found(asked)
+    for run in parts.along():
+        found.take(reader := Reader(asked, run, found.parts, found.seen[-1]))
+    return found, reader
+
+
+def gradients(asked: Asked, parts: Parts) -> list[Gradient]:
+    """Of each cost value and gradient.
+
+    Raises
+    ------
+    NoDerivative
+        As of `Objective`.
+    """
+    (found, reader), costs = read(asked, parts), asked.costs
+    numbers, used = found.numbers(reader), reader.p[asked.used]
+    values = [cost(*numbers, *used) for cost in costs]
+    slopes, own = (np.array([by for _, *by in values], float)[:, part] for part in found.sections)
+    by_state, by_parameter = np.zeros((len(costs), reader.n)), np.zeros((len(costs), len(reader.p)))
+    by_parameter[:, asked.used] = own
+    problems: list[NoDerivative] = []
+    for k in range(found.parts - 1, -1, -1):
+        if k < found.parts - 1:
+            reader = Reader(asked, parts.again(k), k, found.seen[k])
+        for row, by in enumerate(slopes):
+            wanted = [slope if owner in (k, None) else 0.0 for slope, owner in zip(by, found.owner)]
+            back = reader.pulled(wanted, by_state[row])
+            by_state[row], by_parameter[row] = back.start, by_parameter[row] + back.parameters
+            problems += reader.problems(back)
+    if problems:
+        raise min(problems, key=lambda problem: problem.t)
+    gradient = np.empty((len(costs), len(asked.by.names)))
+    for k, (place, p) in enumerate(zip(asked.places, asked.by.parameters)):
+        if place is None:
+            gradient[:, k] = -by_state @ reader.tape.first_rates()
+        else:
+            gradient[:, k] = (by_state if p is None else by_parameter)[:, place]
+    return [Gradient(float(value), row) for (value, *_), row in zip(values, gradient)]
+
+
+class Found:
+    """What the quantities of a cost come to along the parts of a run, and in which part that is (None: in all)."""
+
+    def __init__(self, asked: Asked) -> None:
+        self.asked, count = asked, len(asked.found)
+        self.values: list[float | None] = [None] * count
+        self.owner: list[int | None] = [None] * count
+        self.seen: list[dict[Quantity, int]] = [
+            {}
+        ]  # before each part and behind the last: events of a quantity
+        self.sections = slice(0, count), slice(count, None)
+
+    @property
+    def parts(self) -> int:
+        return len(self.seen) - 1
+
+    def take(self, reader: Reader) -> None:
+        for i, quantity in enumerate(self.asked.found):
+            read = reader.read(quantity)
+            if read is None:
+                continue
+            (value, _), known = read, self.values[i]
+            if quantity.kind in ("misfit", "duration"):
+                self.values[i] = value + (known or 0.0)
+                continue
+            sign = {"largest": 1, "smallest": -1}.get(quantity.kind, 0)
+            # Of other quantities the last part that has one, as the state at the end.
+            if known is None or sign == 0 or sign * value > sign * known:
+                self.values[i], self.owner[i] = value, reader.part
+        self.seen.append(reader.seen)
+
+    def numbers(self, reader: Reader) -> list[float]:
+        for quantity, value in zip(self.asked.found, self.values):
+            if value is None:
+                what = f"{quantity} asks for an event that does not happen"
+                raise NoDerivative(float(reader.run.t[-1]), quantity.where[0], what)
+        return self.values  # type: ignore[return-value]
+
+
+class Reader:
+    """What a cost reads of one part of a run, and with which slopes."""
+
+    def __init__(self, asked: Asked, run: Any, part: int, seen: dict[Quantity, int]) -> None:
         if not run.success:
             raise NoDerivative(float(run.t[-1]), "", f"the run ends there: {run.message}")
         self.asked, self.run, self.model = asked, run, run.model
         self.n, self.m = len(run.x), len(run.mult)
+        self.p = np.array([run.parameters[p.name] for p in run.model.parameters])
+        self.part, self.before, self.seen = part, seen, dict(seen)
+        self.reads: dict[Quantity, Any] = {}
+        self._clear()
+
+    @functools.cached_property
+    def tape(self) -> Any:
+        return self.run.tape if self.run.derivatives is None else self.run.derivatives.tape
+
+    def _clear(self) -> None:
         self.end = np.zeros(self.n + self.m)
         self.times: list[np.ndarray] = []
         self.slopes: list[np.ndarray] = []
         self.instants: dict[int, np.ndarray] = {}
-        self.by_parameter = np.zeros(len(self.model.parameters))
-        self.p = run.tape.p
-        self.meets = run.tape.instants()
+        self.by_parameter = np.zeros(len(self.p))
 
-    def result(self, of: Any) -> Gradient:
-        """Value and gradient of one of the costs."""
-        asked, run = self.asked, self.run
-        readers = [getattr(self, f"_{q.kind}")(q) for q in asked.found]
-        numbers = [value for value, _ in readers]
-        cost, *slopes = of(*numbers, *self.p[asked.used])
-        for (_, add), slope in zip(readers, slopes):
-            if slope != 0.0:
-                add(float(slope))
-        self.by_parameter[asked.used] += slopes[len(readers) :]
-        found = self._pulled()
-        gradient = np.zeros(len(asked.by.names))
-        tape, given = run.tape, dict(zip(self.model.parameters, self.p))
-        for k, (place, p) in enumerate(zip(asked.places, asked.by.parameters)):
-            if p is not None:
-                gradient[k] = found.parameters[place] + self.by_parameter[place]
-                if len(tape.clock):
-                    moved = slopes_of_instants(self.model, given, tape.clock, tape.clock_event, p)
-                    gradient[k] += moved @ found.clock
-            elif place is not None:
-                gradient[k] = found.start[place]
-            else:
-                gradient[k] = -found.start @ first_rates(self.model, run.tape)
-        return Gradient(float(cost), gradient)
+    def read(self, quantity: Quantity) -> tuple[float, Any] | None:
+        """Its value, and what adds a slope by it to those by what it reads; None where this part has none of it."""
+        if quantity not in self.reads:
+            self.reads[quantity] = getattr(self, f"_{quantity.kind}")(quantity)
+        return self.reads[quantity]
 
-    def _pulled(self) -> Any:
+    def pulled(self, slopes: Sequence[float], end: np.ndarray) -> Slopes:
+        """Slopes by the part's start and by parameters, from those by quantities and by the state at its end."""
+        self._clear()
+        for quantity, slope in zip(self.asked.found, slopes):
+            if slope != 0.0 and (read := self.read(quantity)) is not None:
+                read[1](float(slope))
         times = np.concatenate([np.empty(0), *self.times])
-        slopes = np.concatenate([np.empty((0, self.n + self.m)), *self.slopes])
+        at = np.concatenate([np.empty((0, self.n + self.m)), *self.slopes])
         order = np.argsort(times, kind="stable")
         entries = np.array(sorted(self.instants), np.int64)
         at_instants = np.array([self.instants[k] for k in entries.tolist()]).reshape(-1, 2 * self.n + 1)
         # The end is a time like the others; multipliers deviate with the states there.
-        times, slopes = np.append(times[order], self.run.t[-1]), np.vstack([slopes[order], self.end])
-        readings = Readings(np.zeros(self.n), times, slopes, entries, at_instants)
-        found = pull_back(self.model, self.run.tape, readings)
+        times, at = np.append(times[order], self.run.t[-1]), np.vstack([at[order], self.end])
+        back = self.tape.pull_back(Readings(end, times, at, entries, at_instants))
+        return back._replace(parameters=back.parameters + self.by_parameter)
+
+    def problems(self, back: Slopes) -> list[NoDerivative]:
+        """Where this part has no derivative."""
         asked = self.asked
         off = {
-            name: found.off[place if p is None else self.n + place]
+            name: back.off[place if p is None else self.n + place]
             for name, place, p in zip(asked.by.names, asked.places, asked.by.parameters)
-            if place is not None
+            if place is not None and self.part == 0
         }
-        for problem in problems(self.run, [found.why] if found.why else [], off):
-            raise problem
-        return found
+        return problems(self.run, [back.why] if back.why else [], off)
 
     # ---- expressions at points ---------------------------------------------------------------------
 
@@ -159,48 +247,43 @@ class Reader:
     def _final(self, quantity: Quantity) -> tuple[float, Any]:
         return self._single(quantity, float(self.run.t[-1]))
 
-    def _at(self, quantity: Quantity) -> tuple[float, Any]:
+    def _at(self, quantity: Quantity) -> tuple[float, Any] | None:
         (t,) = quantity.where
-        if not self.run.t[0] <= t <= self.run.t[-1]:
-            raise ValueError(f"`time` of {quantity} is outside the span.")
-        return self._single(quantity, t)
+        return self._single(quantity, t) if self.run.t[0] <= t <= self.run.t[-1] else None
 
     def _single(self, quantity: Quantity, t: float) -> tuple[float, Any]:
         values, add = self._read(quantity, np.array([t]))
         return float(values[0]), lambda slope: add(np.array([slope]))
 
     def _misfit(self, quantity: Quantity) -> tuple[float, Any]:
-        t, measured, sigma = np.frombuffer(quantity.where[0]).reshape(3, -1)
+        t = quantity.data[0]
+        # A sample between two parts belongs to the one that ends there.
+        inside = (t > self.run.t[0]) & (t <= self.run.t[-1]) | (t == self.run.t[0]) & (self.part == 0)
+        t, measured, sigma = quantity.data[:, inside]
         values, add = self._read(quantity, t.copy())
         off = (values - measured) / sigma
         return float(off @ off), lambda slope: add(2.0 * slope * off / sigma)
 
-    def _entry(self, time: float) -> int:
-        """The entry of the tape at which an event's instant begins."""
-        k = self.meets[np.abs(self.run.tape.values[self.meets, 0] - time).argmin()]
-        return int(k)
-
-    def _time(self, quantity: Quantity) -> float:
+    def _time(self, quantity: Quantity) -> float | None:
         switch, kind, number, *_ = quantity.where
-        times = self.run.event_times(kind, switch)
-        if number >= len(times):
-            raise NoDerivative(
-                float(self.run.t[-1]), switch, f"{quantity} asks for an event that does not happen"
-            )
-        return float(times[number])
+        times, seen = self.run.event_times(kind, switch), self.before.get(quantity, 0)
+        self.seen[quantity] = seen + len(times)
+        return float(times[number - seen]) if seen <= number < seen + len(times) else None
 
     def _instant(self, time: float, before: Any = 0.0, after: Any = 0.0, shift: float = 0.0) -> None:
-        row = self.instants.setdefault(self._entry(time), np.zeros(2 * self.n + 1))
+        row = self.instants.setdefault(self.tape.instant(time), np.zeros(2 * self.n + 1))
         row[: self.n] += before
         row[self.n : -1] += after
         row[-1] += shift
 
-    def _event_time(self, quantity: Quantity) -> tuple[float, Any]:
+    def _event_time(self, quantity: Quantity) -> tuple[float, Any] | None:
         time = self._time(quantity)
-        return time, lambda slope: self._instant(time, shift=slope)
+        return None if time is None else (time, lambda slope: self._instant(time, shift=slope))
 
-    def _at_event(self, quantity: Quantity) -> tuple[float, Any]:
+    def _at_event(self, quantity: Quantity) -> tuple[float, Any] | None:
         time, after = self._time(quantity), quantity.where[-1]
+        if time is None:
+            return None
         column = (
             np.searchsorted(self.run.t, time, side="right") - 1 if after else np.searchsorted(self.run.t, time)
         )
@@ -227,22 +310,24 @@ class Reader:
             raise ValueError(
                 f"{quantity}: the system has no switch of that name; it has {', '.join(run.multipliers)}."
             )
-        j = run.multipliers.index(switch)
-        pieces = [(s.start, s.end) for s in run.segments if s.status[j] == 0]
-        ends = [(t, sign) for piece in pieces for t, sign in zip(piece, (-1.0, 1.0))]
+        solved = (run.status[run.multipliers.index(switch)] == 0).astype(int)
+        changes = np.flatnonzero(np.diff(solved))
+        ends = list(zip(run.t[changes + 1].tolist(), -np.diff(solved)[changes]))
 
         def add(slope: float) -> None:
             for t, sign in ends:
-                if run.t[0] < t < run.t[-1]:
+                if t > run.t[0]:
                     self._instant(t, shift=sign * slope)
 
-        return sum(sign * t for t, sign in ends), add
+        whole = [(run.t[0], -solved[0]), *ends, (run.t[-1], solved[-1])]
+        return float(sum(sign * t for t, sign in whole)), add
 
-    def _largest(self, quantity: Quantity, sign: float = 1.0) -> tuple[float, Any]:
-        begin, end = quantity.where
-        begin, end = (self.run.t[0] if begin is None else begin), (self.run.t[-1] if end is None else end)
-        if not self.run.t[0] <= begin < end <= self.run.t[-1]:
-            raise ValueError(f"The window of {quantity} is not within the span.")
+    def _largest(self, quantity: Quantity, sign: float = 1.0) -> tuple[float, Any] | None:
+        t, (begin, end) = self.run.t, quantity.where
+        begin = t[0] if begin is None else max(begin, t[0])
+        end = t[-1] if end is None else min(end, t[-1])
+        if not begin < end:
+            return None
 
         def value(t: np.ndarray) -> np.ndarray:
             return sign * self._read(quantity, t)[0]
@@ -250,12 +335,12 @@ class Reader:
         time = _highest(value, self.run, begin, end)
         events = np.unique(self.run.event_times())
         if begin < time < end and np.any(np.abs(events - time) <= 1e-13 * abs(end)):
-            columns = np.flatnonzero(np.abs(self.run.t - time) <= 1e-13 * abs(end))
+            columns = np.flatnonzero(np.abs(t - time) <= 1e-13 * abs(end))
             tried = [self._at_instant(quantity, time, int(c), c == columns[-1]) for c in columns[[0, -1]]]
             return max(tried, key=lambda pair: sign * pair[0])
         return self._single(quantity, time)
 
-    def _smallest(self, quantity: Quantity) -> tuple[float, Any]:
+    def _smallest(self, quantity: Quantity) -> tuple[float, Any] | None:
         return self._largest(quantity, -1.0)
 
 
@@ -266,17 +351,18 @@ def _highest(value: Any, run: Any, begin: float, end: float) -> float:
     low, high = ends[:-1, None], ends[1:, None]
     times = 0.5 * (low + high) + 0.5 * (high - low) * nodes
     heights = value(times.ravel()).reshape(times.shape)
-    piece, k = np.unravel_index(int(heights.argmax()), heights.shape)
-    best = float(times[piece, k])
-    # Once more between its neighbours: a maximum's time is known to half the digits of its height, but to nearly all of
-    # those of the slope.
-    a, b = times[piece, max(k - 1, 0)], times[piece, min(k + 1, _NODES - 1)]
-    fit = np.polynomial.Chebyshev.interpolate(
-        lambda t: value(np.asarray(t)), _NODES // 2, domain=[float(a), float(b)]
-    )
-    roots = fit.deriv().roots()
-    roots = roots[(np.abs(roots.imag) < 1e-9) & (a < roots.real) & (roots.real < b)].real
-    return max([best, *roots.tolist()], key=lambda t: float(fit(t)))
+    # Of every step that could hold it: beside the end of one it is in the next.
+    rise = np.abs(np.diff(heights, axis=1)).max(axis=1)
+    found = []
+    for piece in np.flatnonzero(heights.max(axis=1) + rise >= heights.max()):
+        k = int(heights[piece].argmax())
+        found.append(float(times[piece, k]))
+        # A maximum's time is known to half the digits of its height, but to nearly all of those of the slope.
+        a, b = (float(times[piece, q]) for q in (max(k - 1, 0), min(k + 1, _NODES - 1)))
+        fit = np.polynomial.Chebyshev.interpolate(lambda t: value(np.asarray(t)), _NODES // 2, domain=[a, b])
+        roots = fit.deriv().roots()
+        found += roots[(np.abs(roots.imag) < 1e-9) & (a < roots.real) & (roots.real < b)].real.tolist()
+    return found[int(value(np.array(found)).argmax())]
 
 
 @functools.lru_cache(maxsize=256)

@@ -5,7 +5,7 @@ Chain: solve -> **this file** -> kernels/trajectory.py, the loop that reads like
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,6 +124,24 @@ def prepared_run(model: Model, options: Options) -> EventDriven:
     return run
 
 
+class _Run:
+    """What the parts of one run have in common."""
+
+    def __init__(self, system: Any, problem: Any, control: Any, most: int) -> None:
+        self.system, self.problem, self.control, self.most = system, problem, control, most
+        self.p = problem.p.copy()
+
+
+class Checkpoint(NamedTuple):
+    """Where a part of a run began: the kernel's State, the room of its buffers, and where it has to end at last."""
+
+    run: _Run
+    end: float
+    room: int
+    block: np.ndarray
+    cells: np.ndarray
+
+
 class EventDriven:
     """A model with options, ready to run: the arrays that the kernel works on.
 
@@ -133,9 +151,12 @@ class EventDriven:
     def __init__(self, model: Model, options: Options):
         from ..codegen.machine.units import METHODS, trajectory_loop
 
-        self.model, self.dense, self.tape = model, options.dense, options.tape
+        self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
         self.parts = parts = compiled_problem(model)
+        # A tape is played again by series; where an argument of a root comes to 0 there is none.
+        self.by_series = parts.has_jets and not parts.singular
+        self.tape = options.tape and parts.has_jets
         self.sizes = parts.code
         if options.method == "taylor" and not parts.has_jets:
             raise ValueError(
@@ -227,39 +248,71 @@ class EventDriven:
             self._keep(room)
         return solution
 
-    def in_parts(
-        self, system: Any, p: np.ndarray, t0: float, ends: list[float], start: Any, spending: Budget, take: Any
-    ) -> None:  # fmt: skip
-        """One run to the last of `ends`, however long, in buffers that do not grow: `take` is given it in parts.
+    def parts_of(
+        self,
+        system: Any,
+        p: np.ndarray,
+        t0: float,
+        ends: Sequence[float],
+        start: Any,
+        spending: Budget,
+        most: int = 0,
+    ) -> Iterator[tuple[Solution, Checkpoint]]:
+        """One run to the last of `ends`, however long, in parts: each a Solution with its tape, and where it began.
 
-        Each is a Solution with its tape; parts end where the buffers are full, and at the `ends`.
+        Parts end at the `ends`, and where the buffers are full, which grow to `most` bytes. A part begins with the
+        column that the one before it ended with; what it holds is overwritten by the next one.
         """
-        problem = self.parts.problem(p, self.one_step)
         control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
-        t_end, later = control.scalar("t_end"), iter(ends)
-        t_end[0] = next(later)
+        run, record = _Run(system, self.parts.problem(p, self.one_step), control, most), self.first_record()
+        stands = state.block.copy(), state.cells.copy()
+        for end in ends:
+            code: int = Outcome.OUT_OF_MEMORY
+            while code == Outcome.OUT_OF_MEMORY:
+                # Whoever has taken the last part may have run others here.
+                state.block[:], state.cells[:] = begun = stands
+                self._empty(record)
+                code, record = self._part(run, end, record, spending)
+                stands = state.block.copy(), state.cells.copy()
+                yield self._finished(run, code, record), Checkpoint(run, end, len(record.t), *begun)
+            if code != Outcome.FINISHED:
+                return
 
-        def part(code: int, record: Any) -> Any:
-            solution = self.finish(system, code, problem, state, record)
-            solution.tape = self._tape(p, control, state, record)
-            take(solution)
-            state.points = state.events = state.ambiguities = state.taped = 0
-            return record
+    def again(self, begun: Checkpoint, spending: Budget) -> Solution:
+        """A part of a run once more."""
+        self.state.block[:], self.state.cells[:] = begun.block, begun.cells
+        run, record = begun.run, self._record(begun.room)
+        run.problem.p[:] = run.p
+        self._empty(record)
+        return self._finished(run, *self._part(run, begun.end, record, spending))
+
+    def _part(self, run: _Run, end: float, record: Any, spending: Budget) -> tuple[int, Any]:
+        """(code, buffers) where the buffers are full or the end is reached."""
+        run.control.scalar("t_end")[0] = end
+
+        def more(record: Any) -> Any:
+            room = 4 * len(record.t)
+            return self._record(room, record, self.state) if self._bytes(room) <= run.most else None
 
         def advance(record: Any) -> int:
-            while (code := self.loop(problem, control, state, record, self.work)) == Outcome.FINISHED:
-                part(code, record)
-                if t_end[0] == ends[-1]:
-                    break
-                t_end[0] = next(later)
-            return code
+            return self.loop(run.problem, run.control, self.state, record, self.work)
 
-        def emptied(record: Any) -> Any:
-            return part(Outcome.FINISHED, record)
+        return self.advanced(advance, more, run.control, self.state, record, spending)
 
-        code, record = self.advanced(advance, emptied, control, state, self.first_record(), spending)
-        if code != Outcome.FINISHED:
-            part(code, record)
+    def _finished(self, run: _Run, code: int, record: Any) -> Solution:
+        """The part as a Solution; one that is cut has FINISHED as its outcome."""
+        code = Outcome.FINISHED if code == Outcome.OUT_OF_MEMORY else code
+        solution = self.finish(run.system, code, run.problem, self.state, record)
+        solution.tape = self._tape(run.p, run.control, self.state, record)
+        return solution
+
+    def _empty(self, record: Any) -> None:
+        """The buffers hold where the run stands, if it has begun, and nothing else."""
+        state = self.state
+        if not state.started:
+            return
+        state.points, state.events, state.ambiguities, state.taped, state.pieces = 1, 0, 0, 0, 0
+        record.t[0], record.x[0], record.mult[0], record.status[0] = state.t, state.x, state.mult, state.status
 
     def advanced(self, advance: Any, more: Any, control: Any, state: Any, record: Any, spending: Budget) -> Any:
         """(code, record) of `advance(record)` at its end; full buffers go on as `more(record)`, or are the end.
@@ -267,7 +320,8 @@ class EventDriven:
         The kernel comes back after every slice of steps, so that Ctrl-C and the clock are heard.
         """
         bound = self.bound if control is self.control else control.scalar("max_steps").view(np.int64)
-        taken, most = 0, min(self.max_steps, spending.left)
+        begun = taken = state.steps
+        most = min(self.max_steps, begun + spending.left)
         while True:
             bound[0] = min(taken + (0 if spending.late() else SLICE), most)
             code = advance(record)
@@ -283,7 +337,7 @@ class EventDriven:
             if spending.late():
                 code = Outcome.TIME_LIMIT
                 break
-        spending.spend(state.steps)
+        spending.spend(state.steps - begun)
         return code, record
 
     def _plan(self, room: int) -> Any:
@@ -347,11 +401,16 @@ class EventDriven:
         k, n, m = state.taped, len(state.x), len(state.mult)
         entries, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
         entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
+        if self.one_step and not self.parts.singular:  # played again, a step by the pair is one by series
+            steps = (entries[:, 0] == names.TAPE_STEP) & (entries[:, 1] == names.PAIR)
+            solved = (entries[steps, 4:] == names.SOLVED).any(axis=1)
+            entries[steps, 1] = np.where(solved, names.GENERAL, names.SLIP)
         values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
         clock, owners = (
             (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
         )
-        return Tape(p.copy(), self.one_step, control.order, control.rtol, clock, owners, entries, values)
+        order = _order_for(control.rtol, False) if self.one_step else control.order
+        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values)
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None
@@ -382,7 +441,7 @@ class EventDriven:
             "layers": state.layers,
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
-        whole = None
+        whole, columns = None, (t, x, mult, status)
         if times is not None:
             whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
@@ -398,23 +457,20 @@ class EventDriven:
                 asked, column = np.append(asked, t[-1]), np.append(column, len(t) - 1)
                 x_asked, mult_asked = np.vstack([x_asked, x[-1:]]), np.vstack([mult_asked, mult[-1:]])
             t, x, mult, status = asked, x_asked, mult_asked, status[column]
-        return Solution(
-            system,
-            t,
-            x.T,
-            mult.T,
-            status.T,
-            EventLog(event_t, events, self.words),
-            dense,
-            outcome,
-            cost,
-            self.tolerances,
-            ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
-            if "ambiguity" in kept
-            else [],
-            system.parameters,
-            whole,
-        )
+        ambiguities = []
+        if "ambiguity" in kept:
+            ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
+
+        def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
+            return Solution(
+                system, t, x.T, mult.T, status.T, EventLog(event_t, events, self.words), dense, outcome, cost,
+                self.tolerances, ambiguities, system.parameters, course,
+            )  # fmt: skip
+
+        found = solution(t, x, mult, status, whole)
+        if times is not None and self.dense and not (self.tape and self.by_series):
+            found.whole = solution(*columns)
+        return found
 
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:
         """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""
