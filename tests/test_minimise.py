@@ -121,13 +121,25 @@ def test_times_that_move_keep_their_order():
 
 
 def test_cost_and_constraints_share_one_run_a_point(monkeypatch):
-    runs = []
-    given = Objective._given
-    monkeypatch.setattr(Objective, "_given", lambda self, q: runs.append(q) or given(self, q))
+    asked = []
+    each = Objective._each
+    monkeypatch.setattr(Objective, "_each", lambda self, q: asked.append(q) or each(self, q))
     found = minimise(
         RELAY, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.5, largest(x) <= 3]
     )
-    assert len(runs) == found.evaluations == len({tuple(q) for q in runs})
+    assert len(asked) == found.evaluations == len({tuple(q) for q in asked})
+
+
+def test_several_costs_take_one_run(monkeypatch):
+    runs = []
+    parts = Objective._parts
+    monkeypatch.setattr(Objective, "_parts", lambda self, q: runs.append(q) or parts(self, q))
+    objective = Objective._of_several(RELAY, {"one": final(x), "two": integral(x)}, (0, 2), {x: -2}, ["x"])
+    first, second = objective._each(objective.start)
+    # 2 + x0/3 and -x0**2/6 + (2 + x0/3)**2/2
+    assert [first.value, second.value] == pytest.approx([4 / 3, -4 / 6 + 8 / 9], rel=1e-9)
+    assert [*first.gradient, *second.gradient] == pytest.approx([1 / 3, 2 / 3 + 4 / 9], rel=1e-9)
+    assert len(runs) == 1
 
 
 def test_constraints_of_one_text_are_told_apart():
