@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 from pwsmooth import Control, System, Unilateral
-from pwsmooth.costs import at, at_event, event_time, final, integral, largest, minimise, minimising
+from pwsmooth.costs import at, at_event, event_time, final, integral, largest, minimise, minimising, misfit
 from pwsmooth.costs.objective import Objective
 
 x, y, v, w = sp.symbols("x y v w", real=True)
@@ -121,13 +121,34 @@ def test_times_that_move_keep_their_order():
 
 
 def test_cost_and_constraints_share_one_run_a_point(monkeypatch):
-    runs = []
-    given = Objective._given
-    monkeypatch.setattr(Objective, "_given", lambda self, q: runs.append(q) or given(self, q))
+    asked = []
+    each = Objective._each
+    monkeypatch.setattr(Objective, "_each", lambda self, q: asked.append(q) or each(self, q))
     found = minimise(
         RELAY, integral(x**2), (0, 2), {x: -2}, ["x"], constraints=[final(x) >= 1.5, largest(x) <= 3]
     )
-    assert len(runs) == found.evaluations == len({tuple(q) for q in runs})
+    assert len(asked) == found.evaluations == len({tuple(q) for q in asked})
+
+
+def test_several_costs_take_one_run(monkeypatch):
+    runs = []
+    parts = Objective._parts
+    monkeypatch.setattr(Objective, "_parts", lambda self, q: runs.append(q) or parts(self, q))
+    objective = Objective._of_several(RELAY, {"one": final(x), "two": integral(x)}, (0, 2), {x: -2}, ["x"])
+    first, second = objective._each(objective.start)
+    # 2 + x0/3 and -x0**2/6 + (2 + x0/3)**2/2
+    assert [first.value, second.value] == pytest.approx([4 / 3, -4 / 6 + 8 / 9], rel=1e-9)
+    assert [*first.gradient, *second.gradient] == pytest.approx([1 / 3, 2 / 3 + 4 / 9], rel=1e-9)
+    assert len(runs) == 1
+
+
+def test_constraints_of_one_text_are_told_apart():
+    # 2 (x - 5)**2 <= 1 holds down to 5 - sqrt(1/2), 2 x**2 <= 1 up to sqrt(1/2): not both.
+    near, far = (misfit(x, [0.5, 1], data) <= 1 for data in ([0, 0], [5, 5]))
+    found = minimise(
+        System({x: 0 * x}), final(x), (0, 1), {x: 3}, ["x"], bounds={x: (-9, 9)}, constraints=[far, near, far]
+    )
+    assert len(found.holds) == 2 and not all(found.holds.values()) and not found.success
 
 
 def test_unknowns_far_apart_in_size_are_found():
@@ -165,7 +186,7 @@ def test_a_search_steps_back_where_an_event_does_not_happen():
 
 
 def test_a_first_guess_without_a_cost_is_refused():
-    with pytest.raises(ValueError, match="`over`.*does not happen.*another guess"):
+    with pytest.raises(ValueError, match="`over`.*does not happen.*Give others"):
         minimise(RELAY, event_time("sgn(x)", number=3), (0, 2), {x: -2}, ["x"])
 
 
@@ -187,12 +208,12 @@ def test_positive_parameters_stay_positive():
 
 def test_an_interrupt_keeps_the_best_until_then():
     def stop(at):
-        if at.number == 4:
+        if at.number == 3:  # the second point is worse than the first
             raise KeyboardInterrupt
 
     found = minimise(RELAY, STEER, (0, 2), {x: -2}, ["x"], callback=stop)
-    assert found.evaluations == 4 and not found.success and "Interrupted" in found.message
-    assert found.cost == min(e.cost for e in found.history[:3])
+    assert found.evaluations == 3 and not found.success and "Interrupted" in found.message
+    assert found.cost == min(e.cost for e in found.history[:2])
     assert found.solution["x"][0] == found.values["x"]
 
 
@@ -211,7 +232,7 @@ def test_runs_and_seconds_have_bounds(monkeypatch):
     clock = iter(range(100))
     monkeypatch.setattr(minimising.clock, "monotonic", lambda: next(clock))
     found = minimise(RELAY, STEER, (0, 2), {x: -2}, ["x"], max_seconds=2.5)
-    assert found.evaluations == 2 and "2.5 s" in found.message
+    assert found.evaluations == 3 and "2.5 s" in found.message
 
 
 def test_progress_is_told_on_demand(capsys):

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 from sympy.core.relational import GreaterThan, LessThan, StrictGreaterThan, StrictLessThan
+from sympy.logic.boolalg import BooleanAtom
 
 from ..definition import checks
 from ..derivatives import START_TIME, NoDerivative
@@ -131,7 +132,7 @@ def minimise(
         system = system.with_parameters(options.pop("parameters"))
     span = checks.span(t_span)
     names, guesses = _unknowns(system, over)
-    relations = [_relation(r) for r in checks.several(constraints, "`constraints`")]
+    relations = _relations(constraints)
     costs = {"`cost`": cost} | {f"`constraints`, {label},": side for label, side, _ in relations}
     objective = Objective._of_several(system, costs, span, x0, names, **options)
     q = np.array([guesses.get(name, value) for name, value in zip(names, objective.start)])
@@ -172,7 +173,7 @@ def minimise(
 def _unknowns(system: Any, over: Any) -> tuple[list[str], dict[str, float]]:
     """Names of all unknowns, those of controls and families written out, and their first guesses where given."""
     wanted = over if isinstance(over, Mapping) else checks.several(over, "`over`")
-    names = [member for key in wanted for member in _members(system, key, times=True)]
+    names = [member for key in wanted for member in _members(system, key, "`over`", times=True)]
     if not names:
         raise ValueError("`over` is empty; name at least one parameter, initial value or Control.")
     known = {p.name for p in system.parameters} | {str(s) for s in system.states} | {START_TIME}
@@ -188,24 +189,36 @@ def _unknowns(system: Any, over: Any) -> tuple[list[str], dict[str, float]]:
     guesses = {
         member: checks.number(value, f"`over`, first guess of {key}")
         for key, value in over.items()
-        for member in _members(system, key, times=False)
+        for member in _members(system, key, "`over`", times=False)
     }
     return names, guesses
 
 
-def _members(system: Any, key: Any, times: bool) -> list[str]:
+def _members(system: Any, key: Any, what: str, times: bool) -> list[str]:
     """The single unknowns that a name stands for."""
-    name = str(checks.named(key))
+    name = str(checks.key(checks.named(key), f"{what}, a name there,"))
     for u in system._controls:
         if u.name == name:
             return [s.name for s in (*u.coefficients, *(u.instants if times else ()))]
     return list(system.groups.get(name, (name,)))
 
 
+def _relations(constraints: Any) -> list[tuple[str, sp.Expr, int]]:
+    """Each relation once; data that differ do not show in the text."""
+    found: dict[str, tuple[str, sp.Expr, int]] = {}
+    for relation in checks.several(constraints, "`constraints`"):
+        text, side, sign = _relation(relation)
+        if (side, sign) in [(known, other) for _, known, other in found.values()]:
+            continue
+        label = text if text not in found else f"{text} ({len(found) + 1})"
+        found[label] = label, side, sign
+    return list(found.values())
+
+
 def _relation(relation: Any) -> tuple[str, sp.Expr, int]:
     """Of a relation its text, left minus right side, and 1 for >=, -1 for <=, 0 for =."""
     if type(relation) not in _SIGNS:
-        always = " (it holds always, or never)" if relation in (True, False, sp.true, sp.false) else ""
+        always = " (it holds always, or never)" if isinstance(relation, (bool, BooleanAtom)) else ""
         raise TypeError(
             f"`constraints` has {checks.shown(relation)}{always}; give relations such as final(x) >= 1 or "
             "sympy.Eq(final(v), 0)."
@@ -219,7 +232,7 @@ def _box(system: Any, names: list[str], q: np.ndarray, bounds: Mapping[Any, Any]
     """Lowest and highest value of each unknown: as given, and as the assumptions of its symbol say."""
     given = {}
     for key, pair in bounds.items():
-        for member in _members(system, key, times=False):
+        for member in _members(system, key, "`bounds`", times=False):
             if member not in names:
                 raise ValueError(
                     f"`bounds` names {checks.shown(member)}, which is no unknown; `over` has {', '.join(names)}."
@@ -281,6 +294,8 @@ class _Budget:
         self.runs, self.seconds, self.begun = runs, seconds, clock.monotonic()
 
     def check(self, runs: int) -> None:
+        if not runs:  # the first is always made
+            return
         if runs >= self.runs:
             raise _Enough(
                 f"{self.runs} runs were not enough: give a better first guess, or a larger `max_evaluations`."
@@ -333,15 +348,15 @@ class _Search:
         point = self.at(self.first)
         if not point.real:
             raise ValueError(
-                f"`over`: the run from the first guess gives no cost. {self.problem} Give another guess."
+                f"the run from `x0` and the first guesses of `over` gives no cost. {self.problem} Give others."
             )
         slope = float(np.abs(point.gradient).max())
         self.scale = max(slope, 1e-3 * abs(point.cost)) or 1.0
         steepest = np.abs(point.slopes).max(axis=1, initial=0.0)
         self.sizes = np.where(steepest > 0, steepest, 1.0)
-        self.last = self.best = self.known[self.first.tobytes()] = point._replace(
-            misses=self._misses(point.margins)
-        )
+        point = point._replace(misses=self._misses(point.margins))
+        self.last = self.best = self.known[self.first.tobytes()] = self.known[point.z.tobytes()] = point
+        self.history[-1] = self.history[-1]._replace(violation=float(point.misses.max(initial=0.0)))
 
     def _misses(self, margins: np.ndarray) -> np.ndarray:
         miss = np.where(self.signs == 0, np.abs(margins), np.fmax(-self.signs * margins, 0.0))

@@ -89,8 +89,8 @@ class Minimum(Described):
         Of the unknowns, in their units.
     cost : float
         In its unit.
-    gradient : ndarray, shape (k,)
-        Of the cost by the unknowns, in the order of `values`.
+    gradient : ndarray, shape (k,), in the unit of the cost over those of the unknowns
+        Of the cost, in the order of `values`.
     constraints : dict of str to float
         Of each its left side minus its right side, in its unit.
     holds : dict of str to bool

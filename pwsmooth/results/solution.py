@@ -171,7 +171,7 @@ class Solution(Described):
     def _shown(self) -> tuple[str, ...]:
         """The states without the last ones, memories that number the cells of drives and hold pieces of controls."""
         cells = sum(len(event.update) for event in self.model.events if event.tables)
-        pieces = sum(len(u._memories) for u in self.system._controls)
+        pieces = sum(len(u._memories) for u in getattr(self.system, "_controls", ()))
         return self.states[: len(self.states) - cells - pieces]
 
     @property

@@ -57,7 +57,8 @@ NO_DOORS = (
 INSIDE = {
     "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
     "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
-    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Gradient", "pwsmooth.costs.Quantity",
+    "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
+    "pwsmooth.costs.Minimum", "pwsmooth.costs.Quantity",
     "pwsmooth.derivatives.Derivatives", "pwsmooth.derivatives.EventDerivative", "pwsmooth.derivatives.NoDerivative",
     "pwsmooth.laws.law", "pwsmooth.sweep.Amplitude", "pwsmooth.sweep.Extremes", "pwsmooth.sweep.Statistics",
 }  # fmt: skip
@@ -304,6 +305,17 @@ def subjects():
     given |= {
         "Objective": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k", "x"]),
         "value_and_gradient": dict(system=system, cost=cost, t_span=(0, 1), x0=start, with_respect_to=["k"]),
+        "minimise": dict(
+            system=system,
+            cost=cost,
+            t_span=(0, 1),
+            x0=start,
+            over=["k"],
+            bounds={"k": (0.5, 2.0)},
+            constraints=[costs.final(x) >= 0.1],
+            max_evaluations=3,
+        ),
+        "Control": dict(name="u", times=[0.0, 1.0, 2.0], values=[1.0, 2.0], degree=0),
         "at": dict(expression=x, time=1.0),
         "at_event": dict(expression=x, switch="lam", kind="stick", number=0, after=True),
         "duration": dict(switch="lam"),
