@@ -144,8 +144,12 @@ def quantities(system: Any, wanted: Any) -> Quantities:
     """
     what = "`with_respect_to`"
     found = [getattr(name := checks.named(item), "name", name) for item in checks.several(wanted, what)]
-    model = system.model
-    parameters = {s.name: s for s in system.parameters}
+    return _quantities(system.model, tuple(system.parameters), tuple(found))
+
+
+@functools.lru_cache(maxsize=256)
+def _quantities(model: Model, owned: tuple[sp.Symbol, ...], found: tuple[Any, ...]) -> Quantities:
+    what, parameters = "`with_respect_to`", {s.name: s for s in owned}
     states = {s.name: i for i, s in enumerate(model.states)}
     cells = {s for event in model.events if event.tables for s, _ in event.update}
     for name in found:
@@ -165,7 +169,7 @@ def quantities(system: Any, wanted: Any) -> Quantities:
     of_parameters = tuple(parameters.get(name) for name in found)
     of_states = tuple(None if p is not None else states.get(name) for name, p in zip(found, of_parameters))
     start = found.index(START_TIME) if START_TIME in found and START_TIME not in parameters else None
-    return Quantities(tuple(found), of_parameters, of_states, start)
+    return Quantities(found, of_parameters, of_states, start)
 
 
 def problems(
@@ -173,6 +177,9 @@ def problems(
 ) -> list[NoDerivative]:
     """Why a run has no derivative, the first first: instants that a replay has `marked` with (code, cause, time),
     ambiguities, quantities that lead `off` the surfaces on which it begins."""
+    strays = [name for name, size in off.items() if size > _TANGENT]
+    if not (marked or strays or solution.ambiguities):
+        return []
     model, found = solution.model, []
     names = [str(m.symbol) for m in model.multipliers] + [event.name for event in model.events]
     reasons = {
@@ -187,7 +194,7 @@ def problems(
         if ambiguity.kind not in _KEPT_CHOICES:
             reason = f"the motion is not unique ({ambiguity.kind})"
             found.append(NoDerivative(ambiguity.time, ambiguity.switch, reason))
-    for name in (name for name, size in off.items() if size > _TANGENT):
+    for name in strays:
         reason = (
             f"it begins on a surface that holds it, and {name} leads out of that, to either side differently"
         )
@@ -292,7 +299,8 @@ class Derivatives(Described):
     def problems(self) -> list[NoDerivative]:
         """Instants from which the run has no derivative, the first first."""
         run = self._outline
-        marked = [(why, cause, t) for t, (why, cause) in zip(run.instant_t, run.instant_why) if why]
+        at = np.flatnonzero(run.instant_why[:, 0])
+        marked = [(*run.instant_why[k].tolist(), run.instant_t[k]) for k in at]
         if run.stopped == run.stopped:
             marked.append((NO_SERIES, -1, run.stopped))
         return problems(self._solution, marked, dict(zip(self.names, run.off)))
