@@ -46,7 +46,11 @@ from pwsmooth.plotting import COLOUR, new_figure
 t, y, v = sp.symbols("t y v", real=True)
 k, c, N, sigma, g, e = sp.symbols("k c N sigma g e", positive=True)
 
-TITLES = {"crossing": "crossings (11)", "sticking": "sticks (10)", "ball": "an impact"}
+TITLES = {
+    "crossing": "dry friction, 11 crossings: 6 derivatives",
+    "sticking": "dry friction, 10 sticks: 6 derivatives",
+    "ball": "ball, an impact: 3 derivatives",
+}
 #: Method -> colour, line, mark.
 LOOKS = {
     "pwsmooth, forward": (COLOUR["exact"], "-", "o"),
@@ -377,6 +381,7 @@ def draw(data: dict):
             )  # fmt: skip
         ax.set(xscale="log", yscale="log", title=TITLES[name])
         ax.set_ylabel("error of the gradient" if ax in axes[::2] else "")
+        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.grid(color="#DDDDDD", linewidth=0.5)
     for ax in axes[1:3]:
         ax.set_xlabel("processor time (ms)")
