@@ -1,6 +1,7 @@
 """How a run moves with parameters, initial values and its start: `solve(with_respect_to=...)`.
 
-Chain: paths/tangents.py, which plays the run's tape again -> **Derivatives**, `Solution.derivatives`.
+Chain: paths/tangents.py, which plays a run's tape again, and paths/collocation.py, for runs by implicit steps ->
+**Derivatives**, `Solution.derivatives`.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ import sympy as sp
 from .definition import checks
 from .definition.describe import Described, Rows, values
 from .definition.model import Model
-from .kernels.tangent.state import CORNER, GRAZES
-from .paths.clock import slopes_of_instants
-from .paths.tangents import Deviations, Tape, replay
+from .kernels.tangent.state import CORNER, GRAZES, NO_SERIES
+from .paths.collocation import Collocation
+from .paths.tangents import Deviations
 from .results import outputs
 
 __all__ = ["Derivatives", "EventDerivative", "NoDerivative"]
@@ -147,6 +148,7 @@ def problems(
     reasons = {
         GRAZES: "the surface is touched and not crossed, where the derivative by one side has no bound",
         CORNER: "several surfaces are met at once, in an order that any change may turn",
+        NO_SERIES: "a step has no Taylor series",
     }
     for why, cause, t in marked:
         reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
@@ -174,8 +176,6 @@ class Derivatives(Described):
     ----------
     solution : Solution
         The run; `solve` makes them.
-    tape : Tape
-        What the run has written.
     wanted : Quantities
         By what is differentiated.
 
@@ -187,7 +187,8 @@ class Derivatives(Described):
     Notes
     -----
     Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for events; between
-    them the variational equations are solved by Taylor series on the run's own steps.
+    them the variational equations are solved on the run's own steps, by Taylor series or, where these are implicit, by
+    collocation.
 
     Examples
     --------
@@ -203,28 +204,35 @@ class Derivatives(Described):
     [-0.5, 1.0]
     """
 
-    def __init__(self, solution: Any, tape: Tape, wanted: Quantities) -> None:
-        self._solution, self._tape, self._wanted = solution, tape, wanted
+    def __init__(self, solution: Any, wanted: Quantities) -> None:
+        self._solution, self._wanted = solution, wanted
         self.names = wanted.names
+
+    @functools.cached_property
+    def tape(self) -> Any:
+        """By what the run is gone through again."""
+        solution = self._solution
+        if solution.tape is not None and solution.tape.by_series:
+            return solution.tape
+        return Collocation(
+            solution.whole or solution, tuple(p for p in self._wanted.parameters if p is not None)
+        )
 
     # ---- what is played again ----------------------------------------------------------------------
 
     def _replay(self, times: np.ndarray | None, points: bool) -> Deviations:
-        model, wanted, tape = self._solution.model, self._wanted, self._tape
+        model, wanted, tape = self._solution.model, self._wanted, self.tape
         k, n = len(wanted.names), len(model.states)
         start, seeds = np.zeros((n, k)), np.zeros((len(model.parameters), k))
-        clock = np.zeros((len(tape.clock), k))
         numbers = {s: i for i, s in enumerate(model.parameters)}
-        given = dict(zip(model.parameters, tape.p))
         for column, (parameter, state) in enumerate(zip(wanted.parameters, wanted.states)):
             if parameter is not None:
                 seeds[numbers[parameter], column] = 1.0
-                clock[:, column] = slopes_of_instants(model, given, tape.clock, tape.clock_event, parameter)
             elif state is not None:
                 start[state, column] = 1.0
         if wanted.start_time is not None:
-            start[:, wanted.start_time] = -first_rates(model, tape)
-        return replay(model, tape, start, seeds, times, clock, points)
+            start[:, wanted.start_time] = -tape.first_rates()
+        return tape.deviations(start, seeds, times, points)
 
     @functools.cached_property
     def _outline(self) -> Deviations:
@@ -236,10 +244,9 @@ class Derivatives(Described):
         """Instants from which the run has no derivative, the first first."""
         run = self._outline
         marked = [(why, cause, t) for t, (why, cause) in zip(run.instant_t, run.instant_why) if why]
-        found = problems(self._solution, marked, dict(zip(self.names, run.off)))
         if run.stopped == run.stopped:
-            found.append(NoDerivative(run.stopped, "", "a step has no Taylor series"))
-        return sorted(found, key=lambda problem: problem.t)
+            marked.append((NO_SERIES, -1, run.stopped))
+        return problems(self._solution, marked, dict(zip(self.names, run.off)))
 
     def _defined(self, until: float) -> None:
         if self.problems and self.problems[0].t <= until:
@@ -341,7 +348,7 @@ class Derivatives(Described):
         expression = solution._expressions[name]
         by_parameter = [p for p in self._wanted.parameters if p is not None]
         symbols = [*model.states, *(m.symbol for m in model.multipliers), *by_parameter]
-        slopes = _gradient(model, expression, tuple(symbols))(t, *states, *forces, *self._tape.p)
+        slopes = _gradient(model, expression, tuple(symbols))(t, *states, *forces, *self.tape.p)
         slopes = [np.broadcast_to(np.asarray(slope, float), np.shape(t)) for slope in slopes]
         n, m = len(states), len(forces)
         total = np.einsum("it,ikt->kt", np.array(slopes[:n]), x)
@@ -433,11 +440,3 @@ class Derivatives(Described):
 def _gradient(model: Model, expression: sp.Basic, symbols: Sequence[sp.Symbol]) -> Any:
     """A numpy function of (t, *x, *mult, *p): the slopes of an expression by these symbols."""
     return outputs.vectorised(model, sp.Tuple(*(expression.diff(s) for s in symbols)))
-
-
-def first_rates(model: Model, tape: Tape) -> np.ndarray:
-    """f behind the start of a run."""
-    n, m = len(model.states), len(model.multipliers)
-    values = tape.values[0]
-    rates = outputs.vectorised(model, sp.Tuple(*model.rhs))
-    return np.array(rates(values[0], *values[2 : 2 + n + m], *tape.p), float)

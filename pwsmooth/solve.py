@@ -153,20 +153,27 @@ def solve(
     if not (diffuses or smoothed or stiff):
         taped = with_respect_to is not None or (dense_output and model.families is None)
         options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
-        solution = prepared_run(model, options).solve(system, p, t0, t1, start, times, spending, kicks)
+        ready = prepared_run(model, options)
+        if with_respect_to is not None and not ready.by_series:
+            ready = prepared_run(model, options._replace(dense=True))
+        solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         if with_respect_to is not None:
-            solution.derivatives = Derivatives(solution, solution.tape, wanted)
+            solution.derivatives = Derivatives(solution, wanted)
         return solution
     if with_respect_to is not None:
-        raise ValueError(
-            "`with_respect_to` is given for a smoothed view, a diffusion or method='stiff', whose steps have no "
-            "derivatives yet; differentiate the event-driven system."
-        )
+        from .paths.stiff_steps import SCIPY_METHODS
+
+        if diffuses or method in SCIPY_METHODS:
+            raise ValueError(
+                "`with_respect_to` is given for a diffusion or one of SciPy's methods, which have no derivatives; "
+                "leave `noise`, or `method`, out."
+            )
     initial = np.array(start)
     rtol, absolute = checks.relative_tolerance(rtol), checks.absolute_tolerance(atol, model.states)
     max_step = checks.longest_step(max_step)
     strict, dense = checks.flag(strict, "`strict`"), checks.flag(dense_output, "`dense_output`")
+    dense = dense or with_respect_to is not None  # derivatives go along the steps' polynomials
     if diffuses:
         return kicks.solve((t0, t1), initial, times, strict, spending, max_step, dense, order)
     if order is not None or strict:
@@ -179,17 +186,20 @@ def solve(
 
         if kicks is not None:
             raise ValueError("`noise` is given with method='stiff', which knows none; leave `method` out.")
-        return solve_stiff(
+        solution = solve_stiff(
             system, (t0, t1), initial, p, min(rtol, LOOSEST), absolute, times, dense, max_step, spending
         )
-    from .paths.smoothed import solve_smoothed
+    else:
+        from .paths.smoothed import solve_smoothed
 
-    solution = solve_smoothed(
-        system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step, spending,
-        kicks,
-    )  # fmt: skip
-    if times is not None:
-        ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
-        solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
-    solution.noise = noise
+        solution = solve_smoothed(
+            system, (t0, t1), initial, p, system.parameters, method, rtol, absolute, times, dense, max_step,
+            spending, kicks,
+        )  # fmt: skip
+        if times is not None:
+            ends = [t0, *([t1] if solution.outcome is Outcome.FINISHED else solution.t[-1:])]
+            solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
+        solution.noise = noise
+    if with_respect_to is not None:
+        solution.derivatives = Derivatives(solution, wanted)
     return solution

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Event, Family, Memory, Switch, System, Unilateral, solve
+from pwsmooth import Diffusion, Event, Family, Kicks, Memory, Switch, System, Unilateral, solve
+from pwsmooth.costs import Objective, at, at_event, event_time, final
 from pwsmooth.derivatives import NoDerivative
-from pwsmooth.paths.tangents import Readings, pull_back
+from pwsmooth.paths.tangents import Readings
 
 t, x, y, v, w, z = sp.symbols("t x y v w z", real=True)
 a, b, g, e, p, rho, beta, sigma, omega = sp.symbols("a b g e p rho beta sigma omega", positive=True)
@@ -46,7 +47,7 @@ def differences(run, quantities):
     return np.stack(columns, -1), np.stack(spread, -1)
 
 
-def assert_by_differences(system, span, start, quantities, look, times=None):
+def assert_by_differences(system, span, start, quantities, look, **options):
     """Derivatives against differences of `look(solution)`, within ten times what these are unsure of."""
 
     def run(values):
@@ -54,11 +55,12 @@ def assert_by_differences(system, span, start, quantities, look, times=None):
         parameters = {name: values[name] for name in values if name not in start and name != "t0"}
         first = values.get("t0", span[0])
         solution = solve(
-            system, (first, span[1]), start | changed, parameters=parameters, dense_output=True, **TIGHT
+            system, (first, span[1]), start | changed, parameters=parameters, dense_output=True, **options
         )
         return look(solution)
 
-    solution = solve(system, span, start, with_respect_to=list(quantities), dense_output=True, **TIGHT)
+    options = TIGHT | options
+    solution = solve(system, span, start, with_respect_to=list(quantities), dense_output=True, **options)
     expected, unsure = differences(run, quantities)
     found = look(solution.derivatives, solution)
     assert np.all(np.abs(found - expected) <= 10 * unsure + 1e-9 * np.abs(expected).max())
@@ -204,7 +206,140 @@ def test_elements_of_a_family():
     assert_by_differences(system, (0, 6), start, quantities, states_at(np.array([2.0, 6.0])))
 
 
+# ---- other steps and noise -------------------------------------------------------------------------
+
+
+def with_resets():
+    m = Memory("m", 0.2)
+    return System(
+        {x: v, v: -x - a * sp.sign(v), w: 1 - w * g},
+        events=[
+            Event(w - p, update={w: w / 3, m: -m + a * w}, direction=1, name="full"),
+            Event(at=[b, 3 * b], update={v: v + g * x + m}, name="push"),
+        ],
+        parameters={a: 0.3, g: 0.4, p: 1.0, b: 1.3},
+    )
+
+
+RESETS = {"x": 1.0, "v": 0.2, "w": 0.1}
+BY_RESETS = {"a": 0.3, "g": 0.4, "p": 1.0, "b": 1.3, "x": 1.0, "w": 0.1, "m": 0.2, "t0": 0.0}
+
+
+def test_steps_of_the_pair_have_the_derivatives_of_series():
+    start, names = {"y": 0.5, "v": 0.3, "z": 0.0}, ["rho", "sigma", "y", "t0"]
+    pair, series = (
+        solve(friction_oscillator(), (0, 25), start, method=method, with_respect_to=names, **TIGHT).derivatives
+        for method in ("rk", "auto")
+    )
+    assert pair.end == pytest.approx(series.end, rel=1e-9, abs=1e-11)
+    assert pair.event_times() == pytest.approx(series.event_times(), rel=1e-9, abs=1e-11)
+
+
+def test_smoothed_runs_with_resets_and_memories():
+    smooth, start = with_resets().smoothed(eps=0.01), RESETS | {"m": 0.2}
+    quantities = BY_RESETS | {"eps": 0.01}
+    options = {"rtol": 1e-12, "atol": 1e-14}
+
+    def look(where, solution=None):
+        rows = where(np.array([0.7, 2.6, 5.1, 7.0]))
+        times = where.event_times("reset")
+        if solution is None:
+            return np.concatenate([rows.ravel(), times])
+        return np.concatenate([np.moveaxis(rows, 1, -1).reshape(-1, len(quantities)), times])
+
+    solution = assert_by_differences(smooth, (0, 7), start, quantities, look, **options)
+    times = np.linspace(0, 7, 15)
+    asked = solve(smooth, (0, 7), start, t_eval=times, with_respect_to=list(quantities), **options)
+    assert np.array_equal(asked.derivatives.x, solution.derivatives(times))
+    ends = np.append(np.diff(solution.t) > 0, True)
+    assert solution.derivatives.x[..., ends] == pytest.approx(
+        solution.derivatives(solution.t[ends]), rel=1e-10, abs=1e-10
+    )
+
+
+def test_a_power_at_its_branch_point_and_a_stick():
+    """Steps that begin where a power has no series are the pair's: a fall onto a bed that friction ends."""
+    lam, depth = Switch("lam", v), sp.Max(0, -x)
+    system = System(
+        {x: v, v: -1 + a * depth**p - g * lam},
+        parameters={a: 5.0, p: 1.5, g: 0.3},
+        outputs={"pull": g * lam * a},
+    )
+    start, times = {"x": 0.6, "v": 0.0}, np.array([1.2, 1.6, 2.4, 9.0])
+    quantities, options = {"a": 5.0, "p": 1.5, "g": 0.3, "x": 0.6}, {"rtol": 1e-12, "atol": 1e-14}
+
+    def look(where, solution=None):
+        rows = [*where(times), where(times, "lam"), where(times, "pull")]
+        return np.concatenate([np.ravel(row) if solution is None else row.T for row in rows])
+
+    solution = assert_by_differences(system, (0, 9), start, quantities, look, **options)
+    assert not solution.tape.by_series and solution.status[0, -1] == 0
+    d = solution.derivatives
+    asked = solve(system, (0, 9), start, t_eval=times, with_respect_to=list(quantities), **options).derivatives
+    assert asked.x == pytest.approx(d(times), rel=1e-11, abs=1e-12)
+    assert asked["lam"] == pytest.approx(d(times, "lam"), rel=1e-9, abs=1e-11)
+    objective = Objective(system, at(lam * x, 9.0), (0, 9), start, list(quantities), **options)
+    forward = solution(9.0, "lam") * d(9.0, "x") + solution(9.0, "x") * d(9.0, "lam")
+    assert objective(objective.start).gradient == pytest.approx(forward, rel=1e-9, abs=1e-12)
+
+
+def test_stiff_steps_have_the_derivatives_of_series():
+    zd = v - p * sp.Abs(v) * z / (1 + b * sp.exp(-100 * v**2))
+    lugre = System(
+        {x: v, v: 2 * sp.cos(t) - x - p * z - g * zd, z: zd}, time=t, parameters={p: 1e3, g: 10, b: 0.5}
+    )
+    start, names = {x: 0.5, v: 0.2, z: 0}, ["p", "g", "b", "x", "v", "t0"]
+    rtol = 1e-10
+    stiff, series = (
+        solve(lugre, (0, 8), start, with_respect_to=names, **options).derivatives
+        for options in ({"method": "stiff", "rtol": rtol, "atol": rtol / 100}, TIGHT)
+    )
+    assert stiff.end == pytest.approx(series.end, rel=100 * rtol, abs=100 * rtol * np.abs(series.end).max())
+    assert stiff.event_times("crossing") == pytest.approx(series.event_times("crossing"), rel=1e-7, abs=1e-9)
+    stopped = solve(lugre, (0, 8), start, with_respect_to=names, method="stiff", max_steps=1)
+    assert not stopped.success and stopped.derivatives.end.shape == (3, 6)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk", "smoothed"])
+def test_kicks_of_a_seed(method):
+    system = with_resets().smoothed(eps=0.02) if method == "smoothed" else with_resets()
+    options = {"noise": Kicks(0.05, every=0.37, on=(x, v), seed=4)}
+    if method != "auto":
+        options |= {"rtol": 1e-12, "atol": 1e-14}
+    if method == "rk":
+        options["method"] = method
+    look = states_at(np.array([1.9, 4.4, 6.0]))
+    quantities = {name: value for name, value in BY_RESETS.items() if name != "t0"}
+    solution = assert_by_differences(system, (0, 6), RESETS | {"m": 0.2}, quantities, look, **options)
+    assert len(solution.event_times("reset", "kicks")) == 16
+
+
 # ---- backward --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", ["auto", "rk", "smoothed", "stiff"])
+def test_costs_backward_agree_with_derivatives_forward_on_every_path(path):
+    system, method = with_resets(), path
+    if path == "smoothed":
+        system, method = system.smoothed(eps=0.01), "auto"
+    elif path == "stiff":  # a kink, on which nothing slides
+        system = System({x: v, v: -x - a * sp.Abs(v) - g * v, w: 1}, parameters={a: 0.3, g: 0.4})
+    names = [
+        name for name in BY_RESETS if name in (*map(str, (*system.parameters, *system.model.states)), "t0")
+    ]
+    event = ("sgn(v)", "crossing") if path == "stiff" else ("full", "reset")
+    cost = final(x * v) + 2 * final(w) - event_time(*event) + at_event(x * w, *event)
+    start = {name: value for name, value in RESETS.items() if name in map(str, system.states)}
+    objective = Objective(system, cost, (0, 7), start, names, method=method, rtol=1e-12, atol=1e-14)
+    gradient = objective(objective.start).gradient
+    run = objective.solve(objective.start)
+    d, end = run.derivatives, dict(zip(run.states, run.x[:, -1]))
+    place = [i for i, e in enumerate(run.events) if (e.switch, e.kind) == event][0]
+    at, before = d.at_event(place), int(np.searchsorted(run.t, run.events[place].time))
+    i, j, k = (run.states.index(name) for name in "xvw")
+    forward = end["x"] * d.end[j] + end["v"] * d.end[i] + 2 * d.end[k] - at.time
+    forward = forward + run.x[k, before] * at.before[i] + run.x[i, before] * at.before[k]
+    assert np.abs(gradient - forward).max() <= 1e-11 * np.linalg.norm(forward)
 
 
 @pytest.mark.parametrize("name", ["friction", "ball"])
@@ -225,7 +360,7 @@ def test_backward_and_forward_agree(name):
     end, at = rng.normal(size=n), rng.normal(size=(len(times), n + m))
     forward = end @ run.end + np.einsum("ti,tik->k", at, run.at_sample)
     none = np.zeros(0, np.int64), np.zeros((0, 2 * n + 1))
-    slopes = pull_back(system.model, solution.tape, Readings(end, times, at, *none))
+    slopes = solution.tape.pull_back(Readings(end, times, at, *none))
     assert slopes.why is None
     order = [system.model.parameters.index(sp.Symbol(q, positive=True)) for q in names[:-n]]
     backward = np.concatenate([slopes.parameters[order], slopes.start])
@@ -287,12 +422,14 @@ def test_names_that_have_none_are_refused_at_the_door(names, message):
         solve(friction_oscillator(), (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=names)
 
 
-def test_smoothed_and_backward_runs_say_that_they_have_none():
-    smooth = friction_oscillator().smoothed(1e-3)
-    with pytest.raises(ValueError, match="smoothed view"):
-        solve(smooth, (0, 1), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"])
+def test_diffusions_scipys_methods_and_backward_runs_say_that_they_have_none():
+    start, smooth = {"y": 0.5, "v": 0.3, "z": 0}, friction_oscillator().smoothed(1e-3)
+    with pytest.raises(ValueError, match="SciPy"):
+        solve(smooth, (0, 1), start, method="Radau", with_respect_to=["rho"])
+    with pytest.raises(ValueError, match="diffusion"):
+        solve(smooth, (0, 1), start, noise=Diffusion({v: 0.1}, step=0.01), with_respect_to=["rho"])
     with pytest.raises(ValueError, match="decreases"):
-        solve(friction_oscillator(), (1, 0), {"y": 0.5, "v": 0.3, "z": 0}, with_respect_to=["rho"])
+        solve(friction_oscillator(), (1, 0), start, with_respect_to=["rho"])
 
 
 def test_times_outside_the_span_and_unknown_names():

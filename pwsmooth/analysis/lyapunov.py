@@ -27,7 +27,6 @@ from ..paths.growth import growth
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve
-from .linearised import linearise
 from .variations import factors, has_series, without_derivative
 
 __all__ = ["LyapunovExponents", "largest_exponent", "lyapunov_exponents"]
@@ -128,7 +127,9 @@ class _Frame:
 
     def carry_along(self, run: Solution) -> bool:
         """Along the tape of a run; False where a step has no series."""
-        found = growth(run.model, run.tape, self.q)
+        if not run.tape.by_series:
+            return False
+        found = growth(run.tape, self.q)
         if not np.isnan(found.stopped):
             return False
         self.q = found.frame
@@ -141,7 +142,7 @@ class _Frame:
     def carry_by_factors(self, run: Solution, until: float = math.inf) -> None:
         """Along the dense output of a run, up to a time."""
         n, count = self.q.shape
-        moves, salts = factors(run, linearise(run.model))
+        moves, salts = factors(run)
         self.degenerate += [s.degenerate for s in salts if s.degenerate and s.time <= until]
         self.degenerate += [str(a) for a in run.ambiguities]
         times, logs = [], []

@@ -21,9 +21,9 @@ import sympy as sp
 from ..definition import checks
 from ..definition.model import EventSpec, Model, of_event
 from ..definition.pointwise import value
+from ..paths.linearised import linearise
 from ..results.records import Outcome
 from ..results.solution import Solution
-from .linearised import linearise
 from .poincare import RETURN, Image, Word, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
 from .variations import chosen_parameters, moved

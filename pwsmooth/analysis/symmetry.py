@@ -1,6 +1,6 @@
 """Symmetries (x, t) -> (G x, t + T/2) of a driven system, given in words and checked against its field.
 
-Chain: linearised.py -> **symmetry** -> sections.py (the half-period map).
+Chain: paths/linearised.py -> **symmetry** -> sections.py (the half-period map).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.pointwise import value
-from .linearised import rates
+from ..paths.linearised import rates
 
 __all__ = ["symmetry_matrix"]
 

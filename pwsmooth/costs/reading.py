@@ -1,6 +1,6 @@
 """What a cost reads of a run, and with which slopes: values and covectors, pulled back over the run's tape.
 
-Chain: quantities.py, a Solution with its tape -> **reading** -> paths/tangents.py `pull_back` -> objective.py.
+Chain: quantities.py, a Solution with its tape -> **reading** -> `pull_back` of the tape -> objective.py.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from ..derivatives import NoDerivative, Quantities, first_rates, problems
-from ..paths.clock import slopes_of_instants
-from ..paths.tangents import Readings, pull_back
+from ..derivatives import NoDerivative, Quantities, problems
+from ..paths.tangents import Readings
 from ..results import outputs
 from .quantities import Quantity
 
@@ -70,11 +69,11 @@ class Reader:
         self.slopes: list[np.ndarray] = []
         self.instants: dict[int, np.ndarray] = {}
         self.by_parameter = np.zeros(len(self.model.parameters))
-        self.p = run.tape.p
-        self.meets = run.tape.instants()
+        self.tape = run.derivatives.tape
+        self.p = self.tape.p
 
     def result(self) -> Gradient:
-        asked, run = self.asked, self.run
+        asked = self.asked
         readers = [getattr(self, f"_{q.kind}")(q) for q in asked.found]
         numbers = [value for value, _ in readers]
         cost, *slopes = asked.cost(*numbers, *self.p[asked.used])
@@ -84,17 +83,13 @@ class Reader:
         self.by_parameter[asked.used] += slopes[len(readers) :]
         found = self._pulled()
         gradient = np.zeros(len(asked.by.names))
-        tape, given = run.tape, dict(zip(self.model.parameters, self.p))
         for k, (place, p) in enumerate(zip(asked.places, asked.by.parameters)):
             if p is not None:
                 gradient[k] = found.parameters[place] + self.by_parameter[place]
-                if len(tape.clock):
-                    moved = slopes_of_instants(self.model, given, tape.clock, tape.clock_event, p)
-                    gradient[k] += moved @ found.clock
             elif place is not None:
                 gradient[k] = found.start[place]
             else:
-                gradient[k] = -found.start @ first_rates(self.model, run.tape)
+                gradient[k] = -found.start @ self.tape.first_rates()
         return Gradient(float(cost), gradient)
 
     def _pulled(self) -> Any:
@@ -106,7 +101,7 @@ class Reader:
         # The end is a time like the others; multipliers deviate with the states there.
         times, slopes = np.append(times[order], self.run.t[-1]), np.vstack([slopes[order], self.end])
         readings = Readings(np.zeros(self.n), times, slopes, entries, at_instants)
-        found = pull_back(self.model, self.run.tape, readings)
+        found = self.tape.pull_back(readings)
         asked = self.asked
         off = {
             name: found.off[place if p is None else self.n + place]
@@ -174,11 +169,6 @@ class Reader:
         off = (values - measured) / sigma
         return float(off @ off), lambda slope: add(2.0 * slope * off / sigma)
 
-    def _entry(self, time: float) -> int:
-        """The entry of the tape at which an event's instant begins."""
-        k = self.meets[np.abs(self.run.tape.values[self.meets, 0] - time).argmin()]
-        return int(k)
-
     def _time(self, quantity: Quantity) -> float:
         switch, kind, number, *_ = quantity.where
         times = self.run.event_times(kind, switch)
@@ -189,7 +179,7 @@ class Reader:
         return float(times[number])
 
     def _instant(self, time: float, before: Any = 0.0, after: Any = 0.0, shift: float = 0.0) -> None:
-        row = self.instants.setdefault(self._entry(time), np.zeros(2 * self.n + 1))
+        row = self.instants.setdefault(self.tape.instant(time), np.zeros(2 * self.n + 1))
         row[: self.n] += before
         row[self.n : -1] += after
         row[-1] += shift

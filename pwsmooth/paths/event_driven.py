@@ -133,9 +133,12 @@ class EventDriven:
     def __init__(self, model: Model, options: Options):
         from ..codegen.machine.units import METHODS, trajectory_loop
 
-        self.model, self.dense, self.tape = model, options.dense, options.tape
+        self.model, self.dense = model, options.dense
         self.loop = trajectory_loop()
         self.parts = parts = compiled_problem(model)
+        # A tape is played again by series; where an argument of a root comes to 0 there is none.
+        self.by_series = parts.has_jets and not parts.singular
+        self.tape = options.tape and parts.has_jets
         self.sizes = parts.code
         if options.method == "taylor" and not parts.has_jets:
             raise ValueError(
@@ -347,11 +350,16 @@ class EventDriven:
         k, n, m = state.taped, len(state.x), len(state.mult)
         entries, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
         entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
+        if self.one_step and not self.parts.singular:  # played again, a step by the pair is one by series
+            steps = (entries[:, 0] == names.TAPE_STEP) & (entries[:, 1] == names.PAIR)
+            solved = (entries[steps, 4:] == names.SOLVED).any(axis=1)
+            entries[steps, 1] = np.where(solved, names.GENERAL, names.SLIP)
         values[k, 0], values[k, 2 : 2 + n], values[k, 2 + n : 2 + n + m] = state.t, state.x, state.mult
         clock, owners = (
             (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
         )
-        return Tape(p.copy(), self.one_step, control.order, control.rtol, clock, owners, entries, values)
+        order = _order_for(control.rtol, False) if self.one_step else control.order
+        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values)
 
     def finish(
         self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None
@@ -382,7 +390,7 @@ class EventDriven:
             "layers": state.layers,
         }
         dense = self._dense(kept["dense"], kept["dense_s"], t, status) if self.dense else None
-        whole = None
+        whole, columns = None, (t, x, mult, status)
         if times is not None:
             whole = course(t, status.T)
             # What was asked for and reached, with the status of the step that holds each instant.
@@ -398,23 +406,20 @@ class EventDriven:
                 asked, column = np.append(asked, t[-1]), np.append(column, len(t) - 1)
                 x_asked, mult_asked = np.vstack([x_asked, x[-1:]]), np.vstack([mult_asked, mult[-1:]])
             t, x, mult, status = asked, x_asked, mult_asked, status[column]
-        return Solution(
-            system,
-            t,
-            x.T,
-            mult.T,
-            status.T,
-            EventLog(event_t, events, self.words),
-            dense,
-            outcome,
-            cost,
-            self.tolerances,
-            ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
-            if "ambiguity" in kept
-            else [],
-            system.parameters,
-            whole,
-        )
+        ambiguities = []
+        if "ambiguity" in kept:
+            ambiguities = ambiguities_in_words(self.model, kept["ambiguity_t"], kept["ambiguity"])
+
+        def solution(t: Any, x: Any, mult: Any, status: Any, course: Any = None) -> Solution:
+            return Solution(
+                system, t, x.T, mult.T, status.T, EventLog(event_t, events, self.words), dense, outcome, cost,
+                self.tolerances, ambiguities, system.parameters, course,
+            )  # fmt: skip
+
+        found = solution(t, x, mult, status, whole)
+        if times is not None and self.dense and not (self.tape and self.by_series):
+            found.whole = solution(*columns)
+        return found
 
     def _outcome(self, code: int, problem: Any, state: Any, event_t: Any, events: Any) -> Outcome:
         """The kernel's code as an Outcome; two of its codes have causes that are told apart here."""

@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..definition.model import Model
 from ..kernels import state as names
 from ..kernels.tangent.frame import Frame
 from .problem import compiled_problem
-from .tangents import Tape, compiled_tangents, instant_of
+from .tangents import Tape, compiled_tangents
 
 
 class Growth(NamedTuple):
@@ -27,11 +26,11 @@ class Growth(NamedTuple):
     stopped: float  # as of Deviations
 
 
-def growth(model: Model, tape: Tape, frame: np.ndarray) -> Growth:
+def growth(tape: Tape, frame: np.ndarray) -> Growth:
     """Carries a frame (n, k) of orthonormal deviations along a run."""
     from ..codegen.machine.units import tangent_growth, unit_address
 
-    loop, compiled = tangent_growth(), compiled_tangents(model)
+    loop, compiled = tangent_growth(), compiled_tangents(tape.model)
     (n, k), entries = frame.shape, len(tape.entries)
     columns = -(-k // 8) * 8
     kinds = tape.entries[:, 0]
@@ -49,8 +48,8 @@ def growth(model: Model, tape: Tape, frame: np.ndarray) -> Growth:
     with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
         tangent.w[:, :k] = frame
         tangent.scale[:k] = (frame != 0).T @ np.abs(tape.values[0, 2 : 2 + n])
-        tangent.instant = instant_of(tape)
-        stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, grown)
+        tangent.instant = tape.instant_size
+        stopped = loop(compiled_problem(tape.model).problem(tape.p), tangent, grown)
         found, end = tangent.instants, tangent.w[:, :k].copy()
     factors = grown.factors
     return Growth(

@@ -67,10 +67,17 @@ def solve_smoothed(
         pieces = _scipy(system.model, t_span, start, p, options)
     else:
         options = dict(common, method=method, dense=dense_output, kicks=kicks)
-        *pieces, _ = own(system.model, t_span, start, p, options, spending)
+        *pieces, columns = own(system.model, t_span, start, p, options, spending)
     t, x, events, dense, outcome, cost, ambiguities = pieces
-    none = np.zeros((0, len(t)))
-    return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
+
+    def solution(t, x):
+        none = np.zeros((0, len(t)))
+        return Solution(system, t, x, none, none, events, dense, outcome, cost, tolerances, ambiguities, values)
+
+    found = solution(t, x)
+    if times is not None and method in stiff.METHODS:
+        found.whole = solution(*columns)
+    return found
 
 
 def of_event(model, i):

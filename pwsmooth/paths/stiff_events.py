@@ -135,9 +135,16 @@ def solve_stiff(
     both = np.append(start, begun.mult[:, moved[0]])
     *pieces, ambiguities, columns = own(view, t_span, both, p, options, spending, words)
     t, x, events, polynomials, outcome, cost = pieces
-    side = x[n:]
-    return Solution(
-        system, t, x[:n], side, side.astype(np.int8), events, polynomials and replace(polynomials, n=n), outcome, cost,
-        {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}, ambiguities, system.parameters,
-        None if times is None else course(columns[0], columns[1][n:]),
-    )  # fmt: skip
+    tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "method": "stiff"}
+
+    def solution(t: np.ndarray, x: np.ndarray, course: Any = None) -> Solution:
+        return Solution(
+            system, t, x[:n], x[n:], x[n:].astype(np.int8), events, polynomials and replace(polynomials, n=n),
+            outcome, cost, tolerances, ambiguities, system.parameters, course,
+        )  # fmt: skip
+
+    if times is None:
+        return solution(t, x)
+    found = solution(t, x, course(columns[0], columns[1][n:]))
+    found.whole = solution(*columns)
+    return found

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,39 +17,12 @@ from ..codegen import compile_model
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
-from ..kernels.tangent.state import UNKNOWN, ZEROS, Flow, Tangent
+from ..kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
+from .clock import slopes_of_instants
+from .linearised import rates
 from .problem import compiled_problem, terms
 
 _PLACES = 64  # wanted times on one way that are looked at together
-
-
-class Tape(NamedTuple):
-    """What the loop has written of a run (step/recording.py), and what it ran with."""
-
-    p: np.ndarray
-    method: str  # of one step, or ""
-    order: int
-    rtol: float
-    clock: np.ndarray
-    clock_event: np.ndarray
-    entries: np.ndarray
-    values: np.ndarray
-
-    def instants(self) -> np.ndarray:
-        """The entries at which instants begin, as a replay counts them."""
-        kind, what = self.entries[:, 0], self.entries[:, 1]
-        meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
-        parts = (kind == names.TAPE_STEP) & (
-            (self.values[:, 1] > 1e-15 * np.abs(self.values[:, 0])) | (what == names.ARC)
-        )
-        steps = np.searchsorted(np.flatnonzero(parts), meets)
-        return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
-
-    @property
-    def first_step(self) -> int:
-        """Its entry, where the run stands as it holds from the start on; of a run without steps the last one."""
-        steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
-        return int(steps[0]) if steps.size else len(self.entries) - 1
 
 
 class Deviations(NamedTuple):
@@ -68,6 +42,25 @@ class Deviations(NamedTuple):
     def known(self) -> bool:
         """Whether every step and every instant has been gone through by a rule that is known."""
         return np.isnan(self.stopped) and not (self.instant_why[:, 0] == UNKNOWN).any()
+
+
+class Slopes(NamedTuple):
+    """Of a cost, by what a run began with."""
+
+    start: np.ndarray  # (n,)
+    parameters: np.ndarray  # (np,)
+    why: tuple[int, int, float] | None  # of the first instant without derivative: code, cause, time
+    off: np.ndarray  # (n + np,) what leads out of the surfaces on which the run begins
+
+
+class Readings(NamedTuple):
+    """Slopes of a cost by what it reads: the end state, states and multipliers at times, instants of the tape."""
+
+    end: np.ndarray  # (n,)
+    times: np.ndarray  # sorted
+    at: np.ndarray  # (times, n + m)
+    entries: np.ndarray  # sorted entries of the tape at which instants begin
+    instants: np.ndarray  # (entries, 2 n + 1): by the states before and after, and by the time
 
 
 class _FlowOf:
@@ -180,117 +173,148 @@ def compiled_tangents(model: Model) -> CompiledTangents:
     return CompiledTangents(model)
 
 
-def instant_of(tape: Tape) -> float:
-    """Times that differ by less are one."""
-    return 1e-12 * float(tape.values[-1, 0] - tape.values[0, 0])
+@dataclass(frozen=True, eq=False)
+class Tape:
+    """What the loop has written of a run (step/recording.py), and what it ran with."""
 
+    model: Model
+    p: np.ndarray
+    order: int
+    rtol: float
+    clock: np.ndarray
+    clock_event: np.ndarray
+    entries: np.ndarray
+    values: np.ndarray
 
-def replay(
-    model: Model, tape: Tape, start: np.ndarray, seeds: np.ndarray, times: np.ndarray | None = None,
-    clock: np.ndarray | None = None, points: bool = True,
-) -> Deviations:  # fmt: skip
-    """Deviations along a run from `start` (n, columns) of its states and `seeds` (np, columns) of its parameters.
-
-    `times` are wanted besides those of the record; `clock` (ticks, columns) are the deviations of the clock's instants.
-    """
-    from ..codegen.machine.units import tangent_replay
-
-    loop, compiled = tangent_replay(), compiled_tangents(model)
-    (n, k), m = start.shape, compiled.code.m
-    columns = -(-k // 8) * 8
-    kinds = tape.entries[:, 0]
-    instants, recorded = (int(np.count_nonzero(kinds == kind)) for kind in (names.TAPE_MEET, names.TAPE_POINT))
-    times = np.empty(0) if times is None else times
-    ticks = len(tape.clock)
-    slopes = np.zeros((ticks, columns + 8))
-    if clock is not None:
-        slopes[:, :k] = clock
-    asked = dict(
-        t_eval=times, clock=slopes, tape=tape.entries, tape_x=tape.values,
-        at_point=np.zeros((recorded if points else 0, n + m, columns)),
-        at_sample=np.zeros((len(times), n + m, columns)), instant_t=np.zeros(instants),
-        instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
-        instant_w=np.zeros((instants, 2 * n, columns)),
-    )  # fmt: skip
-    tolerance = max(10.0 * tape.rtol, 1e-15)
-    with compiled.tangent(tape.order, tolerance, columns, **asked) as tangent:
-        tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
-        first = np.abs(tape.values[0, 2 : 2 + n])
-        tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(tape.p), (start != 0).T @ first)
-        tangent.instant = instant_of(tape)
-        stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(kinds))
-        found, end = tangent.instants, tangent.w[:, :k].copy()
-        samples, off = tangent.samples, tangent.off[:k].copy()
-    return Deviations(
-        end, asked["at_point"][:, :, :k], asked["at_sample"][:samples, :, :k],
-        asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
-        asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(tape.values[stopped, 0]), off,
-    )  # fmt: skip
-
-
-class Slopes(NamedTuple):
-    """Of a cost, by what a run began with."""
-
-    start: np.ndarray  # (n,)
-    parameters: np.ndarray  # (np,)
-    clock: np.ndarray  # (ticks,)
-    why: tuple[int, int, float] | None  # of the first instant without derivative: code, cause, time
-    off: np.ndarray  # (n + np,) what leads out of the surfaces on which the run begins
-
-
-class Readings(NamedTuple):
-    """Slopes of a cost by what it reads: the end state, states and multipliers at times, instants of the tape."""
-
-    end: np.ndarray  # (n,)
-    times: np.ndarray  # sorted
-    at: np.ndarray  # (times, n + m)
-    entries: np.ndarray  # sorted entries of the tape at which instants begin
-    instants: np.ndarray  # (entries, 2 n + 1): by the states before and after, and by the time
-
-
-def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
-    """Slopes of a cost by the start of a run, by its parameters and by the instants of its clock.
-
-    Raises
-    ------
-    ValueError
-        A step has no Taylor series.
-    """
-    from ..codegen.machine.units import tangent_replay
-
-    loop, compiled = tangent_replay(), compiled_tangents(model)
-    n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
-    columns = -(-(n + count + 1) // 8) * 8
-    steps = np.flatnonzero(tape.entries[:, 0] == names.TAPE_STEP)
-    arcs = steps[tape.entries[steps, 1] == names.ARC]
-    # Only along arcs, and at the end, columns are asked for what the cost reads.
-    begins = np.append(tape.values[arcs, 0], tape.values[-1, 0])
-    ends = np.append(tape.values[arcs + 1, 0], np.inf)
-    most = int((np.searchsorted(cost.times, ends) - np.searchsorted(cost.times, begins)).max())
-    clock = np.zeros((len(tape.clock), columns + 8))
-    clock[:, n + count] = 1.0
-    slope_clock = np.zeros(len(tape.clock))
-    asked = dict(
-        tape=tape.entries, tape_x=tape.values, t_eval=cost.times, cost_slope=cost.at, cost_entry=cost.entries,
-        cost_instant=cost.instants, clock=clock, slope_clock=slope_clock, at_sample=np.zeros((most, n + m, columns)),
-        instant_t=np.zeros(1), instant_why=np.zeros((1, 2), np.int64), instant_dt=np.zeros((1, columns)),
-        instant_w=np.zeros((1, 2 * n, columns)),
-    )  # fmt: skip
-    with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
-        tangent.seeds[:, n : n + count] = np.eye(count)
-        tangent.scale[n : n + count], tangent.instant = np.abs(tape.p), instant_of(tape)
-        tangent.slope[:] = cost.end
-        tangent.backward, tangent.bad = 1, -1
-        tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
-        stopped = loop(compiled_problem(model).problem(tape.p, tape.method), tangent, len(tape.entries))
-        if stopped >= 0:
-            raise ValueError(f"The step at t = {tape.values[stopped, 0]:.12g} has no Taylor series.")
-        bad = tangent.bad
-        why = None if bad < 0 else (tangent.bad_why, tangent.bad_cause, float(tape.values[bad, 0]))
-        return Slopes(
-            tangent.slope.copy(),
-            tangent.slope_q[:, 0].copy(),
-            slope_clock,
-            why,
-            tangent.off[: n + count].copy(),
+    @functools.cached_property
+    def instants(self) -> np.ndarray:
+        """The entries at which instants begin, as a replay counts them."""
+        kind, what = self.entries[:, 0], self.entries[:, 1]
+        meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
+        parts = (kind == names.TAPE_STEP) & (
+            (self.values[:, 1] > 1e-15 * np.abs(self.values[:, 0])) | (what == names.ARC)
         )
+        steps = np.searchsorted(np.flatnonzero(parts), meets)
+        return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
+
+    @functools.cached_property
+    def by_series(self) -> bool:
+        """Whether every step has a series; those of the pair at the branch point of a root have none."""
+        return not ((self.entries[:, 0] == names.TAPE_STEP) & (self.entries[:, 1] == names.PAIR)).any()
+
+    def instant(self, time: float) -> int:
+        """The entry at which an event's instant begins, as `Readings.entries` names it."""
+        return int(self.instants[np.abs(self.values[self.instants, 0] - time).argmin()])
+
+    @property
+    def first_step(self) -> int:
+        """Its entry, where the run stands as it holds from the start on; of a run without steps the last one."""
+        steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
+        return int(steps[0]) if steps.size else len(self.entries) - 1
+
+    @property
+    def instant_size(self) -> float:
+        """Times that differ by less are one."""
+        return 1e-12 * float(self.values[-1, 0] - self.values[0, 0])
+
+    def standing(self, k: int) -> tuple[float, np.ndarray, np.ndarray]:
+        """Time, states and multipliers at an entry."""
+        n, m = len(self.model.states), len(self.model.multipliers)
+        row = self.values[k]
+        return float(row[0]), row[2 : 2 + n], row[2 + n : 2 + n + m]
+
+    def first_rates(self) -> np.ndarray:
+        """f behind the start."""
+        return rates(self.model, *self.standing(self.first_step), self.p)
+
+    def ticks(self, parameters: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
+        """Of these parameters those that move instants of the clock: its place, d(instants)/d(parameter)."""
+        if len(self.clock):
+            given = dict(zip(self.model.parameters, self.p))
+            for j in parameters:
+                yield (
+                    j,
+                    slopes_of_instants(
+                        self.model, given, self.clock, self.clock_event, self.model.parameters[j]
+                    ),
+                )
+
+    def deviations(
+        self, start: np.ndarray, seeds: np.ndarray, times: np.ndarray | None = None, points: bool = True
+    ) -> Deviations:
+        """Along the run from `start` (n, columns) of its states and `seeds` (np, columns) of its parameters.
+
+        `times` are wanted besides those of the record.
+        """
+        from ..codegen.machine.units import tangent_replay
+
+        loop, compiled = tangent_replay(), compiled_tangents(self.model)
+        (n, k), m = start.shape, compiled.code.m
+        columns = -(-k // 8) * 8
+        kinds = self.entries[:, 0]
+        instants, recorded = (
+            int(np.count_nonzero(kinds == kind)) for kind in (names.TAPE_MEET, names.TAPE_POINT)
+        )
+        times = np.empty(0) if times is None else times
+        clock = np.zeros((len(self.clock), columns + 8))
+        for j, slopes in self.ticks(np.flatnonzero(seeds.any(axis=1))):
+            clock[:, :k] += np.outer(slopes, seeds[j])
+        asked = dict(
+            t_eval=times, clock=clock, tape=self.entries, tape_x=self.values,
+            at_point=np.zeros((recorded if points else 0, n + m, columns)),
+            at_sample=np.zeros((len(times), n + m, columns)), instant_t=np.zeros(instants),
+            instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
+            instant_w=np.zeros((instants, 2 * n, columns)),
+        )  # fmt: skip
+        with compiled.tangent(self.order, max(10.0 * self.rtol, 1e-15), columns, **asked) as tangent:
+            tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
+            first = np.abs(self.values[0, 2 : 2 + n])
+            tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(self.p), (start != 0).T @ first)
+            tangent.instant = self.instant_size
+            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(kinds))
+            found, end = tangent.instants, tangent.w[:, :k].copy()
+            samples, off = tangent.samples, tangent.off[:k].copy()
+        return Deviations(
+            end, asked["at_point"][:, :, :k], asked["at_sample"][:samples, :, :k],
+            asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
+            asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(self.values[stopped, 0]), off,
+        )  # fmt: skip
+
+    def pull_back(self, cost: Readings) -> Slopes:
+        """Slopes of a cost by the start of the run and by its parameters."""
+        from ..codegen.machine.units import tangent_replay
+
+        loop, compiled = tangent_replay(), compiled_tangents(self.model)
+        n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
+        columns = -(-(n + count + 1) // 8) * 8
+        steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
+        arcs = steps[self.entries[steps, 1] == names.ARC]
+        # Only along arcs, and at the end, columns are asked for what the cost reads.
+        begins = np.append(self.values[arcs, 0], self.values[-1, 0])
+        ends = np.append(self.values[arcs + 1, 0], np.inf)
+        most = int((np.searchsorted(cost.times, ends) - np.searchsorted(cost.times, begins)).max())
+        clock = np.zeros((len(self.clock), columns + 8))
+        clock[:, n + count] = 1.0
+        slope_clock = np.zeros(len(self.clock))
+        asked = dict(
+            tape=self.entries, tape_x=self.values, t_eval=cost.times, cost_slope=cost.at, cost_entry=cost.entries,
+            cost_instant=cost.instants, clock=clock, slope_clock=slope_clock,
+            at_sample=np.zeros((most, n + m, columns)), instant_t=np.zeros(1),
+            instant_why=np.zeros((1, 2), np.int64), instant_dt=np.zeros((1, columns)),
+            instant_w=np.zeros((1, 2 * n, columns)),
+        )  # fmt: skip
+        with compiled.tangent(self.order, max(10.0 * self.rtol, 1e-15), columns, **asked) as tangent:
+            tangent.seeds[:, n : n + count] = np.eye(count)
+            tangent.scale[n : n + count], tangent.instant = np.abs(self.p), self.instant_size
+            tangent.slope[:] = cost.end
+            tangent.backward, tangent.bad = 1, -1
+            tangent.cost, tangent.cost_events = len(cost.times), len(cost.entries)
+            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(self.entries))
+            bad, why, cause = tangent.bad, tangent.bad_why, tangent.bad_cause
+            by_start, by_parameters = tangent.slope.copy(), tangent.slope_q[:, 0].copy()
+            off = tangent.off[: n + count].copy()
+        for j, slopes in self.ticks(range(count)):
+            by_parameters[j] += slopes @ slope_clock
+        bad, why, cause = (stopped, NO_SERIES, -1) if stopped >= 0 else (bad, why, cause)
+        problem = None if bad < 0 else (why, cause, float(self.values[bad, 0]))
+        return Slopes(by_start, by_parameters, problem, off)

@@ -121,14 +121,18 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
     return found
 
 
-def instants_without(model: Model, times: np.ndarray, why: np.ndarray) -> Iterator[tuple[float, str]]:
-    """Instants of a replay that have no derivative, and why in words."""
-    known = [str(mu.symbol) for mu in model.multipliers] + [event.name for event in model.events]
+def why_not(reason: int, cause: str) -> str:
+    """Why an instant has no derivative."""
     reasons = {
         GRAZES: "touches its surface (grazing)",
         CORNER: "meets its surface together with others, in an order that any change may turn (a corner)",
     }
+    return f"{cause} {reasons.get(reason, 'begins anew by a rule that has no derivative')}".lstrip()
+
+
+def instants_without(model: Model, times: np.ndarray, why: np.ndarray) -> Iterator[tuple[float, str]]:
+    """Instants of a replay that have no derivative, and why in words."""
+    known = [str(mu.symbol) for mu in model.multipliers] + [event.name for event in model.events]
     for t, (reason, cause) in zip(times.tolist(), why.tolist()):
         if reason:
-            subject = f"{known[cause]} " if 0 <= cause < len(known) else ""
-            yield t, subject + reasons.get(reason, "begins anew by a rule that has no derivative")
+            yield t, why_not(reason, known[cause] if 0 <= cause < len(known) else "")

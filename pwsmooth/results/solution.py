@@ -132,6 +132,7 @@ class Solution(Described):
         self.parameters = {getattr(key, "name", key): float(value) for key, value in parameters.items()}
         self.noise: Any = None  # what solve(noise=...) was given
         self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
+        self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
         self.derivatives: Any = None  # Derivatives, of solve(with_respect_to=...)
 
     # ---- scipy's names -----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from .state import Tangent
 @unit(types.int64, Problem, Tangent, types.int64)
 def replay(P, V, count):
     """Carries the deviations of V over the entries of the tape before `count`, or with V.backward the slopes of a cost
-    from its last entry to its first; the entry that has no derivative at all (a step of the pair), or -1."""
+    from its last entry to its first; the entry that has no series, or -1."""
     if V.backward:
         return pull_back(P, V, count)
     if V.read == 0:

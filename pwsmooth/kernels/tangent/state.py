@@ -14,8 +14,8 @@ F_X, F_MULT, F_P, G_X, G_MULT, G_P, G_T, H_X, H_MULT, H_P, H_T, S_X, S_P, S_T = 
 
 ZEROS = 8  # orders before order 0 of a series of deviations
 
-# Why an instant has no derivative.
-FINE, GRAZES, CORNER, UNKNOWN = range(4)
+# Why an instant, or a step, has no derivative.
+FINE, GRAZES, CORNER, UNKNOWN, NO_SERIES = range(5)
 
 
 class Flow(Bundle):

@@ -3,7 +3,7 @@
     x' = f(t, x, lam; q),   g(t, x, lam; q) = 0 for the solved multipliers J
     A  = f_w + f_J lam_w,   lam_w = -(g_JJ)**-1 g_Jw                        (lambda eliminated while sliding)
 
-Chain: Model -> **Linearised** (numpy functions of it) -> variations.py, saltation.py.
+Chain: Model -> **Linearised** (numpy functions of it) -> saltation.py, collocation.py.
 """
 
 from __future__ import annotations

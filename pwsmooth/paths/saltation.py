@@ -11,7 +11,7 @@ At the zero of H(t, x) with a jump x+ = R(t, x-) (identity at a switching), a de
     fold                psi g, psi the left null vector of g_lambda (envelope theorem: only g's own derivatives stay)
     reset, impact       the event's surface, the gap; a clock's instant has dt = 0
 
-Chain: linearised.py -> **saltation** -> variations.py.
+Chain: linearised.py -> **saltation** -> collocation.py.
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ from itertools import chain, combinations, islice
 import numpy as np
 import sympy as sp
 
+from ..kernels.tangent.state import CORNER, FINE, GRAZES, UNKNOWN
 from ..results.outputs import vectorised
 from ..results.solution import EventRecord, Solution
 from .linearised import Blocks, Linearised
+from .words import why_not
 
 __all__ = ["Saltation"]
 
@@ -50,8 +52,12 @@ class Saltation:
         On deviations of (x, q), states and parameters, in their units.
     delay : ndarray, shape (N,)
         Shift of the instant as a row over (x, q), in units of time over theirs.
-    degenerate : str
-        Why there is no derivative (grazing, a corner), in words; empty where there is one.
+    rates : (ndarray, ndarray), shapes (n,)
+        f before and after the events, in the units of the model.
+    why : int
+        0, or why there is no derivative: it is touched (1), several meet (2), the rule is unknown (3).
+    cause : str
+        The switch, contact or event at fault, by its name.
 
     Notes
     -----
@@ -75,7 +81,14 @@ class Saltation:
     kinds: tuple[str, ...]
     matrix: np.ndarray
     delay: np.ndarray
-    degenerate: str = ""
+    rates: tuple[np.ndarray, np.ndarray]
+    why: int = FINE
+    cause: str = ""
+
+    @property
+    def degenerate(self) -> str:
+        """Why there is no derivative (grazing, a corner), in words; empty where there is one."""
+        return f"t = {self.time:.9g}: {why_not(self.why, self.cause)}" if self.why else ""
 
 
 def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Saltation]:
@@ -98,9 +111,7 @@ def saltations(line: Linearised, solution: Solution, p: np.ndarray) -> list[Salt
     # The last impacts before an accumulation are always slow; the projector of the accumulation contains their effect.
     ends = np.array([s.time for s in jumps if "accumulation" in s.kinds])
     return [
-        replace(s, degenerate="")
-        if np.any((ends >= s.time) & (ends - s.time < CHATTER * (1 + abs(s.time))))
-        else s
+        replace(s, why=FINE) if np.any((ends >= s.time) & (ends - s.time < CHATTER * (1 + abs(s.time)))) else s
         for s in jumps
     ]
 
@@ -114,7 +125,7 @@ class _Instant:
         self.x, self.mult = solution.x[:, before], solution.mult[:, before]
         self.x_after, self.mult_after = solution.x[:, after], solution.mult[:, after]
         self.status, self.status_after = solution.status[:, before], solution.status[:, after]
-        self.blocks, self.blocks_after = (_at(blocks, k) for blocks in fields)
+        self.blocks, self.blocks_after = (at(blocks, k) for blocks in fields)
         self.f, self.f_after = self.blocks.f[0], self.blocks_after.f[0]
         self.names = [str(s) for s in line.symbols]
         self.J = line.solved(self.status)
@@ -126,16 +137,18 @@ class _Instant:
             projector = _projector(line, self.t, self.x_after, self.mult_after, self.p, self.status_after,
                                    self.blocks_after)  # fmt: skip
             matrix = np.eye(N) if projector is None else projector
-            return Saltation(self.t, kinds, matrix, np.zeros(N))
+            return Saltation(self.t, kinds, matrix, np.zeros(N), (self.f, self.f_after))
         jumps = [e for e in self.events if self._new(e) is not None]
-        R_w, R_t, unknown = self._jump(jumps)
-        first, why = self._first(jumps)
-        why = why or unknown
+        R_w, R_t, known = self._jump(jumps)
+        first, alone = self._first(jumps)
+        why, cause = FINE if known else UNKNOWN, "" if first is None else first.switch
+        why = why if alone else CORNER
         S = np.eye(N)
         S[:n] = R_w
         delay = np.zeros(N)
+        around = self.f, self.f_after
         if first is None:
-            return Saltation(self.t, kinds, S, delay, why)
+            return Saltation(self.t, kinds, S, delay, around, why, cause)
         H_w, H_t = self._surface(first)
         if H_w is None:
             delay = H_t  # a clock's instant moves with parameters alone
@@ -143,24 +156,19 @@ class _Instant:
             speed = H_t + H_w[:n] @ self.f
             size = abs(H_t) + np.abs(H_w[:n] * self.f).sum()
             if not abs(speed) > _TOUCHING * (size + _TOUCHING):
-                why = why or f"t = {self.t:.9g}: {first.kind} [{first.switch}] touches its surface (grazing)"
-                return Saltation(self.t, kinds, S, delay, why)
+                return Saltation(self.t, kinds, S, delay, around, why or GRAZES, cause)
             delay = -H_w / speed
         S[:n] += np.outer(R_w[:, :n] @ self.f + R_t - self.f_after, delay)
-        return Saltation(self.t, kinds, S, delay, why)
+        return Saltation(self.t, kinds, S, delay, around, why, cause)
 
-    def _first(self, jumps) -> tuple[EventRecord | None, str]:
-        """The event whose surface sets the instant, and why there is no derivative if several do."""
+    def _first(self, jumps) -> tuple[EventRecord | None, bool]:
+        """The event whose surface sets the instant, and whether it alone does."""
         causes = [e for e in self.events if e.kind not in ("slip by reset", "closed contact", "terminal")]
         if not causes:
-            return None, ""
+            return None, True
         first = next((e for e in causes if e in jumps), causes[0])
-        others = [e for e in causes if e.switch != first.switch and self._reached(e) and self._apart(e, first)]
-        why = ""
-        if others:
-            both = ", ".join(f"{e.kind} [{e.switch}]" for e in (first, *others))
-            why = f"t = {self.t:.9g}: {both} at one instant (a corner)"
-        return first, why
+        others = (e for e in causes if e.switch != first.switch and self._reached(e) and self._apart(e, first))
+        return first, next(others, None) is None
 
     def _reached(self, event: EventRecord) -> bool:
         """Whether an event of this instant stands on its own: not a consequence of another one's jump."""
@@ -196,8 +204,8 @@ class _Instant:
         update = dict(spec.update)
         return tuple(update.get(i, x) for i, x in enumerate(model.states))
 
-    def _jump(self, jumps) -> tuple[np.ndarray, np.ndarray, str]:
-        """R_w (n, N), R_t (n,) of the jumps of this instant, and why these are not known.
+    def _jump(self, jumps) -> tuple[np.ndarray, np.ndarray, bool]:
+        """R_w (n, N), R_t (n,) of the jumps of this instant, and whether an order is known that leads to its end.
 
         Events of one round act on the values before it, impacts one after the other. The log does not say where a
         round ends: what it must come to does.
@@ -205,16 +213,15 @@ class _Instant:
         line, n, N = self.line, self.line.n, self.line.N
         extra = np.eye(N)[n:]
         if not jumps:
-            return np.eye(n, N), np.zeros(n), ""
+            return np.eye(n, N), np.zeros(n), True
         for rounds in _rounds(jumps):
             R, W, T = self.x, np.eye(n, N), np.zeros(n)
             for events in rounds:
                 R, R_w, R_t = line.jump(self._together(events), self.t, R, self.mult, self.p)
                 W, T = R_w @ np.concatenate([W, extra]), R_w[:, :n] @ T + R_t
             if np.allclose(R, self.x_after, rtol=_LANDED, atol=_LANDED):
-                return W, T, ""
-        names = ", ".join(f"{e.kind} [{e.switch}]" for e in jumps)
-        return W, T, f"t = {self.t:.9g}: {names} at one instant, in no order that leads to the state after them"
+                return W, T, True
+        return W, T, False
 
     def _together(self, events) -> tuple[sp.Expr, ...]:
         """State after events of one round: increments of a state add up, otherwise the last one says."""
@@ -277,7 +284,8 @@ def _rounds(jumps: list[EventRecord]) -> Iterator[list[list[EventRecord]]]:
         yield [jumps[i:j] for i, j in zip((0, *ends), (*ends, len(jumps)))]
 
 
-def _at(blocks: Blocks, k: int) -> Blocks:
+def at(blocks: Blocks, k: int) -> Blocks:
+    """Those of point k alone."""
     return Blocks(*(getattr(blocks, name)[k : k + 1] for name in blocks.__dataclass_fields__))
 
 
