@@ -22,7 +22,10 @@ def scripts_importable(monkeypatch):
 DIFFER = {"capture_map": {"critical ratio r*, algebraic", "critical ratio r*, tanh"}}
 
 
-@pytest.mark.parametrize("name", ["capture_map", "ladder", "propositions", "symmetry_breaking", "wider_circle"])
+STUDIES = ["capture_map", "gradient_optimum", "ladder", "propositions", "symmetry_breaking", "wider_circle"]
+
+
+@pytest.mark.parametrize("name", STUDIES)
 def test_a_study_finds_what_it_expects(name, tmp_path):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
@@ -34,7 +37,8 @@ def test_a_study_finds_what_it_expects(name, tmp_path):
     assert (tmp_path / "chart.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("name", ["capture_map", "ladder", "propositions", "symmetry_breaking", "wider_circle"])
+# Gradients are measured beside peers that the tests do without.
+@pytest.mark.parametrize("name", [*STUDIES, "gradients"])
 def test_the_kept_results_are_those_of_the_present_configuration(name):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
@@ -42,6 +46,17 @@ def test_the_kept_results_are_those_of_the_present_configuration(name):
     assert not kept["fast"]
     assert kept["config"] == tools.plain(study.full.__dict__)
     assert kept["claims"] == [claim.record() for claim in study.claims(kept["data"])]
+
+
+@pytest.mark.parametrize("scene", ["crossing", "sticking", "ball"])
+def test_the_references_of_gradients_are_those_of_the_runs(scene):
+    gradients = importlib.import_module("gradients")
+    system, motion = gradients.SCENES[scene]()
+    names = [s.name for s in motion.names]
+    exact, events = gradients.reference(scene, motion.values)
+    run = gradients.solve(system, (0, motion.end), motion.start, with_respect_to=names, rtol=1e-13, atol=1e-15)
+    assert len(run.events) == events
+    assert run.derivatives.end[0] == pytest.approx(exact, abs=1e-12 * abs(exact).max())
 
 
 def test_the_work_precision_study_draws_its_charts_and_its_reading(tmp_path):

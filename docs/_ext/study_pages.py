@@ -29,7 +29,7 @@ from page import (
 SCRIPTS = ROOT / "experiments"
 RESULTS = SCRIPTS / "results"
 STUDIES = AUTO / "experiments"
-TOOLS = ("benchtools", "studytools")  # shared by the scripts, no studies
+TOOLS = ("benchtools", "studytools", "gradient_peers")  # shared by the scripts, no studies
 
 
 def write_pages() -> None:
