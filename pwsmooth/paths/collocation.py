@@ -189,9 +189,8 @@ class Collocation:
         kinds, which = np.unique(self._status[pieces], axis=0, return_inverse=True)
         for k, kind in enumerate(kinds):
             here = np.flatnonzero(which.ravel() == k)
-            given = self.line, self.steps, self.line.solved(kind), self.p, pieces[here]
-            reach = np.zeros(len(here)), ends[here]
-            result[here] = _refined(*given, *reach, _collocate(*given, *reach), 0)
+            solved = self.line.solved(kind)
+            result[here] = _refined(self.line, self.steps, solved, self.p, pieces[here], ends[here])
         return result
 
 
@@ -237,19 +236,28 @@ def _steps(solution: Solution) -> _Steps:
     )
 
 
-def _refined(line, steps, J, p, piece, a, b, whole, depth) -> np.ndarray:
-    """Transitions over [a, b] of the given pieces: by two halves where the whole one differs from them."""
-    half, count = 0.5 * (a + b), len(piece)
-    twice, begin, end = np.concatenate([piece, piece]), np.concatenate([a, half]), np.concatenate([half, b])
-    halves = _collocate(line, steps, J, p, twice, begin, end)
-    two = halves[count:] @ halves[:count]
-    off = np.abs(whole - two).max(axis=(1, 2))
-    rough = np.flatnonzero(~(off <= _TOLERANCE * (1 + np.abs(two).max(axis=(1, 2)))))
-    if rough.size and depth < _DEEPEST:
-        again = np.concatenate([rough, rough + count])
-        finer = _refined(line, steps, J, p, twice[again], begin[again], end[again], halves[again], depth + 1)
-        two[rough] = finer[rough.size :] @ finer[: rough.size]
-    return two
+def _refined(line, steps, J, p, piece, ends) -> np.ndarray:
+    """Transitions from the starts of pieces to these places on them: in ever more parts, until twice as many agree.
+
+    Looked at is the product alone: what a part of a decay is off by, those behind it take away.
+    """
+    result = _collocate(line, steps, J, p, piece, np.zeros(len(ends)), ends)
+    rough = np.arange(len(ends))
+    for depth in range(1, _DEEPEST + 1):
+        parts = 2**depth
+        marks = ends[rough, None] * np.arange(parts + 1) / parts
+        low, high = marks[:, :-1].ravel(), marks[:, 1:].ravel()
+        factors = _collocate(line, steps, J, p, np.repeat(piece[rough], parts), low, high)
+        factors = factors.reshape(len(rough), parts, line.N, line.N)
+        while factors.shape[1] > 1:
+            factors = factors[:, 1::2] @ factors[:, ::2]
+        product = factors[:, 0]
+        off = np.abs(product - result[rough]).max(axis=(1, 2), initial=0.0)
+        result[rough] = product
+        rough = rough[~(off <= _TOLERANCE * (1 + np.abs(product).max(axis=(1, 2), initial=0.0)))]
+        if not rough.size:
+            break
+    return result
 
 
 def _collocate(line, steps, J, p, piece, a, b) -> np.ndarray:
