@@ -12,6 +12,7 @@ Chain: variations.py -> **lyapunov**.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -111,13 +112,18 @@ class LyapunovExponents(Described):
         }.items()
 
 
+@functools.cache
+def _directions(n: int, count: int) -> np.ndarray:
+    """Orthonormal and generic, the same ones in every run: results do not depend on a seed."""
+    return np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
+
+
 class _Frame:
     """Orthonormal deviations carried along, and the logarithms of their growth."""
 
     def __init__(self, n: int, count: int, start: float) -> None:
         self.start = start
-        # The same generic directions in every run: results do not depend on a seed.
-        self.q = np.linalg.qr(np.random.default_rng(20).normal(size=(n, count)))[0]
+        self.q = _directions(n, count)
         self.times: list[np.ndarray] = []
         self.logs: list[np.ndarray] = []
         self.degenerate: list[str] = []

@@ -19,6 +19,7 @@ from .reading import Asked, Gradient, Parts, gradients, read
 
 # Bytes that the steps of a run may take; a longer one is gone through in parts, each run again on the way back.
 _MOST = 2**26
+_INSIDE = "at", "misfit", "largest", "smallest"  # what is looked for between the ends of steps
 
 
 class Objective:
@@ -237,7 +238,8 @@ class Objective:
 
     def _parts(self, q: Any) -> Parts:
         """The run, in parts where it is long."""
-        ready = taped_run(self._system, self._options, dense=True)
+        inside = any(quantity.kind in _INSIDE for quantity in self._asked.found)
+        ready = taped_run(self._system, self._options, dense=inside)
         if ready is None or not ready.by_series:
             return _Whole(self.solve(q))
         parameters, span, x0 = self._given(q)

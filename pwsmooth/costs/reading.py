@@ -240,9 +240,12 @@ class Reader:
 
     def _read(self, quantity: Quantity, t: np.ndarray) -> tuple[np.ndarray, Any]:
         """Values at times, and what adds given slopes by these values to those of the cost."""
-        x, mult = self.run.dense(t)
         last = t == self.run.t[-1]
-        x[:, last], mult[:, last] = self.run.x[:, -1:], self.run.mult[:, -1:]
+        if last.all():  # at the end the dense output is not asked, and may not have been kept
+            x, mult = np.repeat(self.run.x[:, -1:], len(t), 1), np.repeat(self.run.mult[:, -1:], len(t), 1)
+        else:
+            x, mult = self.run.dense(t)
+            x[:, last], mult[:, last] = self.run.x[:, -1:], self.run.mult[:, -1:]
         values, slopes = self._evaluated(quantity, t, x, mult)
         inner = self.n + self.m
 
