@@ -11,6 +11,7 @@ from ..state import ARC, PAIR, SLIP, SOLVED, TAPE_ACT, TAPE_CLOCK, TAPE_MEET, TA
 from ..step.steps import dot, powers
 from .flow import number_unknowns, plan
 from .forward import begin, factor, go_over, has_length, jet, leave
+from .saltation import keep_held
 from .state import FINE, ZEROS
 
 _PARTS = 32  # that a step is taken in, at most
@@ -212,6 +213,10 @@ def _instant_back(P, V, a, b):
     if not (arc or some):
         return True
     _begin_columns(P, V, a if arc else a + 1)
+    if not arc:
+        # What the run can deviate by before the instant: along what it slides on, also where other surfaces meet that.
+        _stand(V, a + 1, P.n, P.m)
+        keep_held(P, V, V.tape_x[a + 1, 0], V.x, V.mult, V.tape[a + 1, 4:], 1)
     V.samples = V.first_sample = _first_sample(V, V.tape_x[a, 0]) if arc else V.cost
     for k in range(a if arc else a + 1, b):
         if not go_over(P, V, k):
