@@ -13,6 +13,7 @@ import sympy as sp
 
 from ..derivatives import NoDerivative, Quantities, first_rates, problems
 from ..paths.clock import slopes_of_instants
+from ..paths.limits import limits
 from ..paths.tangents import Readings, pull_back
 from ..results import outputs
 from .quantities import Quantity
@@ -174,10 +175,17 @@ class Reader:
         off = (values - measured) / sigma
         return float(off @ off), lambda slope: add(2.0 * slope * off / sigma)
 
-    def _entry(self, time: float) -> int:
-        """The entry of the tape at which an event's instant begins."""
-        k = self.meets[np.abs(self.run.tape.values[self.meets, 0] - time).argmin()]
-        return int(k)
+    @functools.cached_property
+    def _limits(self) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+        tape = self.run.tape
+        return limits(self.run, tape.values[self.meets, 0], tape.entries[self.meets, 2])
+
+    def _entries(self, time: float) -> list[tuple[int, float]]:
+        """Entries of the tape at which an event's instant begins, or those that lead to it; and what they weigh."""
+        if time in self._limits:
+            places, weights = self._limits[time]
+            return list(zip(self.meets[places].tolist(), weights.tolist()))
+        return [(int(self.meets[np.abs(self.run.tape.values[self.meets, 0] - time).argmin()]), 1.0)]
 
     def _time(self, quantity: Quantity) -> float:
         switch, kind, number, *_ = quantity.where
@@ -189,10 +197,11 @@ class Reader:
         return float(times[number])
 
     def _instant(self, time: float, before: Any = 0.0, after: Any = 0.0, shift: float = 0.0) -> None:
-        row = self.instants.setdefault(self._entry(time), np.zeros(2 * self.n + 1))
-        row[: self.n] += before
-        row[self.n : -1] += after
-        row[-1] += shift
+        for entry, weight in self._entries(time):
+            row = self.instants.setdefault(entry, np.zeros(2 * self.n + 1))
+            row[: self.n] += weight * before
+            row[self.n : -1] += weight * after
+            row[-1] += weight * shift
 
     def _event_time(self, quantity: Quantity) -> tuple[float, Any]:
         time = self._time(quantity)

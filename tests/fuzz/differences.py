@@ -254,4 +254,7 @@ def script(number, seed):
     """What a case is."""
     scene = compiled(None, number)
     made = case(scene, seed)
-    return f"# {scene.name}: scenes.py\nvalues = {made.values}\nspan, times = {made.span}, {made.times.tolist()}\nasked, seed = {made.asked}, {made.seed}"
+    return "\n".join([
+        f"# {scene.name}: scenes.py", f"values = {made.values}", f"span, times = {made.span}, {made.times.tolist()}",
+        f"asked, seed = {made.asked}, {made.seed}",
+    ])  # fmt: skip

@@ -139,7 +139,7 @@ def _memories():
     yield _scene(
         "memory clock",
         {x: -k * x + latch + sp.sign(y - b) / 2, y: x - y / 2 + sp.cos(t)},
-        {"k": (0.3, 1.5), "b": (-0.3, 0.5), "T": (0.5, 1.2), "a": (0.2, 1), "d": (0.3, 2.5), "x": (-1, 1),
+        {"k": (0.3, 1.5), "b": (0.02, 0.5), "T": (0.5, 1.2), "a": (0.2, 1), "d": (0.3, 2.5), "x": (-1, 1),
          "y": (-1, 1)},
         events=[
             Event(every=T, update={latch: a * sp.sin(x) - latch / 2, count: count + 1}, name="sample"),
@@ -181,7 +181,8 @@ def _contacts():
     between = Unilateral(y - x - sp.Rational(1, 5), restitution=c, name="between")
     yield _scene(
         "contact two",
-        {x: v, v: -k * x - g + first.reaction - between.reaction / m, y: w, w: -g + F * sp.cos(om * t) + between.reaction},
+        {x: v, v: -k * x - g + first.reaction - between.reaction / m, y: w,
+         w: -g + F * sp.cos(om * t) + between.reaction},
         {"k": (0.2, 2), "g": (0.5, 2), "m": (0.5, 2), "F": (0.1, 2), "om": (0.5, 2), "e": (0.1, 0.7),
          "c": (0.1, 0.7), "x": (0.2, 1), "v": (-0.5, 0.5), "y": (1.4, 2), "w": (-0.5, 0.5)},
         length=4.0,

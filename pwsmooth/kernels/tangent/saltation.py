@@ -249,6 +249,8 @@ def _is_slid_on(P, V, i):
     for j in range(P.m):
         if V.tape[V.met, 4 + j] != SOLVED or P.kind[j] != SLIDING:
             continue
+        if j == i:
+            return True
         by_time, by_time_too = 0.0, 0.0
         for k in range(P.n):
             row[k], other[k] = 0.0, 0.0
