@@ -260,7 +260,7 @@ def pull_back(model: Model, tape: Tape, cost: Readings) -> Slopes:
 
     loop, compiled = tangent_replay(), compiled_tangents(model)
     n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
-    columns = -(-(n + count + 1) // 8) * 8
+    columns = -(-(n + count + 2) // 8) * 8
     steps = np.flatnonzero(tape.entries[:, 0] == names.TAPE_STEP)
     arcs = steps[tape.entries[steps, 1] == names.ARC]
     # Only along arcs, and at the end, columns are asked for what the cost reads.
