@@ -20,8 +20,10 @@ _ROUNDING = 4e-16
 _LATE = 1e-6  # of the first interval: there the ratio is nearly that of the limit, and still told
 
 
-def towards(times: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np.ndarray, np.ndarray]:
     """Places among the times of the instants before a limit, and the weights with which these sum up to it.
+
+    Only those behind `begin` follow one law.
 
     >>> places, weights = towards(1 - 0.5 ** np.arange(40.0), 1.0)
     >>> print(f"{weights @ ((1 + places / 2**places) * np.cos(0.5**places)):.10f}")
@@ -30,10 +32,10 @@ def towards(times: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
     # Those of the chatter alone: behind each an interval shorter than the last but one.
     intervals = np.diff(times)
     longer = np.flatnonzero(intervals[2:] >= intervals[:-2])
-    first = int(longer[-1]) + 1 if longer.size else 0
-    left, intervals = (limit - times[first:]) / (limit - times[first]), intervals[first:]
-    if len(left) < 5:
+    first = max(int(longer[-1]) + 1 if longer.size else 0, int(np.searchsorted(times, begin, "right")))
+    if len(times) - first < 5:
         return np.array([len(times) - 1]), np.ones(1)
+    left, intervals = (limit - times[first:]) / (limit - times[first]), intervals[first:]
     late = min(int(np.argmax(intervals < _LATE * intervals[0])) or len(intervals), len(intervals) - 3)
     two = intervals[late + 2] / intervals[late]
     alternates = abs(intervals[late + 1] ** 2 / (intervals[late] * intervals[late + 2]) - 1.0) > 1e-3
@@ -61,11 +63,15 @@ def limits(solution: Any, times: np.ndarray, causes: np.ndarray) -> dict[float, 
     Instants have times, and causes: places among multipliers and events.
     """
     names = [*solution.multipliers, *(event.name for event in solution.model.events)]
-    found = {}
-    for event in solution.events:
-        if event.kind == "accumulation" and event.time not in found:
-            own = np.flatnonzero((causes == names.index(event.switch)) & (times < event.time))
-            if own.size:
-                places, weights = towards(times[own], event.time)
-                found[event.time] = own[places], weights
+    ends = [event for event in solution.events if event.kind == "accumulation"]
+    found: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+    for event in ends:
+        before, leads = times < event.time, causes == names.index(event.switch)
+        own = np.flatnonzero(before & leads)
+        if event.time in found or not own.size:
+            continue
+        together = [names.index(other.switch) for other in ends if other.time == event.time]
+        foreign = times[before & ~np.isin(causes, together)]  # the field may jump there
+        places, weights = towards(times[own], event.time, foreign.max(initial=-np.inf))
+        found[event.time] = own[places], weights
     return found

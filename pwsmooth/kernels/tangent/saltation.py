@@ -361,6 +361,8 @@ def meet_fold(P, V, j):
         _take(P, V, V.other_dt, P.m + P.ne + 1)
         return
     V.on_arc = 0
+    if V.cause < 0:
+        V.why = FINE  # whatever dg/dlambda = 0 leaves undetermined: along the arc all deviations are known
     for block in range(0, V.columns, 8):
         shift = load8(V.arc_w[n], block)
         store8(V.dt, block, shift)
