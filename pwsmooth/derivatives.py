@@ -18,6 +18,7 @@ from .definition.describe import Described, Rows, values
 from .definition.model import Model
 from .kernels.tangent.state import CORNER, GRAZES, NO_SERIES
 from .paths.collocation import Collocation
+from .paths.limits import limits
 from .paths.tangents import Deviations
 from .results import outputs
 
@@ -443,10 +444,14 @@ class Derivatives(Described):
         run = self._outline
         near = _SAME_INSTANT * max(abs(event.time), float(np.ptp(self._solution.t)))
         self._defined(event.time + near)
+        n = len(self._solution.x)
+        if event.time in self._limits:
+            places, weights = self._limits[event.time]
+            state = np.tensordot(weights, run.instant_w[places, n:], 1)
+            return EventDerivative(weights @ run.instant_dt[places], state, state)
         k = int(np.argmin(np.abs(run.instant_t - event.time))) if len(run.instant_t) else -1
         if k < 0 or abs(run.instant_t[k] - event.time) > near:
             raise ValueError(f"`i` is {i}: {event} is no instant between steps, which alone have derivatives.")
-        n = len(self._solution.x)
         return EventDerivative(run.instant_dt[k], run.instant_w[k, :n], run.instant_w[k, n:])
 
     def event_times(self, kind: str | None = None, switch: Any = None) -> np.ndarray:
@@ -474,7 +479,15 @@ class Derivatives(Described):
         if not len(times):
             return np.zeros((0, len(self.names)))
         self._defined(times[-1])
-        return run.instant_dt[np.abs(run.instant_t[None, :] - times[:, None]).argmin(axis=1)]
+        found = run.instant_dt[np.abs(run.instant_t[None, :] - times[:, None]).argmin(axis=1)]
+        for time, (places, weights) in self._limits.items():
+            found[times == time] = weights @ run.instant_dt[places]
+        return found
+
+    @functools.cached_property
+    def _limits(self) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+        """Of the time of each accumulation the instants that lead to it, and what they weigh."""
+        return limits(self._solution, self._outline.instant_t, self._outline.instant_why[:, 1])
 
     def sides(self, name: Any) -> Sides:
         """Of the end of the run by one of the quantities, from smaller and from larger values of it.

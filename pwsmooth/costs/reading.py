@@ -16,6 +16,7 @@ import sympy as sp
 
 from ..definition.lambdified import numpy_function
 from ..derivatives import NoDerivative, Quantities, problems
+from ..paths.limits import limits
 from ..paths.tangents import Readings, Slopes
 from ..results import outputs
 from .quantities import Quantity
@@ -294,11 +295,24 @@ class Reader:
         self.seen[quantity] = seen + len(times)
         return float(times[number - seen]) if seen <= number < seen + len(times) else None
 
+    @functools.cached_property
+    def _limits(self) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+        return limits(self.run, *self.tape.met())
+
+    def _entries(self, time: float) -> list[tuple[int, float]]:
+        """Entries of the tape at which an event's instant begins, or those that lead to it; and what they weigh."""
+        entries = self.tape.instants
+        if time in self._limits:
+            places, weights = self._limits[time]
+            return list(zip(entries[places].tolist(), weights.tolist()))
+        return [(int(entries[np.abs(self.tape.met()[0] - time).argmin()]), 1.0)]
+
     def _instant(self, time: float, before: Any = 0.0, after: Any = 0.0, shift: float = 0.0) -> None:
-        row = self.instants.setdefault(self.tape.instant(time), np.zeros(2 * self.n + 1))
-        row[: self.n] += before
-        row[self.n : -1] += after
-        row[-1] += shift
+        for entry, weight in self._entries(time):
+            row = self.instants.setdefault(entry, np.zeros(2 * self.n + 1))
+            row[: self.n] += weight * before
+            row[self.n : -1] += weight * after
+            row[-1] += weight * shift
 
     def _event_time(self, quantity: Quantity) -> tuple[float, Any] | None:
         time = self._time(quantity)

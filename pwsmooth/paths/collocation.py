@@ -75,9 +75,17 @@ class Collocation:
         s = self.solution
         return rates(s.model, s.t[0], s.x[:, 0], s.mult[:, 0], self.p)
 
-    def instant(self, time: float) -> int:
-        """The instant of an event at this time, as `Readings.entries` names it."""
-        return int(np.abs(np.array([s.time for s in self.saltations]) - time).argmin())
+    @property
+    def instants(self) -> np.ndarray:
+        """What `Readings.entries` names them by."""
+        return np.arange(len(self.saltations))
+
+    def met(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the instants, and their causes: places among multipliers and events, or -1."""
+        model = self.solution.model
+        names = [str(symbol) for symbol in self.line.symbols] + [event.name for event in model.events]
+        causes = [names.index(s.cause) if s.cause in names else -1 for s in self.saltations]
+        return np.array([s.time for s in self.saltations]), np.array(causes, np.int64)
 
     def deviations(
         self, start: np.ndarray, seeds: np.ndarray, times: np.ndarray | None = None, points: bool = True
@@ -108,11 +116,11 @@ class Collocation:
                 W = self.transitions[k] @ W
         found[piece == len(self.steps.start)] = W
         found = np.concatenate([found[:, :n], self._multipliers(wanted, left, found)], axis=1)
-        names = [str(symbol) for symbol in self.line.symbols] + [event.name for event in model.events]
-        why = [(s.why, names.index(s.cause) if s.cause in names else -1) for s in salts]
+        times_met, causes = self.met()
+        why = np.stack([[s.why for s in salts], causes], axis=1).astype(np.int64).reshape(-1, 2)
         return Deviations(
-            W[:n], found[len(times) :], found[: len(times)], np.array([s.time for s in salts]),
-            np.array(why, np.int64).reshape(-1, 2), delay, around, np.nan, np.zeros(W.shape[1]),
+            W[:n], found[len(times) :], found[: len(times)], times_met, why, delay, around, np.nan,
+            np.zeros(W.shape[1]),
         )  # fmt: skip
 
     def pull_back(self, cost: Readings) -> Slopes:

@@ -188,7 +188,7 @@ class Tape:
 
     @functools.cached_property
     def instants(self) -> np.ndarray:
-        """The entries at which instants begin, as a replay counts them."""
+        """The entries at which instants begin, as a replay counts them and `Readings.entries` names them."""
         kind, what = self.entries[:, 0], self.entries[:, 1]
         meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
         parts = (kind == names.TAPE_STEP) & (
@@ -202,9 +202,9 @@ class Tape:
         """Whether every step has a series; those of the pair at the branch point of a root have none."""
         return not ((self.entries[:, 0] == names.TAPE_STEP) & (self.entries[:, 1] == names.PAIR)).any()
 
-    def instant(self, time: float) -> int:
-        """The entry at which an event's instant begins, as `Readings.entries` names it."""
-        return int(self.instants[np.abs(self.values[self.instants, 0] - time).argmin()])
+    def met(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the instants, and their causes: places among multipliers and events."""
+        return self.values[self.instants, 0], self.entries[self.instants, 2]
 
     @property
     def first_step(self) -> int:
@@ -286,7 +286,7 @@ class Tape:
 
         loop, compiled = tangent_replay(), compiled_tangents(self.model)
         n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
-        columns = -(-(n + count + 1) // 8) * 8
+        columns = -(-(n + count + 2) // 8) * 8
         steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
         arcs = steps[self.entries[steps, 1] == names.ARC]
         # Only along arcs, and at the end, columns are asked for what the cost reads.

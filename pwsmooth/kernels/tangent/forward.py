@@ -107,10 +107,11 @@ def _place_on_arc(V, time_row, way, want):
 def _note_places(V, t, way, time_row):
     """Overwrites V.place by the places of the wanted times on this way; its end belongs to what follows."""
     V.wanted, end = 0, t + way
+    count = V.cost if V.backward else len(V.t_eval)  # backward, those behind them have been read
     if time_row >= 0:
         powers(V.power, way)
         end = dot(V.rows[time_row], V.power, V.order + 1)
-    while V.samples + V.wanted < len(V.t_eval) and V.wanted < len(V.place):
+    while V.samples + V.wanted < count and V.wanted < len(V.place):
         want = V.t_eval[V.samples + V.wanted]
         if want >= end:
             return

@@ -7,11 +7,23 @@ arcs, which are few, Phi and Psi are made as they stand, with a column for each 
 
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, splat8, store8
-from ..state import ARC, PAIR, SLIP, SOLVED, TAPE_ACT, TAPE_CLOCK, TAPE_MEET, TAPE_STEP
+from ..state import (
+    ARC,
+    PAIR,
+    SLIP,
+    SOLVED,
+    TAPE_ACT,
+    TAPE_CLOCK,
+    TAPE_MEET,
+    TAPE_NOTHING,
+    TAPE_STEP,
+    TAPE_SURFACE,
+)
 from ..step.steps import dot, powers
 from .flow import number_unknowns, plan
 from .forward import begin, factor, go_over, has_length, jet, leave
-from .state import FINE, ZEROS
+from .saltation import keep_held, look
+from .state import FINE, H_P, H_X, ZEROS
 
 _PARTS = 32  # that a step is taken in, at most
 
@@ -159,10 +171,51 @@ def _step_back(P, V, A, k):
 def _begin_columns(P, V, k):
     """At entry k of the tape a column for each state, beside those of V.seeds for the parameters and of the clock."""
     V.inside, V.on_arc, V.why, V.instants, V.points = 0, 0, FINE, 0, 0
+    for c in range(V.w.shape[1]):
+        V.normal[c] = 0.0
     for i in range(P.n):
         V.scale[i] = abs(V.tape_x[k, 2 + i])
         for c in range(V.w.shape[1]):
             V.w[i, c] = 1.0 if i == c else 0.0
+
+
+@kernel
+def _part_normal(P, V, a, b):
+    """Takes from the columns what leads out of the surface that the entries between a and b begin to meet: one column
+    of its own, behind that of the clock, and the parts of the others in it in V.normal.
+
+    Times of slow impacts deviate by what leads out over a small speed. Each column of its own would owe roundings to
+    that which do not cancel where the others' do, in the deviations that a run has.
+    """
+    k, entries, last = a + 1, V.entries_point, P.n + len(P.p) + 1
+    while k < b and not (V.tape[k, 0] == TAPE_MEET and V.tape[k, 1] != TAPE_NOTHING):
+        k += 1
+    if k == b or V.tape[k, 1] != TAPE_SURFACE:
+        return
+    square, size = 0.0, 0.0
+    _stand(V, k, P.n, P.m)
+    look(P, V, V.tape_x[k, 0], V.x, V.mult)
+    for e in range(entries.shape[0]):
+        kind, j, value = entries[e, 0], entries[e, 2], V.jac[e]
+        if entries[e, 1] != V.tape[k, 2] or value == 0.0 or not (kind == H_X or kind == H_P):
+            continue
+        for block in range(0, V.columns, 8):
+            row = load8(V.w[j], block) if kind == H_X else load8(V.seeds, V.w.shape[1] * j + block)
+            store8(V.normal, block, load8(V.normal, block) + row * value)
+        if kind == H_X:
+            square += value * value
+            size += abs(value * V.x[j])
+    if square == 0.0:
+        for c in range(V.columns):
+            V.normal[c] = 0.0
+        return
+    for e in range(entries.shape[0]):
+        if entries[e, 0] == H_X and entries[e, 1] == V.tape[k, 2]:
+            j, out = entries[e, 2], V.jac[e] / square
+            for block in range(0, V.columns, 8):
+                store8(V.w[j], block, load8(V.w[j], block) - load8(V.normal, block) * out)
+            V.w[j, last] = out
+    V.scale[last] = size
 
 
 @kernel
@@ -184,10 +237,11 @@ def _pull(P, V, first):
             for i in range(2 * n):
                 total = total + load8(V.instant_w[0, i], block) * V.cost_instant[V.cost_events, i]
         store8(V.other_dt, block, total)
+    by_normal = V.other_dt[n + count + 1]
     for i in range(n):
-        V.slope[i] = V.other_dt[i]
+        V.slope[i] = V.other_dt[i] + V.normal[i] * by_normal
     for j in range(count):
-        V.slope_q[V.w.shape[1] * j] += V.other_dt[n + j]
+        V.slope_q[V.w.shape[1] * j] += V.other_dt[n + j] + V.normal[n + j] * by_normal
     if V.why != FINE:
         V.bad, V.bad_why, V.bad_cause = V.met, V.why, V.cause
     V.cost = first
@@ -212,6 +266,11 @@ def _instant_back(P, V, a, b):
     if not (arc or some):
         return True
     _begin_columns(P, V, a if arc else a + 1)
+    if not arc:
+        # What the run can deviate by before the instant: along what it slides on, also where other surfaces meet that.
+        _stand(V, a + 1, P.n, P.m)
+        keep_held(P, V, V.tape_x[a + 1, 0], V.x, V.mult, V.tape[a + 1, 4:], 1)
+        _part_normal(P, V, a, b)
     V.samples = V.first_sample = _first_sample(V, V.tape_x[a, 0]) if arc else V.cost
     for k in range(a if arc else a + 1, b):
         if not go_over(P, V, k):

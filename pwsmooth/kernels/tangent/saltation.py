@@ -10,10 +10,13 @@ from there on has no deviation out of them: w -> (1 - D (C D)^-1 C) w, with thei
 directions D in which an impact without rebound would stop it.
 """
 
+import math
+
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import abs8, call_act_slopes, call_fields, call_outputs
-from ..state import CONTACT, HELD, SECOND_ORDER, SLIDING, SOLVED
+from ..state import CONTACT, HELD, SECOND_ORDER, SLIDING, SOLVED, TAPE_MEET, TAPE_STEP, TAPE_SURFACE
+from ..step.roots import GRAZING
 from .flow import invert, number_unknowns
 from .state import (
     CORNER,
@@ -34,7 +37,9 @@ from .state import (
 )
 
 _INFINITE = 1e300  # stands for what lets nothing move
-_TOUCHING = 1e-9  # slower than this part of its scale a surface is not crossed but touched
+_TOUCHING = 1e-9  # of its scale: what differs by less is one
+_ROUNDING = 1e-13  # of the terms of a speed: a smaller one is rounding
+_NEARBY = 1e-5  # of a step: over which a speed is differenced
 
 
 @kernel
@@ -179,12 +184,104 @@ def _take(P, V, out, which):
 
 
 @kernel
+def _rate_near(P, V, i, by):
+    """Rate of surface i at the instant's point, moved along the motion by a time; overwrites V.x, V.slopes, V.jac."""
+    n, t, rate = P.n, V.tape_x[V.met, 0] + by, 0.0
+    for k in range(n):
+        V.x[k] = V.tape_x[V.met, 2 + k] + by * V.w[k, V.columns]
+    call_fields(P.fields, t, V.x, V.mult, P.p, V.rates, V.slopes, V.sums)
+    look(P, V, t, V.x, V.mult)
+    for e in range(V.entries_point.shape[0]):
+        kind = V.entries_point[e, 0]
+        if V.entries_point[e, 1] == i and kind == H_X:
+            rate += V.jac[e] * V.rates[V.entries_point[e, 2]]
+        elif V.entries_point[e, 1] == i and kind == H_T:
+            rate += V.jac[e]
+    return rate
+
+
+@kernel
+def _farthest(P, V, i):
+    """Value of surface i where it turned to this instant: at the starts of the steps since it was met last."""
+    n, far = P.n, 0.0
+    for k in range(V.met - 1, -1, -1):
+        kind = V.tape[k, 0]
+        if kind == TAPE_MEET and V.tape[k, 1] == TAPE_SURFACE and V.tape[k, 2] == i:
+            break
+        if kind != TAPE_STEP:
+            continue
+        for q in range(n):
+            V.x[q] = V.tape_x[k, 2 + q]
+        for j in range(P.m):
+            V.mult[j] = V.tape_x[k, 2 + n + j]
+        call_fields(P.fields, V.tape_x[k, 0], V.x, V.mult, P.p, V.rates, V.slopes, V.sums)
+        if abs(V.slopes[i]) < far:
+            break
+        far = abs(V.slopes[i])
+    for j in range(P.m):
+        V.mult[j] = V.tape_x[V.met, 2 + n + j]
+    return far
+
+
+@kernel
+def _is_crossed(P, V, i, speed, size):
+    """Whether a surface is crossed at this speed, whose terms have this size, and not touched.
+
+    How deep the motion would dip, speed^2/(2 |h''|), is compared with how far from the surface it came: so the low hops
+    of a chatter cross, which begin on it, and a dip as shallow as what the loop calls a grazing does not.
+    """
+    if not abs(speed) > _ROUNDING * size:
+        return False
+    k = V.met - 1
+    while V.tape[k, 0] != TAPE_STEP:  # an instant ends a step
+        k -= 1
+    by = -_NEARBY * V.tape_x[k, 1]
+    bend = (_rate_near(P, V, i, by) - speed) / by if by < 0.0 else 0.0
+    crossed = speed * speed > 2.0 * GRAZING * abs(bend) * _farthest(P, V, i)
+    _rate_near(P, V, i, 0.0)  # the point and what stands for it are as before
+    return crossed
+
+
+@kernel
+def _is_slid_on(P, V, i):
+    """Whether surface i is, but for a factor, one that a multiplier slides on up to this instant."""
+    entries, row, other = V.entries_point, V.held[0], V.held[1]
+    for j in range(P.m):
+        if V.tape[V.met, 4 + j] != SOLVED or P.kind[j] != SLIDING:
+            continue
+        if j == i:
+            return True
+        by_time, by_time_too = 0.0, 0.0
+        for k in range(P.n):
+            row[k], other[k] = 0.0, 0.0
+        for e in range(entries.shape[0]):
+            kind, which = entries[e, 0], entries[e, 1]
+            if kind == H_X and which == i:
+                row[entries[e, 2]] = V.jac[e]
+            elif kind == H_X and which == j:
+                other[entries[e, 2]] = V.jac[e]
+            elif kind == H_T and which == i:
+                by_time = V.jac[e]
+            elif kind == H_T and which == j:
+                by_time_too = V.jac[e]
+        dot, length = _product(row, other), _product(other, other)
+        apart = abs(by_time * length - by_time_too * dot)
+        for k in range(P.n):
+            apart = max(apart, abs(row[k] * length - other[k] * dot))
+        if length > 0.0 and apart <= _TOUCHING * abs(dot) * math.sqrt(length):
+            return True
+    return False
+
+
+@kernel
 def meet_surface(P, V, i):
     """The instant is the zero of surface i."""
+    if _is_slid_on(P, V, i):
+        return  # the run has been on it all along: what else happens at this instant says when it leaves
     out, time = V.other_dt, V.columns
     size = _change(P, V, i, H_X, out)
     speed = out[time]
-    if not abs(speed) > _TOUCHING * (size + _TOUCHING):
+    if not _is_crossed(P, V, i, speed, size):
         V.why = GRAZES
         V.cause = i
         return
@@ -264,6 +361,8 @@ def meet_fold(P, V, j):
         _take(P, V, V.other_dt, P.m + P.ne + 1)
         return
     V.on_arc = 0
+    if V.cause < 0:
+        V.why = FINE  # whatever dg/dlambda = 0 leaves undetermined: along the arc all deviations are known
     for block in range(0, V.columns, 8):
         shift = load8(V.arc_w[n], block)
         store8(V.dt, block, shift)

@@ -124,6 +124,7 @@ class Tangent(Bundle):
     parameters: "int"
     slope_q: "f8*[np, wide]"  # and a copy
     slope_clock: "f8[:]"
+    normal: "f8[wide]"  # of each column what has been put into one more, behind that of the clock
     cost: "int"
     cost_slope: "f8[:, :]"
     cost_events: "int"
