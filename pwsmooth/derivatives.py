@@ -453,4 +453,5 @@ def first_rates(model: Model, tape: Tape) -> np.ndarray:
     n, m = len(model.states), len(model.multipliers)
     values = tape.values[0]
     rates = outputs.vectorised(model, sp.Tuple(*model.rhs))
-    return np.array(rates(values[0], *values[2 : 2 + n + m], *tape.p), float)
+    with np.errstate(all="ignore"):  # numpy takes both branches of what is written in pieces
+        return np.array(rates(values[0], *values[2 : 2 + n + m], *tape.p), float)

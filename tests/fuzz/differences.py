@@ -64,11 +64,16 @@ def case(scene, seed):
     return Case(values | {"t0": t0}, (t0, t1), times, int(r.integers(1000)), asked)
 
 
+def numbers_of(scene, values):
+    """(Initial state, parameters) of these values."""
+    known = {p.name for p in scene.system.parameters}
+    states = {s.name: values.get(s.name, 0.0) for s in scene.system.states}
+    return states, {name: value for name, value in values.items() if name in known}
+
+
 def run(scene, made, values, **more):
     """The run at these values."""
-    states = {s.name: values[s.name] for s in scene.system.states if s.name in values}
-    parameters = {p.name: values[p.name] for p in scene.system.parameters if p.name in values}
-    states |= {s.name: 0.0 for s in scene.system.states if s.name not in values and not hasattr(s, "initial")}
+    states, parameters = numbers_of(scene, values)
     return judging.solve(
         scene.system, (values["t0"], made.span[1]), states, parameters=parameters, dense_output=True,
         noise=scenes.noise_of(scene, made.seed), **TIGHT, **more,
