@@ -133,6 +133,26 @@ def test_after_an_accumulation_nothing_of_the_fall_is_left():
     assert d.end == pytest.approx(np.zeros((2, 4)), abs=1e-12)
 
 
+def test_a_chatter_moves_with_its_table():
+    """Of an accumulation point the closed form, of bounces whose speeds vanish beside that of the table."""
+    ground = Unilateral(x - b * t, restitution=e, name="R")
+    ball = System({x: v, v: -g + ground.reaction}, time=t, parameters={g: 9.8, e: 0.6, b: 0.7})
+    names = ["x", g, e, b]
+    run = solve(ball, (0, 5), {x: 1, v: 0}, with_respect_to=names, **TIGHT)
+    meets = sp.sqrt(b**2 + 2 * g * x)
+    rests = (meets - b) / g + 2 * e * meets / (g * (1 - e))
+    values = {x: 1, g: 9.8, e: 0.6, b: 0.7}
+    exact = [float(rests.diff(q).subs(values)) for q in (x, g, e, b)]
+    d = run.derivatives
+    assert d.event_times("accumulation")[0] == pytest.approx(exact, rel=1e-9)
+    (place,) = (i for i, event in enumerate(run.events) if event.kind == "accumulation")
+    rest = d.at_event(place)
+    assert rest.time == pytest.approx(exact, rel=1e-9)
+    at = [0.7 * slope + (float(rests.subs(values)) if q is b else 0.0) for q, slope in zip((x, g, e, b), exact)]
+    assert rest.after[0] == pytest.approx(at, rel=1e-9)
+    assert d.end == pytest.approx(np.array([[0, 0, 0, 5], [0, 0, 0, 1]]), abs=1e-12)
+
+
 # ---- against differences ---------------------------------------------------------------------------
 
 
@@ -172,6 +192,29 @@ def test_a_hidden_fold():
         system, (0, 10), {"y": 0.5, "v": 0.3}, {"rho": 3.0, "sigma": 3.1, "v": 0.3}, states_at(times)
     )
     assert any("fold" in event.kind for event in solution.events)
+
+
+def test_a_fold_at_which_the_multiplier_is_not_determined():
+    """An arc of Taylor steps ends on dg/dlambda = 0 to the last bit, and a rate reads lambda there."""
+    lam = Switch("lam", v)
+    system = System(
+        {y: v, v: a * sp.sin(omega * t) - sigma * y - lam * (1 + z * (1 - lam**2)), z: (rho - z - lam**2 / 2) / 2},
+        time=t,
+        parameters={a: 2.353858167802729, omega: 0.554346216284981, sigma: 2.637606418934178, rho: 1.4139676364951437},
+    )  # fmt: skip
+    start = {"y": 0.17408618756119654, "v": 0.48935918261091427, "z": 1.435010587347752}
+    quantities = {"rho": 1.4139676364951437, "omega": 0.554346216284981, "y": start["y"]}
+    solution = assert_by_differences(system, (0, 3.2), start, quantities, states_at(np.array([1.3, 2.0, 3.1])))
+    assert any("fold" in event.kind for event in solution.events)
+
+
+def test_one_surface_twice_with_a_factor_that_is_a_parameter():
+    """While lam slides, the kink of |k x| has another switch on the same surface, which leaves with it."""
+    k = sp.Symbol("k", real=True)
+    lam = Switch("lam", k * x)
+    system = System({x: a * sp.sin(t) - lam + sp.Abs(k * x) / 2}, time=t, parameters={a: 2.0, k: 0.7})
+    quantities = {"a": 2.0, "k": 0.7, "x": 0.5}
+    assert_by_differences(system, (0, 6), {"x": 0.5}, quantities, states_at(np.array([0.2, 2.0, 4.0, 5.9])))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -342,9 +385,25 @@ def test_costs_backward_agree_with_derivatives_forward_on_every_path(path):
     assert np.abs(gradient - forward).max() <= 1e-11 * np.linalg.norm(forward)
 
 
-@pytest.mark.parametrize("name", ["friction", "ball"])
+@pytest.mark.parametrize("name", ["friction", "ball", "chatter", "surfaces", "arc"])
 def test_backward_and_forward_agree(name):
-    if name == "friction":
+    if name == "chatter":  # of the last bounces each time deviates by a rounding over their speed
+        table = Unilateral(x - a * sp.sin(t), restitution=e, name="R")
+        rates = {x: v, v: -g + table.reaction, z: table.reaction * sp.cos(t) - z}
+        system = System(rates, time=t, parameters={g: 2.0, e: 0.4, a: 0.3})
+        span, start = (0, 6), {"x": 1.0, "v": 0.0, "z": 0.2}
+    elif name == "surfaces":  # y slides on one surface, and on it passes the others, all at a zero of sin(t)
+        others = [Switch(f"lam{k}", y + k * sp.sin(t) / 4) for k in (1, 2, 3)]
+        system = System(
+            {y: a * sp.cos(t) - 2 * others[1] - others[0] - others[2] / 3}, time=t, parameters={a: 0.4}
+        )
+        span, start = (0.3, 9), {"y": 1.0}
+    elif name == "arc":  # it ends on a step along its multiplier
+        lam = Switch("lam", v)
+        rates = {y: v, v: a * sp.sin(omega * t) - sigma * y - v / 9 - lam * (1 + rho * (1 - lam**2))}
+        system = System(rates, time=t, parameters={a: 1.62, omega: 0.78, sigma: 2.12, rho: 2.65})
+        span, start = (1.8, 6.267), {"y": -0.887, "v": 1.06}
+    elif name == "friction":
         system, span, start = friction_oscillator(), (0, 40), {"y": 0.5, "v": 0.3, "z": 0.0}
     else:
         ground = Unilateral(x, restitution=e, name="R")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from . import judging, planted
 
-NAMES = ("affine", "contacts", "resets", "hidden", "smooth", "invariance", "slopes", "differences")
+NAMES = ("affine", "contacts", "resets", "hidden", "smooth", "invariance", "slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported
 
 

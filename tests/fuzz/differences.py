@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pwsmooth.derivatives import NoDerivative
-from pwsmooth.paths.tangents import Readings, pull_back
+from pwsmooth.paths.tangents import Readings
 
 from . import judging, scenes
 from .judging import RIGHT, UNDECIDED, WRONG, Verdict
@@ -64,11 +64,16 @@ def case(scene, seed):
     return Case(values | {"t0": t0}, (t0, t1), times, int(r.integers(1000)), asked)
 
 
+def numbers_of(scene, values):
+    """(Initial state, parameters) of these values."""
+    known = {p.name for p in scene.system.parameters}
+    states = {s.name: values.get(s.name, 0.0) for s in scene.system.states}
+    return states, {name: value for name, value in values.items() if name in known}
+
+
 def run(scene, made, values, **more):
     """The run at these values."""
-    states = {s.name: values[s.name] for s in scene.system.states if s.name in values}
-    parameters = {p.name: values[p.name] for p in scene.system.parameters if p.name in values}
-    states |= {s.name: 0.0 for s in scene.system.states if s.name not in values and not hasattr(s, "initial")}
+    states, parameters = numbers_of(scene, values)
     return judging.solve(
         scene.system, (values["t0"], made.span[1]), states, parameters=parameters, dense_output=True,
         noise=scenes.noise_of(scene, made.seed), **TIGHT, **more,
@@ -230,16 +235,15 @@ def backward(scene, made, solution, names, seed):
     end, at = r.normal(size=n), r.normal(size=(len(made.times), n + m))
     expected = end @ derivatives.end + np.einsum("ti,tik->k", at, derivatives.at_sample)
     none = np.zeros(0, np.int64), np.zeros((0, 2 * n + 1))
-    back = pull_back(solution.model, solution.tape, Readings(end, made.times, at, *none))
+    back = solution.derivatives.tape.pull_back(Readings(end, made.times, at, *none))
     if back.why is not None:
         return Verdict(WRONG, f"{scene.name}: refused backward alone")
     parameters = [s.name for s in solution.model.parameters]
     states = list(solution.states)
-    moves = solution.model.events and len(solution.tape.clock)
     error, growth = 0.0, np.abs(derivatives.at_sample).max(initial=1.0)
     for q, name in enumerate(names):
-        if name == "t0" or (moves and name in parameters):
-            continue  # the start moves rates, a clock's period its instants: `value_and_gradient` adds these
+        if name == "t0":
+            continue  # the start moves rates, which `value_and_gradient` adds
         found = (
             back.parameters[parameters.index(name)] if name in parameters else back.start[states.index(name)]
         )

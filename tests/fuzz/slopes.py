@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import expm
 
-from pwsmooth.paths.tangents import Readings, pull_back
+from pwsmooth.paths.tangents import Readings
 
 from . import affine, judging
 from .judging import ILL, RIGHT, UNDECIDED, WRONG, Verdict
@@ -580,7 +580,7 @@ def reverse(M, made, solution, names, seed):
     end, at = r.normal(size=n), r.normal(size=(len(times), n + m))
     forward = end @ run.end + np.einsum("ti,tik->k", at, run.at_sample)
     none = np.zeros(0, np.int64), np.zeros((0, 2 * n + 1))
-    back = pull_back(solution.model, solution.tape, Readings(end, times, at, *none))
+    back = solution.derivatives.tape.pull_back(Readings(end, times, at, *none))
     if back.why is not None:
         return Verdict(WRONG, "refused backward alone")
     places = {p.name: i for i, p in enumerate(solution.model.parameters)}
