@@ -13,10 +13,8 @@ Chain: objective.py -> **minimising** -> minimum.py.
 
 from __future__ import annotations
 
-import contextlib
-import sys
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +26,7 @@ from ..definition import checks
 from ..derivatives import START_TIME, NoDerivative
 from .minimum import HELD, Evaluation, Minimum
 from .objective import Objective
+from .telling import telling
 
 _BESIDE = 1e-7  # where the point lies that stands in for one without a derivative, in coordinates of size 1
 _LEGS = 4  # at most so many searches, each from the best point of the one before
@@ -150,7 +149,7 @@ def minimise(
                 "guess, or other `bounds`."
             )
     spent = _Budget(max_evaluations, max_seconds)
-    with _telling(progress, callback) as told:
+    with telling(progress, callback, _words) as told:
         search = _Search(objective, q, box, [sign for *_, sign in relations], spent, told)
         chosen = method or ("SLSQP" if relations or rows else "L-BFGS-B")
         best, success, message = search.run(chosen, rows, float(options.get("rtol", 1e-9)))
@@ -520,21 +519,5 @@ def _units(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.where(unit > 0, unit, 1.0)
 
 
-@contextlib.contextmanager
-def _telling(
-    progress: bool | None, callback: Callable[[Evaluation], None] | None
-) -> Iterator[Callable[[Evaluation], None]]:
-    """What each run is told to: the terminal, the callback, both or none."""
-    terminal = sys.stderr.isatty()
-    shown = terminal if progress is None else progress
-
-    def told(at: Evaluation) -> None:
-        if shown:
-            line = f"minimise: run {at.number}, cost {at.cost:.9g}, constraints miss {at.violation:.2g}"
-            print(f"{line:<70}", end="\r" if terminal else "\n", file=sys.stderr, flush=True)
-        if callback is not None:
-            callback(at)
-
-    yield told
-    if shown and terminal:
-        print(file=sys.stderr)
+def _words(at: Evaluation) -> str:
+    return f"minimise: run {at.number}, cost {at.cost:.9g}, constraints miss {at.violation:.2g}"

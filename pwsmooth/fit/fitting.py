@@ -7,14 +7,13 @@ Chain: records.py, shooting.py, gauss_newton.py -> **fitting** -> laws.py.
 
 from __future__ import annotations
 
-import contextlib
-import sys
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from ..costs.telling import telling
 from ..definition import checks
 from ..scenes import Scene
 from .coordinates import Coordinates, coordinate
@@ -140,7 +139,11 @@ def fit(
     problem = Shooting(experiments, coordinates, columns, known, sizes)
     fixed = coordinates.low == coordinates.high
     search = dict(most=max_runs)
-    with _telling(progress, samples, callback) as told:
+
+    def words(at: Iteration) -> str:
+        return f"fit: step {at.number}, misfit {at.misfit / samples:.6g} a sample, gaps {at.gap:.2g}"
+
+    with telling(progress, callback, words) as told:
         try:
             found = minimise(problem, first, [e.nodes for e in experiments], fixed, max_runs, told)
             runs, failures = found.runs, found.failures
@@ -256,23 +259,3 @@ def _levels(
     return {
         name: max(float(np.sqrt(squares[name] / counts[name] / share)), rtol * sizes[name]) for name in sizes
     }
-
-
-@contextlib.contextmanager
-def _telling(
-    progress: bool | None, samples: int, callback: Callable[[Iteration], None] | None
-) -> Iterator[Callable[[Iteration], None]]:
-    """What each iteration is told to: the terminal, the callback, both or none."""
-    terminal = sys.stderr.isatty()
-    shown = terminal if progress is None else progress
-
-    def told(at: Iteration) -> None:
-        if shown:
-            line = f"fit: step {at.number}, misfit {at.misfit / samples:.6g} a sample, gaps {at.gap:.2g}"
-            print(f"{line:<70}", end="\r" if terminal else "\n", file=sys.stderr, flush=True)
-        if callback is not None:
-            callback(at)
-
-    yield told
-    if shown and terminal:
-        print(file=sys.stderr)
