@@ -20,7 +20,7 @@ import sympy as sp
 from ..definition import checks
 from ..paths.collocation import Collocation
 from ..paths.linearised import linearise, rates
-from ..paths.saltation import CHATTER, Saltation, saltations, tangent_projector
+from ..paths.saltation import CHATTER, Saltation, saltations
 from ..paths.words import instants_without
 from ..results.solution import Solution
 
@@ -218,6 +218,4 @@ def factors(
 ) -> tuple[list[tuple[float, np.ndarray]], list[Saltation]]:
     """Factors (N, N) of a fundamental matrix with the end time of each, steps and saltations, in order of time."""
     run = Collocation(solution, chosen)
-    first = tangent_projector(run.line, *_begin(solution), run.p)
-    start = [] if first is None else [(float(solution.t[0]), first)]
-    return start + run.factors(), run.saltations
+    return run.factors(), run.saltations

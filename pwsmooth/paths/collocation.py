@@ -20,7 +20,7 @@ import sympy as sp
 from ..results.records import StepPolynomials
 from ..results.solution import Dense, Solution
 from .linearised import linearise, rates
-from .saltation import Saltation, at, saltations
+from .saltation import Saltation, at, saltations, tangent_projector
 from .tangents import Deviations, Readings, Slopes
 
 _TOLERANCE = 1e-12  # of a step's transition matrix: whole step against two halves
@@ -61,19 +61,39 @@ class Collocation:
 
     def factors(self) -> list[tuple[float, np.ndarray]]:
         """Factors (N, N) of the fundamental matrix with the end time of each, in order of time."""
-        return [
+        found = [
             (self.saltations[k].time, self.saltations[k].matrix)
             if instant
             else (float(self.steps.ends[k]), self.transitions[k])
             for instant, k in self.order()
         ]
+        return found if self.along is None else [(float(self.solution.t[0]), self.along), *found]
+
+    @property
+    def start(self) -> int:
+        """The column of the solution behind its start."""
+        return int(np.searchsorted(self.solution.t, self.solution.t[0], side="right")) - 1
+
+    @functools.cached_property
+    def along(self) -> np.ndarray | None:
+        """Projector (N, N) on deviations along the surfaces that hold the start; None without any."""
+        s, k = self.solution, self.start
+        return tangent_projector(self.line, float(s.t[k]), s.x[:, k], s.mult[:, k], s.status[:, k], self.p)
+
+    def _begun(self, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Deviations along the surfaces that hold the start, and what share of each column leads out of them."""
+        if self.along is None:
+            return W, np.zeros(W.shape[1])
+        kept, n = self.along @ W, self.line.n
+        size = np.abs(W[:n]).max(axis=0, initial=0.0)
+        return kept, np.abs(W - kept)[:n].max(axis=0, initial=0.0) / np.where(size > 0, size, 1.0)
 
     # ---- as a tape does it
 
     def first_rates(self) -> np.ndarray:
         """f behind the start."""
-        s = self.solution
-        return rates(s.model, s.t[0], s.x[:, 0], s.mult[:, 0], self.p)
+        s, k = self.solution, self.start
+        return rates(s.model, float(s.t[k]), s.x[:, k], s.mult[:, k], self.p)
 
     @property
     def instants(self) -> np.ndarray:
@@ -92,8 +112,9 @@ class Collocation:
     ) -> Deviations:
         """From `start` (n, columns) of the states and `seeds` (np, columns) of the parameters."""
         n, salts, own = self.line.n, self.saltations, self.solution.t
-        model, number = self.solution.model, len(salts)
-        W = np.vstack([start, seeds[[model.parameters.index(q) for q in self.chosen]]])
+        number = len(salts)
+        chosen = [self.solution.model.parameters.index(q) for q in self.chosen]
+        W, off = self._begun(np.vstack([start, seeds[chosen]]))
         times = np.empty(0) if times is None else times
         # Of two columns at an event the first is the side before it.
         before = np.append(own[1:] == own[:-1], False) if points else np.zeros(0, bool)
@@ -119,8 +140,7 @@ class Collocation:
         times_met, causes = self.met()
         why = np.stack([[s.why for s in salts], causes], axis=1).astype(np.int64).reshape(-1, 2)
         return Deviations(
-            W[:n], found[len(times) :], found[: len(times)], times_met, why, delay, around, np.nan,
-            np.zeros(W.shape[1]),
+            W[:n], found[len(times) :], found[: len(times)], times_met, why, delay, around, np.nan, off
         )  # fmt: skip
 
     def pull_back(self, cost: Readings) -> Slopes:
@@ -148,9 +168,13 @@ class Collocation:
             c[:n] += row[:n]
             c += salt.delay * (row[:n] @ salt.rates[0] + row[n:-1] @ salt.rates[1] + row[-1])
         why = next(((s.why, -1, s.time) for s in salts if s.why), None)
-        by = np.zeros(len(self.p))
-        by[[model.parameters.index(q) for q in self.chosen]] = c[n:]
-        return Slopes(c[:n], by, why, np.zeros(n + len(self.p)))
+        if self.along is not None:
+            c = self.along.T @ c
+        by, off = np.zeros(len(self.p)), np.zeros(n + len(self.p))
+        chosen = [model.parameters.index(q) for q in self.chosen]
+        by[chosen] = c[n:]
+        off[[*range(n), *(n + j for j in chosen)]] = self._begun(np.eye(self.line.N))[1]
+        return Slopes(c[:n], by, why, off)
 
     def _multipliers(self, times: np.ndarray, left: np.ndarray, W: np.ndarray) -> np.ndarray:
         """Deviations (nt, m, columns) of the multipliers from those of states and parameters, W (nt, N, columns)."""
