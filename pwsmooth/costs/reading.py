@@ -138,9 +138,8 @@ class Found:
         self.asked, count = asked, len(asked.found)
         self.values: list[float | None] = [None] * count
         self.owner: list[int | None] = [None] * count
-        self.seen: list[dict[Quantity, int]] = [
-            {}
-        ]  # before each part and behind the last: events of a quantity
+        # Before each part and behind the last: events of a quantity.
+        self.seen: list[dict[Quantity, int]] = [{}]
         self.sections = slice(0, count), slice(count, None)
 
     @property
@@ -164,9 +163,13 @@ class Found:
 
     def numbers(self, reader: Reader) -> list[float]:
         for quantity, value in zip(self.asked.found, self.values):
-            if value is None:
+            if value is None and quantity.kind in ("event_time", "at_event"):
                 what = f"{quantity} asks for an event that does not happen"
                 raise NoDerivative(float(reader.run.t[-1]), quantity.where[0], what)
+            if value is None:
+                raise ValueError(
+                    f"{quantity} asks for times outside of the run, which ends at {reader.run.t[-1]:g}."
+                )
         return self.values  # type: ignore[return-value]
 
 
