@@ -265,11 +265,11 @@ def test_backward_and_forward_agree(name):
         system = System(rates, time=t, parameters={g: 2.0, e: 0.4, a: 0.3})
         span, start = (0, 6), {"x": 1.0, "v": 0.0, "z": 0.2}
     elif name == "surfaces":  # y slides on one surface, and on it passes the others, all at a zero of sin(t)
-        others = [Switch(f"lam{k}", y + k * sp.sin(t) / 4) for k in (1, 2, 3)]
+        others = [Switch(f"lam{k}", y - 1 + k * sp.sin(t) / 4) for k in (1, 2, 3)]
         system = System(
             {y: a * sp.cos(t) - 2 * others[1] - others[0] / 3 - others[2] / 5}, time=t, parameters={a: 0.4}
         )
-        span, start = (0.3, 9), {"y": 1.0}
+        span, start = (0.3, 9), {"y": 2.0}
     elif name == "arc":  # it ends on a step along its multiplier
         lam = Switch("lam", v)
         rates = {y: v, v: a * sp.sin(omega * t) - sigma * y - b * v - lam * (1 + rho * (1 - lam**2))}
