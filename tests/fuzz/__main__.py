@@ -16,7 +16,8 @@ from pathlib import Path
 
 from . import judging, planted
 
-NAMES = ("affine", "contacts", "resets", "hidden", "smooth", "invariance", "slopes", "differences", "gradients")
+NAMES = ("affine", "contacts", "resets", "hidden", "smooth", "invariance")
+OF_DERIVATIVES = ("slopes", "differences", "gradients")
 SLOW = 5.0  # seconds of a case that are reported
 
 
@@ -109,7 +110,7 @@ def show(name, structure, seed):
 def main(arguments=None):
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("name", nargs="?", choices=NAMES)
+    parser.add_argument("name", nargs="?", choices=NAMES + OF_DERIVATIVES)
     parser.add_argument("--cases", type=int, default=2000)
     parser.add_argument("--structures", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)

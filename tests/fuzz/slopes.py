@@ -477,9 +477,13 @@ def judge(M, made, found, expected, solution, names, judged, seed):
     until = made.instants[judged - 1]
     met = len({round(t, 7) for t in solution.event_times() if t <= until})
     if got is None or not M.kinks and met > len({round(t, 7) for t in found.times if t <= until}):
-        # As deep as rounding: the run touches what the oracle does not.
+        # As deep as rounding: the run touches what the oracle does not. A depth is the square of a speed.
         near = _nearest(found, until)
-        return Verdict(UNDECIDED if near[0] < 1e-10 else WRONG, f"other events, {near[1]}", near[0])
+        return Verdict(
+            UNDECIDED if near[0] < (1e-10 if near[1] == "touches" else 1e-7) else WRONG,
+            f"other events, {near[1]}",
+            near[0],
+        )
     worst, failing = 0.0, []
     for what, (here, there) in enumerate(zip(got, _rows(expected, judged, len(got[2])))):
         same = np.isfinite(there)

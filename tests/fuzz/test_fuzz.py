@@ -10,15 +10,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pwsmooth.derivatives import Derivatives
 from tests.fuzz import affine, invariance, judging, planted  # one name, one compile cache of the oracle
-from tests.fuzz.__main__ import NAMES, fuzz
+from tests.fuzz.__main__ import NAMES, OF_DERIVATIVES, fuzz
 
 # Structures and cases: of each fuzzer some seconds.
 SHORT = {"affine": (8, 25), "contacts": (10, 20), "resets": (6, 20), "hidden": (8, 25), "smooth": (6, 8),
-         "invariance": (6, 15)}  # fmt: skip
+         "invariance": (6, 15), "slopes": (8, 20), "differences": (25, 2), "gradients": (6, 10)}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", NAMES + OF_DERIVATIVES)
 def test_no_random_case_is_silently_wrong(name):
     structures, each = SHORT[name]
     counts, failures, _ = fuzz(name, structures * each, structures, seed=7)
@@ -42,6 +43,49 @@ def test_what_was_wrong_once_is_right(name, key, case):
     module = importlib.import_module(f"tests.fuzz.{name}")
     played = getattr(module, "compiled", judging.compiled)(module, key)
     assert getattr(module, "play", judging.play)(played, key * 1000 + case).kind == judging.RIGHT
+
+
+# Derivatives that were wrong or refused: touches as deep as roundings, that short steps saw as crossings; one surface
+# twice; bounces that are slow beside their table; folds that an arc reaches to the last bit, or spans that end on one.
+OF_DERIVATIVES_ONCE = {
+    "slopes": [(100027, 34), (100187, 21), (100242, 20), (100086, 0), (100086, 48), (100150, 3), (100196, 14)],
+    "differences": [
+        (300001, 15),
+        (300002, 55),
+        (300005, 8),
+        (300005, 15),
+        (300006, 56),
+        (300012, 25),
+        (300015, 23),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "case"), [(name, *at) for name, all_at in OF_DERIVATIVES_ONCE.items() for at in all_at]
+)
+def test_what_had_a_wrong_derivative_once_has_none(name, key, case):
+    module = importlib.import_module(f"tests.fuzz.{name}")
+    played = getattr(module, "compiled", judging.compiled)(module, key)
+    assert module.play(played, key * 1000 + case).kind in (judging.RIGHT, "justly refused")
+
+
+@pytest.mark.parametrize("name", OF_DERIVATIVES)
+def test_a_planted_wrong_derivative_is_seen(name, monkeypatch):
+    module = importlib.import_module(f"tests.fuzz.{name}")
+    played = getattr(module, "compiled", judging.compiled)(module, 4)
+    right = [seed for seed in range(4000, 4006) if module.play(played, seed).kind == judging.RIGHT]
+    replayed = Derivatives._replay
+
+    def spoiled(self, *arguments, **options):
+        run = replayed(self, *arguments, **options)
+        factor = 1 + 1e-5
+        return run._replace(
+            end=factor * run.end, at_sample=factor * run.at_sample, at_point=factor * run.at_point
+        )
+
+    monkeypatch.setattr(Derivatives, "_replay", spoiled)
+    assert len(right) > 2 and all(module.play(played, seed).kind == judging.WRONG for seed in right)
 
 
 def test_the_oracle_agrees_with_closed_forms():

@@ -26,6 +26,7 @@ from .saltation import keep_held, look
 from .state import FINE, H_P, H_X, ZEROS
 
 _PARTS = 32  # that a step is taken in, at most
+_HELD = 1e-9  # of a gradient: what is left of it along the surfaces that are held
 
 
 @inlined_kernel
@@ -180,24 +181,37 @@ def _begin_columns(P, V, k):
 
 
 @kernel
-def _part_normal(P, V, a, b):
-    """Takes from the columns what leads out of the surface that the entries between a and b begin to meet: one column
-    of its own, behind that of the clock, and the parts of the others in it in V.normal.
-
-    Times of slow impacts deviate by what leads out over a small speed. Each column of its own would owe roundings to
-    that which do not cancel where the others' do, in the deviations that a run has.
-    """
-    k, entries, last = a + 1, V.entries_point, P.n + len(P.p) + 1
+def _met_first(V, a, b):
+    """The surface whose zero begins the instant of the entries between a and b, or -1."""
+    k = a + 1
     while k < b and not (V.tape[k, 0] == TAPE_MEET and V.tape[k, 1] != TAPE_NOTHING):
         k += 1
-    if k == b or V.tape[k, 1] != TAPE_SURFACE:
+    return V.tape[k, 2] if k < b and V.tape[k, 1] == TAPE_SURFACE else -1
+
+
+@kernel
+def _keep_possible(P, V, a, b):
+    """Leaves in the columns what the run can deviate by before the instant of the entries between a and b.
+
+    That is along what it slides on, also where other surfaces meet that. And what leads out of the surface that is met
+    goes to one column of its own, behind that of the clock, with the others' parts in it in V.normal: times of slow
+    impacts deviate by it over a small speed. If each column did so by itself, it would owe roundings to that which do
+    not cancel where the columns' own do, in the deviations that a run has.
+    """
+    i, last, entries = _met_first(V, a, b), P.n + len(P.p) + 1, V.entries_point
+    _stand(V, a + 1, P.n, P.m)
+    t = V.tape_x[a + 1, 0]
+    look(P, V, t, V.x, V.mult)
+    for e in range(entries.shape[0] if i >= 0 else 0):
+        if entries[e, 0] == H_X and entries[e, 1] == i:
+            V.w[entries[e, 2], last] = V.jac[e]
+    keep_held(P, V, t, V.x, V.mult, V.tape[a + 1, 4:], 1)
+    if i < 0:
         return
     square, size = 0.0, 0.0
-    _stand(V, k, P.n, P.m)
-    look(P, V, V.tape_x[k, 0], V.x, V.mult)
     for e in range(entries.shape[0]):
         kind, j, value = entries[e, 0], entries[e, 2], V.jac[e]
-        if entries[e, 1] != V.tape[k, 2] or value == 0.0 or not (kind == H_X or kind == H_P):
+        if entries[e, 1] != i or not (kind == H_X or kind == H_P):
             continue
         for block in range(0, V.columns, 8):
             row = load8(V.w[j], block) if kind == H_X else load8(V.seeds, V.w.shape[1] * j + block)
@@ -205,16 +219,18 @@ def _part_normal(P, V, a, b):
         if kind == H_X:
             square += value * value
             size += abs(value * V.x[j])
-    if square == 0.0:
+    out = V.normal[last]
+    if not out > _HELD * square:  # what it slides on is that surface, too
+        for j in range(P.n):
+            V.w[j, last] = 0.0
         for c in range(V.columns):
             V.normal[c] = 0.0
         return
-    for e in range(entries.shape[0]):
-        if entries[e, 0] == H_X and entries[e, 1] == V.tape[k, 2]:
-            j, out = entries[e, 2], V.jac[e] / square
-            for block in range(0, V.columns, 8):
-                store8(V.w[j], block, load8(V.w[j], block) - load8(V.normal, block) * out)
-            V.w[j, last] = out
+    for j in range(P.n):
+        V.w[j, last] /= out
+        for c in range(last):
+            V.w[j, c] -= V.normal[c] * V.w[j, last]
+    V.normal[last] = 0.0
     V.scale[last] = size
 
 
@@ -267,10 +283,7 @@ def _instant_back(P, V, a, b):
         return True
     _begin_columns(P, V, a if arc else a + 1)
     if not arc:
-        # What the run can deviate by before the instant: along what it slides on, also where other surfaces meet that.
-        _stand(V, a + 1, P.n, P.m)
-        keep_held(P, V, V.tape_x[a + 1, 0], V.x, V.mult, V.tape[a + 1, 4:], 1)
-        _part_normal(P, V, a, b)
+        _keep_possible(P, V, a, b)
     V.samples = V.first_sample = _first_sample(V, V.tape_x[a, 0]) if arc else V.cost
     for k in range(a if arc else a + 1, b):
         if not go_over(P, V, k):
