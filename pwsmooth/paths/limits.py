@@ -17,6 +17,7 @@ import numpy as np
 _EVERY = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # which instants are taken: for a ratio near 1 not each
 _MOST = 6  # powers that are taken away
 _ROUNDING = 4e-16
+_LARGE = 1e3  # coefficients of the powers: a first bounce may be as long as what the forces vary in
 _LATE = 1e-6  # of the first interval: there the ratio is nearly that of the limit, and still told
 
 
@@ -50,7 +51,7 @@ def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np
             if not begins.size:
                 break
             at = begins[:, None] + every * np.arange(2 * powers + 1)
-            error = left[begins] ** (powers + 1) * q ** (powers * (powers + 1))
+            error = _LARGE * left[begins] ** (powers + 1) * q ** (powers * (powers + 1))
             error = error + _ROUNDING * (np.abs(taken) / left[at]).sum(axis=1)
             if error.min() < best:
                 best, chosen, weights = error.min(), at[error.argmin()], taken

@@ -480,7 +480,7 @@ def judge(M, made, found, expected, solution, names, judged, seed):
         # As deep as rounding: the run touches what the oracle does not. A depth is the square of a speed.
         near = _nearest(found, until)
         return Verdict(
-            UNDECIDED if near[0] < (1e-10 if near[1] == "touches" else 1e-7) else WRONG,
+            UNDECIDED if near[0] < (1e-10 if near[1] == "touches" else 1e-6) else WRONG,
             f"other events, {near[1]}",
             near[0],
         )
