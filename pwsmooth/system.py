@@ -318,6 +318,9 @@ class System(DescribedSystem):
             view = getattr(original, self._view.kind)(**self._view.arguments)
             return view.with_parameters({p: value for p, value in self.parameters.items()})
         own, time, parameters, named, events, contacts, algebraic, drives = self._arguments
+        # Among the states stand symbols of the memories' names.
+        memories = {s: m for s in self.states for m in self.initial_memory if str(m) == str(s)}
+        rates, outputs = ({k: e.xreplace(memories) for k, e in more.items()} for more in (rates, outputs))
         extended = System(
             (*own, *rates.items()), time=time, parameters=parameters, outputs={**named, **outputs}, events=events,
             contacts=contacts, algebraic=algebraic, drives=drives, convention=self._convention,

@@ -5,7 +5,7 @@ import pytest
 import scipy.optimize
 import sympy as sp
 
-from pwsmooth import Switch, System, Unilateral, sweep
+from pwsmooth import Event, Memory, Switch, System, Unilateral, sweep
 from pwsmooth.costs import (
     Objective,
     at,
@@ -185,6 +185,16 @@ def test_a_sweep_measures_costs():
     assert running[0] == 0 and running[-1] == pytest.approx(
         friction(integral(y**2 + LAM * v)).value(start), rel=1e-12
     )
+
+
+def test_a_memory_is_named_by_itself_or_as_a_state():
+    m = Memory("m", 0.2)
+    system = System({x: -x + m}, events=[Event(at=[1], update={m: m + x})])
+    gradients = [
+        value_and_gradient(system, final(x) * final(of), (0, 2), {x: 1}, with_respect_to=["x", "m"]).gradient
+        for of in (m, system.states[-1])
+    ]
+    assert np.array_equal(*gradients) and gradients[0].all()
 
 
 def test_what_has_no_gradient_says_so():
