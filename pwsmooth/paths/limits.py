@@ -18,6 +18,7 @@ _EVERY = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # which instants are taken: for a r
 _MOST = 6  # powers that are taken away
 _ROUNDING = 4e-16
 _LARGE = 1e3  # coefficients of the powers: a first bounce may be as long as what the forces vary in
+_NEAR = 0.3  # of the ratio
 _LATE = 1e-6  # of the first interval: there the ratio is nearly that of the limit, and still told
 
 
@@ -36,9 +37,14 @@ def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np
     first = max(int(longer[-1]) + 1 if longer.size else 0, int(np.searchsorted(times, begin, "right")))
     if len(times) - first < 5:
         return np.array([len(times) - 1]), np.ones(1)
-    left, intervals = (limit - times[first:]) / (limit - times[first]), intervals[first:]
+    intervals = intervals[first:]
     late = min(int(np.argmax(intervals < _LATE * intervals[0])) or len(intervals), len(intervals) - 3)
     two = intervals[late + 2] / intervals[late]
+    # From where on their ratio is near to that of the limit: before, the powers tell little.
+    strange = np.abs(intervals[2 : late + 3] / intervals[: late + 1] - two) > _NEAR * two
+    begun = min(int(np.flatnonzero(strange)[-1]) + 1, late) if strange.any() else 0
+    first, late, intervals = first + begun, late - begun, intervals[begun:]
+    left = (limit - times[first:]) / (limit - times[first])
     alternates = abs(intervals[late + 1] ** 2 / (intervals[late] * intervals[late + 2]) - 1.0) > 1e-3
     best, chosen, weights = np.inf, np.array([len(left) - 1]), np.ones(1)
     for every in _EVERY[1::2] if alternates else _EVERY:
