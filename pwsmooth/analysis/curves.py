@@ -1,0 +1,629 @@
+"""Curves in two parameters along which a bifurcation of periodic orbits persists.
+
+    P(x; p, q) = x,   c(x, p, q, e) = 0,   tau . (u - u0) = ds,   u = (x, p/scale, q/scale, e)
+
+c says which bifurcation (conditions.py); points at which a second condition holds are located and named. Every orbit is
+one of the exact system: where the itinerary changes the curve says so, and ends where the bifurcation does.
+
+Chain: bifurcations.py, conditions.py -> **curves**.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..definition import checks
+from ..definition.describe import Described, Rows
+from ..paths.budget import MOST_STEPS, Budget, opened, within
+from .arclength import Point, Walk, full_rank, quiet_time, tangent_of, value_of
+from .bifurcations import Bifurcation, change_enclosed, of_no_effect, zero_between
+from .conditions import BranchPoint, Condition, Critical, Place, Torus, differences
+from .itineraries import change_between, same_itinerary
+from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
+from .sections import Section, Stroboscopic
+
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["Codimension2", "Curve", "follow_curve"]
+
+_COUNTED = 2**62
+_MOST_NEWTON = 8
+_CONVERGED = 1e-10  # of the unknowns: what the last correction is
+_BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
+_BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
+SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
+
+
+@dataclass(frozen=True)
+class Spot(Point):
+    """A point of a curve: u = (x, p/scale, q/scale, e), what its own unknowns e are, and its test functions."""
+
+    extra: np.ndarray = field(default_factory=lambda: np.empty(0))
+    tests: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Codimension2:
+    """A point of a curve at which a second condition holds.
+
+    Attributes
+    ----------
+    name : str
+        "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
+    values : dict of str to float, in the units of the parameters
+        Both parameters.
+    orbit : PeriodicOrbit
+        At the point, or the last one before it where the curve ends there.
+    note : str
+        What else is to be said.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
+    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a + b * x - x**3})
+    >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
+    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
+    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
+    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
+    >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
+    0.000000 1.000000
+    """
+
+    name: str
+    values: dict[str, float]
+    orbit: PeriodicOrbit
+    note: str = ""
+
+    def __str__(self) -> str:
+        where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())
+        return f"{self.name} at {where}" + (f": {self.note}" if self.note else "")
+
+
+@dataclass(repr=False)
+class Curve(Described):
+    """A curve of bifurcations in two parameters.
+
+    Attributes
+    ----------
+    kind : str
+        Of the bifurcation, as of `Bifurcation`.
+    parameters : tuple of str
+        The names of both.
+    orbits : list of PeriodicOrbit
+        In order along the curve.
+    points : list of Codimension2
+        Where a second condition holds, in order along the curve.
+    ends : tuple of str
+        Why it ended in either direction, in words; one of them where it closes.
+    tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
+        Functions along the curve that vanish at points of codimension 2, by their names.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a - x**2 + b * x})
+    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, period=1, phase=0.5), a, to=1).bifurcations
+    >>> curve = follow_curve(flip, {a: (0, 2), b: (-1, 1)})
+    >>> curve.ends
+    ('reached b = -1.', 'reached b = 1.')
+    >>> p, q = curve.values
+    >>> bool(abs(4 * p - 3 - q * (q - 2)).max() < 1e-9)  # 2 x = 1 + b, a = x + x**2 - b x
+    True
+    """
+
+    kind: str
+    parameters: tuple[str, str]
+    orbits: list[PeriodicOrbit] = field(default_factory=list)
+    points: list[Codimension2] = field(default_factory=list)
+    ends: tuple[str, ...] = ()
+    tests: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Both parameters along the curve, shape (2, number of orbits), in their units."""
+        return np.array([[value_of(orbit, name) for orbit in self.orbits] for name in self.parameters])
+
+    @property
+    def x(self) -> np.ndarray:
+        """Points on the section, shape (n, number of orbits), in the units of the states."""
+        return np.array([orbit.x for orbit in self.orbits]).T
+
+    def of_kind(self, name: str) -> list[Codimension2]:
+        """Points of one name.
+
+        Parameters
+        ----------
+        name : str
+            As of `Codimension2`.
+
+        Returns
+        -------
+        list of Codimension2
+            In order along the curve.
+        """
+        return [point for point in self.points if point.name == name]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The orbits as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row an orbit: both parameters, the point on the section, the period, the largest modulus of its
+            multipliers, and the test functions.
+        """
+        import pandas
+
+        names = [str(s) for s in self.orbits[0].system.states]
+        return pandas.DataFrame(
+            {
+                **dict(zip(self.parameters, self.values)),
+                **dict(zip(names, self.x)),
+                "period": [orbit.period for orbit in self.orbits],
+                "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+                **self.tests,
+            }
+        )
+
+    def plot(self, ax: Any = None, **line: Any) -> Any:
+        """The curve in the plane of its parameters, points of codimension 2 marked.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+        **line
+            For `Axes.plot`.
+
+        Returns
+        -------
+        Axes
+            The same.
+        """
+        from ..plotting import COLOUR, axes_for
+
+        (ax,) = axes_for(ax, 1, (5.5, 3.6), "one curve; give one")
+        ax.plot(*self.values, **{"color": COLOUR["exact"], "label": self.kind, **line})
+        for name, mark in zip(dict.fromkeys(p.name for p in self.points), itertools.cycle("osD^vP*X")):
+            at = [list(point.values.values()) for point in self.of_kind(name)]
+            ax.plot(*zip(*at), mark, color=COLOUR["left"], fillstyle="none", label=name)
+        ax.legend()
+        ax.set(xlabel=self.parameters[0], ylabel=self.parameters[1])
+        return ax
+
+    def _described(self) -> tuple[str, Rows]:
+        spans = [f"{q.min():.9g} to {q.max():.9g}" for q in self.values] if self.orbits else ["", ""]
+        return f"Curve of {self.kind}: {len(self.orbits)} orbits", {
+            "over": [f"{name} from {span}" for name, span in zip(self.parameters, spans)],
+            "points": [str(point) for point in self.points],
+            "ends": list(self.ends),
+        }.items()
+
+
+class CurveWalk(Walk):
+    """Predictor and corrector in the space of states, two parameters and the condition's own unknowns."""
+
+    def __init__(
+        self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int
+    ) -> None:
+        self.map, self.condition, self.names, self.n = map_, condition, names, n
+        self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
+
+    def place(self, w: np.ndarray) -> Place | None:
+        """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
+        x, n = w[: self.n], self.n
+        try:
+            here = self.map.with_parameters(dict(zip(self.names, map(float, w[n : n + 2]))))
+        except ValueError:  # outside the assumptions of a parameter
+            return None
+        image = here.image(x, self.names)
+        if not image.success:
+            return None
+        DF = np.column_stack([image.jacobian - np.eye(n), image.by_parameter])
+        return Place(here, image, x, image.x - x, DF) if np.isfinite(DF).all() else None
+
+    def slopes(self, place: Place, w: np.ndarray) -> np.ndarray | None:
+        """Of the condition by (x, p, q, e), not scaled."""
+        condition, extra = self.condition, w[self.n + 2 :]
+        exact = condition.slopes(place, extra)
+        if exact is not None:
+            return exact
+        found = differences(self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra))
+        if found is None or not condition.extras:
+            return found
+        h = 1e-6
+        own = [
+            (condition.value(place, extra + h * e) - condition.value(place, extra - h * e)) / (2 * h)
+            for e in np.eye(condition.extras)
+        ]
+        return np.column_stack([found, *own])
+
+    def correct(
+        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
+    ) -> Spot | None:
+        """Newton's method in the plane normal . (u - guess) = 0, or to the nearest point without one."""
+        try:
+            return self._corrected(guess, normal, direction)
+        except np.linalg.LinAlgError:
+            return None
+
+    def _corrected(
+        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
+    ) -> Spot | None:
+        condition, n, u, last, slopes = self.condition, self.n, guess, math.inf, None
+        for steps in range(_MOST_NEWTON + 1):
+            w = u * self.sizes
+            place = self.place(w[: n + 2])
+            if place is None:
+                return None
+            extra = w[n + 2 :]
+            # From the second step on the slopes are near enough: each evaluation runs 2 (n + 2) orbits.
+            if steps < 2 or normal is None:
+                slopes = self.slopes(place, w)
+            if slopes is None:
+                return None
+            G = np.concatenate([place.F + condition.unfolding(extra), condition.value(place, extra)])
+            DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
+            rows, right = DG, -G
+            if normal is not None:
+                rows, right = np.vstack([DG, normal]), np.append(right, -normal @ (u - guess))
+            move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
+            off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
+            size = float(np.abs(move / (1 + np.abs(u))).max())
+            if not np.isfinite(size):
+                return None
+            if off <= TOLERANCE and size <= _CONVERGED:
+                image = place.image
+                orbit = PeriodicOrbit(
+                    place.map, w[:n], off, image.jacobian, image.word, image.time, steps, True,
+                    "continued", image.degenerate,
+                )  # fmt: skip
+                tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
+                tests = condition.tests(place, extra, slopes)
+                return Spot(u, tangent, orbit, image.solution, steps, full_rank(DG), extra, tests)
+            if steps == _MOST_NEWTON or size > 10 * last:
+                return None
+            last = size
+            u = u + move
+            if isinstance(place.map, Section):
+                u = np.concatenate([onto_section(place.map, u[:n]), u[n:]])
+        return None
+
+    def framed(self, here: Spot) -> None:
+        """Lets the condition follow to a point that has been reached."""
+        place = self.place((here.u * self.sizes)[: self.n + 2])
+        if place is not None:
+            self.condition.frame(place, here.extra)
+
+    def parameters(self, here: Spot) -> dict[str, float]:
+        return {name: value_of(here.orbit, name) for name in self.names}
+
+    def rephased(self, here: Any) -> Any:
+        """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
+        map_ = here.orbit.map
+        # The way on is told from the parameters, which a cusp has not.
+        told = np.linalg.norm(here.tangent[self.n : self.n + 2]) > 1e-3
+        time = quiet_time(here.run, map_.forcing_period) if isinstance(map_, Stroboscopic) and told else None
+        if time is None:
+            return here
+        part = map_.solved(here.orbit.x, time, map_.system)
+        orbit = refine(map_.at_phase(time / map_.forcing_period), part.x[:, -1])
+        if not orbit.success:
+            return here
+        turned = copy.copy(self)
+        turned.map = orbit.map
+        turned.condition = copy.deepcopy(self.condition)
+        u = np.concatenate([orbit.x, here.u[self.n :]])
+        place = turned.place((u * self.sizes)[: self.n + 2])
+        if place is None:
+            return here
+        turned.condition.start(place)
+        there = turned.correct(u, None, np.concatenate([np.zeros(self.n), here.tangent[self.n :]]))
+        if there is None:
+            return here
+        self.map, self.condition = turned.map, turned.condition
+        return there
+
+    def at(self, near: Spot, other: Spot, index: int, value: float) -> Spot | None:
+        """The point between two at which an entry of u has a value."""
+        way = other.u - near.u
+        guess = near.u + way * (value - near.u[index]) / way[index]
+        guess[index] = value
+        normal = np.zeros(len(guess))
+        normal[index] = 1.0
+        return self.correct(guess, normal, near.tangent)
+
+
+def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
+    """The condition that a smooth bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+    if kind == "torus":
+        return Torus()
+    if kind == "branch point":
+        return BranchPoint(names.index(name) if name in names else 0)
+    return Critical(kind, 1 if kind == "fold" else -1)
+
+
+@checks.door(
+    start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
+    ranges=checks.mapping, most=checks.integer(1),
+    kind=checks.optional(checks.one_of(*SMOOTH)),
+    **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
+)  # fmt: skip
+def follow_curve(
+    start: Bifurcation | PeriodicOrbit,
+    ranges: Mapping[Any, Any],
+    *,
+    kind: str | None = None,
+    step: float = 0.01,
+    longest_step: float = 0.05,
+    shortest_step: float = 1e-6,
+    most: int = 500,
+    max_steps: int = 10 * MOST_STEPS,
+    max_seconds: float | None = None,
+) -> Curve:
+    """Follow a bifurcation over two parameters, to both sides.
+
+    Parameters
+    ----------
+    start : Bifurcation or PeriodicOrbit
+        One of a branch's `bifurcations`; or an orbit near to a smooth one, whose `kind` is given.
+    ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
+        The two parameters, each with the least and the largest value.
+    kind : str, optional
+        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point".
+    step, longest_step, shortest_step : float, in units of the arc
+        Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
+    most : int
+        Largest number of orbits to either side.
+    max_steps, max_seconds : int, float (s), optional
+        Bounds of the whole curve, looked at after each orbit: what was followed until then is returned.
+
+    Returns
+    -------
+    Curve
+        Orbits, points of codimension 2, and why it ended.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A bifurcation of a kind that has no condition here, no two parameters, a start outside the ranges.
+
+    Notes
+    -----
+    Source: Keller's arclength continuation (1977); Govaerts, Numerical Methods for Bifurcations of Dynamical
+    Equilibria, 2000, for bordered test functions; Kuznetsov, Elements of Applied Bifurcation Theory, for the names.
+
+    Examples
+    --------
+    The flip of the Henon map, 4 a = 3 (1 - b)**2:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, y, a, b = sp.symbols("t x y a b", real=True)
+    >>> step = Event(every=1, update={x: 1 - a * x**2 + y, y: b * x})
+    >>> henon = System({x: 0 * x, y: 0 * y}, time=t, parameters={a: 0.1, b: 0.3}, events=[step])
+    >>> orbit = find_orbit(henon, {x: 0.6, y: 0.2}, period=1, phase=0.5)
+    >>> (flip,) = follow(orbit, a, to=0.6).of_kind("flip")
+    >>> curve = follow_curve(flip, {a: (0, 2), b: (-0.5, 0.5)})
+    >>> p, q = curve.values
+    >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
+    True
+    """
+    orbit, kind, name = _given(start, kind)
+    known = orbit.system.parameters
+    names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
+    if len(set(names)) != 2:
+        raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
+    bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
+    first = np.array([value_of(orbit, q) for q in names])
+    if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
+        at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
+        raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
+    budget = opened(max_steps, max_seconds)
+    with within(Budget(_COUNTED)) as counted:
+        return _both_sides(
+            orbit, condition_of(kind, name, (names[0], names[1])), (names[0], names[1]), bounds,
+            (step, longest_step, shortest_step), most, lambda: _COUNTED - counted.left >= budget.left or budget.late(),
+        )  # fmt: skip
+
+
+def _given(start: Bifurcation | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str, str]:
+    if isinstance(start, Bifurcation):
+        if kind is not None and kind != start.kind:
+            raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
+        if start.kind not in SMOOTH:
+            raise ValueError(f"`start` is a {start.kind}; followed are {', '.join(SMOOTH)}.")
+        return start.orbit, start.kind, start.name
+    if not start.success:
+        raise ValueError(f"`start` did not converge: {start.message}")
+    if kind is None:
+        raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {', '.join(SMOOTH)}.")
+    return start, kind, ""
+
+
+def _both_sides(orbit, condition, names, bounds, lengths, most, used_up) -> Curve:
+    curve, n = Curve(condition.kind, names), len(orbit.x)
+    widths = bounds[:, 1] - bounds[:, 0]
+    walk = CurveWalk(orbit.map, condition, names, widths, n)
+    w = np.append(orbit.x, [value_of(orbit, q) for q in names])
+    place = walk.place(w)
+    if place is None:
+        curve.ends = ("no orbit was found at the start.",)
+        return curve
+    u = np.append(w, condition.start(place)) / walk.sizes
+    first = walk.correct(u, None, None)
+    if first is None:
+        curve.ends = (f"no {condition.kind} was found near to the start.",)
+        return curve
+    walk.framed(first)
+    again = walk.correct(first.u, None, first.tangent)
+    first = again or first
+    sides: list[tuple[list[Spot], list[Codimension2], str]] = []
+    for sign in (-1.0, 1.0):
+        side = copy.copy(walk)
+        side.condition = copy.deepcopy(condition)
+        here = copy.copy(first)
+        object.__setattr__(here, "tangent", sign * first.tangent)
+        way = _Way(side, bounds, lengths, most, used_up)
+        sides.append(way.followed(here))
+        if way.closed:
+            break
+    back, on = sides[0], sides[1] if len(sides) == 2 else ([first], [], "")
+    spots = [*back[0][:0:-1], *on[0]]
+    curve.orbits = [spot.orbit for spot in spots]
+    curve.points = [*back[1][::-1], *on[1]]
+    curve.ends = tuple(end for end in (back[2], on[2]) if end)
+    curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
+    return curve
+
+
+class _Way:
+    """A curve to one side."""
+
+    def __init__(self, walk: CurveWalk, bounds: np.ndarray, lengths: Any, most: int, used_up: Any) -> None:
+        self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
+        self.points: list[Codimension2] = []
+        self.closed = False
+
+    def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
+        step, longest, shortest = self.lengths
+        walk, spots, ds = self.walk, [here], min(step, longest)
+        while len(spots) < self.most:
+            where = _where(walk, here)
+            if self.used_up():
+                return self._ended(spots, f"`max_steps` or `max_seconds` are used up at {where}: give more.")
+            if not here.alone:
+                return self._ended(spots, f"at {where} no single way leads on: two curves meet there.")
+            there: Any = walk.step(here, ds)
+            if there is None:
+                if ds > shortest:
+                    ds *= 0.3
+                    continue
+                here = self._last(here, ds)
+                return self._ended([*spots, here], self._lost(here))
+            there, reached = self._within(here, there)
+            if there is None:
+                return self._ended(spots, f"no orbit was found at {reached}.")
+            if end := self._between(here, there):
+                return self._ended(spots, end)
+            spots.append(there)
+            if reached:
+                return self._ended(spots, f"reached {reached}.")
+            if self._closes(spots):
+                self.closed = True
+                return self._ended(spots, "it closes.")
+            ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
+            walk.framed(there)
+            here = walk.rephased(there)
+        return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
+
+    def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
+        return spots, self.points, why
+
+    def _within(self, here: Spot, there: Spot) -> tuple[Spot | None, str]:
+        """The point, or that on the border of the ranges which the way to it passes, and the border in words."""
+        n, walk = self.walk.n, self.walk
+        for k in (0, 1):
+            u, scale = there.u[n + k], walk.sizes[n + k]
+            low, high = self.bounds[k] / scale
+            past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
+            if past is not None and here.u[n + k] != past:
+                at = walk.at(here, there, n + k, past)
+                return at, f"{walk.names[k]} = {past * scale:.9g}"
+            if past is not None:
+                return there, f"{walk.names[k]} = {past * scale:.9g}"
+        return there, ""
+
+    def _between(self, here: Spot, there: Spot) -> str:
+        """Locates what happens on the way between two points; why the curve ends there, if it does."""
+        walk, found, end = self.walk, [], ""
+        for name in here.tests:
+            a, b = here.tests[name], there.tests.get(name, math.nan)
+            if not a * b < 0:
+                continue
+            spot = zero_between(walk, here, there, _test(name))
+            if spot is not None and abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
+                why = walk.condition.ends(name)
+                found.append((spot, name, why))
+        chord = there.u - here.u
+        for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
+            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            if why:
+                return f"{name} at {_where(walk, spot)}: {why}."
+        if not same_itinerary(here.orbit, there.orbit):
+            left, right, _ = change_enclosed(walk, here, there)
+            change = change_between(left.orbit, right.orbit)
+            if not of_no_effect(change, left.orbit, right.orbit):
+                name = f"{walk.condition.kind} + {change.name}"
+                note = "it goes on with another itinerary"
+                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
+        return end
+
+    def _last(self, here: Spot, ds: float) -> Spot:
+        """The last point of the curve, no further than `ds` from here, by bisection."""
+        low, high, last = 0.0, ds, here
+        while high - low > _BRACKET:
+            middle = 0.5 * (low + high)
+            spot: Any = self.walk.step(here, middle)
+            low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
+        return last
+
+    def _lost(self, here: Spot) -> str:
+        """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
+        walk, n = self.walk, self.walk.n
+        where = _where(walk, here)
+        for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
+            w = (here.u + reach * here.tangent) * walk.sizes
+            place = walk.place(w[: n + 2])
+            if place is None:
+                continue
+            beyond = refine(place.map, w[:n])
+            if not beyond.success or same_itinerary(here.orbit, beyond):
+                continue
+            change = change_between(here.orbit, beyond)
+            name = f"{walk.condition.kind} + {change.name}"
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
+            return f"{name} at {where}: beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
+        return f"no orbit was found beyond {where} with steps down to {self.lengths[2]:.1g}."
+
+    def _closes(self, spots: list[Spot]) -> bool:
+        """Whether the last step has passed the first point, along the same way."""
+        if len(spots) < 5:
+            return False
+        n, first, a, b = self.walk.n, spots[0], spots[-2], spots[-1]
+        pq = slice(n, n + 2)
+        chord, to = b.u[pq] - a.u[pq], first.u[pq] - a.u[pq]
+        length = float(chord @ chord)
+        if length == 0 or not 0 <= to @ chord <= length:
+            return False
+        aside = np.linalg.norm(to - chord * (to @ chord) / length)
+        along = first.tangent[pq] @ chord > 0.8 * np.linalg.norm(first.tangent[pq]) * math.sqrt(length)
+        one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
+        same = np.allclose(one, other, rtol=0.1, atol=0.1)
+        return bool(aside < 0.2 * math.sqrt(length) and along and same)
+
+
+def _test(name: str) -> Callable[[Spot], float]:
+    return lambda spot: spot.tests[name]
+
+
+def _where(walk: CurveWalk, here: Spot) -> str:
+    return ", ".join(f"{name} = {value:.10g}" for name, value in walk.parameters(here).items())
