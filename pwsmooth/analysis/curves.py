@@ -113,6 +113,10 @@ class Curve(Described):
     tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
         Functions along the curve that vanish at points of codimension 2, by their names.
 
+    Notes
+    -----
+    Source: Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, 2000, for the test functions.
+
     Examples
     --------
     >>> import sympy as sp
@@ -121,11 +125,11 @@ class Curve(Described):
     >>> step = Event(every=1, update={x: a - x**2 + b * x})
     >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
     >>> (flip,) = follow(find_orbit(quadratic, {x: 0.3}, period=1, phase=0.5), a, to=1).bifurcations
-    >>> curve = follow_curve(flip, {a: (0, 2), b: (-1, 1)})
+    >>> curve = follow_curve(flip, {a: (-1, 2), b: (-1, 1)})
     >>> curve.ends
     ('reached b = -1.', 'reached b = 1.')
     >>> p, q = curve.values
-    >>> bool(abs(4 * p - 3 - q * (q - 2)).max() < 1e-9)  # 2 x = 1 + b, a = x + x**2 - b x
+    >>> bool(abs(4 * p - (1 + q) * (3 - q)).max() < 1e-8)  # of x = (1 + b)/2
     True
     """
 
