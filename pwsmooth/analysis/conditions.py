@@ -4,11 +4,12 @@
                                                 (c^T       0) (g) = (1),     mu = 1, -1, -1 of the half-period map
     torus                              the same with DP^2 - 2 kappa DP + 1, two columns b and c, kappa an unknown
     branch point                       g = 0 and w F_p = 0 of F + e b, e an unknown (0 while the branches meet)
+    grazing (of a stop, a surface)     the smallest s h of a window, within which the surface acts on nothing, is 0
 
 g is as smooth as DP and vanishes with det(DP - mu), whose size it does not have (Govaerts, Numerical Methods for
 Bifurcations of Dynamical Equilibria, 2000); b and c follow the null vectors from point to point.
 
-Chain: arclength.py -> **conditions** -> curves.py.
+Chain: sections.py, windows.py -> **conditions** -> curves.py.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .poincare import Image
+from ..paths.linearised import linearise
 
 
 class Place(NamedTuple):
     """The map at a point: F = P - x (n,) and its slopes DF (n, n + 2) by the point and both parameters, not scaled."""
 
     map: Any
-    image: Image
+    image: Any  # Image, or PartedImage
     x: np.ndarray
     F: np.ndarray
     DF: np.ndarray
@@ -202,6 +203,54 @@ class BranchPoint(Critical):
         found = super().tests(place, extra, slopes)
         found.pop("cusp")
         return found
+
+
+class Touch(Condition):
+    """The orbit comes to a surface and touches it: the smallest s h of a window is 0 (windows.py)."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([place.image.approach.h])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return place.image.approach.slopes[None]
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        near, mu = place.image.approach, np.linalg.eigvals(place.DP).astype(complex)
+        found = {
+            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
+            f"{self.kind} + torus": pairs(mu), f"{self.kind} twice": near.others / (1 + near.others)
+            if np.isfinite(near.others) else 1.0,
+        }  # fmt: skip
+        side = self.side_of_impacts(place)
+        return found if side is None else {"degenerate grazing": side, **found}
+
+    def side_of_impacts(self, place: Place) -> float | None:
+        """h_x (1 - DP)^-1 b at the instant of contact, b the push: to which side orbits with an impact exist.
+
+        A slow impact of speed u moves the contact of the next period by u times it, to either side of the wall.
+        """
+        near, n = place.image.approach, len(place.x)
+        model, name = place.map.system.model, place.map.window.name
+        contact = next((mu for mu in model.multipliers if str(mu.symbol) == name and mu.kind == "contact"), None)
+        if contact is None:
+            return None
+        line = linearise(model)
+        mult = np.zeros(len(model.multipliers))
+        p = np.array(place.map.system.parameter_values, float)
+        speed = line.gradient(line.speed(model.multipliers.index(contact)), near.place, near.x, mult, p)[0]
+        jump = line.jump(contact.impact, near.place, near.x, mult, p)[1]
+        push = (jump - np.eye(n)) @ speed / (speed @ speed)
+        flow = near.W[:, :n]
+        back = np.linalg.solve(np.eye(n) - place.DP, np.linalg.solve(flow, push))
+        return float(near.gradient @ flow @ back)
+
+    def ends(self, name: str) -> str:
+        if name == f"{self.kind} twice":
+            return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
+        return ""
 
 
 def others(DP: np.ndarray, critical: list[complex]) -> np.ndarray:

@@ -11,6 +11,7 @@ Chain: bifurcations.py, conditions.py -> **curves**.
 from __future__ import annotations
 
 import copy
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping
@@ -24,10 +25,11 @@ from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, full_rank, quiet_time, tangent_of, value_of
 from .bifurcations import Bifurcation, change_enclosed, of_no_effect, zero_between
-from .conditions import BranchPoint, Condition, Critical, Place, Torus, differences
+from .conditions import BranchPoint, Condition, Critical, Place, Torus, Touch, differences
 from .itineraries import change_between, same_itinerary
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
+from .windows import Windowed, recentred, touching
 
 if TYPE_CHECKING:
     import pandas
@@ -39,6 +41,7 @@ _MOST_NEWTON = 8
 _CONVERGED = 1e-10  # of the unknowns: what the last correction is
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
+TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
 
 
@@ -297,7 +300,7 @@ class CurveWalk(Walk):
             if off <= TOLERANCE and size <= _CONVERGED:
                 image = place.image
                 orbit = PeriodicOrbit(
-                    place.map, w[:n], off, image.jacobian, image.word, image.time, steps, True,
+                    _exact(place.map), w[:n], off, image.jacobian, image.word, image.time, steps, True,
                     "continued", image.degenerate,
                 )  # fmt: skip
                 tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
@@ -307,8 +310,8 @@ class CurveWalk(Walk):
                 return None
             last = size
             u = u + move
-            if isinstance(place.map, Section):
-                u = np.concatenate([onto_section(place.map, u[:n]), u[n:]])
+            if isinstance(_exact(place.map), Section):
+                u = np.concatenate([onto_section(_exact(place.map), u[:n]), u[n:]])
         return None
 
     def framed(self, here: Spot) -> None:
@@ -322,6 +325,8 @@ class CurveWalk(Walk):
 
     def rephased(self, here: Any) -> Any:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
+        if isinstance(self.map, Windowed):
+            return self._recentred(here)
         map_ = here.orbit.map
         # The way on is told from the parameters, which a cusp has not.
         told = np.linalg.norm(here.tangent[self.n : self.n + 2]) > 1e-3
@@ -330,12 +335,29 @@ class CurveWalk(Walk):
             return here
         part = map_.solved(here.orbit.x, time, map_.system)
         orbit = refine(map_.at_phase(time / map_.forcing_period), part.x[:, -1])
-        if not orbit.success:
+        return self._turned(here, orbit.map, orbit.x) if orbit.success else here
+
+    def _recentred(self, here: Spot) -> Spot:
+        """The same orbit with the window about its own approach."""
+        place = self.place((here.u * self.sizes)[: self.n + 2])
+        if place is None or place.map.window is None:
             return here
+        map_, window, near = place.map, place.map.window, place.image.approach
+        T, begins = (map_.forcing_period, map_.start_time) if map_.driven else (1.0, 0.0)
+        part = ((near.place - begins) / T - window.begin) / (window.end - window.begin)
+        if map_.driven and 0.3 < part < 0.7:
+            self.map = dataclasses.replace(
+                self.map, window=dataclasses.replace(window, near=(near.place - begins) / T)
+            )
+            return here
+        return self._turned(here, *recentred(map_, place.image.runs, near.place, window, T, begins))
+
+    def _turned(self, here: Spot, map_: Any, x: np.ndarray) -> Spot:
+        """The same point with another map and its point there."""
         turned = copy.copy(self)
-        turned.map = orbit.map
+        turned.map = map_
         turned.condition = copy.deepcopy(self.condition)
-        u = np.concatenate([orbit.x, here.u[self.n :]])
+        u = np.concatenate([x, here.u[self.n :]])
         place = turned.place((u * self.sizes)[: self.n + 2])
         if place is None:
             return here
@@ -356,10 +378,16 @@ class CurveWalk(Walk):
         return self.correct(guess, normal, near.tangent)
 
 
+def _exact(map_: Any) -> Any:
+    return map_.base if isinstance(map_, Windowed) else map_
+
+
 def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
     """The condition that a smooth bifurcation of this kind, found over the parameter `name`, puts on its curve."""
     if kind == "torus":
         return Torus()
+    if kind in TOUCHES:
+        return Touch(kind)
     if kind == "branch point":
         return BranchPoint(names.index(name) if name in names else 0)
     return Critical(kind, 1 if kind == "fold" else -1)
@@ -368,7 +396,7 @@ def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
 @checks.door(
     start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
     ranges=checks.mapping, most=checks.integer(1),
-    kind=checks.optional(checks.one_of(*SMOOTH)),
+    kind=checks.optional(checks.one_of(*SMOOTH, *TOUCHES)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
 def follow_curve(
@@ -376,6 +404,7 @@ def follow_curve(
     ranges: Mapping[Any, Any],
     *,
     kind: str | None = None,
+    switch: Any = None,
     step: float = 0.01,
     longest_step: float = 0.05,
     shortest_step: float = 1e-6,
@@ -388,11 +417,14 @@ def follow_curve(
     Parameters
     ----------
     start : Bifurcation or PeriodicOrbit
-        One of a branch's `bifurcations`; or an orbit near to a smooth one, whose `kind` is given.
+        One of a branch's `bifurcations`; or an orbit near to one, whose `kind` is given.
     ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
         The two parameters, each with the least and the largest value.
     kind : str, optional
-        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point".
+        Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
+        it, "grazing impact", "grazing", "grazing-sliding" or "grazing of an event".
+    switch : Switch, Symbol or str, optional
+        Of an orbit that is about to graze: the switch, contact or event.
     step, longest_step, shortest_step : float, in units of the arc
         Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
     most : int
@@ -431,7 +463,7 @@ def follow_curve(
     >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
     True
     """
-    orbit, kind, name = _given(start, kind)
+    orbit, kind, name, map_, x = _given(start, kind, switch)
     known = orbit.system.parameters
     names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
     if len(set(names)) != 2:
@@ -444,30 +476,55 @@ def follow_curve(
     budget = opened(max_steps, max_seconds)
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            orbit, condition_of(kind, name, (names[0], names[1])), (names[0], names[1]), bounds,
+            map_, x, condition_of(kind, name, (names[0], names[1])), (names[0], names[1]), bounds,
             (step, longest_step, shortest_step), most, lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 
 
-def _given(start: Bifurcation | PeriodicOrbit, kind: str | None) -> tuple[PeriodicOrbit, str, str]:
+def _given(
+    start: Bifurcation | PeriodicOrbit, kind: str | None, switch: Any
+) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray]:
+    """The orbit, the kind, over which parameter it was found, and the map with the point on its section."""
+    followed = ", ".join((*SMOOTH, *TOUCHES))
     if isinstance(start, Bifurcation):
         if kind is not None and kind != start.kind:
             raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
-        if start.kind not in SMOOTH:
-            raise ValueError(f"`start` is a {start.kind}; followed are {', '.join(SMOOTH)}.")
-        return start.orbit, start.kind, start.name
-    if not start.success:
-        raise ValueError(f"`start` did not converge: {start.message}")
-    if kind is None:
-        raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {', '.join(SMOOTH)}.")
-    return start, kind, ""
+        if start.kind not in (*SMOOTH, *TOUCHES):
+            raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
+        orbit, kind, name, phase = start.orbit, start.kind, start.name, None
+        if start.kind in TOUCHES and start.change is not None:
+            change, phase = start.change, start.change.time
+            letters = max(change.before, change.after, key=len)
+            switch = letters[0].switch
+            if len(change.before) > len(change.after) and start.beyond is not None:
+                orbit = start.beyond
+    else:
+        if not start.success:
+            raise ValueError(f"`start` did not converge: {start.message}")
+        if kind is None:
+            raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {followed}.")
+        orbit, name, phase = start, "", None
+    if kind not in TOUCHES:
+        return orbit, kind, name, orbit.map, orbit.x
+    model = orbit.system.model
+    names = [str(mu.symbol) for mu in model.multipliers if mu.surface is not None]
+    names += [event.name for event in model.events if event.surface is not None and not event.singular]
+    switch = names[0] if switch is None and len(names) == 1 else switch
+    if str(switch) not in names:
+        said = checks.shown(switch)
+        raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
+    found = touching(orbit.map, orbit.x, str(switch), phase)
+    if isinstance(found, str):
+        raise ValueError(f"`start` grazes nothing: {found}.")
+    return orbit, kind, name, *found
 
 
-def _both_sides(orbit, condition, names, bounds, lengths, most, used_up) -> Curve:
-    curve, n = Curve(condition.kind, names), len(orbit.x)
+def _both_sides(map_, x, condition, names, bounds, lengths, most, used_up) -> Curve:
+    curve, n = Curve(condition.kind, names), len(x)
     widths = bounds[:, 1] - bounds[:, 0]
-    walk = CurveWalk(orbit.map, condition, names, widths, n)
-    w = np.append(orbit.x, [value_of(orbit, q) for q in names])
+    walk = CurveWalk(map_, condition, names, widths, n)
+    given = {p.name: value for p, value in map_.system.parameters.items()}
+    w = np.append(x, [given[q] for q in names])
     place = walk.place(w)
     if place is None:
         curve.ends = ("no orbit was found at the start.",)
