@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.linalg import expm
+from scipy.optimize import brentq
 from test_continuation import a, b, t, u, x
 
-from pwsmooth import Event, System, find_orbit, follow, follow_curve
+from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve, solve
+from pwsmooth.analysis.orbits import refine
 
 # Orbits are known to 1e-11 and multipliers to some digits less; the issue asks for this.
 ON_CURVE = 1e-9
@@ -138,3 +141,116 @@ def test_bounds_are_kept_and_told():
     assert any("`max_steps`" in end for end in curve.ends)
     table = follow_curve(flip, {a: (2, 5), b: (-1, 1)}).to_dataframe()
     assert list(table)[:4] == ["a", "b", "x", "period"] and math.isclose(table["period"].iloc[0], 1)
+
+
+# ---- grazing of a stop: k = 1, c = 1/10, d = 1, e = 4/5; closed forms of issue 18
+
+A, w = sp.symbols("A w", positive=True)
+stop = Unilateral(1 - x, restitution=sp.Rational(4, 5), name="R")
+hammer = System({x: u, u: A * sp.cos(w * t) - x - u / 10 - stop.reaction}, time=t, parameters={A: 0.5, w: 1.4})
+DAMPED = math.sqrt(1 - 1 / 400)
+
+
+def grazing_amplitude(frequency):
+    return np.sqrt((1 - frequency**2) ** 2 + frequency**2 / 100)
+
+
+def one_impact(frequency):
+    """m0 and m1, where the orbit behind an impact of speed v is the forced one and a free one v (m0, m1)."""
+    M = expm(2 * math.pi / frequency * np.array([[0, 1], [-1, -0.1]]))
+    return np.linalg.solve(M - np.eye(2), [0, 1.8]), M
+
+
+def fold_amplitude(frequency):
+    (m0, m1), _ = one_impact(frequency)
+    speed = m0 / (m0**2 + (0.8 + m1) ** 2 / frequency**2)
+    return math.hypot(1 - speed * m0, speed * (0.8 + m1) / frequency) * grazing_amplitude(frequency)
+
+
+def impacting(frequency, speed):
+    """The orbit with one impact of a speed."""
+    (m0, m1), _ = one_impact(frequency)
+    angle = math.atan2((0.8 + m1) * speed / frequency, 1 - speed * m0)
+    amplitude = math.hypot(1 - speed * m0, (0.8 + m1) * speed / frequency) * grazing_amplitude(frequency)
+    at = (angle + math.atan2(0.1 * frequency, 1 - frequency**2)) / frequency
+    T = 2 * math.pi / frequency
+    system = hammer.with_parameters({A: amplitude, w: frequency})
+    after = solve(system, (at, at + 0.31 * T), {x: 1 - 1e-15, u: -0.8 * speed}, rtol=1e-12).x[:, -1]
+    return find_orbit(system, list(after), period=2 * sp.pi / w, phase=at / T + 0.31)
+
+
+def test_an_orbit_grazes_a_stop_along_the_exact_curve():
+    quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
+    curve = follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
+    frequency, amplitude = curve.values
+    assert curve.ends == ("reached w = 0.55.", "reached w = 3.")
+    assert np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
+    # There the motion between two impacts takes whole half turns of the free one: (M - 1)^-1 is diagonal.
+    turns = [point.values["w"] for point in curve.of_kind("degenerate grazing")]
+    assert turns == pytest.approx([2 * DAMPED / n for n in (3, 2, 1)], abs=1e-9)
+
+
+def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
+    # The rows of the issue: (1.10, 0.116443006938) and (1.40, 0.281786577844).
+    for frequency, amplitude in ((1.1, 0.116443006938), (1.4, 0.281786577844)):
+        assert fold_amplitude(frequency) == pytest.approx(amplitude, abs=1e-12)
+    (m0, m1), _ = one_impact(1.4)
+    orbit = impacting(1.4, 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.4**2))
+    fold = only(follow(orbit, A, to=0.2), "fold")
+    curve = follow_curve(fold, {w: (0.55, 3), A: (0, 10)})
+    assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE
+    for n, end in ((2, 0), (1, -1)):
+        point = curve.points[end]
+        assert point.name == "fold + grazing impact" and "virtual" in curve.ends[end]
+        assert point.values["w"] == pytest.approx(2 * DAMPED / n, abs=ON_CURVE)
+        assert point.values["A"] == pytest.approx(grazing_amplitude(2 * DAMPED / n), abs=ON_CURVE)
+    # Tangent to it: the distance to the grazing curve is of second order.
+    near = np.array([q for q in curve.values[0] if 1e-5 < q - DAMPED < 0.02])
+    gaps = np.array([grazing_amplitude(q) - fold_amplitude(q) for q in near])
+    assert np.polyfit(np.log(near - DAMPED), np.log(np.abs(gaps)), 1)[0] == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "frequency, speed, amplitude",
+    [(0.9, 0.778941741889, 0.570728766513), (2.1, 0.375431111950, 3.506188447846)],
+)
+def test_flips_of_the_impacting_orbit_lie_where_the_issue_says(frequency, speed, amplitude):
+    curve = follow_curve(impacting(frequency, 0.98 * speed), {w: (0.6, 3), A: (0, 6)}, kind="flip")
+    k = int(np.argmin(np.abs(curve.values[0] - frequency)))
+    start = curve.orbits[k]
+    again = refine(start.map.with_parameters({w: frequency, A: amplitude}), start.x)
+    assert again.multipliers == pytest.approx([-1, np.prod(again.multipliers) / -1], abs=1e-8)
+    # All along, in closed form.
+    for q, p in curve.values.T[:: max(1, len(curve.orbits) // 12)]:
+        assert p == pytest.approx(_flip_amplitude(q, p), abs=ON_CURVE)
+
+
+def _flip_amplitude(frequency, near):
+    """Where det(DP + 1) = 0, by the saltation matrix of an impact of the speed, nearest to an amplitude."""
+    (m0, m1), M = one_impact(frequency)
+
+    def amplitude(speed):
+        return math.hypot(1 - speed * m0, (0.8 + m1) * speed / frequency) * grazing_amplitude(frequency)
+
+    def test(speed):
+        angle = math.atan2((0.8 + m1) * speed / frequency, 1 - speed * m0)
+        force = amplitude(speed) * math.cos(angle + math.atan2(0.1 * frequency, 1 - frequency**2))
+        before, after = force - 1 - 0.1 * speed, force - 1 + 0.08 * speed
+        S = np.array([[-0.8, 0], [(after + 0.8 * before) / speed, -0.8]])
+        return speed * np.linalg.det(S @ M + np.eye(2))
+
+    speeds = np.geomspace(1e-6, 20, 4000)
+    values = np.array([test(speed) for speed in speeds])
+    found = np.flatnonzero(values[:-1] * values[1:] < 0)
+    roots = [amplitude(brentq(test, speeds[k], speeds[k + 1], xtol=1e-15)) for k in found]
+    return min(roots, key=lambda value: abs(value - near))
+
+
+def test_virtual_folds_are_marked_where_they_are_asked_for():
+    (m0, m1), _ = one_impact(1.05)
+    fold = only(follow(impacting(1.05, 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.05**2)), A, to=0.05), "fold")
+    curve = follow_curve(fold, {w: (0.97, 1.1), A: (0, 1)}, virtual=True)
+    frequency = curve.values[0]
+    assert np.array_equal(curve.admissible, frequency > DAMPED)
+    assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE  # the same formula holds on

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..paths.linearised import linearise
+from .poincare import Word
+from .windows import TOUCHED, ImpactImage
 
 
 class Place(NamedTuple):
@@ -34,6 +36,25 @@ class Place(NamedTuple):
     @property
     def DP(self) -> np.ndarray:
         return self.image.jacobian
+
+    def critical(self, root: int) -> np.ndarray:
+        """DP - root; of a motion from an impact to the next one the pencil of its multipliers."""
+        if isinstance(self.image, ImpactImage):
+            A, B = self.image.pencil
+            return B - root * A
+        return self.DP - root * np.eye(len(self.x))
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        if isinstance(self.image, ImpactImage):
+            from scipy.linalg import eigvals
+
+            A, B = self.image.pencil
+            mu = eigvals(B, A)
+            # One of them is no multiplier but the condition h = 0, and infinite; without speed another one is.
+            mu = np.delete(mu, np.argmax(np.where(np.isfinite(mu), np.abs(mu), np.inf)))
+            return mu[np.isfinite(mu)]
+        return np.linalg.eigvals(self.DP).astype(complex)
 
 
 class Condition:
@@ -70,8 +91,16 @@ class Condition:
         return {}
 
     def ends(self, name: str) -> str:
-        """Why the curve ends at such a point; empty where it goes on."""
+        """Why the curve ends at such a point, or is virtual from there on; empty where it goes on."""
         return ""
+
+    def admissible(self, place: Place) -> bool:
+        """Whether the orbit does what the curve says of it."""
+        return True
+
+    def word(self, place: Place) -> Word:
+        """The itinerary, without what is open on the curve."""
+        return place.image.word
 
 
 class Critical(Condition):
@@ -82,7 +111,7 @@ class Critical(Condition):
         self.b = self.c = np.empty(0)
 
     def start(self, place: Place) -> np.ndarray:
-        left, _, right = np.linalg.svd(place.DP - self.root * np.eye(len(place.x)))
+        left, _, right = np.linalg.svd(place.critical(self.root))
         self.b, self.c = left[:, -1], right[-1]
         return np.empty(0)
 
@@ -94,7 +123,7 @@ class Critical(Condition):
         """v, w (n,) and g."""
         n = len(place.x)
         matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = place.DP - self.root * np.eye(n)
+        matrix[:n, :n] = place.critical(self.root)
         matrix[:n, n], matrix[n, :n] = self.b, self.c
         last = np.append(np.zeros(n), 1.0)
         right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
@@ -106,15 +135,33 @@ class Critical(Condition):
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         v, w, _ = self.null(place)
         v, w = v / np.linalg.norm(v), w / np.linalg.norm(w)
-        rest = others(place.DP, [complex(self.root)])
+        rest = others(place.multipliers, [complex(self.root)])
         double = "1:1 resonance" if self.root > 0 else "1:2 resonance"
-        found = {double: float(w @ v)}
+        image = place.image
+        if isinstance(image, ImpactImage):
+            # The pencil's leading coefficient has the speed as a factor.
+            found = {
+                f"{self.kind} + grazing impact": image.speed,
+                double: float(w @ image.pencil[0] @ v) / image.speed,
+            }
+        else:
+            found = {double: float(w @ v)}
         if self.root > 0:
             flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
             found |= {"cusp": float(slopes[0, : len(v)] @ v), f"fold + {flip}": factors(rest, -1)}
         else:
             found[f"fold + {self.kind}"] = factors(rest, 1)
         return found | {f"{self.kind} + torus": pairs(rest)}
+
+    def ends(self, name: str) -> str:
+        return (
+            "there the impact has no speed, and beyond it the curve is virtual"
+            if "grazing impact" in name
+            else ""
+        )
+
+    def admissible(self, place: Place) -> bool:
+        return getattr(place.image, "speed", 1.0) > 0
 
 
 class Torus(Condition):
@@ -163,7 +210,7 @@ class Torus(Condition):
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         kappa = float(extra[0])
         sine = np.emath.sqrt(1 - kappa**2)
-        rest = others(place.DP, [kappa + 1j * sine, kappa - 1j * sine])
+        rest = others(place.multipliers, [kappa + 1j * sine, kappa - 1j * sine])
         names = {"1:1 resonance": 1.0, "1:2 resonance": -1.0, "1:3 resonance": -0.5, "1:4 resonance": 0.0}
         return {
             **{name: kappa - at for name, at in names.items()},
@@ -218,7 +265,7 @@ class Touch(Condition):
         return place.image.approach.slopes[None]
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
-        near, mu = place.image.approach, np.linalg.eigvals(place.DP).astype(complex)
+        near, mu = place.image.approach, place.multipliers
         found = {
             f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
             f"{self.kind} + torus": pairs(mu), f"{self.kind} twice": near.others / (1 + near.others)
@@ -234,7 +281,9 @@ class Touch(Condition):
         """
         near, n = place.image.approach, len(place.x)
         model, name = place.map.system.model, place.map.window.name
-        contact = next((mu for mu in model.multipliers if str(mu.symbol) == name and mu.kind == "contact"), None)
+        contact = next(
+            (mu for mu in model.multipliers if str(mu.symbol) == name and mu.kind == "contact"), None
+        )
         if contact is None:
             return None
         line = linearise(model)
@@ -252,10 +301,13 @@ class Touch(Condition):
             return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
         return ""
 
+    def admissible(self, place: Place) -> bool:
+        return bool(place.image.approach.others >= -TOUCHED)
 
-def others(DP: np.ndarray, critical: list[complex]) -> np.ndarray:
+
+def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
     """Multipliers without those nearest to the critical ones."""
-    rest = np.linalg.eigvals(DP).astype(complex)
+    rest = mu
     for root in critical:
         rest = np.delete(rest, np.argmin(np.abs(rest - root)))
     return rest

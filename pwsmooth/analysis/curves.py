@@ -29,7 +29,7 @@ from .conditions import BranchPoint, Condition, Critical, Place, Torus, Touch, d
 from .itineraries import change_between, same_itinerary
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
-from .windows import Windowed, recentred, touching
+from .windows import FromImpact, Windowed, from_impact, recentred, touching
 
 if TYPE_CHECKING:
     import pandas
@@ -40,6 +40,7 @@ _COUNTED = 2**62
 _MOST_NEWTON = 8
 _CONVERGED = 1e-10  # of the unknowns: what the last correction is
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
+_REPEATED = 1e-6  # to which an orbit beside grazing comes back
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
@@ -153,6 +154,11 @@ class Curve(Described):
         """Points on the section, shape (n, number of orbits), in the units of the states."""
         return np.array([orbit.x for orbit in self.orbits]).T
 
+    @property
+    def admissible(self) -> np.ndarray:
+        """Whether each orbit is one of the exact system, which all are unless `virtual` ones were asked for."""
+        return np.array([orbit.success for orbit in self.orbits])
+
     def of_kind(self, name: str) -> list[Codimension2]:
         """Points of one name.
 
@@ -208,7 +214,10 @@ class Curve(Described):
         from ..plotting import COLOUR, axes_for
 
         (ax,) = axes_for(ax, 1, (5.5, 3.6), "one curve; give one")
-        ax.plot(*self.values, **{"color": COLOUR["exact"], "label": self.kind, **line})
+        known = np.where(self.admissible, self.values, np.nan)
+        ax.plot(*known, **{"color": COLOUR["exact"], "label": self.kind, **line})
+        if not self.admissible.all():
+            ax.plot(*self.values, **{"color": COLOUR["exact"], "linestyle": ":", "label": "virtual", **line})
         for name, mark in zip(dict.fromkeys(p.name for p in self.points), itertools.cycle("osD^vP*X")):
             at = [list(point.values.values()) for point in self.of_kind(name)]
             ax.plot(*zip(*at), mark, color=COLOUR["left"], fillstyle="none", label=name)
@@ -220,6 +229,7 @@ class Curve(Described):
         spans = [f"{q.min():.9g} to {q.max():.9g}" for q in self.values] if self.orbits else ["", ""]
         return f"Curve of {self.kind}: {len(self.orbits)} orbits", {
             "over": [f"{name} from {span}" for name, span in zip(self.parameters, spans)],
+            "admissible": [] if self.admissible.all() else [f"{self.admissible.sum()} of {len(self.orbits)}"],
             "points": [str(point) for point in self.points],
             "ends": list(self.ends),
         }.items()
@@ -231,7 +241,8 @@ class CurveWalk(Walk):
     def __init__(
         self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int
     ) -> None:
-        self.map, self.condition, self.names, self.n = map_, condition, names, n
+        self.map: Any = map_
+        self.condition, self.names, self.n = condition, names, n
         self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
 
     def place(self, w: np.ndarray) -> Place | None:
@@ -298,14 +309,10 @@ class CurveWalk(Walk):
             if not np.isfinite(size):
                 return None
             if off <= TOLERANCE and size <= _CONVERGED:
-                image = place.image
-                orbit = PeriodicOrbit(
-                    _exact(place.map), w[:n], off, image.jacobian, image.word, image.time, steps, True,
-                    "continued", image.degenerate,
-                )  # fmt: skip
+                orbit = _orbit(condition, place, off, steps)
                 tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
                 tests = condition.tests(place, extra, slopes)
-                return Spot(u, tangent, orbit, image.solution, steps, full_rank(DG), extra, tests)
+                return Spot(u, tangent, orbit, place.image.solution, steps, full_rank(DG), extra, tests)
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
             last = size
@@ -327,6 +334,11 @@ class CurveWalk(Walk):
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
         if isinstance(self.map, Windowed):
             return self._recentred(here)
+        if isinstance(self.map, FromImpact):
+            found = from_impact(here.orbit.map, here.orbit.x)
+            if found is not None:
+                self.map = dataclasses.replace(self.map, behind=found[0].behind, before=found[0].before)
+            return here
         map_ = here.orbit.map
         # The way on is told from the parameters, which a cusp has not.
         told = np.linalg.norm(here.tangent[self.n : self.n + 2]) > 1e-3
@@ -379,7 +391,24 @@ class CurveWalk(Walk):
 
 
 def _exact(map_: Any) -> Any:
-    return map_.base if isinstance(map_, Windowed) else map_
+    return map_.base if isinstance(map_, (Windowed, FromImpact)) else map_
+
+
+def _orbit(condition: Condition, place: Place, off: float, steps: int) -> PeriodicOrbit:
+    """The orbit at a point of a curve, as one of the exact map."""
+    map_, x, image, word = _exact(place.map), place.x, place.image, condition.word(place)
+    if isinstance(place.map, FromImpact):
+        map_, x = place.map.exact(x, image)
+        exact = map_.image(x, ())
+        # Of an impact without speed there is no exact map: what it was made from has the multipliers.
+        if exact.success:
+            image, off = exact, float(np.abs((exact.x - x) / (1 + np.abs(x))).max())
+            word = image.word
+    found = off <= _REPEATED and condition.admissible(place)
+    message = "continued" if found else "virtual: it is none of the exact system"
+    return PeriodicOrbit(
+        map_, x, off, image.jacobian, word, image.time, steps, found, message, image.degenerate
+    )
 
 
 def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
@@ -395,7 +424,7 @@ def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
 
 @checks.door(
     start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
-    ranges=checks.mapping, most=checks.integer(1),
+    ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
     kind=checks.optional(checks.one_of(*SMOOTH, *TOUCHES)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
@@ -405,6 +434,7 @@ def follow_curve(
     *,
     kind: str | None = None,
     switch: Any = None,
+    virtual: bool = False,
     step: float = 0.01,
     longest_step: float = 0.05,
     shortest_step: float = 1e-6,
@@ -425,6 +455,9 @@ def follow_curve(
         it, "grazing impact", "grazing", "grazing-sliding" or "grazing of an event".
     switch : Switch, Symbol or str, optional
         Of an orbit that is about to graze: the switch, contact or event.
+    virtual : bool
+        Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed the
+        surface: their `success` is False. Only curves of grazing, and of folds and flips of orbits with impacts, do.
     step, longest_step, shortest_step : float, in units of the arc
         Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
     most : int
@@ -468,16 +501,18 @@ def follow_curve(
     names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
     if len(set(names)) != 2:
         raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
+    both = (names[0], names[1])
     bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
     first = np.array([value_of(orbit, q) for q in names])
     if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
         at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
         raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
     budget = opened(max_steps, max_seconds)
+    lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            map_, x, condition_of(kind, name, (names[0], names[1])), (names[0], names[1]), bounds,
-            (step, longest_step, shortest_step), most, lambda: _COUNTED - counted.left >= budget.left or budget.late(),
+            map_, x, condition_of(kind, name, both), both, bounds, lengths, most, virtual,
+            lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 
 
@@ -505,7 +540,9 @@ def _given(
             raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {followed}.")
         orbit, name, phase = start, "", None
     if kind not in TOUCHES:
-        return orbit, kind, name, orbit.map, orbit.x
+        # Beside a slow impact DP has no bound; the motion from impact to impact has.
+        found = from_impact(orbit.map, orbit.x) if kind in ("fold", "flip") else None
+        return orbit, kind, name, *(found or (orbit.map, orbit.x))
     model = orbit.system.model
     names = [str(mu.symbol) for mu in model.multipliers if mu.surface is not None]
     names += [event.name for event in model.events if event.surface is not None and not event.singular]
@@ -513,13 +550,13 @@ def _given(
     if str(switch) not in names:
         said = checks.shown(switch)
         raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
-    found = touching(orbit.map, orbit.x, str(switch), phase)
-    if isinstance(found, str):
-        raise ValueError(f"`start` grazes nothing: {found}.")
-    return orbit, kind, name, *found
+    window = touching(orbit.map, orbit.x, str(switch), phase)
+    if isinstance(window, str):
+        raise ValueError(f"`start` grazes nothing: {window}.")
+    return orbit, kind, name, *window
 
 
-def _both_sides(map_, x, condition, names, bounds, lengths, most, used_up) -> Curve:
+def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
     curve, n = Curve(condition.kind, names), len(x)
     widths = bounds[:, 1] - bounds[:, 0]
     walk = CurveWalk(map_, condition, names, widths, n)
@@ -543,7 +580,7 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, used_up) -> Cu
         side.condition = copy.deepcopy(condition)
         here = copy.copy(first)
         object.__setattr__(here, "tangent", sign * first.tangent)
-        way = _Way(side, bounds, lengths, most, used_up)
+        way = _Way(side, bounds, lengths, most, virtual, used_up)
         sides.append(way.followed(here))
         if way.closed:
             break
@@ -559,8 +596,11 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, used_up) -> Cu
 class _Way:
     """A curve to one side."""
 
-    def __init__(self, walk: CurveWalk, bounds: np.ndarray, lengths: Any, most: int, used_up: Any) -> None:
+    def __init__(
+        self, walk: CurveWalk, bounds: np.ndarray, lengths: Any, most: int, virtual: bool, used_up: Any
+    ) -> None:
         self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
+        self.virtual = virtual
         self.points: list[Codimension2] = []
         self.closed = False
 
@@ -627,7 +667,7 @@ class _Way:
         chord = there.u - here.u
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
-            if why:
+            if why and not (self.virtual and "virtual" in why):
                 return f"{name} at {_where(walk, spot)}: {why}."
         if not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)

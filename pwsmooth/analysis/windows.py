@@ -22,6 +22,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition.model import Model
+from ..definition.pointwise import value
 from ..definition.regularity import total_derivative
 from ..paths.linearised import linearise, rates
 from ..results.outputs import vectorised
@@ -31,13 +32,13 @@ from .sections import Stroboscopic
 from .variations import chosen_parameters, has_series, without_derivative
 
 _WIDEST = 0.25  # of one application of the map: a window to either side of what it is about
-_TOUCHED = 1e-6  # in the unit of h: an orbit that touches
+TOUCHED = 1e-6  # in the unit of h: an orbit that touches
 _EACH = 8  # places a step at which an extreme is looked for
 
 
 @functools.lru_cache(maxsize=64)
 def one_sided(model: Model, name: str, value: int) -> Model:
-    """The model without the surface of this name, which has its multiplier at a value; without the event of this name."""
+    """The model without the surface of this name, its multiplier at a value; without the event of this name."""
     for k, event in enumerate(model.events):
         if event.name == name and not any(str(mu.symbol) == name for mu in model.multipliers):
             return replace(model, events=model.events[:k] + model.events[k + 1 :])
@@ -73,9 +74,9 @@ def one_sided(model: Model, name: str, value: int) -> Model:
 class Approach:
     """The extreme of s h in a window: s h is smallest there.
 
-    `place` is its time, `h` the value of s h, `slopes` (n + k,) by the point on the section and the parameters, `curvature`
-    s h'', `gradient` h_x (n,), `W` (n, n + k) of the state there, and `others` the smallest s h of other extremes and the
-    window's ends.
+    `place` is its time, `h` the value of s h, `slopes` (n + k,) by the point on the section and the parameters,
+    `curvature` s h'', `gradient` h_x (n,), `W` (n, n + k) of the state there, `others` the smallest s h at other
+    extremes in the window.
     """
 
     place: float
@@ -111,7 +112,7 @@ class PartedImage(Image):
 
 @dataclass(frozen=True)
 class Window:
-    """Where a surface acts on nothing: its name, its side s, and the times from the section (driven: parts of the period)."""
+    """Where a surface acts on nothing: its name, its side s, times from the section (driven: parts of the period)."""
 
     name: str
     side: int
@@ -155,7 +156,10 @@ class Windowed:
         at, parts, runs = np.asarray(x, float), [], []
         approach = None
         T, begins = (base.forcing_period, base.start_time) if self.driven else (1.0, 0.0)
-        slope = np.array([base._period_slope(q) for q in chosen]) if self.driven else np.zeros(len(chosen))
+        fixed, slope = np.zeros(n + len(chosen)), np.zeros(n + len(chosen))
+        if self.driven:
+            slope[n:] = [base._period_slope(q) for q in chosen]
+        seeds = _seeds(system.model, chosen, n)
         phase = base.phase if self.driven else 0.0
         window = self.window
         cuts: list[tuple[float, float, bool]] = []  # from and to, in periods, and whether it is the window
@@ -176,12 +180,12 @@ class Windowed:
             if not (run.success and run.t[-1] == span[1]):
                 return lost(n, tuple(runs), why_stopped(run))
             wanted = None
-            if inside:
+            if inside and window is not None:
                 wanted = nearest(run, self.surface, window, T, begins)
                 if wanted is None:
                     return lost(n, tuple(runs), "h has no extreme in the window.")
-            moves = (slope * (phase + first), slope * (phase + end))
-            part = _part(run, chosen, W, moves, None if wanted is None else np.array([wanted[0]]))
+            moves = (fixed + slope * (phase + first), fixed + slope * (phase + end))
+            part = _part(run, chosen, W, seeds, moves, None if wanted is None else np.array([wanted[0]]))
             if part is None:
                 return lost(n, tuple(runs), "a step has no Taylor series.")
             if wanted is not None:
@@ -208,12 +212,150 @@ class Windowed:
 
 
 def _in_window(system: Any, window: Window) -> Any:
-    is_contact = any(
-        str(mu.symbol) == window.name and mu.kind == "contact" for mu in system.model.multipliers
-    )
+    is_contact = any(str(mu.symbol) == window.name and mu.kind == "contact" for mu in system.model.multipliers)
     other = copy.copy(system)
     other.model = one_sided(system.model, window.name, 0 if is_contact else window.side)
     return other
+
+
+@dataclass(frozen=True)
+class ImpactImage(Image):
+    """Of z = (x, t) before an impact: x is z + (F, h), the jacobian that of it, K(mu) the pencil of the multipliers."""
+
+    speed: float = math.nan
+    pencil: tuple[np.ndarray, np.ndarray] = (np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True)
+class FromImpact:
+    """The motion from one impact to the same one a period later, regular where its speed goes to 0 and beyond.
+
+        z = (x, t) before the impact,   F = phi(t + D; t, R(x, t)) - x = 0,   h(x, t) = 0
+
+    The wall acts on nothing for a part of the period behind the impact and before it. A deviation comes back as mu
+    times itself where K(mu) = ((Phi R_x - mu, Phi (R_t - f) + mu f'), (h_x, h_t)) is singular, f behind the impact and
+    f' before it; for autonomous systems t stands for the period D, and K = ((Phi R_x - mu, f'), (h_x, 0)).
+    """
+
+    base: Any
+    contact: str
+    behind: float  # the windows, parts of the period
+    before: float
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "base":
+            raise AttributeError(name)
+        return getattr(self.base, name)
+
+    def with_parameters(self, values: Any) -> FromImpact:
+        return replace(self, base=self.base.with_parameters(values))
+
+    @property
+    def driven(self) -> bool:
+        return isinstance(self.base, Stroboscopic)
+
+    def image(self, z: Any, parameters: Sequence[Any] | None = None) -> Image:
+        base, system, names = self.base, self.base.system, tuple(parameters or ())
+        model, n = system.model, len(z) - 1
+        chosen = chosen_parameters(system, names)
+        line, p = linearise(model, chosen), np.array(system.parameter_values, float)
+        index = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == self.contact)
+        contact, mult = model.multipliers[index], np.zeros(len(model.multipliers))
+        x, last = np.asarray(z[:n], float), float(z[n])
+        t0 = last if self.driven else 0.0
+        D = base.duration if self.driven else last
+        h_w, h_t, _ = line.gradient(contact.surface, t0, x, mult, p)
+        at, R_w, R_t = line.jump(contact.impact, t0, x, mult, p)
+        W = np.zeros((n, n + 1 + len(chosen)))
+        W[:, :n], W[:, n + 1 :] = R_w[:, :n], R_w[:, n:]
+        moves = [np.zeros(n + 1 + len(chosen)) for _ in range(4)]
+        if self.driven:
+            W[:, n] = R_t
+            long = np.array([base._period_slope(q) for q in chosen]) * D / base.forcing_period
+            for k, part in enumerate((0.0, self.behind, 1 - self.before, 1.0)):
+                moves[k][n] = 1.0
+                moves[k][n + 1 :] = part * long
+        else:
+            for k, part in enumerate((0.0, self.behind, 1 - self.before, 1.0)):
+                moves[k][n] = part
+        seeds = _seeds(model, chosen, n + 1)
+        cuts = t0 + D * np.array([0.0, self.behind, 1 - self.before, 1.0])
+        free = _in_window(system, Window(self.contact, 1, 0, 0, 0))
+        runs: list[Solution] = []
+        degenerate: list[str] = []
+        for k, there in enumerate((free, system, free)):
+            run = base._solve(there, (cuts[k], cuts[k + 1]), at, True)
+            runs.append(run)
+            if not (run.success and run.t[-1] == cuts[k + 1]):
+                return lost(n + 1, tuple(runs), why_stopped(run))
+            done = _part(run, chosen, W, seeds, (moves[k], moves[k + 1]))
+            if done is None:
+                return lost(n + 1, tuple(runs), "a step has no Taylor series.")
+            degenerate += done.degenerate
+            at, W = run.x[:, -1], done.W
+        point = dict(zip((*model.states, *(mu.symbol for mu in model.multipliers)), (*x, *mult)))
+        point |= {**system.parameters, model.time: t0}
+        h = value(contact.surface, point)
+        f = _last_rates(runs[-1])
+        J = np.zeros((n + 1, n + 1 + len(chosen)))
+        J[:n] = W
+        J[n, :n], J[n, n + 1 :] = h_w[:n], h_w[n:]
+        if self.driven:
+            J[n, n] = h_t
+        A, B = np.zeros((n + 1, n + 1)), J[:, : n + 1].copy()
+        A[:n, :n], A[:n, n] = np.eye(n), -f
+        B[:n, n] -= f
+        if not self.driven:
+            A[:n, n], B[:n, n] = 0.0, f
+        J[:n, :n] -= np.eye(n)
+        where = np.append(at - x, h)
+        end = np.asarray(z, float) + where
+        return ImpactImage(
+            end, float(D), tuple(runs), J[:, : n + 1] + np.eye(n + 1), J[:, n + 1 :], tuple(degenerate),
+            speed=-float(_speed_of(line, index, t0, x, mult, p)), pencil=(A, B),
+        )  # fmt: skip
+
+    def exact(self, z: np.ndarray, image: Image) -> tuple[Any, np.ndarray]:
+        """The exact map with its section in the middle between two impacts, and the point there."""
+        run = image.runs[1]
+        middle = 0.5 * float(run.t[0] + run.t[-1])
+        x = run.dense(np.array([middle]))[0][:, 0]
+        if self.driven:
+            return self.base.at_phase(middle / self.base.forcing_period), x
+        return self.base, x
+
+
+def _speed_of(line: Any, index: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> float:
+    found = _function(line.model, line.speed(index))(np.array([t]), x[:, None], mult[:, None], p)
+    return float(found[0])
+
+
+def from_impact(map_: Any, x: np.ndarray) -> tuple[FromImpact, np.ndarray] | None:
+    """The motion from the slowest impact of an orbit on, and z there; None for orbits without, or of half a period."""
+    model = map_.system.model
+    contacts = {str(mu.symbol): j for j, mu in enumerate(model.multipliers) if mu.kind == "contact"}
+    if getattr(map_, "symmetry", None) is not None or not contacts or not isinstance(map_, Stroboscopic):
+        return None
+    run = map_.solved(x, map_.start_time + map_.duration, map_.system)
+    line, p = linearise(model, ()), np.array(map_.system.parameter_values, float)
+    best = None
+    for event in run.events:
+        if event.kind != "impact" or event.switch not in contacts or not event.time > run.t[0]:
+            continue
+        column = int(np.searchsorted(run.t, event.time, side="left"))
+        state, mult = run.x[:, column], run.mult[:, column]
+        speed = abs(_speed_of(line, contacts[event.switch], event.time, state, mult, p))
+        if best is None or speed < best[0]:
+            best = speed, event.time, event.switch, state
+    if best is None:
+        return None
+    _, t, name, state = best
+    D = float(run.t[-1] - run.t[0])
+    times = np.array([e.time for e in run.events if e.time != t])
+    away = (times - t) % D if times.size else np.array([D])
+    behind, before = float(away.min()) / D, 1 - float(away.max()) / D if times.size else 1.0
+    found = FromImpact(map_, name, min(_WIDEST, behind / 2), min(_WIDEST, before / 2))
+    return found, np.append(state, t)
 
 
 def surface_of(model: Model, name: str) -> sp.Expr:
@@ -222,26 +364,36 @@ def surface_of(model: Model, name: str) -> sp.Expr:
     return found[0]
 
 
-def _part(run: Solution, chosen: Any, W: np.ndarray, moves: Any, times: np.ndarray | None) -> Part | None:
-    """The deviations of a run whose start and end move with the parameters by `moves`."""
-    if not has_series(run):
-        return None
-    model, tape = run.model, run.tape
-    n, k = W.shape[0], len(chosen)
-    start, seeds = W.copy(), np.zeros((len(tape.p), n + k))
-    for column, symbol in enumerate(chosen, n):
+def _seeds(model: Model, chosen: Any, first: int) -> np.ndarray:
+    """Columns (np, first + k) of parameters behind `first` others."""
+    seeds = np.zeros((len(model.parameters), first + len(chosen)))
+    for column, symbol in enumerate(chosen, first):
         if symbol in model.parameters:
             seeds[model.parameters.index(symbol), column] = 1.0
-    begin, end = moves
-    start[:, n:] -= np.outer(tape.first_rates(), begin)
+    return seeds
+
+
+def _part(
+    run: Solution, chosen: Any, W: np.ndarray, seeds: np.ndarray, moves: tuple[np.ndarray, np.ndarray],
+    times: np.ndarray | None = None,
+) -> Part | None:  # fmt: skip
+    """The deviations of a run, from W at its start, where start and end move with the columns by `moves`."""
+    if not has_series(run):
+        return None
+    tape = run.tape
+    start = W - np.outer(tape.first_rates(), moves[0])
     found = tape.deviations(start, seeds, times, points=False)
-    total = found.end.copy()
-    total[:, n:] += np.outer(rates(model, *tape.standing(-1), tape.p), end)
+    total = found.end + np.outer(_last_rates(run), moves[1])
     if not np.isnan(found.stopped):
         return None
     said = tuple(without_derivative(run, found.instant_t, found.instant_why))
     said += tuple(map(str, run.ambiguities))
     return Part(run, total, found.instant_t, found.instant_dt, found.instant_w, said, found.at_sample)
+
+
+def _last_rates(run: Solution) -> np.ndarray:
+    t, x, mult = run.tape.standing(-1)
+    return rates(run.model, t, x, mult, run.tape.p)
 
 
 def nearest(
@@ -273,7 +425,14 @@ def _approach(
     bend = _curvature(model, surface)(t, x, mult, p)
     side = window.side
     return Approach(
-        place, float(side * h(t, x, mult, p)[0]), side * slopes, float(side * bend[0]), w[:n], x[:, 0], W, others
+        place,
+        float(side * h(t, x, mult, p)[0]),
+        side * slopes,
+        float(side * bend[0]),
+        w[:n],
+        x[:, 0],
+        W,
+        others,
     )
 
 
@@ -298,8 +457,9 @@ def _function(model: Model, e: sp.Expr) -> Callable[..., Any]:
     return evaluate
 
 
-
-def touching(map_: Any, x: np.ndarray, name: str, phase: float | None = None) -> tuple[Windowed, np.ndarray] | str:
+def touching(
+    map_: Any, x: np.ndarray, name: str, phase: float | None = None
+) -> tuple[Windowed, np.ndarray] | str:
     """A map with a window about the nearest approach to a surface, that of a phase of the period, and x on its section.
 
     Why there is none, in words.
@@ -327,9 +487,9 @@ def touching(map_: Any, x: np.ndarray, name: str, phase: float | None = None) ->
                 contact = run.model.multipliers[j].kind == "contact"
                 if run.status[j, column] != (1 if contact else side):
                     continue
-            value = side * float(h(np.array([t]), states, mult, run.tape.p)[0])
-            if value >= -_TOUCHED:
-                found.append((value, t, window))
+            distance = side * float(h(np.array([t]), states, mult, run.tape.p)[0])
+            if distance >= -TOUCHED:
+                found.append((distance, t, window))
     if not found:
         return f"{surface_of(run.model, name)} has no extreme along the orbit on a side of {name}"
     duration = float(run.t[-1] - run.t[0])
@@ -340,9 +500,9 @@ def touching(map_: Any, x: np.ndarray, name: str, phase: float | None = None) ->
             part = duration / period
             return abs(((t - begins) / period - phase + part / 2) % part - part / 2)
 
-        value, t, window = min(found, key=lambda f: off(f[1]))
+        _, t, window = min(found, key=lambda f: off(f[1]))
     else:
-        value, t, window = min(found, key=lambda f: f[0])
+        _, t, window = min(found, key=lambda f: f[0])
     return recentred(whole, [run], t, window, T, begins)
 
 
