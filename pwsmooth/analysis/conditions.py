@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..paths.linearised import linearise
-from .poincare import Word
-from .windows import TOUCHED, ImpactImage
+from .poincare import RETURN, Word, after_start
+from .windows import TOUCHED, ImpactImage, function_of
 
 
 class Place(NamedTuple):
@@ -32,6 +32,7 @@ class Place(NamedTuple):
     x: np.ndarray
     F: np.ndarray
     DF: np.ndarray
+    names: tuple[str, str]
 
     @property
     def DP(self) -> np.ndarray:
@@ -305,6 +306,147 @@ class Touch(Condition):
         return bool(place.image.approach.others >= -TOUCHED)
 
 
+class AtEvent(Condition):
+    """Something vanishes at one event of the orbit: the events are known with their slopes (windows.py).
+
+    `ordinal` counts the switch's events of its sort: those that come to the surface, or those that leave a stick.
+    """
+
+    arrives = True
+
+    def __init__(self, kind: str, switch: str, ordinal: int) -> None:
+        self.kind, self.switch, self.ordinal = kind, switch, ordinal
+
+    def events(self, run: Any) -> list[int]:
+        """Places of the events that are counted, among all of a run."""
+        begin = after_start(run)
+        return [
+            k for k, e in enumerate(run.events)
+            if e.switch == self.switch and e.time > begin and (e.kind in ("crossing", "stick")) == self.arrives
+            and (self.arrives or e.kind.startswith("slip by"))
+        ]  # fmt: skip
+
+    def place_of(self, image: Any) -> int | None:
+        """Of the event itself; None where the orbit does not have it."""
+        found = self.events(image.parts[0].run)
+        return found[self.ordinal] if self.ordinal < len(found) else None
+
+    def word(self, place: Place) -> Word:
+        """Without a slip that follows at once, which comes and goes along the curve."""
+        run, k = place.image.parts[0].run, self.place_of(place.image)
+        begin = after_start(run)
+        letters = []
+        events = run.events
+        at = events[k].time if k is not None else np.nan
+        near = TOGETHER * float(run.t[-1] - run.t[0])
+        for i, e in enumerate(events):
+            if not e.time > begin or e.switch == RETURN:
+                continue
+            if e.switch == self.switch and abs(e.time - at) <= near:
+                if i == k:
+                    letters.append((e.switch, "arrival" if self.arrives else "slip", e.note.split(" to ")[0]))
+                continue
+            letters.append((e.switch, e.kind, e.note))
+        return tuple(letters)
+
+    def state(self, place: Place) -> tuple[Any, int, float, np.ndarray, np.ndarray, int] | None:
+        """Of the event: part, instant, time, state and multipliers before it, and the side it comes from or goes to."""
+        k, part = self.place_of(place.image), place.image.parts[0]
+        if k is None or not len(part.instant_t):
+            return None
+        run, event = part.run, part.run.events[k]
+        column = int(np.searchsorted(run.t, event.time, side="left"))
+        sides = event.note.split(" to ")
+        side = int(sides[0] if self.arrives else sides[1])
+        instant = int(np.argmin(np.abs(part.instant_t - event.time)))
+        return part, instant, event.time, run.x[:, column], run.mult[:, column].copy(), side
+
+    def measured(self, place: Place) -> tuple[float, np.ndarray] | None:
+        """c and its slopes by the point on the section and the parameters, (n + 2,)."""
+        found = self.state(place)
+        if found is None:
+            return None
+        part, instant, t, x, mult, side = found
+        model, n = part.run.model, len(x)
+        chosen = tuple(p for name in place.names for p in part.run.system.parameters if p.name == name)
+        line, p = linearise(model, chosen), part.run.tape.p
+        j = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == self.switch)
+        e, value, mult = self.quantity(line, j, t, x, mult, p, side)
+        w, by_time, _ = line.gradient(e, t, x, mult, p)
+        slopes = w[:n] @ part.instant_w[instant, :n] + by_time * part.instant_dt[instant]
+        slopes[n:] += w[n:]
+        return value, slopes
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        """The expression that is 0, its value, and the multipliers with which it is evaluated."""
+        raise NotImplementedError
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        found = self.measured(place)
+        return np.array([np.nan if found is None else found[0]])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
+        found = self.measured(place)
+        return None if found is None else found[1][None]
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        mu = place.multipliers
+        return {
+            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
+            f"{self.kind} + torus": pairs(mu),
+        }  # fmt: skip
+
+
+class Arrival(AtEvent):
+    """The orbit comes to a surface where it begins to be held: the largest s dh/dt of lambda in [-1, 1] is 0 there.
+
+    It comes from the side s with s dh/dt < 0, and lambda goes to -s: what stops it is the first zero on the way. With
+    lambda linear the largest value is that at -s (the field beyond is tangent); of a hidden term, that of its fold.
+    """
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        e = line.speed(j)
+        lam = np.linspace(-1.0, 1.0, _LAYER)
+        values = self._over(line, e, j, t, x, mult, p, side, lam)
+        k = int(np.argmax(values))
+        best = float(lam[k])
+        if 0 < k < _LAYER - 1:
+            from scipy.optimize import minimize_scalar
+
+            found = minimize_scalar(
+                lambda at: -self._over(line, e, j, t, x, mult, p, side, np.array([at]))[0],
+                bounds=(lam[k - 1], lam[k + 1]), method="bounded", options={"xatol": 1e-10},
+            )  # fmt: skip
+            best = float(found.x)
+        mult[j] = best
+        return side * e, float(self._over(line, e, j, t, x, mult, p, side, np.array([best]))[0]), mult
+
+    @staticmethod
+    def _over(line, e, j, t, x, mult, p, side, lam) -> np.ndarray:
+        """s dh/dt over values of the multiplier."""
+        at = np.tile(mult[:, None], (1, len(lam)))
+        at[j] = lam
+        states = np.tile(x[:, None], (1, len(lam)))
+        return side * function_of(line.model, e)(np.full(len(lam), t), states, at, p)
+
+
+class Exit(AtEvent):
+    """The orbit leaves a stick at the end of the layer and at its fold at once: d(dh/dt)/d lambda is 0 at that end."""
+
+    arrives = False
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        e = line.speed(j).diff(line.symbols[j])
+        mult[j] = float(side)
+        return e, float(function_of(line.model, e)(np.array([t]), x[:, None], mult[:, None], p)[0]), mult
+
+
 def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
     """Multipliers without those nearest to the critical ones."""
     rest = mu
@@ -351,4 +493,6 @@ def differences(
     return np.array(columns).T
 
 
+TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
+_LAYER = 201  # places in [-1, 1] at which a layer is looked at
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method

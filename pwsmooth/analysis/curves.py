@@ -19,17 +19,30 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import sympy as sp
 
 from ..definition import checks
 from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, full_rank, quiet_time, tangent_of, value_of
 from .bifurcations import Bifurcation, change_enclosed, of_no_effect, zero_between
-from .conditions import BranchPoint, Condition, Critical, Place, Torus, Touch, differences
+from .conditions import (
+    TOGETHER,
+    Arrival,
+    AtEvent,
+    BranchPoint,
+    Condition,
+    Critical,
+    Exit,
+    Place,
+    Torus,
+    Touch,
+    differences,
+)  # fmt: skip
 from .itineraries import change_between, same_itinerary
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
-from .windows import FromImpact, Windowed, from_impact, recentred, touching
+from .windows import FromImpact, PartedImage, Windowed, from_impact, recentred, touching
 
 if TYPE_CHECKING:
     import pandas
@@ -43,7 +56,11 @@ _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event")
+EXITS = ("exit by a fold",)
+ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
+
+FOLLOWED = (*SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
 
 
 @dataclass(frozen=True)
@@ -256,7 +273,7 @@ class CurveWalk(Walk):
         if not image.success:
             return None
         DF = np.column_stack([image.jacobian - np.eye(n), image.by_parameter])
-        return Place(here, image, x, image.x - x, DF) if np.isfinite(DF).all() else None
+        return Place(here, image, x, image.x - x, DF, self.names) if np.isfinite(DF).all() else None
 
     def slopes(self, place: Place, w: np.ndarray) -> np.ndarray | None:
         """Of the condition by (x, p, q, e), not scaled."""
@@ -332,6 +349,8 @@ class CurveWalk(Walk):
 
     def rephased(self, here: Any) -> Any:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
+        if isinstance(self.condition, AtEvent):
+            return self._retimed(here)
         if isinstance(self.map, Windowed):
             return self._recentred(here)
         if isinstance(self.map, FromImpact):
@@ -348,6 +367,26 @@ class CurveWalk(Walk):
         part = map_.solved(here.orbit.x, time, map_.system)
         orbit = refine(map_.at_phase(time / map_.forcing_period), part.x[:, -1])
         return self._turned(here, orbit.map, orbit.x) if orbit.success else here
+
+    def _retimed(self, here: Spot) -> Spot:
+        """The same orbit on a section far from events, and the number of the one that matters counted from there."""
+        map_, run = here.orbit.map, here.run
+        if not isinstance(map_, Stroboscopic):
+            return here
+        time = quiet_time(run, map_.forcing_period)
+        if time is None:
+            return here
+        condition = self.condition
+        assert isinstance(condition, AtEvent)
+        old = condition.ordinal
+        count = len(condition.events(run))
+        before = sum(run.events[k].time < time for k in condition.events(run))
+        there = map_.solved(here.orbit.x, time, map_.system)
+        condition.ordinal = (old - before) % count
+        found = self._turned(here, Windowed(map_.at_phase(time / map_.forcing_period)), there.x[:, -1])
+        if found is here:
+            condition.ordinal = old
+        return found
 
     def _recentred(self, here: Spot) -> Spot:
         """The same orbit with the window about its own approach."""
@@ -411,8 +450,10 @@ def _orbit(condition: Condition, place: Place, off: float, steps: int) -> Period
     )
 
 
-def condition_of(kind: str, name: str, names: tuple[str, str]) -> Condition:
-    """The condition that a smooth bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+def condition_of(kind: str, name: str, names: tuple[str, str], event: tuple[str, int] | None) -> Condition:
+    """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+    if event is not None:
+        return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
     if kind == "torus":
         return Torus()
     if kind in TOUCHES:
@@ -496,7 +537,7 @@ def follow_curve(
     >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
     True
     """
-    orbit, kind, name, map_, x = _given(start, kind, switch)
+    orbit, kind, name, map_, x, event = _given(start, kind, switch)
     known = orbit.system.parameters
     names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
     if len(set(names)) != 2:
@@ -511,22 +552,24 @@ def follow_curve(
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            map_, x, condition_of(kind, name, both), both, bounds, lengths, most, virtual,
+            map_, x, condition_of(kind, name, both, event), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 
 
 def _given(
     start: Bifurcation | PeriodicOrbit, kind: str | None, switch: Any
-) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray]:
-    """The orbit, the kind, over which parameter it was found, and the map with the point on its section."""
-    followed = ", ".join((*SMOOTH, *TOUCHES))
+) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray, tuple[str, int] | None]:
+    """The orbit, its kind, over which parameter it was found, the map, its point there, and the event that matters."""
+    followed = ", ".join(FOLLOWED)
     if isinstance(start, Bifurcation):
         if kind is not None and kind != start.kind:
             raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
-        if start.kind not in (*SMOOTH, *TOUCHES):
+        if start.kind not in FOLLOWED:
             raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
         orbit, kind, name, phase = start.orbit, start.kind, start.name, None
+        if start.change is not None and start.kind in (*ARRIVALS, *EXITS):
+            return orbit, kind, name, *_at_event(start)
         if start.kind in TOUCHES and start.change is not None:
             change, phase = start.change, start.change.time
             letters = max(change.before, change.after, key=len)
@@ -542,7 +585,7 @@ def _given(
     if kind not in TOUCHES:
         # Beside a slow impact DP has no bound; the motion from impact to impact has.
         found = from_impact(orbit.map, orbit.x) if kind in ("fold", "flip") else None
-        return orbit, kind, name, *(found or (orbit.map, orbit.x))
+        return orbit, kind, name, *(found or (orbit.map, orbit.x)), None
     model = orbit.system.model
     names = [str(mu.symbol) for mu in model.multipliers if mu.surface is not None]
     names += [event.name for event in model.events if event.surface is not None and not event.singular]
@@ -553,7 +596,32 @@ def _given(
     window = touching(orbit.map, orbit.x, str(switch), phase)
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
-    return orbit, kind, name, *window
+    return orbit, kind, name, *window, None
+
+
+def _at_event(start: Bifurcation) -> tuple[Windowed, np.ndarray, tuple[str, int]]:
+    """The map in one piece, the point on its section, and the event at which the itinerary changes."""
+    orbit, change = start.orbit, start.change
+    assert change is not None
+    switch = change.before[0].switch
+    map_ = Windowed(orbit.map)
+    image = map_.image(orbit.x, ())
+    if not isinstance(image, PartedImage):
+        raise ValueError(f"`start` is a {start.kind} of an orbit that is not run through: {image.reason}")
+    run = image.parts[0].run
+    if any(layer.ratio != sp.oo for layer in run.model.layer_states):
+        raise ValueError(
+            f"`start` is a {start.kind} of a layered view, whose layer has states; these are not followed."
+        )
+    probe = (Arrival if start.kind in ARRIVALS else Exit)(start.kind, switch, 0)
+    part = 0.5 if orbit.symmetric else 1.0
+    times = [(run.events[k].time - run.t[0]) / orbit.period for k in probe.events(run)]
+    off = [abs((t - change.before[0].time + part / 2) % part - part / 2) for t in times]
+    if not off or min(off) > 3 * TOGETHER:
+        raise ValueError(
+            f"`start` is a {start.kind} whose event is not found in its orbit; start from another one."
+        )
+    return map_, orbit.x, (switch, int(np.argmin(off)))
 
 
 def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:

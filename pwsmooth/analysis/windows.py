@@ -201,6 +201,12 @@ class Windowed:
             rest = base.image(at, names)
             if not rest.success:
                 return rest
+            if window is None:
+                moves = (fixed, fixed)
+                done = _part(rest.runs[0], chosen, W, seeds, moves)
+                if done is None:
+                    return lost(n, tuple(rest.runs), "a step has no Taylor series.")
+                parts.append(done)
             runs += rest.runs
             B = rest.by_parameter
             W = rest.jacobian @ W
@@ -326,7 +332,7 @@ class FromImpact:
 
 
 def _speed_of(line: Any, index: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> float:
-    found = _function(line.model, line.speed(index))(np.array([t]), x[:, None], mult[:, None], p)
+    found = function_of(line.model, line.speed(index))(np.array([t]), x[:, None], mult[:, None], p)
     return float(found[0])
 
 
@@ -439,16 +445,16 @@ def _approach(
 @functools.lru_cache(maxsize=64)
 def _functions(model: Model, surface: sp.Expr) -> tuple[Callable[..., Any], Callable[..., Any]]:
     speed = total_derivative(surface, model.time, model.states, model.rhs)
-    return _function(model, surface), _function(model, speed)
+    return function_of(model, surface), function_of(model, speed)
 
 
 @functools.lru_cache(maxsize=64)
 def _curvature(model: Model, surface: sp.Expr) -> Callable[..., Any]:
     speed = total_derivative(surface, model.time, model.states, model.rhs)
-    return _function(model, total_derivative(speed, model.time, model.states, model.rhs))
+    return function_of(model, total_derivative(speed, model.time, model.states, model.rhs))
 
 
-def _function(model: Model, e: sp.Expr) -> Callable[..., Any]:
+def function_of(model: Model, e: sp.Expr) -> Callable[..., Any]:
     function = vectorised(model, sp.Tuple(e))
 
     def evaluate(t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> np.ndarray:
