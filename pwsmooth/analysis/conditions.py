@@ -95,6 +95,10 @@ class Condition:
         """Why the curve ends at such a point, or is virtual from there on; empty where it goes on."""
         return ""
 
+    def twin(self, place: Place) -> bool:
+        """Whether it holds at two events at once."""
+        return False
+
     def admissible(self, place: Place) -> bool:
         """Whether the orbit does what the curve says of it."""
         return True
@@ -306,7 +310,57 @@ class Touch(Condition):
         return bool(place.image.approach.others >= -TOUCHED)
 
 
-class AtEvent(Condition):
+class TwoSided(Condition):
+    """The map has another slope on either side of c = 0: what its multipliers do is looked at on both."""
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        n = len(place.x)
+        found: dict[str, float] = {}
+        flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
+        w = np.append(place.x, [_value(place.map, name) for name in place.names])
+        for side, sign in (("below", -1.0), ("above", 1.0)):
+            near = []
+            for aside in (_ASIDE, 4 * _ASIDE):
+                u = w + sign * aside * slopes[0] / (slopes[0] @ slopes[0])
+                image = place.map.with_parameters(dict(zip(place.names, map(float, u[n:])))).image(u[:n], ())
+                near.append(image.jacobian if image.success else np.full((n, n), np.nan))
+            # Beside a fold of the layer the slope has the root of c.
+            slope = 2 * near[0] - near[1]
+            if not np.isfinite(slope).all():
+                continue
+            mu = np.linalg.eigvals(slope).astype(complex)
+            found |= {
+                f"{self.kind} + fold, {side}": factors(mu, 1), f"{self.kind} + {flip}, {side}": factors(mu, -1),
+                f"{self.kind} + torus, {side}": pairs(mu),
+            }  # fmt: skip
+        return found
+
+
+class Border(TwoSided):
+    """A surface h(x, p) = 0 on the section: a fixed point of a map meets the border of its branches."""
+
+    kind = "border collision"
+
+    def __init__(self, surface: Any) -> None:
+        self.surface = surface
+
+    def _row(self, place: Place) -> tuple[float, np.ndarray]:
+        system = place.map.system
+        model = system.model
+        chosen = tuple(p for name in place.names for p in system.parameters if p.name == name)
+        mult, values = np.zeros(len(model.multipliers)), np.array(system.parameter_values, float)
+        t = getattr(place.map, "start_time", 0.0)
+        h = function_of(model, self.surface)(np.array([t]), place.x[:, None], mult[:, None], values)[0]
+        return float(h), linearise(model, chosen).gradient(self.surface, t, place.x, mult, values)[0]
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([self._row(place)[0]])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return self._row(place)[1][None]
+
+
+class AtEvent(TwoSided):
     """Something vanishes at one event of the orbit: the events are known with their slopes (windows.py).
 
     `ordinal` counts the switch's events of its sort: those that come to the surface, or those that leave a stick.
@@ -349,9 +403,11 @@ class AtEvent(Condition):
             letters.append((e.switch, e.kind, e.note))
         return tuple(letters)
 
-    def state(self, place: Place) -> tuple[Any, int, float, np.ndarray, np.ndarray, int] | None:
+    def state(
+        self, place: Place, k: int | None = None
+    ) -> tuple[Any, int, float, np.ndarray, np.ndarray, int] | None:
         """Of the event: part, instant, time, state and multipliers before it, and the side it comes from or goes to."""
-        k, part = self.place_of(place.image), place.image.parts[0]
+        k, part = self.place_of(place.image) if k is None else k, place.image.parts[0]
         if k is None or not len(part.instant_t):
             return None
         run, event = part.run, part.run.events[k]
@@ -361,9 +417,9 @@ class AtEvent(Condition):
         instant = int(np.argmin(np.abs(part.instant_t - event.time)))
         return part, instant, event.time, run.x[:, column], run.mult[:, column].copy(), side
 
-    def measured(self, place: Place) -> tuple[float, np.ndarray] | None:
+    def measured(self, place: Place, k: int | None = None) -> tuple[float, np.ndarray] | None:
         """c and its slopes by the point on the section and the parameters, (n + 2,)."""
-        found = self.state(place)
+        found = self.state(place, k)
         if found is None:
             return None
         part, instant, t, x, mult, side = found
@@ -383,6 +439,12 @@ class AtEvent(Condition):
         """The expression that is 0, its value, and the multipliers with which it is evaluated."""
         raise NotImplementedError
 
+    def twin(self, place: Place) -> bool:
+        """Whether the same holds at another event too, as it does all along a curve of symmetric orbits."""
+        own, run = self.place_of(place.image), place.image.parts[0].run
+        found = [self.measured(place, k) for k in self.events(run) if k != own]
+        return any(abs(other[0]) < _TWIN for other in found if other is not None)
+
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         found = self.measured(place)
         return np.array([np.nan if found is None else found[0]])
@@ -390,13 +452,6 @@ class AtEvent(Condition):
     def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
         found = self.measured(place)
         return None if found is None else found[1][None]
-
-    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
-        mu = place.multipliers
-        return {
-            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
-            f"{self.kind} + torus": pairs(mu),
-        }  # fmt: skip
 
 
 class Arrival(AtEvent):
@@ -447,6 +502,10 @@ class Exit(AtEvent):
         return e, float(function_of(line.model, e)(np.array([t]), x[:, None], mult[:, None], p)[0]), mult
 
 
+def _value(map_: Any, name: str) -> float:
+    return next(float(value) for p, value in map_.system.parameters.items() if p.name == name)
+
+
 def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
     """Multipliers without those nearest to the critical ones."""
     rest = mu
@@ -494,5 +553,7 @@ def differences(
 
 
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
+_ASIDE = 1e-9  # of c: so far to either side of it the map's slope is looked at
+_TWIN = 1e-7
 _LAYER = 201  # places in [-1, 1] at which a layer is looked at
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method

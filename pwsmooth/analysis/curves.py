@@ -30,6 +30,7 @@ from .conditions import (
     TOGETHER,
     Arrival,
     AtEvent,
+    Border,
     BranchPoint,
     Condition,
     Critical,
@@ -53,9 +54,12 @@ _COUNTED = 2**62
 _MOST_NEWTON = 8
 _CONVERGED = 1e-10  # of the unknowns: what the last correction is
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
+_MOST_HALVED = 100
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
-TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event")
+ADDING = "adding-sliding"
+TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", ADDING)
+BORDER = "border collision"
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
@@ -69,6 +73,7 @@ class Spot(Point):
 
     extra: np.ndarray = field(default_factory=lambda: np.empty(0))
     tests: Mapping[str, float] = field(default_factory=dict)
+    twin: bool = False
 
 
 @dataclass(frozen=True)
@@ -320,6 +325,8 @@ class CurveWalk(Walk):
             rows, right = DG, -G
             if normal is not None:
                 rows, right = np.vstack([DG, normal]), np.append(right, -normal @ (u - guess))
+            if not (np.isfinite(rows).all() and np.isfinite(right).all()):
+                return None
             move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
             off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
             size = float(np.abs(move / (1 + np.abs(u))).max())
@@ -329,7 +336,17 @@ class CurveWalk(Walk):
                 orbit = _orbit(condition, place, off, steps)
                 tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
                 tests = condition.tests(place, extra, slopes)
-                return Spot(u, tangent, orbit, place.image.solution, steps, full_rank(DG), extra, tests)
+                return Spot(
+                    u,
+                    tangent,
+                    orbit,
+                    place.image.solution,
+                    steps,
+                    full_rank(DG),
+                    extra,
+                    tests,
+                    condition.twin(place),
+                )
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
             last = size
@@ -450,8 +467,10 @@ def _orbit(condition: Condition, place: Place, off: float, steps: int) -> Period
     )
 
 
-def condition_of(kind: str, name: str, names: tuple[str, str], event: tuple[str, int] | None) -> Condition:
+def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
     """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+    if kind == BORDER:
+        return Border(event)
     if event is not None:
         return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
     if kind == "torus":
@@ -466,7 +485,7 @@ def condition_of(kind: str, name: str, names: tuple[str, str], event: tuple[str,
 @checks.door(
     start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
     ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
-    kind=checks.optional(checks.one_of(*SMOOTH, *TOUCHES)),
+    kind=checks.optional(checks.one_of(*SMOOTH, *TOUCHES, BORDER)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
 def follow_curve(
@@ -493,9 +512,11 @@ def follow_curve(
         The two parameters, each with the least and the largest value.
     kind : str, optional
         Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
-        it, "grazing impact", "grazing", "grazing-sliding" or "grazing of an event".
-    switch : Switch, Symbol or str, optional
-        Of an orbit that is about to graze: the switch, contact or event.
+        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding"; or
+        "border collision".
+    switch : Switch, Symbol, str or Expr, optional
+        Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
+        parameters, which is 0 at the orbit's point on its section.
     virtual : bool
         Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed the
         surface: their `success` is False. Only curves of grazing, and of folds and flips of orbits with impacts, do.
@@ -559,7 +580,7 @@ def follow_curve(
 
 def _given(
     start: Bifurcation | PeriodicOrbit, kind: str | None, switch: Any
-) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray, tuple[str, int] | None]:
+) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray, Any]:
     """The orbit, its kind, over which parameter it was found, the map, its point there, and the event that matters."""
     followed = ", ".join(FOLLOWED)
     if isinstance(start, Bifurcation):
@@ -582,6 +603,13 @@ def _given(
         if kind is None:
             raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {followed}.")
         orbit, name, phase = start, "", None
+    if kind == BORDER:
+        model = orbit.system.model
+        known = {s.name: s for s in (*model.states, *orbit.system.parameters)}
+        border = checks.expression(switch, "`switch`", known)
+        if not border.free_symbols & set(model.states) or border.free_symbols - {*known.values()}:
+            raise ValueError(f"`switch` is {border}; give a function of states {checks.listing(model.states)}.")
+        return orbit, kind, name, orbit.map, orbit.x, border
     if kind not in TOUCHES:
         # Beside a slow impact DP has no bound; the motion from impact to impact has.
         found = from_impact(orbit.map, orbit.x) if kind in ("fold", "flip") else None
@@ -593,7 +621,12 @@ def _given(
     if str(switch) not in names:
         said = checks.shown(switch)
         raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
-    window = touching(orbit.map, orbit.x, str(switch), phase)
+    hidden = {str(mu.symbol) for mu in model.multipliers if mu.hidden}
+    if kind == ADDING and str(switch) in hidden:
+        raise ValueError(
+            f"`start` is an {kind} of {switch}, whose hidden term has several roots; it is not followed."
+        )
+    window = touching(orbit.map, orbit.x, str(switch), phase, kind == ADDING)
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
     return orbit, kind, name, *window, None
@@ -681,7 +714,7 @@ class _Way:
                 return self._ended(spots, f"`max_steps` or `max_seconds` are used up at {where}: give more.")
             if not here.alone:
                 return self._ended(spots, f"at {where} no single way leads on: two curves meet there.")
-            there: Any = walk.step(here, ds)
+            there = self._stepped(here, ds)
             if there is None:
                 if ds > shortest:
                     ds *= 0.3
@@ -704,6 +737,29 @@ class _Way:
             here = walk.rephased(there)
         return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
 
+    def _stepped(self, here: Spot, ds: float) -> Any:
+        """One step, no further than the border of the ranges: beyond it a parameter may have no meaning."""
+        walk, n = self.walk, self.walk.n
+        ways = []
+        for k in (0, 1):
+            rate = here.tangent[n + k]
+            border = self.bounds[k][int(rate > 0)] / walk.sizes[n + k]
+            if rate and 0 < (border - here.u[n + k]) / rate < ds:
+                ways.append(((border - here.u[n + k]) / rate, n + k, border))
+        if not ways:
+            return walk.step(here, ds)
+        reach, index, border = min(ways)
+        guess = here.u + reach * here.tangent
+        guess[index] = border
+        normal = np.zeros(len(guess))
+        normal[index] = 1.0
+        there = walk.correct(guess, normal, here.tangent)
+        return (
+            there
+            if there is not None and np.linalg.norm(there.u - here.u) <= 2 * reach
+            else walk.step(here, ds)
+        )
+
     def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
         return spots, self.points, why
 
@@ -714,7 +770,7 @@ class _Way:
             u, scale = there.u[n + k], walk.sizes[n + k]
             low, high = self.bounds[k] / scale
             past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
-            if past is not None and here.u[n + k] != past:
+            if past is not None and u != past:
                 at = walk.at(here, there, n + k, past)
                 return at, f"{walk.names[k]} = {past * scale:.9g}"
             if past is not None:
@@ -737,6 +793,12 @@ class _Way:
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             if why and not (self.virtual and "virtual" in why):
                 return f"{name} at {_where(walk, spot)}: {why}."
+        if there.twin and not here.twin:
+            name = f"{walk.condition.kind} twice"
+            spot = self._before_twins(here, there)
+            why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
+            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            return f"{name} at {_where(walk, spot)}: {why}."
         if not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
             change = change_between(left.orbit, right.orbit)
@@ -745,6 +807,19 @@ class _Way:
                 note = "it goes on with another itinerary"
                 self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
         return end
+
+    def _before_twins(self, here: Spot, there: Spot) -> Spot:
+        """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
+        ds = 0.5 * float(np.linalg.norm(there.u - here.u))
+        for _ in range(_MOST_HALVED):
+            if ds <= _BRACKET:
+                break
+            spot: Any = self.walk.step(here, ds)
+            if spot is None or spot.twin:
+                ds *= 0.5
+            else:
+                here = spot
+        return here
 
     def _last(self, here: Spot, ds: float) -> Spot:
         """The last point of the curve, no further than `ds` from here, by bisection."""
@@ -760,11 +835,12 @@ class _Way:
         walk, n = self.walk, self.walk.n
         where = _where(walk, here)
         for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
-            w = (here.u + reach * here.tangent) * walk.sizes
-            place = walk.place(w[: n + 2])
-            if place is None:
+            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
+            try:
+                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
+            except ValueError:  # outside the assumptions of a parameter
                 continue
-            beyond = refine(place.map, w[:n])
+            beyond = refine(map_, here.orbit.x)
             if not beyond.success or same_itinerary(here.orbit, beyond):
                 continue
             change = change_between(here.orbit, beyond)

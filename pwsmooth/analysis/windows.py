@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model
+from ..definition.model import Model, Multiplier
 from ..definition.pointwise import value
 from ..definition.regularity import total_derivative
 from ..paths.linearised import linearise, rates
@@ -68,6 +68,15 @@ def one_sided(model: Model, name: str, value: int) -> Model:
         layer_residuals=tuple(at_value(residuals[j]) for j in without) if residuals else (),
         eps_ratio=tuple(ratios[j] for j in without) if ratios else (),
     )
+
+
+@functools.lru_cache(maxsize=64)
+def held(model: Model, name: str) -> Model:
+    """The model whose motion stays on the surface of this name: lambda is what that takes, and has no bounds."""
+    index = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == name)
+    mu = model.multipliers[index]
+    free = Multiplier(mu.symbol, "algebraic", mu.condition)
+    return replace(model, multipliers=(*model.multipliers[:index], free, *model.multipliers[index + 1 :]))
 
 
 @dataclass(frozen=True)
@@ -119,6 +128,7 @@ class Window:
     begin: float
     end: float
     near: float  # the extreme of the last orbit, likewise
+    held: bool = False  # the motion stays on the surface, and h = s - lambda instead
 
 
 @dataclass(frozen=True)
@@ -146,7 +156,7 @@ class Windowed:
     @property
     def surface(self) -> sp.Expr:
         assert self.window is not None
-        return surface_of(self.base.system.model, self.window.name)
+        return approached(self.base.system.model, self.window)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
         base, names = self.base, tuple(parameters or ())
@@ -218,6 +228,10 @@ class Windowed:
 
 
 def _in_window(system: Any, window: Window) -> Any:
+    if window.held:
+        other = copy.copy(system)
+        other.model = held(system.model, window.name)
+        return other
     is_contact = any(str(mu.symbol) == window.name and mu.kind == "contact" for mu in system.model.multipliers)
     other = copy.copy(system)
     other.model = one_sided(system.model, window.name, 0 if is_contact else window.side)
@@ -364,6 +378,14 @@ def from_impact(map_: Any, x: np.ndarray) -> tuple[FromImpact, np.ndarray] | Non
     return found, np.append(state, t)
 
 
+def approached(model: Model, window: Window) -> sp.Expr:
+    """h of a window, where s h is positive on the orbit's side: of a stick s - lambda."""
+    if window.held:
+        lam = next(mu.symbol for mu in model.multipliers if str(mu.symbol) == window.name)
+        return sp.Integer(window.side) - lam
+    return surface_of(model, window.name)
+
+
 def surface_of(model: Model, name: str) -> sp.Expr:
     found: list[Any] = [mu.surface for mu in model.multipliers if str(mu.symbol) == name]
     found += [event.surface for event in model.events if event.name == name]
@@ -425,8 +447,8 @@ def _approach(
     t = np.array([place])
     x, mult = run.dense(t)
     W = sample[0, :n]
-    w, _, _ = linearise(model, chosen).gradient(surface, place, x[:, 0], mult[:, 0], p)
-    slopes = w[:n] @ W
+    w, _, by_mult = linearise(model, chosen).gradient(surface, place, x[:, 0], mult[:, 0], p)
+    slopes = w[:n] @ W + by_mult @ sample[0, n:]
     slopes[n:] += w[n:]
     bend = _curvature(model, surface)(t, x, mult, p)
     side = window.side
@@ -444,14 +466,23 @@ def _approach(
 
 @functools.lru_cache(maxsize=64)
 def _functions(model: Model, surface: sp.Expr) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    speed = total_derivative(surface, model.time, model.states, model.rhs)
-    return function_of(model, surface), function_of(model, speed)
+    return function_of(model, surface), function_of(model, speed_of(model, surface))
+
+
+def speed_of(model: Model, h: sp.Expr) -> sp.Expr:
+    """dh/dt, that of a multiplier in h from its own condition."""
+    speed = total_derivative(h, model.time, model.states, model.rhs)
+    for mu in model.multipliers:
+        if mu.symbol in h.free_symbols:
+            g = mu.condition
+            along = total_derivative(g, model.time, model.states, model.rhs)
+            speed = speed - h.diff(mu.symbol) * along / g.diff(mu.symbol)
+    return speed
 
 
 @functools.lru_cache(maxsize=64)
 def _curvature(model: Model, surface: sp.Expr) -> Callable[..., Any]:
-    speed = total_derivative(surface, model.time, model.states, model.rhs)
-    return function_of(model, total_derivative(speed, model.time, model.states, model.rhs))
+    return function_of(model, speed_of(model, speed_of(model, surface)))
 
 
 def function_of(model: Model, e: sp.Expr) -> Callable[..., Any]:
@@ -464,7 +495,7 @@ def function_of(model: Model, e: sp.Expr) -> Callable[..., Any]:
 
 
 def touching(
-    map_: Any, x: np.ndarray, name: str, phase: float | None = None
+    map_: Any, x: np.ndarray, name: str, phase: float | None = None, stays: bool = False
 ) -> tuple[Windowed, np.ndarray] | str:
     """A map with a window about the nearest approach to a surface, that of a phase of the period, and x on its section.
 
@@ -480,18 +511,19 @@ def touching(
         run = base._solve(base.system, (0.0, base.image(x).time), x, True)
     if not run.success:
         return f"the orbit was not run through: {why_stopped(run)}"
-    h, _ = _functions(run.model, surface_of(run.model, name))
     symbols = [str(mu.symbol) for mu in run.model.multipliers]
     found = []
     for side in (1, -1):
-        window = Window(name, side, 0.0, 1.0, 0.0)
-        for t in minima(run, surface_of(run.model, name), side):
+        window = Window(name, side, 0.0, 1.0, 0.0, stays)
+        surface = approached(run.model, window)
+        h, _ = _functions(run.model, surface)
+        for t in minima(run, surface, side):
             states, mult = run.dense(np.array([t]))
             column = int(np.searchsorted(run.t, t, side="right")) - 1
             if name in symbols:
                 j = symbols.index(name)
                 contact = run.model.multipliers[j].kind == "contact"
-                if run.status[j, column] != (1 if contact else side):
+                if run.status[j, column] != (0 if stays else 1 if contact else side):
                     continue
             distance = side * float(h(np.array([t]), states, mult, run.tape.p)[0])
             if distance >= -TOUCHED:
@@ -522,13 +554,14 @@ def recentred(
     times = np.array([e.time for run in runs for e in run.events if e.time > run.t[0] or run is runs[0]])
     away = (times - t) % duration
     back, on = (float(duration - away.max()), float(away.min())) if times.size else (duration, duration)
-    if not map_.driven:
+    sections = not map_.driven or window.held  # a section in a stick is none
+    if sections:
         back, on = min(back, 2 * (t - first)), min(on, 2 * (first + duration - t))
     before, after = min(_WIDEST * duration, back / 2), min(_WIDEST * duration, on / 2)
     a = t - before
-    if not map_.driven:
-        held = replace(window, begin=a - first, end=t + after - first, near=t - first)
-        return replace(map_, window=held), runs[0].x[:, 0]
+    if sections:
+        about = replace(window, begin=(a - first) / T, end=(t + after - first) / T, near=(t - first) / T)
+        return replace(map_, window=about), runs[0].x[:, 0]
     shift = math.ceil((first - a) / duration) * duration
     if a + shift >= first + duration:
         shift -= duration
@@ -538,8 +571,8 @@ def recentred(
         # The half-period map leads the orbit on to its mirror image.
         turn = np.linalg.matrix_power(np.linalg.inv(base.symmetry), abs(round(shift / duration)) % 2)
         x = turn @ x
-    held = replace(window, begin=0.0, end=(before + after) / T, near=before / T)
-    return Windowed(base.at_phase(a / T), held), x
+    about = replace(window, begin=0.0, end=(before + after) / T, near=before / T)
+    return Windowed(base.at_phase(a / T), about), x
 
 
 def minima(run: Solution, surface: sp.Expr, side: int) -> list[float]:
