@@ -254,3 +254,132 @@ def test_virtual_folds_are_marked_where_they_are_asked_for():
     frequency = curve.values[0]
     assert np.array_equal(curve.admissible, frequency > DAMPED)
     assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE  # the same formula holds on
+
+
+# ---- other surfaces, and what the events of sticks say
+
+
+@pytest.mark.parametrize("kind", ["grazing", "grazing of an event"])
+def test_a_surface_is_grazed_where_the_forced_motion_reaches_it(kind):
+    forced = A * sp.cos(w * t) - x - u / 10
+    rates, events = {x: u, u: forced - 3 * sp.Max(x - 1, 0)}, []
+    if kind == "grazing of an event":
+        rates, events = {x: u, u: forced}, [Event(x - 1, direction=1, update={u: u / 2}, name="hit")]
+    system = System(rates, time=t, parameters={A: 0.8 * grazing_amplitude(1.4), w: 1.4}, events=events)
+    orbit = find_orbit(system, {x: -0.5, u: 0}, period=2 * sp.pi / w, phase=0.05)
+    curve = follow_curve(orbit, {w: (1.05, 3), A: (0, 10)}, kind=kind)
+    frequency, amplitude = curve.values
+    assert len(frequency) > 20 and np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
+
+
+def test_an_autonomous_cycle_grazes_where_its_branch_ends():
+    # The relief valve of issue 18, over k too.
+    y1, y2, y3 = sp.symbols("y1 y2 y3", real=True)
+    q, k = sp.symbols("q k", positive=True)
+    seat = Unilateral(y1, restitution=sp.Rational(4, 5), name="seat")
+    valve = System(
+        {y1: y2, y2: -k * y2 - (y1 + 10) + y3 + seat.reaction, y3: 20 * (q - y1 * sp.sqrt(y3))},
+        parameters={q: 8.3, k: 1.25},
+    )
+    cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, section=y2, direction=-1, transient=300)
+    branch = follow(cycle, q, to=6)
+    curve = follow_curve(cycle, {q: (6, 9), k: (1.25, 1.5)}, kind="grazing impact")
+    assert "reached k = 1.25." in curve.ends
+    at = curve.values[0, int(np.argmin(curve.values[1]))]
+    assert at == pytest.approx(branch.values.min(), abs=1e-7 * 2.3)  # the branch ends within its shortest step
+
+
+def held_from_below(force, parameters):
+    return System({x: sp.Piecewise((force - x, x > 0), (5, True))}, time=t, parameters=parameters)
+
+
+@pytest.mark.parametrize(
+    "kind, force, to, exact",
+    [
+        # Above the surface x = b + (a/sqrt 2) sin(t - pi/4).
+        ("grazing-sliding", b + a * sp.sin(t), 2.0, lambda q: math.sqrt(2) * q),
+        # Inside the stick the force has a maximum a - b at t = pi.
+        ("adding-sliding", b * sp.cos(t) + a * sp.cos(2 * t), 1.2, lambda q: q),
+    ],
+)
+def test_sticks_are_born_and_parted_along_the_exact_lines(kind, force, to, exact):
+    orbit = find_orbit(held_from_below(force, {a: 0.8, b: 1}), {x: 0.5}, period=2 * sp.pi)
+    curve = follow_curve(only(follow(orbit, a, to=to), kind), {a: (0.2, 5), b: (0.5, 2)})
+    p, q = curve.values
+    assert len(p) > 20 and np.ptp(q) == 1.5
+    assert np.abs(p - exact(q)).max() < ON_CURVE
+
+
+def test_switching_sliding_lies_where_the_field_below_turns():
+    # Put to x = 1 at t = 2 pi k it lands at 1/b, while the field below turns upwards at phase a.
+    system = System(
+        {x: sp.Piecewise((-b, x > 0), (sp.sin(t - a), True))}, time=t, parameters={a: 0.7, b: 1},
+        events=[Event(every=2 * sp.pi, update={x: 1})],
+    )  # fmt: skip
+    orbit = find_orbit(system, {x: 0.6}, period=2 * sp.pi, phase=0.5 / 2 / math.pi)
+    curve = follow_curve(only(follow(orbit, a, to=1.3), "switching-sliding"), {a: (0.2, 3), b: (0.5, 2)})
+    p, q = curve.values
+    assert len(p) > 20 and np.abs(p - 1 / q).max() < ON_CURVE
+
+
+def test_den_hartogs_line_is_followed_over_the_frequency():
+    def limit(frequency):
+        U = np.tan(math.pi / (2 * frequency)) / frequency
+        return np.abs(1 / (1 - frequency**2)) / np.sqrt(U**2 + frequency**-4.0)  # den Hartog (1931)
+
+    F = sp.Symbol("F", positive=True)
+    system = System(
+        {x: u, u: sp.sin(w * t) - x - F * sp.sign(u)}, time=t, parameters={w: 0.7, F: 0.8 * limit(0.7)}
+    )
+    orbit = find_orbit(system, {x: 1, u: 0.5}, period=2 * sp.pi / w, symmetry={x: -x, u: -u})
+    begins = only(follow(orbit, F, to=1.1 * limit(0.7)), "crossing-sliding")
+    curve = follow_curve(begins, {w: (0.52, 0.98), F: (0.01, 2)})
+    frequency, force = curve.values
+    assert len(force) > 20 and np.abs(force - limit(frequency)).max() < 1e-10
+
+
+@pytest.fixture(scope="module")
+def slaved():
+    from friction_oscillator import hidden, z
+
+    return hidden().layered({z: sp.oo})
+
+
+def symmetric(system, **values):
+    from friction_oscillator import v, y
+
+    return find_orbit(
+        system.with_parameters(values), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v},
+        transient=50,
+    )  # fmt: skip
+
+
+def test_static_friction_lets_a_stick_go_by_a_fold_from_one_half_on(slaved):
+    # mu = lam (1 + rho (1 - lam^2)) has its fold at lam = 1 where rho = 1/2.
+    exit_ = only(follow(symmetric(slaved, rho=1, sigma=1.9), "rho", to=0.3), "exit by a fold")
+    curve = follow_curve(exit_, {"rho": (0, 3), "sigma": (1.2, 3)})
+    assert len(curve.orbits) > 10 and np.abs(curve.values[0] - 0.5).max() < ON_CURVE
+    assert "exit by a fold + crossing-sliding" in curve.ends[0] + curve.ends[-1]
+
+
+def test_two_routes_lead_to_the_point_where_symmetry_breaking_meets_crossing_sliding(slaved):
+    ranges = {"rho": (0, 6), "sigma": (1, 6)}
+    broken = follow_curve(only(follow(symmetric(slaved), "sigma", to=3.4), "symmetry breaking"), ranges)
+    crossed = follow_curve(only(follow(symmetric(slaved), "rho", to=0.3), "crossing-sliding"), ranges)
+    (one,) = broken.of_kind("symmetry breaking + crossing-sliding")
+    (other,) = crossed.of_kind("crossing-sliding + symmetry breaking, above")
+    # To the last bracket of one and the extrapolation, from 1e-9 of c, of the other.
+    assert list(one.values.values()) == pytest.approx(list(other.values.values()), abs=1e-7)
+    # Without the hidden term it is den Hartog's line: the fold is at lam = 1 for all rho below 1/2.
+    low = crossed.values[:, crossed.values[0] < 0.5]
+    assert low.shape[1] > 2 and np.ptp(low[1]) < ON_CURVE
+
+
+def test_the_border_of_a_skew_tent_is_followed():
+    # x -> a + b - 1/2 - 2 x above 0 and + x/2 below: the fixed point meets 0 where a + b = 1/2.
+    orbit = map_in_two(
+        {x: sp.Piecewise((a + b - sp.S.Half - 2 * x, x > 0), (a + b - sp.S.Half + x / 2, True))}, {x: 0.1},
+        (0.3, 0.5),
+    )  # fmt: skip
+    curve = follow_curve(orbit, {a: (-1, 1), b: (-1, 1)}, kind="border collision", switch=x)
+    assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0) - 0.5).max() < 1e-14

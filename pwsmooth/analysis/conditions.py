@@ -21,7 +21,7 @@ import numpy as np
 
 from ..paths.linearised import linearise
 from .poincare import RETURN, Word, after_start
-from .windows import TOUCHED, ImpactImage, function_of
+from .windows import TOUCHED, FromImpact, ImpactImage, function_of
 
 
 class Place(NamedTuple):
@@ -280,26 +280,23 @@ class Touch(Condition):
         return found if side is None else {"degenerate grazing": side, **found}
 
     def side_of_impacts(self, place: Place) -> float | None:
-        """h_x (1 - DP)^-1 b at the instant of contact, b the push: to which side orbits with an impact exist.
-
-        A slow impact of speed u moves the contact of the next period by u times it, to either side of the wall.
-        """
-        near, n = place.image.approach, len(place.x)
-        model, name = place.map.system.model, place.map.window.name
-        contact = next(
-            (mu for mu in model.multipliers if str(mu.symbol) == name and mu.kind == "contact"), None
-        )
-        if contact is None:
+        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+        map_, near, T = place.map, place.image.approach, 1.0
+        contacts = [str(mu.symbol) for mu in map_.system.model.multipliers if mu.kind == "contact"]
+        if map_.window.name not in contacts or getattr(map_.base, "symmetry", None) is not None:
             return None
-        line = linearise(model)
-        mult = np.zeros(len(model.multipliers))
-        p = np.array(place.map.system.parameter_values, float)
-        speed = line.gradient(line.speed(model.multipliers.index(contact)), near.place, near.x, mult, p)[0]
-        jump = line.jump(contact.impact, near.place, near.x, mult, p)[1]
-        push = (jump - np.eye(n)) @ speed / (speed @ speed)
-        flow = near.W[:, :n]
-        back = np.linalg.solve(np.eye(n) - place.DP, np.linalg.solve(flow, push))
-        return float(near.gradient @ flow @ back)
+        D = place.image.time
+        if map_.driven:
+            T = map_.forcing_period
+        at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
+        behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
+        contact = FromImpact(map_.base, map_.window.name, behind, before)
+        image = contact.image(np.append(near.x, near.place if map_.driven else D), ())
+        if not isinstance(image, ImpactImage):
+            return None
+        A, B = image.pencil
+        K = B - A
+        return float(np.linalg.det(K / (1e-300 + np.linalg.norm(K, axis=1, keepdims=True))))
 
     def ends(self, name: str) -> str:
         if name == f"{self.kind} twice":

@@ -52,9 +52,13 @@ __all__ = ["Codimension2", "Curve", "follow_curve"]
 
 _COUNTED = 2**62
 _MOST_NEWTON = 8
-_CONVERGED = 1e-10  # of the unknowns: what the last correction is
+_CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_FAR, _PARTS = (
+    0.1,
+    10,
+)  # of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 ADDING = "adding-sliding"
@@ -266,6 +270,7 @@ class CurveWalk(Walk):
         self.map: Any = map_
         self.condition, self.names, self.n = condition, names, n
         self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
+        self.offset: Any = 0.0  # what c is, on the way to a first point
 
     def place(self, w: np.ndarray) -> Place | None:
         """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
@@ -320,7 +325,9 @@ class CurveWalk(Walk):
                 slopes = self.slopes(place, w)
             if slopes is None:
                 return None
-            G = np.concatenate([place.F + condition.unfolding(extra), condition.value(place, extra)])
+            G = np.concatenate(
+                [place.F + condition.unfolding(extra), condition.value(place, extra) - self.offset]
+            )
             DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
             rows, right = DG, -G
             if normal is not None:
@@ -332,7 +339,8 @@ class CurveWalk(Walk):
             size = float(np.abs(move / (1 + np.abs(u))).max())
             if not np.isfinite(size):
                 return None
-            if off <= TOLERANCE and size <= _CONVERGED:
+            stands = size > 0.3 * last and size <= _ROUNDED  # roundings are all that moves it
+            if off <= TOLERANCE and (size <= _CONVERGED or stands):
                 orbit = _orbit(condition, place, off, steps)
                 tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
                 tests = condition.tests(place, extra, slopes)
@@ -668,10 +676,15 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
         curve.ends = ("no orbit was found at the start.",)
         return curve
     u = np.append(w, condition.start(place)) / walk.sizes
-    first = walk.correct(u, None, None)
-    if first is None:
+    # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
+    off = condition.value(place, u[n + 2 :])
+    tried = [_nearer(walk, u, normal, off) for normal in (None, *np.eye(len(u))[n : n + 2])]
+    middle = bounds.mean(axis=1) / widths
+    inside = [s for s in tried if s is not None and np.all(np.abs(s.u[n : n + 2] - middle) <= 0.5 + 1e-9)]
+    if not inside:
         curve.ends = (f"no {condition.kind} was found near to the start.",)
         return curve
+    first = min(inside, key=lambda spot: np.linalg.norm(spot.u[n : n + 2] - u[n : n + 2]))
     walk.framed(first)
     again = walk.correct(first.u, None, first.tangent)
     first = again or first
@@ -692,6 +705,21 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
     curve.ends = tuple(end for end in (back[2], on[2]) if end)
     curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
     return curve
+
+
+def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:
+    """The first point of a curve, at once or with c in parts of what it is at the start; `normal` keeps an entry."""
+    spot = walk.correct(u, normal, None)
+    if spot is not None and np.linalg.norm(spot.u - u) < _FAR:
+        return spot
+    way = copy.copy(walk)
+    for part in np.linspace(1, 0, _PARTS + 1)[1:]:
+        way.offset = part * off
+        near = way.correct(u, normal, None)
+        if near is None:
+            return spot
+        u, spot_at_part = near.u, near
+    return spot_at_part
 
 
 class _Way:

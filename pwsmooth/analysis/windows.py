@@ -27,7 +27,7 @@ from ..definition.regularity import total_derivative
 from ..paths.linearised import linearise, rates
 from ..results.outputs import vectorised
 from ..results.solution import Solution
-from .poincare import Image, lost, why_stopped
+from .poincare import RETURN, Image, lost, why_stopped
 from .sections import Stroboscopic
 from .variations import chosen_parameters, has_series, without_derivative
 
@@ -549,9 +549,12 @@ def recentred(
 ) -> tuple[Windowed, np.ndarray]:
     """The map with a window about the time t of an orbit, whose runs over one application of the map are given."""
     base = map_.base
-    duration = float(runs[-1].t[-1] - runs[0].t[0])
-    first = float(runs[0].t[0])
-    times = np.array([e.time for run in runs for e in run.events if e.time > run.t[0] or run is runs[0]])
+    first = end = float(runs[0].t[0])
+    found: list[float] = []
+    for run in runs:  # returns count their time anew
+        found += [end + e.time - run.t[0] for e in run.events if e.switch != RETURN and e.time > run.t[0]]
+        end += float(run.t[-1] - run.t[0])
+    duration, times = end - first, np.array(found)
     away = (times - t) % duration
     back, on = (float(duration - away.max()), float(away.min())) if times.size else (duration, duration)
     sections = not map_.driven or window.held  # a section in a stick is none
