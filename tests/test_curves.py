@@ -383,3 +383,38 @@ def test_the_border_of_a_skew_tent_is_followed():
     )  # fmt: skip
     curve = follow_curve(orbit, {a: (-1, 1), b: (-1, 1)}, kind="border collision", switch=x)
     assert len(curve.orbits) > 20 and np.abs(curve.values.sum(axis=0) - 0.5).max() < 1e-14
+
+
+# ---- SlideCont's forced dry-friction oscillator: y'' + y = 3/2 sgn s - 3/2 s + 9/20 s^3 + A cos(w t), s = 1 - y'
+
+
+@pytest.fixture(scope="module")
+def slidecont():
+    """The orbit of two periods at a flip, far from s = 0, and the ranges."""
+    s = 1 - u
+    force = sp.Rational(3, 2) * (sp.sign(s) - s) + sp.Rational(9, 20) * s**3 + A * sp.cos(w * t)
+    system = System({x: u, u: force - x}, time=t, parameters={A: 1.08, w: 2.4593})
+    orbit = find_orbit(system, {x: 1.13, u: 0.036}, period=2 * sp.pi / w, count=2, phase=0.1)
+    assert orbit.success and orbit.map.count == 2 and not orbit.word
+    return orbit, {A: (1, 2), w: (2.3, 2.9)}
+
+
+def test_two_routes_lead_to_the_point_where_flips_begin_to_slide(slidecont):
+    orbit, ranges = slidecont
+    flips = follow_curve(orbit, ranges, kind="flip")
+    grazing = follow_curve(orbit, ranges, kind="grazing-sliding")
+    (one,) = flips.of_kind("flip + grazing-sliding")
+    (other,) = grazing.of_kind("grazing-sliding + flip")
+    assert list(one.values.values()) == pytest.approx(list(other.values.values()), abs=1e-8)
+    assert any(end.startswith("flip + grazing-sliding") for end in flips.ends)
+
+
+@pytest.mark.parametrize("amplitude, frequency", [(1.52127, 2.60775), (1.77224, 2.66918)])
+def test_published_flips_beyond_it_are_virtual(slidecont, amplitude, frequency):
+    # Printed in the guide of SlideCont (Dercole & Kuznetsov), with max y' > 1.
+    orbit, ranges = slidecont
+    curve = follow_curve(orbit, {**ranges, A: (1, amplitude)}, kind="flip", virtual=True)
+    k = int(np.argmax(curve.values[0]))
+    assert curve.values[0, k] == amplitude and not curve.admissible[k]
+    assert curve.values[1, k] == pytest.approx(frequency, abs=1e-5)
+    assert curve.admissible.any() and curve.orbits[k].message.startswith("virtual")

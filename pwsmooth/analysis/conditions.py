@@ -100,8 +100,9 @@ class Condition:
         return False
 
     def admissible(self, place: Place) -> bool:
-        """Whether the orbit does what the curve says of it."""
-        return True
+        """Whether the orbit does what the curve says of it: of a map with a window, keeps to its side."""
+        near = getattr(place.image, "approach", None)
+        return near is None or bool(min(near.h, near.others) >= -TOUCHED)
 
     def word(self, place: Place) -> Word:
         """The itinerary, without what is open on the curve."""
@@ -166,7 +167,7 @@ class Critical(Condition):
         )
 
     def admissible(self, place: Place) -> bool:
-        return getattr(place.image, "speed", 1.0) > 0
+        return getattr(place.image, "speed", 1.0) > 0 and super().admissible(place)
 
 
 class Torus(Condition):
@@ -302,9 +303,6 @@ class Touch(Condition):
         if name == f"{self.kind} twice":
             return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
         return ""
-
-    def admissible(self, place: Place) -> bool:
-        return bool(place.image.approach.others >= -TOUCHED)
 
 
 class TwoSided(Condition):

@@ -40,7 +40,7 @@ from .conditions import (
     Touch,
     differences,
 )  # fmt: skip
-from .itineraries import change_between, same_itinerary
+from .itineraries import Change, change_between, same_itinerary
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
 from .sections import Section, Stroboscopic
 from .windows import FromImpact, PartedImage, Windowed, from_impact, recentred, touching
@@ -526,8 +526,8 @@ def follow_curve(
         Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
         parameters, which is 0 at the orbit's point on its section.
     virtual : bool
-        Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed the
-        surface: their `success` is False. Only curves of grazing, and of folds and flips of orbits with impacts, do.
+        Go on where orbits are none of the exact system, whose impact has a negative speed or which have crossed a
+        surface that they graze: their `success` is False.
     step, longest_step, shortest_step : float, in units of the arc
         Of the arc in (x, p/width, q/width), the widths being those of `ranges`.
     most : int
@@ -748,7 +748,13 @@ class _Way:
                     ds *= 0.3
                     continue
                 here = self._last(here, ds)
-                return self._ended([*spots, here], self._lost(here))
+                spots.append(here)
+                why, change = self._lost(here)
+                beyond = self._beyond(here, change) if self.virtual else None
+                if beyond is None:
+                    return self._ended(spots, why)
+                here, ds = beyond, step
+                continue
             there, reached = self._within(here, there)
             if there is None:
                 return self._ended(spots, f"no orbit was found at {reached}.")
@@ -858,7 +864,17 @@ class _Way:
             low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
         return last
 
-    def _lost(self, here: Spot) -> str:
+    def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
+        """The same point of a map that does not see the surface which the orbit begins to touch."""
+        if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
+            return None
+        window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)
+        if isinstance(window, str):
+            return None
+        there = self.walk._turned(here, *window)
+        return None if there is here else there
+
+    def _lost(self, here: Spot) -> tuple[str, Change | None]:
         """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
         walk, n = self.walk, self.walk.n
         where = _where(walk, here)
@@ -874,8 +890,9 @@ class _Way:
             change = change_between(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
             self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
-            return f"{name} at {where}: beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
-        return f"no orbit was found beyond {where} with steps down to {self.lengths[2]:.1g}."
+            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
+            return f"{name} at {where}: {why}", change
+        return f"no orbit was found beyond {where} with steps down to {self.lengths[2]:.1g}.", None
 
     def _closes(self, spots: list[Spot]) -> bool:
         """Whether the last step has passed the first point, along the same way."""
