@@ -167,7 +167,7 @@ class Critical(Condition):
         )
 
     def admissible(self, place: Place) -> bool:
-        return getattr(place.image, "speed", 1.0) > 0 and super().admissible(place)
+        return getattr(place.image, "speed", 1.0) > -TOUCHED and super().admissible(place)
 
 
 class Torus(Condition):

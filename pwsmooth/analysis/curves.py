@@ -759,7 +759,8 @@ class _Way:
             if there is None:
                 return self._ended(spots, f"no orbit was found at {reached}.")
             if end := self._between(here, there):
-                return self._ended(spots, end)
+                last, why = end
+                return self._ended([*spots, last], why)
             spots.append(there)
             if reached:
                 return self._ended(spots, f"reached {reached}.")
@@ -811,9 +812,9 @@ class _Way:
                 return there, f"{walk.names[k]} = {past * scale:.9g}"
         return there, ""
 
-    def _between(self, here: Spot, there: Spot) -> str:
-        """Locates what happens on the way between two points; why the curve ends there, if it does."""
-        walk, found, end = self.walk, [], ""
+    def _between(self, here: Spot, there: Spot) -> tuple[Spot, str] | None:
+        """Locates what happens on the way between two points; where and why the curve ends there, if it does."""
+        walk, found = self.walk, []
         for name in here.tests:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0:
@@ -826,13 +827,13 @@ class _Way:
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             if why and not (self.virtual and "virtual" in why):
-                return f"{name} at {_where(walk, spot)}: {why}."
+                return spot, f"{name} at {_where(walk, spot)}: {why}."
         if there.twin and not here.twin:
             name = f"{walk.condition.kind} twice"
             spot = self._before_twins(here, there)
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
-            return f"{name} at {_where(walk, spot)}: {why}."
+            return spot, f"{name} at {_where(walk, spot)}: {why}."
         if not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
             change = change_between(left.orbit, right.orbit)
@@ -840,7 +841,7 @@ class _Way:
                 name = f"{walk.condition.kind} + {change.name}"
                 note = "it goes on with another itinerary"
                 self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
-        return end
+        return None
 
     def _before_twins(self, here: Spot, there: Spot) -> Spot:
         """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
