@@ -309,7 +309,6 @@ class TwoSided(Condition):
     """The map has another slope on either side of c = 0: what its multipliers do is looked at on both."""
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
-        n = len(place.x)
         found: dict[str, float] = {}
         flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
         w = np.append(place.x, [_value(place.map, name) for name in place.names])
@@ -317,8 +316,7 @@ class TwoSided(Condition):
             near = []
             for aside in (_ASIDE, 4 * _ASIDE):
                 u = w + sign * aside * slopes[0] / (slopes[0] @ slopes[0])
-                image = place.map.with_parameters(dict(zip(place.names, map(float, u[n:])))).image(u[:n], ())
-                near.append(image.jacobian if image.success else np.full((n, n), np.nan))
+                near.append(_slope_at(place, u))
             # Beside a fold of the layer the slope has the root of c.
             slope = 2 * near[0] - near[1]
             if not np.isfinite(slope).all():
@@ -495,6 +493,16 @@ class Exit(AtEvent):
         e = line.speed(j).diff(line.symbols[j])
         mult[j] = float(side)
         return e, float(function_of(line.model, e)(np.array([t]), x[:, None], mult[:, None], p)[0]), mult
+
+
+def _slope_at(place: Place, w: np.ndarray) -> np.ndarray:
+    """DP at another (x, p, q); nan where there is none."""
+    n = len(place.x)
+    try:
+        image = place.map.with_parameters(dict(zip(place.names, map(float, w[n:])))).image(w[:n], ())
+    except ValueError:  # outside the assumptions of a parameter
+        return np.full((n, n), np.nan)
+    return image.jacobian if image.success else np.full((n, n), np.nan)
 
 
 def _value(map_: Any, name: str) -> float:
