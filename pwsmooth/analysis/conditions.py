@@ -314,10 +314,10 @@ class TwoSided(Condition):
         w = np.append(place.x, [_value(place.map, name) for name in place.names])
         for side, sign in (("below", -1.0), ("above", 1.0)):
             near = []
-            for aside in (_ASIDE, 4 * _ASIDE):
+            for aside in (_ASIDE, 2 * _ASIDE):
                 u = w + sign * aside * slopes[0] / (slopes[0] @ slopes[0])
                 near.append(_slope_at(place, u))
-            # Beside a fold of the layer the slope has the root of c.
+            # To c = 0, along a line.
             slope = 2 * near[0] - near[1]
             if not np.isfinite(slope).all():
                 continue
@@ -556,7 +556,7 @@ def differences(
 
 
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
-_ASIDE = 1e-9  # of c: so far to either side of it the map's slope is looked at
+_ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
 _TWIN = 1e-7
 _LAYER = 201  # places in [-1, 1] at which a layer is looked at
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
