@@ -5,16 +5,15 @@
 c says which bifurcation (conditions.py); points at which a second condition holds are located and named. Every orbit is
 one of the exact system: where the itinerary changes the curve says so, and ends where the bifurcation does.
 
-Chain: bifurcations.py, conditions.py -> **curves**.
+Chain: curve_ways.py -> **curves**.
 """
 
 from __future__ import annotations
 
 import copy
-import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -24,26 +23,15 @@ import sympy as sp
 from ..definition import checks
 from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
-from .arclength import Point, Walk, full_rank, quiet_time, tangent_of, value_of
-from .bifurcations import Bifurcation, change_enclosed, of_no_effect, zero_between
-from .conditions import (
-    TOGETHER,
-    Arrival,
-    AtEvent,
-    Border,
-    BranchPoint,
-    Condition,
-    Critical,
-    Exit,
-    Place,
-    Torus,
-    Touch,
-    differences,
-)  # fmt: skip
-from .itineraries import Change, change_between, same_itinerary
-from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
-from .sections import Section, Stroboscopic
-from .windows import FromImpact, PartedImage, Windowed, from_impact, recentred, touching
+from .arclength import value_of
+from .bifurcations import Bifurcation
+from .conditions import BranchPoint, Condition, Critical, Torus
+from .curve_walk import CurveWalk, Spot
+from .curve_ways import TOUCHES, Codimension2, Way
+from .impacts import from_impact
+from .orbits import PeriodicOrbit
+from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
+from .windows import PartedImage, Windowed, touching
 
 if TYPE_CHECKING:
     import pandas
@@ -51,77 +39,15 @@ if TYPE_CHECKING:
 __all__ = ["Codimension2", "Curve", "follow_curve"]
 
 _COUNTED = 2**62
-_MOST_NEWTON = 8
-_CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
-_BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
-_MOST_HALVED = 100
 _FAR, _PARTS = (
     0.1,
     10,
 )  # of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead
-_REPEATED = 1e-6  # to which an orbit beside grazing comes back
-_BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
-ADDING = "adding-sliding"
-TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", ADDING)
-BORDER = "border collision"
+ADDING, BORDER = "adding-sliding", "border collision"
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
-
 FOLLOWED = (*SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
-
-
-@dataclass(frozen=True)
-class Spot(Point):
-    """A point of a curve: u = (x, p/scale, q/scale, e), what its own unknowns e are, and its test functions."""
-
-    extra: np.ndarray = field(default_factory=lambda: np.empty(0))
-    tests: Mapping[str, float] = field(default_factory=dict)
-    twin: bool = False
-
-
-@dataclass(frozen=True)
-class Codimension2:
-    """A point of a curve at which a second condition holds.
-
-    Attributes
-    ----------
-    name : str
-        "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
-    values : dict of str to float, in the units of the parameters
-        Both parameters.
-    orbit : PeriodicOrbit
-        At the point, or the last one before it where the curve ends there.
-    note : str
-        What else is to be said.
-
-    Notes
-    -----
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
-    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a + b * x - x**3})
-    >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
-    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
-    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
-    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
-    >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
-    0.000000 1.000000
-    """
-
-    name: str
-    values: dict[str, float]
-    orbit: PeriodicOrbit
-    note: str = ""
-
-    def __str__(self) -> str:
-        where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())
-        return f"{self.name} at {where}" + (f": {self.note}" if self.note else "")
 
 
 @dataclass(repr=False)
@@ -261,235 +187,6 @@ class Curve(Described):
         }.items()
 
 
-class CurveWalk(Walk):
-    """Predictor and corrector in the space of states, two parameters and the condition's own unknowns."""
-
-    def __init__(
-        self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int
-    ) -> None:
-        self.map: Any = map_
-        self.condition, self.names, self.n = condition, names, n
-        self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
-        self.offset: Any = 0.0  # what c is, on the way to a first point
-
-    def place(self, w: np.ndarray) -> Place | None:
-        """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
-        x, n = w[: self.n], self.n
-        try:
-            here = self.map.with_parameters(dict(zip(self.names, map(float, w[n : n + 2]))))
-        except ValueError:  # outside the assumptions of a parameter
-            return None
-        image = here.image(x, self.names)
-        if not image.success:
-            return None
-        DF = np.column_stack([image.jacobian - np.eye(n), image.by_parameter])
-        return Place(here, image, x, image.x - x, DF, self.names) if np.isfinite(DF).all() else None
-
-    def slopes(self, place: Place, w: np.ndarray) -> np.ndarray | None:
-        """Of the condition by (x, p, q, e), not scaled."""
-        condition, extra = self.condition, w[self.n + 2 :]
-        exact = condition.slopes(place, extra)
-        if exact is not None:
-            return exact
-        found = differences(self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra))
-        if found is None or not condition.extras:
-            return found
-        h = 1e-6
-        own = [
-            (condition.value(place, extra + h * e) - condition.value(place, extra - h * e)) / (2 * h)
-            for e in np.eye(condition.extras)
-        ]
-        return np.column_stack([found, *own])
-
-    def correct(
-        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
-    ) -> Spot | None:
-        """Newton's method in the plane normal . (u - guess) = 0, or to the nearest point without one."""
-        try:
-            return self._corrected(guess, normal, direction)
-        except np.linalg.LinAlgError:
-            return None
-
-    def _corrected(
-        self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
-    ) -> Spot | None:
-        condition, n, u, last, slopes = self.condition, self.n, guess, math.inf, None
-        for steps in range(_MOST_NEWTON + 1):
-            w = u * self.sizes
-            place = self.place(w[: n + 2])
-            if place is None:
-                return None
-            extra = w[n + 2 :]
-            # From the second step on the slopes are near enough: each evaluation runs 2 (n + 2) orbits.
-            if steps < 2 or normal is None:
-                slopes = self.slopes(place, w)
-            if slopes is None:
-                return None
-            G = np.concatenate(
-                [place.F + condition.unfolding(extra), condition.value(place, extra) - self.offset]
-            )
-            DG = np.vstack([np.hstack([place.DF, condition.unfolding_slopes(n)]), slopes]) * self.sizes
-            rows, right = DG, -G
-            if normal is not None:
-                rows, right = np.vstack([DG, normal]), np.append(right, -normal @ (u - guess))
-            if not (np.isfinite(rows).all() and np.isfinite(right).all()):
-                return None
-            move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
-            off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
-            size = float(np.abs(move / (1 + np.abs(u))).max())
-            if not np.isfinite(size):
-                return None
-            stands = size > 0.3 * last and size <= _ROUNDED  # roundings are all that moves it
-            if off <= TOLERANCE and (size <= _CONVERGED or stands):
-                orbit = _orbit(condition, place, off, steps)
-                tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
-                tests = condition.tests(place, extra, slopes)
-                return Spot(
-                    u,
-                    tangent,
-                    orbit,
-                    place.image.solution,
-                    steps,
-                    full_rank(DG),
-                    extra,
-                    tests,
-                    condition.twin(place),
-                )
-            if steps == _MOST_NEWTON or size > 10 * last:
-                return None
-            last = size
-            u = u + move
-            if isinstance(_exact(place.map), Section):
-                u = np.concatenate([onto_section(_exact(place.map), u[:n]), u[n:]])
-        return None
-
-    def framed(self, here: Spot) -> None:
-        """Lets the condition follow to a point that has been reached."""
-        place = self.place((here.u * self.sizes)[: self.n + 2])
-        if place is not None:
-            self.condition.frame(place, here.extra)
-
-    def parameters(self, here: Spot) -> dict[str, float]:
-        return {name: value_of(here.orbit, name) for name in self.names}
-
-    def rephased(self, here: Any) -> Any:
-        """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
-        if isinstance(self.condition, AtEvent):
-            return self._retimed(here)
-        if isinstance(self.map, Windowed):
-            return self._recentred(here)
-        if isinstance(self.map, FromImpact):
-            found = from_impact(here.orbit.map, here.orbit.x)
-            if found is not None:
-                self.map = dataclasses.replace(self.map, behind=found[0].behind, before=found[0].before)
-            return here
-        map_ = here.orbit.map
-        # The way on is told from the parameters, which a cusp has not.
-        told = np.linalg.norm(here.tangent[self.n : self.n + 2]) > 1e-3
-        time = quiet_time(here.run, map_.forcing_period) if isinstance(map_, Stroboscopic) and told else None
-        if time is None:
-            return here
-        part = map_.solved(here.orbit.x, time, map_.system)
-        orbit = refine(map_.at_phase(time / map_.forcing_period), part.x[:, -1])
-        return self._turned(here, orbit.map, orbit.x) if orbit.success else here
-
-    def _retimed(self, here: Spot) -> Spot:
-        """The same orbit on a section far from events, and the number of the one that matters counted from there."""
-        map_, run = here.orbit.map, here.run
-        if not isinstance(map_, Stroboscopic):
-            return here
-        time = quiet_time(run, map_.forcing_period)
-        if time is None:
-            return here
-        condition = self.condition
-        assert isinstance(condition, AtEvent)
-        old = condition.ordinal
-        count = len(condition.events(run))
-        before = sum(run.events[k].time < time for k in condition.events(run))
-        there = map_.solved(here.orbit.x, time, map_.system)
-        condition.ordinal = (old - before) % count
-        found = self._turned(here, Windowed(map_.at_phase(time / map_.forcing_period)), there.x[:, -1])
-        if found is here:
-            condition.ordinal = old
-        return found
-
-    def _recentred(self, here: Spot) -> Spot:
-        """The same orbit with the window about its own approach."""
-        place = self.place((here.u * self.sizes)[: self.n + 2])
-        if place is None or place.map.window is None:
-            return here
-        map_, window, near = place.map, place.map.window, place.image.approach
-        T, begins = (map_.forcing_period, map_.start_time) if map_.driven else (1.0, 0.0)
-        part = ((near.place - begins) / T - window.begin) / (window.end - window.begin)
-        if map_.driven and 0.3 < part < 0.7:
-            self.map = dataclasses.replace(
-                self.map, window=dataclasses.replace(window, near=(near.place - begins) / T)
-            )
-            return here
-        return self._turned(here, *recentred(map_, place.image.runs, near.place, window, T, begins))
-
-    def _turned(self, here: Spot, map_: Any, x: np.ndarray) -> Spot:
-        """The same point with another map and its point there."""
-        turned = copy.copy(self)
-        turned.map = map_
-        turned.condition = copy.deepcopy(self.condition)
-        u = np.concatenate([x, here.u[self.n :]])
-        place = turned.place((u * self.sizes)[: self.n + 2])
-        if place is None:
-            return here
-        turned.condition.start(place)
-        there = turned.correct(u, None, np.concatenate([np.zeros(self.n), here.tangent[self.n :]]))
-        if there is None:
-            return here
-        self.map, self.condition = turned.map, turned.condition
-        return there
-
-    def at(self, near: Spot, other: Spot, index: int, value: float) -> Spot | None:
-        """The point between two at which an entry of u has a value."""
-        way = other.u - near.u
-        guess = near.u + way * (value - near.u[index]) / way[index]
-        guess[index] = value
-        normal = np.zeros(len(guess))
-        normal[index] = 1.0
-        return self.correct(guess, normal, near.tangent)
-
-
-def _exact(map_: Any) -> Any:
-    return map_.base if isinstance(map_, (Windowed, FromImpact)) else map_
-
-
-def _orbit(condition: Condition, place: Place, off: float, steps: int) -> PeriodicOrbit:
-    """The orbit at a point of a curve, as one of the exact map."""
-    map_, x, image, word = _exact(place.map), place.x, place.image, condition.word(place)
-    if isinstance(place.map, FromImpact):
-        map_, x = place.map.exact(x, image)
-        exact = map_.image(x, ())
-        # Of an impact without speed there is no exact map: what it was made from has the multipliers.
-        if exact.success:
-            image, off = exact, float(np.abs((exact.x - x) / (1 + np.abs(x))).max())
-            word = image.word
-    found = off <= _REPEATED and condition.admissible(place)
-    message = "continued" if found else "virtual: it is none of the exact system"
-    return PeriodicOrbit(
-        map_, x, off, image.jacobian, word, image.time, steps, found, message, image.degenerate
-    )
-
-
-def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
-    """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
-    if kind == BORDER:
-        return Border(event)
-    if event is not None:
-        return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
-    if kind == "torus":
-        return Torus()
-    if kind in TOUCHES:
-        return Touch(kind)
-    if kind == "branch point":
-        return BranchPoint(names.index(name) if name in names else 0)
-    return Critical(kind, 1 if kind == "fold" else -1)
-
-
 @checks.door(
     start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
     ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
@@ -584,6 +281,21 @@ def follow_curve(
             map_, x, condition_of(kind, name, both, event), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
+
+
+def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
+    """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+    if kind == BORDER:
+        return Border(event)
+    if event is not None:
+        return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
+    if kind == "torus":
+        return Torus()
+    if kind in TOUCHES:
+        return Touch(kind)
+    if kind == "branch point":
+        return BranchPoint(names.index(name) if name in names else 0)
+    return Critical(kind, 1 if kind == "fold" else -1)
 
 
 def _given(
@@ -694,7 +406,7 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
         side.condition = copy.deepcopy(condition)
         here = copy.copy(first)
         object.__setattr__(here, "tangent", sign * first.tangent)
-        way = _Way(side, bounds, lengths, most, virtual, used_up)
+        way = Way(side, bounds, lengths, most, virtual, used_up)
         sides.append(way.followed(here))
         if way.closed:
             break
@@ -720,201 +432,3 @@ def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.n
             return spot
         u, spot_at_part = near.u, near
     return spot_at_part
-
-
-class _Way:
-    """A curve to one side."""
-
-    def __init__(
-        self, walk: CurveWalk, bounds: np.ndarray, lengths: Any, most: int, virtual: bool, used_up: Any
-    ) -> None:
-        self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
-        self.virtual = virtual
-        self.points: list[Codimension2] = []
-        self.closed = False
-
-    def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
-        step, longest, shortest = self.lengths
-        walk, spots, ds = self.walk, [here], min(step, longest)
-        while len(spots) < self.most:
-            where = _where(walk, here)
-            if self.used_up():
-                return self._ended(spots, f"`max_steps` or `max_seconds` are used up at {where}: give more.")
-            if not here.alone:
-                return self._ended(spots, f"at {where} no single way leads on: two curves meet there.")
-            there = self._stepped(here, ds)
-            if there is None:
-                if ds > shortest:
-                    ds *= 0.3
-                    continue
-                here = self._last(here, ds)
-                spots.append(here)
-                why, change = self._lost(here)
-                beyond = self._beyond(here, change) if self.virtual else None
-                if beyond is None:
-                    return self._ended(spots, why)
-                here, ds = beyond, step
-                continue
-            there, reached = self._within(here, there)
-            if there is None:
-                return self._ended(spots, f"no orbit was found at {reached}.")
-            if end := self._between(here, there):
-                last, why = end
-                return self._ended([*spots, last], why)
-            spots.append(there)
-            if reached:
-                return self._ended(spots, f"reached {reached}.")
-            if self._closes(spots):
-                self.closed = True
-                return self._ended(spots, "it closes.")
-            ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
-            walk.framed(there)
-            here = walk.rephased(there)
-        return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
-
-    def _stepped(self, here: Spot, ds: float) -> Any:
-        """One step, no further than the border of the ranges: beyond it a parameter may have no meaning."""
-        walk, n = self.walk, self.walk.n
-        ways = []
-        for k in (0, 1):
-            rate = here.tangent[n + k]
-            border = self.bounds[k][int(rate > 0)] / walk.sizes[n + k]
-            if rate and 0 < (border - here.u[n + k]) / rate < ds:
-                ways.append(((border - here.u[n + k]) / rate, n + k, border))
-        if not ways:
-            return walk.step(here, ds)
-        reach, index, border = min(ways)
-        guess = here.u + reach * here.tangent
-        guess[index] = border
-        normal = np.zeros(len(guess))
-        normal[index] = 1.0
-        there = walk.correct(guess, normal, here.tangent)
-        return (
-            there
-            if there is not None and np.linalg.norm(there.u - here.u) <= 2 * reach
-            else walk.step(here, ds)
-        )
-
-    def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
-        return spots, self.points, why
-
-    def _within(self, here: Spot, there: Spot) -> tuple[Spot | None, str]:
-        """The point, or that on the border of the ranges which the way to it passes, and the border in words."""
-        n, walk = self.walk.n, self.walk
-        for k in (0, 1):
-            u, scale = there.u[n + k], walk.sizes[n + k]
-            low, high = self.bounds[k] / scale
-            past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
-            if past is not None and u != past:
-                at = walk.at(here, there, n + k, past)
-                return at, f"{walk.names[k]} = {past * scale:.9g}"
-            if past is not None:
-                return there, f"{walk.names[k]} = {past * scale:.9g}"
-        return there, ""
-
-    def _between(self, here: Spot, there: Spot) -> tuple[Spot, str] | None:
-        """Locates what happens on the way between two points; where and why the curve ends there, if it does."""
-        walk, found = self.walk, []
-        for name in here.tests:
-            a, b = here.tests[name], there.tests.get(name, math.nan)
-            if not a * b < 0:
-                continue
-            spot = zero_between(walk, here, there, _test(name))
-            if spot is not None and abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
-                why = walk.condition.ends(name)
-                found.append((spot, name, why))
-        chord = there.u - here.u
-        for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
-            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
-            if why and not (self.virtual and "virtual" in why):
-                return spot, f"{name} at {_where(walk, spot)}: {why}."
-        if there.twin and not here.twin:
-            name = f"{walk.condition.kind} twice"
-            spot = self._before_twins(here, there)
-            why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
-            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
-            return spot, f"{name} at {_where(walk, spot)}: {why}."
-        if not same_itinerary(here.orbit, there.orbit):
-            left, right, _ = change_enclosed(walk, here, there)
-            change = change_between(left.orbit, right.orbit)
-            if not of_no_effect(change, left.orbit, right.orbit):
-                name = f"{walk.condition.kind} + {change.name}"
-                note = "it goes on with another itinerary"
-                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
-        return None
-
-    def _before_twins(self, here: Spot, there: Spot) -> Spot:
-        """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
-        ds = 0.5 * float(np.linalg.norm(there.u - here.u))
-        for _ in range(_MOST_HALVED):
-            if ds <= _BRACKET:
-                break
-            spot: Any = self.walk.step(here, ds)
-            if spot is None or spot.twin:
-                ds *= 0.5
-            else:
-                here = spot
-        return here
-
-    def _last(self, here: Spot, ds: float) -> Spot:
-        """The last point of the curve, no further than `ds` from here, by bisection."""
-        low, high, last = 0.0, ds, here
-        while high - low > _BRACKET:
-            middle = 0.5 * (low + high)
-            spot: Any = self.walk.step(here, middle)
-            low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
-        return last
-
-    def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
-        """The same point of a map that does not see the surface which the orbit begins to touch."""
-        if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
-            return None
-        window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)
-        if isinstance(window, str):
-            return None
-        there = self.walk._turned(here, *window)
-        return None if there is here else there
-
-    def _lost(self, here: Spot) -> tuple[str, Change | None]:
-        """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
-        walk, n = self.walk, self.walk.n
-        where = _where(walk, here)
-        for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
-            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
-            try:
-                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
-            except ValueError:  # outside the assumptions of a parameter
-                continue
-            beyond = refine(map_, here.orbit.x)
-            if not beyond.success or same_itinerary(here.orbit, beyond):
-                continue
-            change = change_between(here.orbit, beyond)
-            name = f"{walk.condition.kind} + {change.name}"
-            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
-            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
-            return f"{name} at {where}: {why}", change
-        return f"no orbit was found beyond {where} with steps down to {self.lengths[2]:.1g}.", None
-
-    def _closes(self, spots: list[Spot]) -> bool:
-        """Whether the last step has passed the first point, along the same way."""
-        if len(spots) < 5:
-            return False
-        n, first, a, b = self.walk.n, spots[0], spots[-2], spots[-1]
-        pq = slice(n, n + 2)
-        chord, to = b.u[pq] - a.u[pq], first.u[pq] - a.u[pq]
-        length = float(chord @ chord)
-        if length == 0 or not 0 <= to @ chord <= length:
-            return False
-        aside = np.linalg.norm(to - chord * (to @ chord) / length)
-        along = first.tangent[pq] @ chord > 0.8 * np.linalg.norm(first.tangent[pq]) * math.sqrt(length)
-        one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
-        same = np.allclose(one, other, rtol=0.1, atol=0.1)
-        return bool(aside < 0.2 * math.sqrt(length) and along and same)
-
-
-def _test(name: str) -> Callable[[Spot], float]:
-    return lambda spot: spot.tests[name]
-
-
-def _where(walk: CurveWalk, here: Spot) -> str:
-    return ", ".join(f"{name} = {value:.10g}" for name, value in walk.parameters(here).items())
