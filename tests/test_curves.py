@@ -205,6 +205,21 @@ def test_a_surface_that_moves_with_a_parameter_is_grazed_in_proportion():
     assert np.abs(curve.values[1] - curve.values[0] * grazing_amplitude(1.4)).max() < 1e-10
 
 
+@pytest.mark.parametrize("virtual", [False, True])
+def test_a_grazing_curve_ends_where_the_orbit_touches_twice(virtual):
+    # At b = 0 the response to cos 2t alone comes to the stop twice in 2 pi, at A = |1 - 4 + 0.2 i|.
+    system = System(
+        {x: u, u: b * sp.cos(t) + A * sp.cos(2 * t) - x - u / 10 - stop.reaction}, time=t,
+        parameters={b: 0.02, A: 2.2},
+    )  # fmt: skip
+    orbit = find_orbit(system, {x: 0, u: 0}, period=2 * sp.pi)
+    curve = follow_curve(orbit, {b: (-0.08, 0.08), A: (0, 5)}, kind="grazing impact", virtual=virtual)
+    (twice,) = curve.points
+    assert twice.name == "grazing impact + grazing impact"
+    assert list(twice.values.values()) == pytest.approx([0, abs(3 - 0.2j)], abs=ON_CURVE)
+    assert curve.values[0].min() > -ON_CURVE and curve.ends[0].startswith(twice.name)
+
+
 def test_folds_of_the_impacting_orbit_reach_the_grazing_curve_at_no_speed():
     # The rows of the issue: (1.10, 0.116443006938) and (1.40, 0.281786577844).
     for frequency, amplitude in ((1.1, 0.116443006938), (1.4, 0.281786577844)):

@@ -215,6 +215,8 @@ class Way:
 
     def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
         """The same point of a map that does not see the surface which the orbit begins to touch."""
+        if not self.walk.condition.of_multipliers:
+            return None
         if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
             return None
         window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)

@@ -32,6 +32,8 @@ _LAYER = 201  # places in [-1, 1] at which a layer is looked at
 class Touch(Condition):
     """The orbit comes to a surface and touches it: the smallest s h of a window is 0 (windows.py)."""
 
+    of_multipliers = False
+
     def __init__(self, kind: str) -> None:
         self.kind = kind
 
@@ -78,6 +80,8 @@ class Touch(Condition):
 
 class TwoSided(Condition):
     """The map has another slope on either side of c = 0: what its multipliers do is looked at on both."""
+
+    of_multipliers = False
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         found: dict[str, float] = {}
