@@ -39,6 +39,7 @@ LITERATURE = tuple(
     for module in (
         "analysis.bifurcations",
         "analysis.capture",
+        "analysis.curves",
         "analysis.lyapunov",
         "analysis.sticking",
         "definition.sigmoids",

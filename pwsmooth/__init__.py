@@ -29,6 +29,7 @@ _HOME = {
     "sweep": "sweep",
     "find_orbit": "analysis.orbits",
     "follow": "analysis.continuation",
+    "follow_curve": "analysis.curves",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",

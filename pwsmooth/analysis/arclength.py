@@ -69,7 +69,7 @@ class Walk:
         equations = self.image(u)
         assert equations is not None
         return Point(
-            u, _tangent(equations[3], direction), orbit, equations[1].solution, 0, _full_rank(equations[3])
+            u, tangent_of(equations[3], direction), orbit, equations[1].solution, 0, full_rank(equations[3])
         )
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
@@ -86,7 +86,7 @@ class Walk:
                     here, u[:-1], size, image.jacobian, image.word, image.time, steps, True,
                     "continued", image.degenerate,
                 )  # fmt: skip
-                return Point(u, _tangent(DF, direction), orbit, image.solution, steps, _full_rank(DF))
+                return Point(u, tangent_of(DF, direction), orbit, image.solution, steps, full_rank(DF))
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
@@ -101,19 +101,10 @@ class Walk:
         section = here.orbit.map
         if not (isinstance(self.map, Stroboscopic) and isinstance(section, Stroboscopic)):
             return here
-        run, period = here.run, section.forcing_period
-        times = np.array([e.time for e in run.events])
-        edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
-        if edge > _NEAR * period:
+        time = quiet_time(here.run, section.forcing_period)
+        if time is None:
             return here
-        bounds = np.unique(np.concatenate([run.t[:1], times, run.t[-1:]]))
-        middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
-        column = np.searchsorted(run.t, middles, side="right") - 1
-        lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
-        best = int(np.argmax(lengths))
-        if lengths[best] < 4 * _NEAR * period:
-            return here
-        map_, time = self.map, middles[best]
+        map_, period = self.map, section.forcing_period
         part = map_.solved(here.u[:-1], time, here.orbit.system)
         found = moved(part, chosen_parameters(part.system, (self.name,)))
         turned = map_.at_phase(time / period)
@@ -147,7 +138,7 @@ class Walk:
             equations = self.image(here.u + reach * here.tangent)
             if equations is None:
                 continue
-            other = _tangent(equations[3], here.tangent)
+            other = tangent_of(equations[3], here.tangent)
             for direction in (other, -other):
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
@@ -200,12 +191,26 @@ class Walk:
         return None
 
 
-def _full_rank(DF: np.ndarray) -> bool:
+def quiet_time(run: Solution, period: float) -> float | None:
+    """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay."""
+    times = np.array([e.time for e in run.events])
+    edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
+    if edge > _NEAR * period:
+        return None
+    bounds = np.unique(np.concatenate([run.t[:1], times, run.t[-1:]]))
+    middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
+    column = np.searchsorted(run.t, middles, side="right") - 1
+    lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
+    best = int(np.argmax(lengths))
+    return float(middles[best]) if lengths[best] >= 4 * _NEAR * period else None
+
+
+def full_rank(DF: np.ndarray) -> bool:
     sizes = np.linalg.svd(DF, compute_uv=False)
     return bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
 
 
-def _tangent(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def tangent_of(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Unit null vector of DF (n, n + 1), to the side of `direction`."""
     tangent = np.linalg.svd(DF)[2][-1]
     return tangent if tangent @ direction >= 0 else -tangent

@@ -11,14 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from .arclength import Point, Walk
+from .conditions import factors, pairs
 from .itineraries import Change, change_between, same_itinerary
 from .orbits import SAME, PeriodicOrbit, refine
 
 __all__ = ["Bifurcation", "bifurcations_between"]
+
+P = TypeVar("P", bound=Point)
 
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
@@ -123,12 +127,12 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
             return bifurcations + _smooth(walk, here, there)
-        left, right, width = _change(walk, here, there)
+        left, right, part = change_enclosed(walk, here, there)
+        width = part * abs(walk.value(there) - walk.value(here))
         bifurcations += _smooth(walk, here, left)
         apart = _apart(walk, here, there, left, right)
         change = change_between(*apart)
-        # Independent events may change their order without any effect on the orbit.
-        if change.name != "change of order" or not _one_slope(*apart):
+        if not of_no_effect(change, *apart):
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
             )
@@ -136,8 +140,10 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     return bifurcations
 
 
-def _one_slope(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    """Whether the map has the same derivative at two orbits so little apart, where it changes with them only."""
+def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Whether independent events change their order: the map has the same derivative at two orbits so little apart."""
+    if change.name != "change of order":
+        return False
     off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
     return bool(off <= 100 * _APART * np.abs(one.jacobian).max(initial=0.0))
 
@@ -185,21 +191,21 @@ def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] |
     return here, here.orbit.x + (there.orbit.x - here.orbit.x) * sizes[0] / (sizes[0] + sizes[1])
 
 
-def _change(walk: Walk, here: Point, there: Point) -> tuple[Point, Point, float]:
-    """The first change of itinerary, enclosed between two points."""
+def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
+    """The first change of itinerary, enclosed between two points, and their distance as a part of the chord."""
     low, high, left, right = 0.0, 1.0, here, there
     length = np.linalg.norm(there.u - here.u)
     while (high - low) * length > _BRACKET * (1 + np.abs(here.u).max()):
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
-        point = walk.along(here, there, middle, left)
+        point: Any = walk.along(here, there, middle, left)
         if point is not None and same_itinerary(here.orbit, point.orbit):
             low, left = middle, point
         else:
             # No orbit at all is a change too: beside a corner the chord's plane can miss the branch.
             high, right = middle, point or right
-    return left, right, (high - low) * abs(there.u[-1] - here.u[-1]) * walk.scale
+    return left, right, high - low
 
 
 def _apart(
@@ -223,9 +229,9 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     symmetric = here.orbit.symmetric
     tests = {
         "fold": lambda p: p.tangent[-1],
-        "symmetry breaking" if symmetric else "flip": lambda p: _determinant(p.orbit, -1),
-        "branch point": lambda p: _determinant(p.orbit, 1),
-        "torus": lambda p: _torus(p.orbit),
+        "symmetry breaking" if symmetric else "flip": lambda p: factors(p.orbit.map_multipliers, -1),
+        "branch point": lambda p: factors(p.orbit.map_multipliers, 1),
+        "torus": lambda p: pairs(p.orbit.map_multipliers),
     }
     for kind, test in tests.items():
         a, b = test(here), test(there)
@@ -233,25 +239,24 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
             continue
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's
-        at = _zero(walk, here, there, test, a, b)
-        if at is None or (kind == "torus" and not _has_pair(at[0].orbit)):
+        point = zero_between(walk, here, there, test)
+        if point is None or (kind == "torus" and not _has_pair(point.orbit)):
             continue
-        point, width = at
+        # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
+        width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
         bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
     return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
 
 
-def _zero(
-    walk: Walk, here: Point, there: Point, test: Callable[[Point], float], a: float, b: float
-) -> tuple[Point, float] | None:
-    """The zero of a test function with the values a, b at two points, and how well the parameter is known there."""
+def zero_between(walk: Walk, here: P, there: P, test: Callable[[P], float]) -> P | None:
+    """The point at which a test function with different signs at two points vanishes."""
     from scipy.optimize import brentq
 
     points = {0.0: here, 1.0: there}
 
     def at(part: float) -> float:
         if part not in points:
-            point = walk.along(here, there, part)
+            point: Any = walk.along(here, there, part)
             if point is None:
                 raise _Lost
             points[part] = point
@@ -262,25 +267,11 @@ def _zero(
         at(zero)
     except _Lost:
         return None
-    point = points[zero]
-    # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
-    return point, 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
+    return points[zero]
 
 
 class _Lost(Exception):
     """Newton's method found no orbit between two points of a branch."""
-
-
-def _determinant(orbit: PeriodicOrbit, root: int) -> float:
-    """Product of mu - root: zero where a multiplier of the map is `root`; every factor bounded."""
-    factors = orbit.map_multipliers - root
-    return float(np.prod(factors / (1 + np.abs(orbit.map_multipliers))).real)
-
-
-def _torus(orbit: PeriodicOrbit) -> float:
-    mu = orbit.map_multipliers
-    pairs = [mu[i] * mu[j] - 1 for i in range(len(mu)) for j in range(i)]
-    return float(np.prod(np.array([p / (1 + abs(p)) for p in pairs])).real) if pairs else 1.0
 
 
 def _has_pair(orbit: PeriodicOrbit) -> bool:

@@ -1,0 +1,306 @@
+"""What holds all along a curve in two parameters, beside the fixed point: c(x, p, q, e) = 0.
+
+    fold, flip, symmetry breaking      g = 0,   (DP - mu   b) (v)   (0)
+                                                (c^T       0) (g) = (1),     mu = 1, -1, -1 of the half-period map
+    torus                              the same with DP^2 - 2 kappa DP + 1, two columns b and c, kappa an unknown
+    branch point                       g = 0 and w F_p = 0 of F + e b, e an unknown (0 while the branches meet)
+
+g is as smooth as DP and vanishes with det(DP - mu), whose size it does not have (Govaerts, Numerical Methods for
+Bifurcations of Dynamical Equilibria, 2000); b and c follow the null vectors from point to point.
+
+Chain: impacts.py -> **conditions** -> tangencies.py, curve_walk.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .impacts import ImpactImage
+from .poincare import Word
+from .windows import TOUCHED
+
+_STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
+
+
+class Place(NamedTuple):
+    """The map at a point: F = P - x (n,) and its slopes DF (n, n + 2) by the point and both parameters, not scaled."""
+
+    map: Any
+    image: Any  # Image, or PartedImage
+    x: np.ndarray
+    F: np.ndarray
+    DF: np.ndarray
+    names: tuple[str, str]
+
+    @property
+    def DP(self) -> np.ndarray:
+        return self.image.jacobian
+
+    def critical(self, root: int) -> np.ndarray:
+        """DP - root; of a motion from an impact to the next one the pencil of its multipliers."""
+        if isinstance(self.image, ImpactImage):
+            A, B = self.image.pencil
+            return B - root * A
+        return self.DP - root * np.eye(len(self.x))
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        if isinstance(self.image, ImpactImage):
+            from scipy.linalg import eigvals
+
+            A, B = self.image.pencil
+            mu = eigvals(B, A)
+            # One of them is no multiplier but the condition h = 0, and infinite; without speed another one is.
+            mu = np.delete(mu, np.argmax(np.where(np.isfinite(mu), np.abs(mu), np.inf)))
+            return mu[np.isfinite(mu)]
+        return np.linalg.eigvals(self.DP).astype(complex)
+
+
+class Condition:
+    """c = 0 and its unknowns beside x, p, q; slopes by differences of `value` unless `slopes` gives them."""
+
+    kind: str
+    extras = 0
+    of_multipliers = True  # it asks nothing of a surface, so that a map may leave one out
+
+    def start(self, place: Place) -> np.ndarray:
+        """First values of the unknowns of its own, (extras,); frames are set."""
+        self.frame(place, np.empty(0))
+        return np.empty(0)
+
+    def frame(self, place: Place, extra: np.ndarray) -> None:
+        """What is kept fixed while the next point is sought."""
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        """c, (1 + extras,)."""
+        raise NotImplementedError
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
+        """Of c by x, p, q and the extras, (1 + extras, n + 2 + extras), where they are exact."""
+        return None
+
+    def unfolding(self, extra: np.ndarray) -> np.ndarray | float:
+        """What is added to F, (n,)."""
+        return 0.0
+
+    def unfolding_slopes(self, n: int) -> np.ndarray:
+        return np.zeros((n, self.extras))
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        """Functions that change their sign at points of codimension 2, by the name of these."""
+        return {}
+
+    def ends(self, name: str) -> str:
+        """Why the curve ends at such a point, or is virtual from there on; empty where it goes on."""
+        return ""
+
+    def twin(self, place: Place) -> bool:
+        """Whether it holds at two events at once."""
+        return False
+
+    def admissible(self, place: Place) -> bool:
+        """Whether the orbit does what the curve says of it: of a map with a window, keeps to its side."""
+        near = getattr(place.image, "approach", None)
+        return near is None or bool(min(near.h, near.others) >= -TOUCHED)
+
+    def word(self, place: Place) -> Word:
+        """The itinerary, without what is open on the curve."""
+        return place.image.word
+
+
+class Critical(Condition):
+    """A multiplier of the map is `root`, 1 or -1."""
+
+    def __init__(self, kind: str, root: int) -> None:
+        self.kind, self.root = kind, root
+        self.b = self.c = np.empty(0)
+
+    def start(self, place: Place) -> np.ndarray:
+        left, _, right = np.linalg.svd(place.critical(self.root))
+        self.b, self.c = left[:, -1], right[-1]
+        return np.empty(0)
+
+    def frame(self, place: Place, extra: np.ndarray) -> None:
+        v, w, _ = self.null(place)
+        self.b, self.c = w / np.linalg.norm(w), v / np.linalg.norm(v)
+
+    def null(self, place: Place) -> tuple[np.ndarray, np.ndarray, float]:
+        """v, w (n,) and g."""
+        n = len(place.x)
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n] = place.critical(self.root)
+        matrix[:n, n], matrix[n, :n] = self.b, self.c
+        last = np.append(np.zeros(n), 1.0)
+        right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
+        return right[:n], left[:n], float(right[n])
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([self.null(place)[2]])
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        v, w, _ = self.null(place)
+        v, w = v / np.linalg.norm(v), w / np.linalg.norm(w)
+        rest = others(place.multipliers, [complex(self.root)])
+        double = "1:1 resonance" if self.root > 0 else "1:2 resonance"
+        image = place.image
+        if isinstance(image, ImpactImage):
+            # The pencil's leading coefficient has the speed as a factor.
+            found = {
+                f"{self.kind} + grazing impact": image.speed,
+                double: float(w @ image.pencil[0] @ v) / image.speed,
+            }
+        else:
+            found = {double: float(w @ v)}
+        if self.root > 0:
+            flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
+            found |= {"cusp": float(slopes[0, : len(v)] @ v), f"fold + {flip}": factors(rest, -1)}
+        else:
+            found[f"fold + {self.kind}"] = factors(rest, 1)
+        return found | {f"{self.kind} + torus": pairs(rest)}
+
+    def ends(self, name: str) -> str:
+        return (
+            "there the impact has no speed, and beyond it the curve is virtual"
+            if "grazing impact" in name
+            else ""
+        )
+
+    def admissible(self, place: Place) -> bool:
+        return getattr(place.image, "speed", 1.0) > -TOUCHED and super().admissible(place)
+
+
+class Torus(Condition):
+    """A pair of multipliers is exp(+-i theta), kappa = cos theta."""
+
+    kind, extras = "torus", 1
+
+    def __init__(self) -> None:
+        self.b = self.c = self.mix = np.empty((0, 0))
+
+    def _matrix(self, place: Place, kappa: float) -> np.ndarray:
+        return place.DP @ place.DP - 2 * kappa * place.DP + np.eye(len(place.x))
+
+    def start(self, place: Place) -> np.ndarray:
+        mu = np.linalg.eigvals(place.DP)
+        mu = mu[np.abs(mu.imag) > 0]
+        kappa = float(mu[np.argmin(np.abs(np.abs(mu) - 1))].real) if mu.size else 1.0
+        left, _, right = np.linalg.svd(self._matrix(place, kappa))
+        self.b, self.c = left[:, -2:], right[-2:].T
+        self._mixed(place, kappa)
+        return np.array([kappa])
+
+    def _mixed(self, place: Place, kappa: float) -> None:
+        """The two of the four entries' combinations that move: with DP and the unit matrix in the plane of the pair."""
+        directions = (self.c.T @ place.DP @ self.c, np.eye(2))
+        moved = np.array([(self.b.T @ self.c @ d).ravel() for d in directions])
+        self.mix = np.linalg.svd(moved)[2][:2]
+
+    def _solved(self, place: Place, kappa: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        n = len(place.x)
+        matrix = np.zeros((n + 2, n + 2))
+        matrix[:n, :n] = self._matrix(place, kappa)
+        matrix[:n, n:], matrix[n:, :n] = self.b, self.c.T
+        last = np.vstack([np.zeros((n, 2)), np.eye(2)])
+        right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
+        return right[:n], left[:n], right[n:]
+
+    def frame(self, place: Place, extra: np.ndarray) -> None:
+        v, w, _ = self._solved(place, float(extra[0]))
+        self.b, self.c = np.linalg.qr(w)[0], np.linalg.qr(v)[0]
+        self._mixed(place, float(extra[0]))
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return self.mix @ self._solved(place, float(extra[0]))[2].ravel()
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        kappa = float(extra[0])
+        sine = np.emath.sqrt(1 - kappa**2)
+        rest = others(place.multipliers, [kappa + 1j * sine, kappa - 1j * sine])
+        names = {"1:1 resonance": 1.0, "1:2 resonance": -1.0, "1:3 resonance": -0.5, "1:4 resonance": 0.0}
+        return {
+            **{name: kappa - at for name, at in names.items()},
+            "torus + fold": factors(rest, 1), "torus + flip": factors(rest, -1),
+        }  # fmt: skip
+
+    def ends(self, name: str) -> str:
+        if name in ("1:1 resonance", "1:2 resonance"):
+            return "beyond it the pair is real, with the product 1, and no torus is born"
+        return ""
+
+
+class BranchPoint(Critical):
+    """Two branches over one parameter meet: a multiplier 1 whose fold does not turn, kept so by a symmetry, say."""
+
+    extras = 1
+
+    def __init__(self, column: int) -> None:
+        super().__init__("branch point", 1)
+        self.column = column
+
+    def start(self, place: Place) -> np.ndarray:
+        super().start(place)
+        return np.zeros(1)
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        _, w, g = self.null(place)
+        return np.array([g, w @ place.DF[:, len(place.x) + self.column]])
+
+    def unfolding(self, extra: np.ndarray) -> np.ndarray:
+        return extra[0] * self.b
+
+    def unfolding_slopes(self, n: int) -> np.ndarray:
+        return self.b[:, None]
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        found = super().tests(place, extra, slopes)
+        found.pop("cusp")
+        return found
+
+
+def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
+    """Multipliers without those nearest to the critical ones."""
+    rest = mu
+    for root in critical:
+        rest = np.delete(rest, np.argmin(np.abs(rest - root)))
+    return rest
+
+
+def factors(mu: np.ndarray, root: int) -> float:
+    """Product of mu - root, every factor bounded: zero where one of them is `root`."""
+    return float(np.prod((mu - root) / (1 + np.abs(mu))).real)
+
+
+def pairs(mu: np.ndarray) -> float:
+    """Zero where two of them have the product 1."""
+    products = np.array([mu[i] * mu[j] - 1 for i in range(len(mu)) for j in range(i)])
+    return float(np.prod(products / (1 + np.abs(products))).real) if products.size else 1.0
+
+
+def differences(
+    at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray]
+) -> np.ndarray | None:
+    """Slopes of `value` by the entries of u = (x, p, q), (c, n + 2), within the itinerary of `place`; None without."""
+    columns = []
+    middle = value(place)
+    for j in range(len(u)):
+        h = _STEP * (1 + abs(u[j]))
+        sides = []
+        for step in (h, -h):
+            moved = u.copy()
+            moved[j] += step
+            beside = at(moved)
+            same = beside is not None and beside.image.word == place.image.word
+            sides.append(value(beside) if same and beside is not None else None)
+        above, below = sides
+        if above is not None and below is not None:
+            columns.append((above - below) / (2 * h))
+        elif above is not None:
+            columns.append((above - middle) / h)
+        elif below is not None:
+            columns.append((middle - below) / h)
+        else:
+            return None
+    return np.array(columns).T

@@ -1,0 +1,266 @@
+"""A curve to one side: its steps, what is met between them, and why it ends.
+
+Chain: curve_walk.py, bifurcations.py -> **curve_ways** -> curves.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .bifurcations import change_enclosed, of_no_effect, zero_between
+from .curve_walk import CurveWalk, Spot, where
+from .itineraries import Change, change_between, same_itinerary
+from .orbits import PeriodicOrbit, refine
+from .windows import touching
+
+TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
+_BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
+_MOST_HALVED = 100
+_BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
+
+__all__ = ["Codimension2"]
+
+
+@dataclass(frozen=True)
+class Codimension2:
+    """A point of a curve at which a second condition holds.
+
+    Attributes
+    ----------
+    name : str
+        "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
+    values : dict of str to float, in the units of the parameters
+        Both parameters.
+    orbit : PeriodicOrbit
+        At the point, or the last one before it where the curve ends there.
+    note : str
+        What else is to be said.
+
+    Notes
+    -----
+    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
+    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a + b * x - x**3})
+    >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
+    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
+    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
+    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
+    >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
+    0.000000 1.000000
+    """
+
+    name: str
+    values: dict[str, float]
+    orbit: PeriodicOrbit
+    note: str = ""
+
+    def __str__(self) -> str:
+        where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())
+        return f"{self.name} at {where}" + (f": {self.note}" if self.note else "")
+
+
+class Way:
+    """A curve to one side."""
+
+    def __init__(
+        self, walk: CurveWalk, bounds: np.ndarray, lengths: Any, most: int, virtual: bool, used_up: Any
+    ) -> None:
+        self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
+        self.virtual = virtual
+        self.points: list[Codimension2] = []
+        self.closed = False
+
+    def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
+        step, longest, shortest = self.lengths
+        walk, spots, ds = self.walk, [here], min(step, longest)
+        while len(spots) < self.most:
+            at = where(walk, here)
+            if self.used_up():
+                return self._ended(spots, f"`max_steps` or `max_seconds` are used up at {at}: give more.")
+            if not here.alone:
+                return self._ended(spots, f"at {at} no single way leads on: two curves meet there.")
+            there = self._stepped(here, ds)
+            if there is None:
+                if ds > shortest:
+                    ds *= 0.3
+                    continue
+                here = self._last(here, ds)
+                spots.append(here)
+                why, change = self._lost(here)
+                beyond = self._beyond(here, change) if self.virtual else None
+                if beyond is None:
+                    return self._ended(spots, why)
+                here, ds = beyond, step
+                continue
+            there, reached = self._within(here, there)
+            if there is None:
+                return self._ended(spots, f"no orbit was found at {reached}.")
+            if end := self._between(here, there):
+                last, why = end
+                return self._ended([*spots, last], why)
+            spots.append(there)
+            if reached:
+                return self._ended(spots, f"reached {reached}.")
+            if self._closes(spots):
+                self.closed = True
+                return self._ended(spots, "it closes.")
+            ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
+            walk.framed(there)
+            here = walk.rephased(there)
+        return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
+
+    def _stepped(self, here: Spot, ds: float) -> Any:
+        """One step, no further than the border of the ranges: beyond it a parameter may have no meaning."""
+        walk, n = self.walk, self.walk.n
+        ways = []
+        for k in (0, 1):
+            rate = here.tangent[n + k]
+            border = self.bounds[k][int(rate > 0)] / walk.sizes[n + k]
+            if rate and 0 < (border - here.u[n + k]) / rate < ds:
+                ways.append(((border - here.u[n + k]) / rate, n + k, border))
+        if not ways:
+            return walk.step(here, ds)
+        reach, index, border = min(ways)
+        guess = here.u + reach * here.tangent
+        guess[index] = border
+        normal = np.zeros(len(guess))
+        normal[index] = 1.0
+        there = walk.correct(guess, normal, here.tangent)
+        return (
+            there
+            if there is not None and np.linalg.norm(there.u - here.u) <= 2 * reach
+            else walk.step(here, ds)
+        )
+
+    def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
+        return spots, self.points, why
+
+    def _within(self, here: Spot, there: Spot) -> tuple[Spot | None, str]:
+        """The point, or that on the border of the ranges which the way to it passes, and the border in words."""
+        n, walk = self.walk.n, self.walk
+        for k in (0, 1):
+            u, scale = there.u[n + k], walk.sizes[n + k]
+            low, high = self.bounds[k] / scale
+            past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
+            if past is not None and u != past:
+                at = walk.at(here, there, n + k, past)
+                return at, f"{walk.names[k]} = {past * scale:.9g}"
+            if past is not None:
+                return there, f"{walk.names[k]} = {past * scale:.9g}"
+        return there, ""
+
+    def _between(self, here: Spot, there: Spot) -> tuple[Spot, str] | None:
+        """Locates what happens on the way between two points; where and why the curve ends there, if it does."""
+        walk, found = self.walk, []
+        for name in here.tests:
+            a, b = here.tests[name], there.tests.get(name, math.nan)
+            if not a * b < 0:
+                continue
+            spot = zero_between(walk, here, there, _test(name))
+            if spot is not None and abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
+                why = walk.condition.ends(name)
+                found.append((spot, name, why))
+        chord = there.u - here.u
+        for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
+            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            if why and not (self.virtual and "virtual" in why):
+                return spot, f"{name} at {where(walk, spot)}: {why}."
+        if there.twin and not here.twin:
+            name = f"{walk.condition.kind} twice"
+            spot = self._before_twins(here, there)
+            why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
+            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            return spot, f"{name} at {where(walk, spot)}: {why}."
+        if not same_itinerary(here.orbit, there.orbit):
+            left, right, _ = change_enclosed(walk, here, there)
+            change = change_between(left.orbit, right.orbit)
+            if not of_no_effect(change, left.orbit, right.orbit):
+                name = f"{walk.condition.kind} + {change.name}"
+                note = "it goes on with another itinerary"
+                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
+        return None
+
+    def _before_twins(self, here: Spot, there: Spot) -> Spot:
+        """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
+        ds = 0.5 * float(np.linalg.norm(there.u - here.u))
+        for _ in range(_MOST_HALVED):
+            if ds <= _BRACKET:
+                break
+            spot: Any = self.walk.step(here, ds)
+            if spot is None or spot.twin:
+                ds *= 0.5
+            else:
+                here = spot
+        return here
+
+    def _last(self, here: Spot, ds: float) -> Spot:
+        """The last point of the curve, no further than `ds` from here, by bisection."""
+        low, high, last = 0.0, ds, here
+        while high - low > _BRACKET:
+            middle = 0.5 * (low + high)
+            spot: Any = self.walk.step(here, middle)
+            low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
+        return last
+
+    def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
+        """The same point of a map that does not see the surface which the orbit begins to touch."""
+        if not self.walk.condition.of_multipliers:
+            return None
+        if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
+            return None
+        window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)
+        if isinstance(window, str):
+            return None
+        there = self.walk._turned(here, *window)
+        return None if there is here else there
+
+    def _lost(self, here: Spot) -> tuple[str, Change | None]:
+        """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
+        walk, n = self.walk, self.walk.n
+        at = where(walk, here)
+        for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
+            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
+            try:
+                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
+            except ValueError:  # outside the assumptions of a parameter
+                continue
+            beyond = refine(map_, here.orbit.x)
+            if not beyond.success or same_itinerary(here.orbit, beyond):
+                continue
+            change = change_between(here.orbit, beyond)
+            name = f"{walk.condition.kind} + {change.name}"
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
+            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
+            return f"{name} at {at}: {why}", change
+        return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
+
+    def _closes(self, spots: list[Spot]) -> bool:
+        """Whether the last step has passed the first point, along the same way."""
+        if len(spots) < 5:
+            return False
+        n, first, a, b = self.walk.n, spots[0], spots[-2], spots[-1]
+        pq = slice(n, n + 2)
+        chord, to = b.u[pq] - a.u[pq], first.u[pq] - a.u[pq]
+        length = float(chord @ chord)
+        if length == 0 or not 0 <= to @ chord <= length:
+            return False
+        aside = np.linalg.norm(to - chord * (to @ chord) / length)
+        along = first.tangent[pq] @ chord > 0.8 * np.linalg.norm(first.tangent[pq]) * math.sqrt(length)
+        one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
+        same = np.allclose(one, other, rtol=0.1, atol=0.1)
+        return bool(aside < 0.2 * math.sqrt(length) and along and same)
+
+
+def _test(name: str) -> Callable[[Spot], float]:
+    return lambda spot: spot.tests[name]

@@ -1,0 +1,284 @@
+"""Conditions on how an orbit comes to a surface, stays on it and leaves it: c(x, p, q) = 0, with exact slopes.
+
+    grazing of a stop, a surface, an event; grazing-sliding    the smallest s h of a window is 0 (windows.py)
+    adding-sliding                                             the smallest 1 -+ lambda of a stick without bounds is 0
+    crossing-sliding, switching-sliding                        the largest s dh/dt over the layer is 0 at an arrival
+    exit by a fold                                             d(dh/dt)/d lambda is 0 at the end where a stick is left
+    border collision                                           h is 0 on the section
+
+Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for what these are.
+
+Chain: conditions.py, windows.py, impacts.py -> **tangencies** -> curve_walk.py.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..paths.linearised import linearise
+from .conditions import Condition, Place, factors, pairs
+from .impacts import FromImpact, ImpactImage
+from .parts import function_of
+from .poincare import RETURN, Word, after_start
+
+TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
+_ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
+_TWIN = 1e-7
+_LAYER = 201  # places in [-1, 1] at which a layer is looked at
+
+
+class Touch(Condition):
+    """The orbit comes to a surface and touches it: the smallest s h of a window is 0 (windows.py)."""
+
+    of_multipliers = False
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([place.image.approach.h])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return place.image.approach.slopes[None]
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        near, mu = place.image.approach, place.multipliers
+        found = {
+            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
+            f"{self.kind} + torus": pairs(mu), f"{self.kind} twice": near.others / (1 + near.others)
+            if np.isfinite(near.others) else 1.0,
+        }  # fmt: skip
+        side = self.side_of_impacts(place)
+        return found if side is None else {"degenerate grazing": side, **found}
+
+    def side_of_impacts(self, place: Place) -> float | None:
+        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+        map_, near, T = place.map, place.image.approach, 1.0
+        contacts = [str(mu.symbol) for mu in map_.system.model.multipliers if mu.kind == "contact"]
+        if map_.window.name not in contacts or getattr(map_.base, "symmetry", None) is not None:
+            return None
+        D = place.image.time
+        if map_.driven:
+            T = map_.forcing_period
+        at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
+        behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
+        contact = FromImpact(map_.base, map_.window.name, behind, before)
+        image = contact.image(np.append(near.x, near.place if map_.driven else D), ())
+        if not isinstance(image, ImpactImage):
+            return None
+        A, B = image.pencil
+        K = B - A
+        return float(np.linalg.det(K / (1e-300 + np.linalg.norm(K, axis=1, keepdims=True))))
+
+    def ends(self, name: str) -> str:
+        if name == f"{self.kind} twice":
+            return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
+        return ""
+
+
+class TwoSided(Condition):
+    """The map has another slope on either side of c = 0: what its multipliers do is looked at on both."""
+
+    of_multipliers = False
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        found: dict[str, float] = {}
+        flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
+        w = np.append(place.x, [_value(place.map, name) for name in place.names])
+        for side, sign in (("below", -1.0), ("above", 1.0)):
+            near = []
+            for aside in (_ASIDE, 2 * _ASIDE):
+                u = w + sign * aside * slopes[0] / (slopes[0] @ slopes[0])
+                near.append(_slope_at(place, u))
+            # To c = 0, along a line.
+            slope = 2 * near[0] - near[1]
+            if not np.isfinite(slope).all():
+                continue
+            mu = np.linalg.eigvals(slope).astype(complex)
+            found |= {
+                f"{self.kind} + fold, {side}": factors(mu, 1), f"{self.kind} + {flip}, {side}": factors(mu, -1),
+                f"{self.kind} + torus, {side}": pairs(mu),
+            }  # fmt: skip
+        return found
+
+
+class Border(TwoSided):
+    """A surface h(x, p) = 0 on the section: a fixed point of a map meets the border of its branches."""
+
+    kind = "border collision"
+
+    def __init__(self, surface: Any) -> None:
+        self.surface = surface
+
+    def _row(self, place: Place) -> tuple[float, np.ndarray]:
+        system = place.map.system
+        model = system.model
+        chosen = tuple(p for name in place.names for p in system.parameters if p.name == name)
+        mult, values = np.zeros(len(model.multipliers)), np.array(system.parameter_values, float)
+        t = getattr(place.map, "start_time", 0.0)
+        h = function_of(model, self.surface)(np.array([t]), place.x[:, None], mult[:, None], values)[0]
+        return float(h), linearise(model, chosen).gradient(self.surface, t, place.x, mult, values)[0]
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([self._row(place)[0]])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return self._row(place)[1][None]
+
+
+class AtEvent(TwoSided):
+    """Something vanishes at one event of the orbit: the events are known with their slopes (windows.py).
+
+    `ordinal` counts the switch's events of its sort: those that come to the surface, or those that leave a stick.
+    """
+
+    arrives = True
+
+    def __init__(self, kind: str, switch: str, ordinal: int) -> None:
+        self.kind, self.switch, self.ordinal = kind, switch, ordinal
+
+    def events(self, run: Any) -> list[int]:
+        """Places of the events that are counted, among all of a run."""
+        begin = after_start(run)
+        return [
+            k for k, e in enumerate(run.events)
+            if e.switch == self.switch and e.time > begin and (e.kind in ("crossing", "stick")) == self.arrives
+            and (self.arrives or e.kind.startswith("slip by"))
+        ]  # fmt: skip
+
+    def place_of(self, image: Any) -> int | None:
+        """Of the event itself; None where the orbit does not have it."""
+        found = self.events(image.parts[0].run)
+        return found[self.ordinal] if self.ordinal < len(found) else None
+
+    def word(self, place: Place) -> Word:
+        """Without a slip that follows at once, which comes and goes along the curve."""
+        run, k = place.image.parts[0].run, self.place_of(place.image)
+        begin = after_start(run)
+        letters = []
+        events = run.events
+        at = events[k].time if k is not None else np.nan
+        near = TOGETHER * float(run.t[-1] - run.t[0])
+        for i, e in enumerate(events):
+            if not e.time > begin or e.switch == RETURN:
+                continue
+            if e.switch == self.switch and abs(e.time - at) <= near:
+                if i == k:
+                    letters.append((e.switch, "arrival" if self.arrives else "slip", e.note.split(" to ")[0]))
+                continue
+            letters.append((e.switch, e.kind, e.note))
+        return tuple(letters)
+
+    def state(
+        self, place: Place, k: int | None = None
+    ) -> tuple[Any, int, float, np.ndarray, np.ndarray, int] | None:
+        """Of the event: part, instant, time, state and multipliers before it, and the side it comes from or goes to."""
+        k, part = self.place_of(place.image) if k is None else k, place.image.parts[0]
+        if k is None or not len(part.instant_t):
+            return None
+        run, event = part.run, part.run.events[k]
+        column = int(np.searchsorted(run.t, event.time, side="left"))
+        sides = event.note.split(" to ")
+        side = int(sides[0] if self.arrives else sides[1])
+        instant = int(np.argmin(np.abs(part.instant_t - event.time)))
+        return part, instant, event.time, run.x[:, column], run.mult[:, column].copy(), side
+
+    def measured(self, place: Place, k: int | None = None) -> tuple[float, np.ndarray] | None:
+        """c and its slopes by the point on the section and the parameters, (n + 2,)."""
+        found = self.state(place, k)
+        if found is None:
+            return None
+        part, instant, t, x, mult, side = found
+        model, n = part.run.model, len(x)
+        chosen = tuple(p for name in place.names for p in part.run.system.parameters if p.name == name)
+        line, p = linearise(model, chosen), part.run.tape.p
+        j = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == self.switch)
+        e, value, mult = self.quantity(line, j, t, x, mult, p, side)
+        w, by_time, _ = line.gradient(e, t, x, mult, p)
+        slopes = w[:n] @ part.instant_w[instant, :n] + by_time * part.instant_dt[instant]
+        slopes[n:] += w[n:]
+        return value, slopes
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        """The expression that is 0, its value, and the multipliers with which it is evaluated."""
+        raise NotImplementedError
+
+    def twin(self, place: Place) -> bool:
+        """Whether the same holds at another event too, as it does all along a curve of symmetric orbits."""
+        own, run = self.place_of(place.image), place.image.parts[0].run
+        found = [self.measured(place, k) for k in self.events(run) if k != own]
+        return any(abs(other[0]) < _TWIN for other in found if other is not None)
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        found = self.measured(place)
+        return np.array([np.nan if found is None else found[0]])
+
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
+        found = self.measured(place)
+        return None if found is None else found[1][None]
+
+
+class Arrival(AtEvent):
+    """The orbit comes to a surface where it begins to be held: the largest s dh/dt of lambda in [-1, 1] is 0 there.
+
+    It comes from the side s with s dh/dt < 0, and lambda goes to -s: what stops it is the first zero on the way. With
+    lambda linear the largest value is that at -s (the field beyond is tangent); of a hidden term, that of its fold.
+    """
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        e = line.speed(j)
+        lam = np.linspace(-1.0, 1.0, _LAYER)
+        values = self._over(line, e, j, t, x, mult, p, side, lam)
+        k = int(np.argmax(values))
+        best = float(lam[k])
+        if 0 < k < _LAYER - 1:
+            from scipy.optimize import minimize_scalar
+
+            found = minimize_scalar(
+                lambda at: -self._over(line, e, j, t, x, mult, p, side, np.array([at]))[0],
+                bounds=(lam[k - 1], lam[k + 1]), method="bounded", options={"xatol": 1e-10},
+            )  # fmt: skip
+            best = float(found.x)
+        mult[j] = best
+        return side * e, float(self._over(line, e, j, t, x, mult, p, side, np.array([best]))[0]), mult
+
+    @staticmethod
+    def _over(line, e, j, t, x, mult, p, side, lam) -> np.ndarray:
+        """s dh/dt over values of the multiplier."""
+        at = np.tile(mult[:, None], (1, len(lam)))
+        at[j] = lam
+        states = np.tile(x[:, None], (1, len(lam)))
+        return side * function_of(line.model, e)(np.full(len(lam), t), states, at, p)
+
+
+class Exit(AtEvent):
+    """The orbit leaves a stick at the end of the layer and at its fold at once: d(dh/dt)/d lambda is 0 at that end."""
+
+    arrives = False
+
+    def quantity(
+        self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
+    ) -> tuple[Any, float, np.ndarray]:
+        e = line.speed(j).diff(line.symbols[j])
+        mult[j] = float(side)
+        return e, float(function_of(line.model, e)(np.array([t]), x[:, None], mult[:, None], p)[0]), mult
+
+
+def _slope_at(place: Place, w: np.ndarray) -> np.ndarray:
+    """DP at another (x, p, q); nan where there is none."""
+    n = len(place.x)
+    try:
+        image = place.map.with_parameters(dict(zip(place.names, map(float, w[n:])))).image(w[:n], ())
+    except ValueError:  # outside the assumptions of a parameter
+        return np.full((n, n), np.nan)
+    return image.jacobian if image.success else np.full((n, n), np.nan)
+
+
+def _value(map_: Any, name: str) -> float:
+    return next(float(value) for p, value in map_.system.parameters.items() if p.name == name)
