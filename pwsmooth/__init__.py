@@ -28,6 +28,8 @@ _HOME = {
     "solve": "solve",
     "sweep": "sweep",
     "find_orbit": "analysis.orbits",
+    "find_equilibrium": "analysis.equilibria",
+    "equilibria": "analysis.equilibria",
     "follow": "analysis.continuation",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
