@@ -24,7 +24,8 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.describe import Described, Rows, listed, number, values
-from ..definition.model import Model
+from ..definition.pointwise import value
+from ..definition.sigmoids import sigmoid
 from ..paths.linearised import linearise
 from .equilibrium_stability import ON_SURFACE, Linear, linear_at, signs
 from .sections import depends_on_time
@@ -106,6 +107,7 @@ class Statics:
         return (np.abs(F) / np.where(terms > 0, terms, 1.0)).max(axis=1, initial=0.0)
 
 
+@np.errstate(all="ignore")
 def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Newton's method from the rows of u (K, N): solutions, their errors (inf where none) and steps.
 
@@ -147,7 +149,7 @@ def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return u, errors, counts
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Equilibrium(Described):
     """A point at which the system stands still, or the best that was found (`success` False, `message` why).
 
@@ -230,19 +232,19 @@ class Equilibrium(Described):
     def _words(self, wanted: Any) -> Iterator[str]:
         statics = Statics(self.system, self.sides, self.x[len(self.x) - self.system.model.n_memory :])
         margins = statics.margins(np.concatenate([self.x[: statics.n], self.mult[statics.J]]))[0]
-        for mu, side, margin, value in zip(self.system.model.multipliers, self.sides, margins, self.mult):
+        for mu, side, margin, lam in zip(self.system.model.multipliers, self.sides, margins, self.mult):
             # Reactions are forces of any size.
             size = max(1.0, float(np.abs(self.mult).max())) if mu.kind == "contact" and not side else 1.0
             if not wanted(margin, size):
                 continue
             if mu.kind == "contact":
                 yield (
-                    f"the reaction {mu.symbol} is {value:.6g}"
+                    f"the reaction {mu.symbol} is {lam:.6g}"
                     if side == 0
                     else (f"the gap {mu.surface} of {mu.symbol} is {margin:.6g}")
                 )
             elif side == 0:
-                yield f"{mu.symbol} is {value:.6g}, " + (
+                yield f"{mu.symbol} is {lam:.6g}, " + (
                     "beyond [-1, 1]" if margin < -ON_SURFACE else "on its bound"
                 )
             else:
@@ -330,21 +332,26 @@ class Equilibrium(Described):
 def _autonomous(system: Any, what: str) -> Any:
     """The system, written out; ValueError where it depends on time."""
     system = system._written_out()
-    if depends_on_time(system.model):
+    model = system.model
+    if depends_on_time(model):
+        timed = [
+            f"the rate of {x}" for x, rate in zip(model.states, model.rhs) if model.time in rate.free_symbols
+        ]
+        timed += [f"the event {event.name!r}" for event in model.events if event.surface is None]
+        names = checks.listing(timed[:5]) if timed else "a surface, gap or residual"
         raise ValueError(
-            f"{what} depends on time, so that it has no equilibria; its periodic orbits are what find_orbit() finds, "
-            "with the `period` of its forcing. Or give it constants in the place of what moves it."
+            f"{what} depends on time ({names}), so that it has no equilibria; its periodic orbits are what "
+            "find_orbit() finds, with the `period` of its forcing. Or give it constants in the place of what moves it."
         )
     return system
 
 
-def _modes(model: Model, sides: Mapping[Any, Any] | None) -> list[Sides]:
-    """All modes that agree with the sides that are given."""
-    given = {}
+def _options(system: Any, sides: Mapping[Any, Any] | None) -> list[tuple[int, ...]]:
+    """The sides that each multiplier may have, with those that are given."""
+    model, given = system.model, {}
+    sides = checks.mapping({} if sides is None else sides, "`sides`", "switches to 1, -1 or 0")
     able = [mu for mu in model.multipliers if mu.kind != "algebraic"]
-    for key, side in checks.mapping(
-        {} if sides is None else sides, "`sides`", "switches to 1, -1 or 0"
-    ).items():
+    for key, side in system._spread(sides, "`sides`").items():
         s = checks.lookup(key, [mu.symbol for mu in able], "`sides`", "switch or contact")
         mu = next(mu for mu in able if mu.symbol == s)
         allowed = _sides_of(mu)
@@ -354,13 +361,7 @@ def _modes(model: Model, sides: Mapping[Any, Any] | None) -> list[Sides]:
             )  # fmt: skip
             raise ValueError(f"`sides` of {s} is {checks.shown(side)}; {said}.")
         given[s] = int(side)
-    options = [(given[mu.symbol],) if mu.symbol in given else _sides_of(mu) for mu in model.multipliers]
-    if (count := math.prod(map(len, options))) > _MOST_MODES:
-        raise ValueError(
-            f"`system` has {count} combinations of sides, more than {_MOST_MODES}; give the side of some switches in "
-            "`sides`."
-        )
-    return list(itertools.product(*options))
+    return [(given[mu.symbol],) if mu.symbol in given else _sides_of(mu) for mu in model.multipliers]
 
 
 def _sides_of(mu: Any) -> tuple[int, ...]:
@@ -462,7 +463,9 @@ def equilibria(
     model = system.model
     own = model.states[: len(model.states) - model.n_memory]
     bounds = {}
-    for key, pair in system._spread(box, "`box`").items():
+    names = [(str(getattr(checks.named(key), "name", key)), key, pair) for key, pair in box.items()]
+    groups = system.groups  # of a family: one pair for all of its elements
+    for key, pair in ((each, pair) for name, key, pair in names for each in groups.get(name, (key,))):
         s = checks.lookup(key, own, "`box`", "state")
         low, high = bounds[s] = checks.pair(pair, f"`box` of {s}")
         if not low < high:
@@ -474,16 +477,59 @@ def equilibria(
     low, high = np.array([bounds[s] for s in own]).reshape(-1, 2).T
     memories = np.array([float(system.initial_memory[m]) for m in system.initial_memory])
     found: list[Equilibrium] = []
-    for mode in _modes(model, sides):
-        for e in _of_mode(Statics(system, mode, memories), low, high, starts, virtual):
+    options = _options(system, sides)
+    if (count := math.prod(map(len, options))) > _MOST_MODES:
+        raise ValueError(
+            f"`system` has {count} combinations of sides, more than {_MOST_MODES}; give the side of some switches in "
+            "`sides`."
+        )
+    seeds = _beside_exact(system, lambda exact: equilibria(
+        exact, {s: pair for s, pair in bounds.items() if s in exact.states}, starts=starts))  # fmt: skip
+    for mode in itertools.product(*options):
+        for e in _of_mode(Statics(system, mode, memories), low, high, starts, virtual, seeds):
             if not any(_same(one, e) for one in found):
                 found.append(e)
     found = [e for e in found if not _ends_set(e, found)]
     return sorted(found, key=lambda e: (bool(e.virtual), e.held != (), *e.x, *e.mult))
 
 
+def _beside_exact(system: Any, found: Any) -> np.ndarray:
+    """Starts for a smoothed view, (k, n): where the exact system stands still, within its layers lam = Lambda(h/eps).
+
+    Outside of its layers a smoothed switch is flat, and no start leads into them.
+    """
+    model, view = system.model, system._view
+    n = len(model.states) - model.n_memory
+    seeds: list[np.ndarray] = []
+    if not model.smoothing:
+        return np.empty((0, n))
+    values = {p.name: value for p, value in system.parameters.items()}
+    exact = view.original
+    exact = exact.with_parameters({p.name: values[p.name] for p in exact.parameters if p.name in values})
+    widths = [values[eps.name] for _, eps in model.smoothing]  # in the order of the switches
+    inverse = _inverse(model.sigmoid)
+    for e in found(exact):
+        held = [j for j, side in enumerate(e.sides) if side == 0 and j < len(widths) and abs(e.mult[j]) < 1]
+        line = linearise(e.system.model)
+        p = np.array(e.system.parameter_values, float)
+        H = line.constraints(np.zeros(1), e.x[:, None], e.mult[:, None], p)[1][0][held]
+        depth = np.array([widths[j] * inverse(e.mult[j]) for j in held])
+        at = dict(zip(map(str, e.system.states), e.x + np.linalg.pinv(H) @ depth))
+        point = {s: v for s, v in zip((mu.symbol for mu in e.system.model.multipliers), e.mult)}
+        point |= dict(zip(e.system.states, e.x)) | e.system.parameters
+        at |= {str(z.symbol): value(z.equilibrium, point) for z in e.system.model.layer_states}
+        seeds.append(np.array([at[str(s)] for s in model.states[:n]]))
+    return np.array(seeds).reshape(-1, n)
+
+
+@functools.lru_cache(maxsize=8)
+def _inverse(name: str) -> Any:
+    lam = sp.Symbol("lam", real=True)
+    return sp.lambdify(lam, sigmoid(name).inverse(lam), modules=["scipy", "numpy"])
+
+
 def _of_mode(
-    statics: Statics, low: np.ndarray, high: np.ndarray, starts: int, virtual: bool
+    statics: Statics, low: np.ndarray, high: np.ndarray, starts: int, virtual: bool, seeds: np.ndarray
 ) -> list[Equilibrium]:
     """All solutions of a mode inside the box to which starts lead."""
     from scipy.stats import qmc
@@ -499,6 +545,8 @@ def _of_mode(
         u = _spread(points.random(count), statics, low, high, virtual)
         if taken == 0 and _affine(statics, u):
             u = u[:1]
+        if taken == 0 and len(seeds):
+            u = np.concatenate([seeds, u])
         taken += count
         u, errors, steps = newton(statics, u)
         new = False
@@ -566,7 +614,7 @@ def _affine(statics: Statics, u: np.ndarray) -> bool:
 
 @checks.door(system=checks.system, sides=checks.optional(checks.mapping), virtual=checks.flag)
 def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool = False) -> Equilibrium:
-    """Find an equilibrium near a start, in whatever mode it lies: by Newton's method in every one.
+    """Find an equilibrium near a start, in whatever mode it lies.
 
     Parameters
     ----------
@@ -591,7 +639,9 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
 
     Notes
     -----
-    Of several multipliers at one state, the nearest to the guess of it is taken, and without one what is stable.
+    Newton's method in every mode; of more than 4096 in that of the start, and from there, while what it finds is
+    virtual, in the mode to which that points. Of several multipliers at one state the nearest to the guess of it is
+    taken, and without one what is stable.
 
     Source: Filippov, Differential Equations with Discontinuous Righthand Sides, 1988, for pseudo-equilibria.
 
@@ -622,15 +672,30 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
     start = np.array(system.initial_state(x0), float)
     n = len(start) - model.n_memory
     found: list[tuple[float, float, Equilibrium]] = []
-    for mode in _modes(model, sides):
+    named = {str(s): value for s, value in zip(model.states, start)}
+    seeds = _beside_exact(system, lambda exact: filter(lambda e: e.success, [
+        find_equilibrium(exact, {s: named[str(s)] for s in exact.states if str(s) in named})]))  # fmt: skip
+
+    def tried(mode: Sides) -> list[Equilibrium]:
         statics = Statics(system, mode, start[n:])
-        u, errors, steps = newton(statics, _from(start[:n], statics, guesses))
-        for k in np.flatnonzero(np.isfinite(errors)):
-            e = made(statics, u[k], errors[k], steps[k], system)
+        first = _from(start[:n], statics, guesses)
+        if len(seeds):
+            first = np.concatenate([seeds, first])
+        u, errors, steps = newton(statics, first)
+        these = [made(statics, u[k], errors[k], steps[k], system) for k in np.flatnonzero(np.isfinite(errors))]
+        for e in these:
             if _fits(system, e.x) and not any(_same(e, other) for *_, other in found):
-                far = float(np.abs((e.x - start) / (1 + np.abs(start))).max(initial=0.0))
+                far = float(np.linalg.norm((e.x - start) / (1 + np.abs(start))))
                 off = max((abs(e.mult[j] - guess) for j, guess in guesses.items()), default=0.0)
                 found.append((far, off, e))
+        return these
+
+    options = _options(system, sides)
+    if math.prod(map(len, options)) <= _MOST_MODES:
+        for mode in itertools.product(*options):
+            tried(mode)
+    else:
+        _pivoted(system, start, options, tried)
     found = [one for one in found if not _ends_set(one[-1], [e for *_, e in found])]
     order = sorted(
         found, key=lambda one: (round(one[0], 8), one[1], not one[2].stable, np.abs(one[2].mult).sum())
@@ -644,6 +709,34 @@ def find_equilibrium(system: Any, x0: Any, *, sides: Any = None, virtual: bool =
     why = f"the nearest is virtual, {order[0][-1].virtual}; `virtual=True` gives it." if order else nothing
     lost = np.full(len(model.multipliers), np.nan)
     return Equilibrium(system, start, lost, (0,) * len(lost), math.inf, 0, False, why)
+
+
+def _pivoted(system: Any, start: np.ndarray, options: list[tuple[int, ...]], tried: Any) -> None:
+    """Of many modes, that of the start, and from each solution that is virtual the mode in which it would not be."""
+    model = system.model
+    n, m = len(model.states) - model.n_memory, len(model.multipliers)
+    statics = Statics(system, (1,) * m, start[n:])
+    h = statics.line.constraints(np.zeros(1), start[:, None], np.zeros((m, 1)), statics.p)[0][0]
+    mode = [0 if abs(h_j) <= ON_SURFACE else int(np.sign(h_j)) for h_j in h]
+    seen: set[Sides] = set()
+    while True:
+        mode = [side if side in allowed else allowed[0] for side, allowed in zip(mode, options)]
+        if tuple(mode) in seen:
+            return
+        seen.add(tuple(mode))
+        these = tried(tuple(mode))
+        if not these or any(e.admissible for e in these):
+            return
+        e = these[0]
+        statics = Statics(system, e.sides, start[n:])
+        inside = statics.margins(np.concatenate([e.x[:n], e.mult[statics.J]]))[0]
+        for j in np.flatnonzero(inside < 0):
+            if model.multipliers[j].kind == "contact":
+                mode[j] = 1 - mode[j]
+            elif mode[j] == 0:
+                mode[j] = int(np.sign(e.mult[j]))
+            else:
+                mode[j] = 0 if 0 in options[j] else -mode[j]
 
 
 def _from(x: np.ndarray, statics: Statics, guesses: Mapping[int, float]) -> np.ndarray:

@@ -97,7 +97,8 @@ class EquilibriumBifurcation:
 
     def __str__(self) -> str:
         at = 0.0 if abs(self.parameter) < self.uncertainty else self.parameter
-        text = f"{self.kind} at {self.name} = {at:.10g} (+- {self.uncertainty:.1g})"
+        kind = f"virtual {self.kind}" if self.equilibrium.virtual else self.kind
+        text = f"{kind} at {self.name} = {at:.10g} (+- {self.uncertainty:.1g})"
         if math.isfinite(self.frequency):
             text += f", frequency {self.frequency:.9g}"
         if self.lyapunov is not None:
@@ -509,8 +510,9 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
             if there is None:
                 return f"no equilibrium was found at {name} = {past:g}."
         crossed = _crossed(here, there)
-        if crossed and not virtual:
-            border = _border(walk, here, there, crossed)
+        leaving = [j for j in crossed if here.margins[j] >= -ON_SURFACE]
+        if leaving and not virtual:
+            border = _border(walk, here, there, leaving)
             if border is None:
                 ds *= 0.3
                 if ds < shortest:
@@ -602,7 +604,11 @@ def _boundary(
         return bifurcation, None
     after = _Walk(beside, walk.name, scale)
     there = after.point(after.first, np.ones(len(after.first)))
-    if there is None or there.equilibrium.residual > 1e3 * ROUNDING or not after.alone(there):
+    if (
+        there is None
+        or there.equilibrium.residual > 1e3 * ROUNDING
+        or not (after.alone(there) and there.equilibrium.isolated)
+    ):
         return replace(bifurcation, what=what + ", and what lies beyond is no single equilibrium"), None
     if there.slopes[j] < 0:
         there = after.point(after.first, -there.tangent)

@@ -89,6 +89,8 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
             undecided = undecided or (
                 f"{mu.symbol} holds it on a surface of relative degree 2 or more, where the motion beside it decides"
             )
+    if not np.isfinite(matrix).all():
+        undecided = undecided or "dg/dlambda = 0 for what is held: the sliding flow has no slope there"
     layer = _layer(model, line, x, mult, p, [j for j in J if model.multipliers[j].regularity == "sliding"], J)
     return Linear(matrix, along, layer, undecided)
 
