@@ -331,3 +331,17 @@ def test_it_says_what_it_is_in_short():
     assert "No equilibrium: Newton's method converged in no mode" in repr(
         find_equilibrium(System({x: 1 + x**2}), {x: 1})
     )
+
+
+def test_sizes_of_micrometres_and_stiff_contacts_are_told_apart():
+    # A mass pressed onto a Hertzian contact, in SI units: K d^(3/2) = F, and a stop 2 nm below.
+    d, w = sp.symbols("d w", real=True)
+    stop = Unilateral(4e-6 + 2e-9 - d, restitution=0.5, name="R")
+    press = System(
+        {d: w, w: F - 1e10 * sp.Max(0, d) ** sp.Rational(3, 2) - 10 * w - stop.reaction}, parameters={F: 80}
+    )
+    (free,) = equilibria(press, {d: (0, 1e-5), w: (-1, 1)})
+    assert free.x[0] == pytest.approx(4e-6, rel=1e-9) and free.kind == "regular" and not free.border
+    (held,) = equilibria(press.with_parameters({F: 80.1}), {d: (0, 1e-5), w: (-1, 1)})
+    push = 80.1 - 1e10 * (4e-6 + 2e-9) ** 1.5  # 80.1 N less 80.06 N
+    assert held.kind == "rest on a contact" and held.multipliers["R"] == pytest.approx(push, abs=1e-8) and held.stable

@@ -27,7 +27,7 @@ from ..definition.describe import Described, Rows, listed, number, values
 from ..definition.pointwise import value
 from ..definition.sigmoids import sigmoid
 from ..paths.linearised import linearise
-from .equilibrium_stability import ON_SURFACE, Linear, linear_at, signs
+from .equilibrium_stability import Linear, linear_at, margins, signs
 from .sections import depends_on_time
 
 __all__ = ["Equilibrium", "equilibria", "find_equilibrium"]
@@ -47,7 +47,9 @@ _MOST_BATCHES = 8  # of a mode that goes on giving new solutions
 class Statics:
     """The equations of a mode, F = (f, h_J), and their derivatives by u = (x, lam_J) and, if given, a parameter q."""
 
-    def __init__(self, system: Any, sides: Sides, memories: np.ndarray, q: sp.Symbol | None = None) -> None:
+    def __init__(
+        self, system: Any, sides: Sides, memories: np.ndarray, q: sp.Symbol | None = None, unit: Any = 1.0
+    ) -> None:
         model = system.model
         self.system, self.sides, self.q, self.memories = system, sides, q, memories
         self.line = linearise(model, () if q is None else (q,))
@@ -60,6 +62,8 @@ class Statics:
         self.p = np.array(system.parameter_values, float)
         self.place = model.parameters.index(q) if q in model.parameters else None
         self.size = self.n + len(self.J)  # of (x, lam_J)
+        self.unit = np.ones(self.size)  # in which unknowns are counted
+        self.unit[: self.n] = unit
 
     def parts(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x (states, K), multipliers (m, K) and parameters at the rows of u."""
@@ -84,26 +88,25 @@ class Statics:
         lam = np.concatenate([blocks.f_lam[:, :n], c_lam[:, J]], axis=1)
         return F, np.concatenate([w[:, :, :n], lam[:, :, J], w[:, :, own:]], axis=2)
 
-    def margins(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far u (N,) is inside its mode, for each multiplier, and the gradient of that: (m,), (m, N)."""
+    def margins(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far u (N,) is inside its mode, for each multiplier, what counts as nothing, and the gradient by u."""
         x, mult, p = self.parts(u[None])
-        c, c_w, c_lam = (part[0] for part in self.line.constraints(np.zeros(1), x, mult, p))
-        inside, slopes = np.full(self.m, math.inf), np.zeros((self.m, len(u)))
+        inside, on = margins(self.line, x[:, 0], mult[:, 0], p, self.sides)
+        _, c_w, c_lam = (part[0] for part in self.line.constraints(np.zeros(1), x, mult, p))
+        slopes = np.zeros((self.m, len(u)))
         for j, mu in enumerate(self.system.model.multipliers):
             if self.sides[j]:
-                inside[j] = self.sides[j] * c[j]
                 by_u = np.concatenate([c_w[j, : self.n], c_lam[j, self.J], c_w[j, x.shape[0] :]])
                 slopes[j] = self.sides[j] * by_u
-            elif mu.kind == "contact":
-                inside[j], slopes[j, self.n + self.J.index(j)] = mult[j, 0], 1.0
-            elif mu.kind == "switch":
-                inside[j] = 1 - abs(mult[j, 0])
-                slopes[j, self.n + self.J.index(j)] = -np.sign(mult[j, 0])
-        return inside, slopes
+            elif mu.kind != "algebraic":
+                slopes[j, self.n + self.J.index(j)] = 1.0 if mu.kind == "contact" else -np.sign(mult[j, 0])
+        return inside, on, slopes
 
     def error(self, F: np.ndarray, DF: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Largest |F| relative to the terms of its derivative, (K,): a few roundings at a solution."""
-        terms = (np.abs(DF) * (1 + np.abs(u))[:, None, :]).sum(axis=2)
+        unit = np.ones(u.shape[1])
+        unit[: self.size] = self.unit
+        terms = (np.abs(DF) * (unit + np.abs(u))[:, None, :]).sum(axis=2)
         return (np.abs(F) / np.where(terms > 0, terms, 1.0)).max(axis=1, initial=0.0)
 
 
@@ -122,28 +125,31 @@ def newton(statics: Statics, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
         going, F, DF = going[finite], F[finite], DF[finite]
         if not going.size:
             break
-        inverse = np.linalg.pinv(DF, rcond=RANK)
-        step = -(inverse @ F[:, :, None])[:, :, 0]
-        at = u[going]
+        scaled = DF * statics.unit
+        rows = np.abs(scaled).max(axis=2, initial=0.0)
+        rows = np.where(rows > 0, rows, 1.0)
+        inverse = np.linalg.pinv(scaled / rows[:, :, None], rcond=RANK) / rows[:, None, :]
+        step = -(inverse @ F[:, :, None])[:, :, 0]  # in units
+        at = u[going] / statics.unit
         size = np.abs(step / (1 + np.abs(at))).max(axis=1, initial=0.0)
-        errors[going], counts[going] = statics.error(F, DF, at), count
+        errors[going], counts[going] = statics.error(F, DF, u[going]), count
         # Near a double solution steps shrink slowly, and what is left is rounding.
         done = (size <= _CONVERGED) & (errors[going] <= ROUNDING)
-        u[going[done]] += step[done]
+        u[going[done]] += step[done] * statics.unit
         if count == _MOST_NEWTON or done.all():
             break
         going, inverse, step, at = going[~done], inverse[~done], step[~done], at[~done]
         length = np.linalg.norm(step, axis=1)
         part, waiting = np.ones(len(going)), np.ones(len(going), bool)
         for _ in range(4):
-            trial = statics(at[waiting] + part[waiting, None] * step[waiting])[0]
+            trial = statics((at[waiting] + part[waiting, None] * step[waiting]) * statics.unit)[0]
             ahead = np.linalg.norm((inverse[waiting] @ trial[:, :, None])[:, :, 0], axis=1)
             worse = ~(ahead < length[waiting])
             waiting[np.flatnonzero(waiting)[~worse]] = False
             if not waiting.any():
                 break
             part[waiting] *= 0.5
-        u[going] = at + part[:, None] * step
+        u[going] = (at + part[:, None] * step) * statics.unit
     errors[(errors > ROUNDING) | ~np.isfinite(u).all(axis=1)] = math.inf
     u[np.abs(u) < _UNDERFLOW] = 0.0
     return u, errors, counts
@@ -222,19 +228,19 @@ class Equilibrium(Described):
     @functools.cached_property
     def border(self) -> str:
         """Where it lies on the border of its mode, in words; empty off the border."""
-        return "; ".join(self._words(lambda margin, size: abs(margin) <= ON_SURFACE * size))
+        return "; ".join(self._words(lambda margin, on: abs(margin) <= on))
 
     @functools.cached_property
     def virtual(self) -> str:
         """Why it is one of a field's continuation, not of the system, in words; empty for an admissible one."""
-        return "; ".join(self._words(lambda margin, size: margin < -ON_SURFACE * size))
+        return "; ".join(self._words(lambda margin, on: margin < -on))
 
     def _words(self, wanted: Any) -> Iterator[str]:
         statics = Statics(self.system, self.sides, self.x[len(self.x) - self.system.model.n_memory :])
-        margins = statics.margins(np.concatenate([self.x[: statics.n], self.mult[statics.J]]))[0]
-        for mu, side, margin, lam in zip(self.system.model.multipliers, self.sides, margins, self.mult):
-            # Reactions are forces of any size.
-            size = max(1.0, float(np.abs(self.mult).max())) if mu.kind == "contact" and not side else 1.0
+        inside, on, _ = statics.margins(np.concatenate([self.x[: statics.n], self.mult[statics.J]]))
+        for mu, side, margin, size, lam in zip(
+            self.system.model.multipliers, self.sides, inside, on, self.mult
+        ):
             if not wanted(margin, size):
                 continue
             if mu.kind == "contact":
@@ -244,9 +250,7 @@ class Equilibrium(Described):
                     else (f"the gap {mu.surface} of {mu.symbol} is {margin:.6g}")
                 )
             elif side == 0:
-                yield f"{mu.symbol} is {lam:.6g}, " + (
-                    "beyond [-1, 1]" if margin < -ON_SURFACE else "on its bound"
-                )
+                yield f"{mu.symbol} is {lam:.6g}, " + ("beyond [-1, 1]" if margin < -size else "on its bound")
             else:
                 yield f"{mu.surface} is {side * margin:.6g}, with {mu.symbol} = {side}"
 
@@ -379,22 +383,24 @@ def made(
     """The Equilibrium of a solution u (N,), without its parameter."""
     row = u[None] if statics.q is not None else u[None, : statics.size]
     x, mult, _ = statics.parts(row)
-    DF = statics(row)[1][0][:, : statics.size]
-    sizes, right = np.linalg.svd(DF / _row_sizes(DF))[1:]
-    free = right[np.sum(sizes > RANK * max(1.0, sizes[0])) :] if len(sizes) else np.empty((0, 0))
+    free = _free(statics(row)[1][0][:, : statics.size] * statics.unit) * statics.unit
+    free = free / np.linalg.norm(free, axis=1, keepdims=True)
     return Equilibrium(
         system, x[:, 0], mult[:, 0], statics.sides, float(error), int(steps), True, message, free
     )
 
 
-def _row_sizes(DF: np.ndarray) -> np.ndarray:
-    sizes = np.abs(DF).max(axis=1, keepdims=True, initial=0.0)
-    return np.where(sizes > 0, sizes, 1.0)
+def _free(DF: np.ndarray) -> np.ndarray:
+    """Directions, as rows, in which the equations with these derivatives (M, N) leave the unknowns free."""
+    rows = np.abs(DF).max(axis=1, keepdims=True, initial=0.0)
+    sizes, right = np.linalg.svd(DF / np.where(rows > 0, rows, 1.0))[1:]
+    return right[np.sum(sizes > RANK * sizes.max(initial=1.0)) :]
 
 
-def _same(one: Equilibrium, other: Equilibrium) -> bool:
+def _same(one: Equilibrium, other: Equilibrium, unit: Any = 1.0) -> bool:
     """Whether two solutions are one point: also of two modes on whose common border it lies."""
-    if np.any(np.abs(one.x - other.x) > SAME * (1 + np.abs(one.x))):
+    n = len(one.x) - one.system.model.n_memory
+    if np.any(np.abs(one.x - other.x)[:n] > SAME * (unit + np.abs(one.x[:n]))):
         return False
     if one.sides == other.sides:
         return bool(np.all(np.abs(one.mult - other.mult) <= SAME * (1 + np.abs(one.mult))))
@@ -465,8 +471,8 @@ def equilibria(
     bounds = {}
     names = [(str(getattr(checks.named(key), "name", key)), key, pair) for key, pair in box.items()]
     groups = system.groups  # of a family: one pair for all of its elements
-    for key, pair in ((each, pair) for name, key, pair in names for each in groups.get(name, (key,))):
-        s = checks.lookup(key, own, "`box`", "state")
+    for each, pair in ((each, pair) for name, key, pair in names for each in groups.get(name, (key,))):
+        s = checks.lookup(each, own, "`box`", "state")
         low, high = bounds[s] = checks.pair(pair, f"`box` of {s}")
         if not low < high:
             raise ValueError(f"`box` of {s} is ({low:g}, {high:g}); give the lowest first.")
@@ -475,6 +481,7 @@ def equilibria(
             f"`box` has no bounds for {checks.listing(missing)}; give (lowest, highest) of every state."
         )
     low, high = np.array([bounds[s] for s in own]).reshape(-1, 2).T
+    unit = high - low
     memories = np.array([float(system.initial_memory[m]) for m in system.initial_memory])
     found: list[Equilibrium] = []
     options = _options(system, sides)
@@ -486,8 +493,8 @@ def equilibria(
     seeds = _beside_exact(system, lambda exact: equilibria(
         exact, {s: pair for s, pair in bounds.items() if s in exact.states}, starts=starts))  # fmt: skip
     for mode in itertools.product(*options):
-        for e in _of_mode(Statics(system, mode, memories), low, high, starts, virtual, seeds):
-            if not any(_same(one, e) for one in found):
+        for e in _of_mode(Statics(system, mode, memories, unit=unit), low, high, starts, virtual, seeds):
+            if not any(_same(one, e, unit) for one in found):
                 found.append(e)
     found = [e for e in found if not _ends_set(e, found)]
     return sorted(found, key=lambda e: (bool(e.virtual), e.held != (), *e.x, *e.mult))
@@ -543,7 +550,7 @@ def _of_mode(
     taken = 0
     while taken < max(starts, 1) * _MOST_BATCHES:
         u = _spread(points.random(count), statics, low, high, virtual)
-        if taken == 0 and _affine(statics, u):
+        if taken == 0 and _one_solution(statics, u):
             u = u[:1]
         if taken == 0 and len(seeds):
             u = np.concatenate([seeds, u])
@@ -557,7 +564,7 @@ def _of_mode(
             e = made(statics, u[k], errors[k], steps[k], system)
             if not _fits(system, e.x) or (e.virtual and not virtual):
                 continue
-            if any(_same(one, e) or _one_set(one, e) for one in found):
+            if any(_same(one, e, statics.unit[:n]) or _one_set(one, e) for one in found):
                 continue
             found.append(e)
             new = True
@@ -604,12 +611,14 @@ def _spread(points: np.ndarray, statics: Statics, low: np.ndarray, high: np.ndar
     return u
 
 
-def _affine(statics: Statics, u: np.ndarray) -> bool:
-    """Whether the derivatives of the equations are the same at all these points."""
+def _one_solution(statics: Statics, u: np.ndarray) -> bool:
+    """Whether the equations are linear, as the same derivatives at all these points say, and not singular."""
     DF = statics(u)[1]
     if not np.isfinite(DF).all():
         return False
-    return bool(np.all(np.abs(DF - DF[0]) <= 1e-13 * np.abs(DF[0]).max(initial=0.0)))
+    if not np.all(np.abs(DF - DF[0]) <= 1e-13 * np.abs(DF[0]).max(initial=0.0)):
+        return False
+    return _free(DF[0] * statics.unit).shape[0] == 0
 
 
 @checks.door(system=checks.system, sides=checks.optional(checks.mapping), virtual=checks.flag)
@@ -716,8 +725,8 @@ def _pivoted(system: Any, start: np.ndarray, options: list[tuple[int, ...]], tri
     model = system.model
     n, m = len(model.states) - model.n_memory, len(model.multipliers)
     statics = Statics(system, (1,) * m, start[n:])
-    h = statics.line.constraints(np.zeros(1), start[:, None], np.zeros((m, 1)), statics.p)[0][0]
-    mode = [0 if abs(h_j) <= ON_SURFACE else int(np.sign(h_j)) for h_j in h]
+    h, on = margins(statics.line, start, np.zeros(m), statics.p, statics.sides)
+    mode = [0 if abs(h_j) <= size else int(np.sign(h_j)) for h_j, size in zip(h, on)]
     seen: set[Sides] = set()
     while True:
         mode = [side if side in allowed else allowed[0] for side, allowed in zip(mode, options)]

@@ -30,7 +30,7 @@ from ..definition.pointwise import value
 from ..definition.regularity import total_derivative
 from .branch import _Along
 from .equilibria import RANK, ROUNDING, Equilibrium, Statics, made
-from .equilibrium_stability import ON_SURFACE, lyapunov_coefficient
+from .equilibrium_stability import lyapunov_coefficient
 
 __all__ = ["EquilibriumBifurcation", "EquilibriumBranch"]
 
@@ -189,6 +189,7 @@ class _Point:
     equilibrium: Equilibrium
     steps: int
     margins: np.ndarray
+    on: np.ndarray  # sizes of the margins that count as nothing
     slopes: np.ndarray  # of the margins along the tangent
 
 
@@ -240,8 +241,8 @@ class _Walk:
             tangent = -tangent
         at = u * self.unit
         e = made(self.statics, at, error, steps, system)
-        margins, slopes = self.statics.margins(at)
-        return _Point(u, tangent, DF, e, steps, margins, slopes @ (self.unit * tangent))
+        margins, on, slopes = self.statics.margins(at)
+        return _Point(u, tangent, DF, e, steps, margins, on, slopes @ (self.unit * tangent))
 
     def alone(self, point: _Point) -> bool:
         """Whether the tangent is the one way on."""
@@ -510,7 +511,7 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
             if there is None:
                 return f"no equilibrium was found at {name} = {past:g}."
         crossed = _crossed(here, there)
-        leaving = [j for j in crossed if here.margins[j] >= -ON_SURFACE]
+        leaving = [j for j in crossed if here.margins[j] >= -here.on[j]]
         if leaving and not virtual:
             border = _border(walk, here, there, leaving)
             if border is None:
@@ -521,8 +522,8 @@ def _followed(branch, e, bounds, lengths, most, virtual, late) -> str:
             point, j, width = border
             branch.bifurcations += _smooth(walk, here, point)
             branch.equilibria.append(point.equilibrium)
-            both = [k for k in range(len(point.margins)) if k != j and abs(point.margins[k]) <= ON_SURFACE
-                    and here.margins[k] > ON_SURFACE]  # fmt: skip
+            both = [k for k in range(len(point.margins)) if k != j and abs(point.margins[k]) <= point.on[k]
+                    and here.margins[k] > here.on[k]]  # fmt: skip
             bifurcation, after = _boundary(walk, point, j, width, abs(end - begin))
             branch.bifurcations.append(bifurcation)
             modes += 1
@@ -557,16 +558,16 @@ def _passed(q: float, q0: float, begin: float, end: float) -> float | None:
 def _crossed(here: _Point, there: _Point) -> list[int]:
     """The multipliers whose bound was passed between two points, in either direction."""
     a, b = here.margins, there.margins
-    on = np.abs(a) <= ON_SURFACE
-    out = (b < -ON_SURFACE) & ((a > 0) | (on & (here.slopes < 0)))
-    return [int(j) for j in np.flatnonzero(out | ((a < -ON_SURFACE) & (b > ON_SURFACE)))]
+    at = np.abs(a) <= here.on
+    out = (b < -there.on) & ((a > 0) | (at & (here.slopes < 0)))
+    return [int(j) for j in np.flatnonzero(out | ((a < -here.on) & (b > there.on)))]
 
 
 def _border(walk: _Walk, here: _Point, there: _Point, crossed: list[int]) -> tuple[_Point, int, float] | None:
     """The first of the bounds that are passed."""
     first = None
     for j in crossed:
-        if abs(here.margins[j]) <= ON_SURFACE:
+        if abs(here.margins[j]) <= here.on[j]:
             return here, j, 1e-12 * (1 + abs(walk.value(here)))
         found = walk.zero(here, there, lambda p, j=j: float(p.margins[j]))  # type: ignore[misc]
         if found is None:

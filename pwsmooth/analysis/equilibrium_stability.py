@@ -25,7 +25,8 @@ from ..definition.sigmoids import sigmoid
 from ..paths.linearised import Linearised, linearise
 from ..results.outputs import vectorised
 
-ON_SURFACE = 1e-9  # of h, lambda and reactions, relative: nearer than this it lies on the border
+_ON_SURFACE = 1e-9  # of h, lambda and reactions, relative: nearer than this it lies on the border
+_ROUNDING = 1e-12  # to which a state at 0 is known, in its unit
 _EIGENVALUE = 1e-9  # relative to the largest: nearer to the imaginary axis nothing is decided
 _MOST_STATES = 12  # of a Lyapunov coefficient: third derivatives are n**4/6 expressions
 _SAME_SLOPE = 1e-9  # of Jacobians on both sides of a kink
@@ -74,8 +75,11 @@ def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ..
     n = len(model.states) - model.n_memory
     J = [j for j, side in enumerate(sides) if side == 0]
     matrix, along = _on_manifold(line, x, mult, p, n, J)
-    undecided = _border(model, line, x, mult, p, sides)
-    if kinks := _kinks_met(line, x, mult, p, sides):
+    inside, on = margins(line, x, mult, p, sides)
+    met = np.flatnonzero(np.abs(inside) <= on).tolist()
+    kinks = [j for j in met if sides[j] and _is_kink(model.multipliers[j])]
+    undecided = next((_border(model.multipliers[j], sides[j], mult[j]) for j in met if j not in kinks), "")
+    if kinks:
         for turned in itertools.product((1.0, -1.0), repeat=len(kinks)):
             other = mult.copy()
             other[kinks] = turned
@@ -124,33 +128,40 @@ def _on_manifold(
             rows.append(h_w[:n] + h_lam[J] @ lam_x)
     along = np.eye(n)
     if rows:
-        _, sizes, right = np.linalg.svd(np.array(rows))
+        _, sizes, right = np.linalg.svd(np.array([row / (np.linalg.norm(row) or 1.0) for row in rows]))
         along = right[np.sum(sizes > 1e-12 * sizes[0]) :].T
     return along.T @ flow @ along, along
 
 
-def _kinks_met(line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, sides: tuple) -> list[int]:
-    c = line.constraints(*_point(x, mult), p)[0][0]
-    return [
-        j
-        for j, mu in enumerate(line.model.multipliers)
-        if mu.kind == "switch" and mu.regularity == "kink" and sides[j] and abs(c[j]) <= ON_SURFACE
-    ]
+def margins(
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, sides: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far a point is inside its mode, for each multiplier, and below which size that is none: (m,), (m,).
+
+    h on its own side, 1 - |lam| while held, the reaction of a closed contact; inf for an unknown.
+    """
+    c, c_w, _ = (part[0] for part in line.constraints(*_point(x, mult), p))
+    inside, on = np.full(len(sides), np.inf), np.full(len(sides), _ON_SURFACE)
+    for j, mu in enumerate(line.model.multipliers):
+        if sides[j]:
+            inside[j] = sides[j] * c[j]
+            on[j] = np.abs(c_w[j, : len(x)]) @ (_ON_SURFACE * np.abs(x) + _ROUNDING)
+        elif mu.kind == "contact":
+            inside[j], on[j] = mult[j], _ON_SURFACE * np.abs(mult).max() + _ROUNDING
+        elif mu.kind == "switch":
+            inside[j] = 1 - abs(mult[j])
+    return inside, on
 
 
-def _border(
-    model: Model, line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, sides: tuple
-) -> str:
-    """Why a point on the border of its mode has no eigenvalues that decide; empty off the border."""
-    c = line.constraints(*_point(x, mult), p)[0][0]
-    for j, mu in enumerate(model.multipliers):
-        if mu.kind == "algebraic" or mu.regularity == "kink" and mu.kind == "switch":
-            continue
-        if sides[j] and abs(c[j]) <= ON_SURFACE:
-            return f"it lies on the surface of {mu.symbol} and is held by neither side"
-        if not sides[j] and abs(mult[j] if mu.kind == "contact" else abs(mult[j]) - 1) <= ON_SURFACE:
-            return f"{mu.symbol} = {mult[j]:.6g} stands on its bound"
-    return ""
+def _is_kink(mu: Any) -> bool:
+    return mu.kind == "switch" and mu.regularity == "kink"
+
+
+def _border(mu: Any, side: int, value: float) -> str:
+    """Why a point on the border of its mode has no eigenvalues that decide."""
+    if side:
+        return f"it lies on the surface of {mu.symbol} and is held by neither side"
+    return f"{mu.symbol} = {value:.6g} stands on its bound"
 
 
 def _layer(
