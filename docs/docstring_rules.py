@@ -39,6 +39,9 @@ LITERATURE = tuple(
     for module in (
         "analysis.bifurcations",
         "analysis.capture",
+        "analysis.equilibria",
+        "analysis.equilibrium_branches",
+        "analysis.hopf",
         "analysis.lyapunov",
         "analysis.sticking",
         "definition.sigmoids",

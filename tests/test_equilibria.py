@@ -344,4 +344,8 @@ def test_sizes_of_micrometres_and_stiff_contacts_are_told_apart():
     assert free.x[0] == pytest.approx(4e-6, rel=1e-9) and free.kind == "regular" and not free.border
     (held,) = equilibria(press.with_parameters({F: 80.1}), {d: (0, 1e-5), w: (-1, 1)})
     push = 80.1 - 1e10 * (4e-6 + 2e-9) ** 1.5  # 80.1 N less 80.06 N
-    assert held.kind == "rest on a contact" and held.multipliers["R"] == pytest.approx(push, abs=1e-8) and held.stable
+    assert (
+        held.kind == "rest on a contact"
+        and held.multipliers["R"] == pytest.approx(push, abs=1e-8)
+        and held.stable
+    )

@@ -61,7 +61,7 @@ def test_a_hopf_point_has_frequency_and_lyapunov_coefficient_of_its_normal_form(
 
 def test_quadratic_terms_enter_the_lyapunov_coefficient_as_in_bautin_s_formula():
     # x' = -w y + f, y' = w x + g: 16 l = f_xxx + f_xyy + g_xxy + g_yyy + (f_xy (f_xx + f_yy) - g_xy (g_xx + g_yy)
-    # - f_xx g_xx + f_yy g_yy)/w (Guckenheimer and Holmes 1983, 3.4.11); in eigenvectors of length 1 l1 = 4 l/(2 w).
+    # - f_xx g_xx + f_yy g_yy)/w (Guckenheimer and Holmes 1983, sec. 3.4); in eigenvectors of length 1 l1 = 4 l/(2 w).
     rng = np.random.default_rng(3)
     for _ in range(5):
         w, c = rng.uniform(0.5, 2), rng.normal(size=(2, 7))
@@ -374,8 +374,11 @@ def test_a_branch_is_a_table_and_a_picture():
     table = branch.to_dataframe()
     assert list(table) == ["F", "v", "stable", "lam", "stability", "virtual", "rightmost_eigenvalue"]
     assert len(table) == len(branch.equilibria)
-    ax = branch.plot(v)
-    assert ax.get_xlabel() == "F" and ax.get_legend() is None
+    ax = branch.plot(lam)
+    assert ax.get_xlabel() == "F" and ax.get_ylabel() == "lam" and ax.get_legend() is None
+    assert ax.lines[0].get_ydata() == pytest.approx(branch.mult[0])
+    with pytest.raises(ValueError, match="`name` names 'nu', which is no state or multiplier"):
+        branch.plot("nu")
     assert "Branch: " in repr(branch) and "equilibria, F from 0.5 to 1.5; reached" in repr(branch)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -23,8 +22,7 @@ _MOST_NEWTON = 8
 _NEAR = 0.03  # of the period: an event so near to the section moves it
 
 
-def value_of(orbit: Any, name: str) -> float:
-    """The value of a parameter of an orbit or an equilibrium."""
+def value_of(orbit: PeriodicOrbit, name: str) -> float:
     return next(value for p, value in orbit.system.parameters.items() if p.name == name)
 
 

@@ -35,6 +35,14 @@ class _Along(Described):
         """The point of a bifurcation."""
         raise NotImplementedError
 
+    def _drawn(self, point: Any) -> tuple[tuple[Any, ...], str]:
+        """Symbols of what can be drawn, and what they are called."""
+        return point.system.states, "state"
+
+    def _row(self, point: Any) -> np.ndarray:
+        """Their values at a point."""
+        return point.x
+
     def _columns(self) -> dict[str, Any]:
         """Further columns of the table."""
         raise NotImplementedError
@@ -93,7 +101,7 @@ class _Along(Described):
         Parameters
         ----------
         name : str or Symbol, optional
-            A state; by default the first one.
+            A state, of equilibria a multiplier too; by default the first state.
         ax : Axes, optional
             Where to draw; a new figure by default.
 
@@ -105,14 +113,14 @@ class _Along(Described):
         Raises
         ------
         ValueError
-            No state of that name.
+            Nothing of that name.
         """
         from ..plotting import COLOUR, axes_for
 
-        states = self._points[0].system.states
-        k = 0 if name is None else states.index(checks.lookup(name, states, "`name`", "state"))
+        names, what = self._drawn(self._points[0])
+        k = 0 if name is None else names.index(checks.lookup(name, names, "`name`", what))
         (ax,) = axes_for(ax, 1, (5.5, 3.6), "one branch; give one")
-        q, x = self.values, self.x[k]
+        q, x = self.values, np.array([self._row(point)[k] for point in self._points])
         styles = np.where(self.stable, "-", "--").astype(object)
         styles[[bool(getattr(point, "virtual", "")) for point in self._points]] = ":"
         changes = (np.flatnonzero(styles[1:] != styles[:-1]) + 1).tolist()
@@ -121,11 +129,11 @@ class _Along(Described):
             ax.plot(q[piece], x[piece], styles[first], color=COLOUR["exact"])
         kinds = dict.fromkeys(b.kind for b in self.bifurcations)
         for kind, mark in zip(kinds, itertools.cycle("osD^vP*X")):
-            points = [(b.parameter, self._at(b).x[k]) for b in self.of_kind(kind)]
+            points = [(b.parameter, self._row(self._at(b))[k]) for b in self.of_kind(kind)]
             ax.plot(*zip(*points), mark, color=COLOUR["left"], fillstyle="none", label=kind)
         if kinds:
             ax.legend()
-        ax.set(xlabel=self.parameter, ylabel=f"{states[k]}{self._where}")
+        ax.set(xlabel=self.parameter, ylabel=f"{names[k]}{self._where}")
         return ax
 
     def _described(self) -> tuple[str, Rows]:

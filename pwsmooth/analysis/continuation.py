@@ -21,7 +21,7 @@ from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .equilibria import Equilibrium
-from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium
+from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
@@ -159,7 +159,7 @@ def follow(
         raise ValueError(f"`orbit` did not converge: {orbit.message}")
     if isinstance(orbit, Equilibrium):
         name = coordinate(orbit, parameter)
-        begin = orbit.start[name] if name in orbit.start else value_of(orbit, name)
+        begin = value_at(orbit, name)
     else:
         if virtual:
             raise ValueError(

@@ -178,6 +178,11 @@ class Equilibrium(Described):
     message : str
         In words, with what to try next.
 
+    Notes
+    -----
+    Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for regular, pseudo-,
+    virtual and boundary equilibria; Jeffrey, On the mathematical basis of solid friction, for the layer's stability.
+
     Examples
     --------
     A relay that pushes to both sides of x = 0, against a wind:

@@ -122,6 +122,11 @@ class EquilibriumBranch(_Along):
     end : str
         Why it ended, in words.
 
+    Notes
+    -----
+    Source: Keller's arclength continuation (1977); di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical
+    Systems, 2008, for what happens at surfaces.
+
     Examples
     --------
     >>> import sympy as sp
@@ -165,6 +170,13 @@ class EquilibriumBranch(_Along):
     def mult(self) -> np.ndarray:
         """Multipliers, shape (m, number of equilibria); those of switches dimensionless."""
         return np.array([e.mult for e in self.equilibria]).T
+
+    def _drawn(self, point: Any) -> tuple[tuple[Any, ...], str]:
+        model = point.system.model
+        return (*model.states, *(mu.symbol for mu in model.multipliers)), "state or multiplier"
+
+    def _row(self, point: Any) -> np.ndarray:
+        return np.concatenate([point.x, point.mult])
 
     def _columns(self) -> dict[str, Any]:
         names = [str(mu.symbol) for mu in self.equilibria[0].system.model.multipliers]
@@ -452,7 +464,7 @@ def follow_equilibrium(
     max_seconds: float | None,
 ) -> EquilibriumBranch:  # fmt: skip
     """The branch of an equilibrium over a parameter, or of a set of them along a state (continuation.follow)."""
-    begin = _value(e, name)
+    begin = value_at(e, name)
     late = math.inf if max_seconds is None else time.monotonic() + max_seconds
     branch = EquilibriumBranch(name, [e])
     branch.end = _followed(branch, e, (begin, to), lengths, most, virtual, lambda: time.monotonic() > late)
@@ -481,7 +493,8 @@ def coordinate(e: Equilibrium, parameter: Any) -> str:
     return found
 
 
-def _value(e: Equilibrium, name: str) -> float:
+def value_at(e: Equilibrium, name: str) -> float:
+    """The value of a parameter, or of the state along which a set is followed."""
     return float({**e.start, **{p.name: v for p, v in e.system.parameters.items()}}[name])
 
 
