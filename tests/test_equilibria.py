@@ -328,6 +328,8 @@ def test_bad_arguments_are_refused_by_name(more, message):
 def test_it_says_what_it_is_in_short():
     text = repr(find_equilibrium(System({x: 0.5 - sp.sign(x)}), {x: 1}))
     assert text.splitlines()[0] == "Equilibrium: pseudo-equilibrium, stable" and "sgn(x) = 0.5" in text
+    lost = find_equilibrium(System({x: 1 + x**2 - sp.sign(x - 5)}), {x: 1})
+    assert not lost.success and not lost.admissible and not lost.stable and np.isnan(lost.eigenvalues).all()
     assert "No equilibrium: Newton's method converged in no mode" in repr(
         find_equilibrium(System({x: 1 + x**2}), {x: 1})
     )
