@@ -88,6 +88,23 @@ def test_a_stable_pseudo_equilibrium_is_where_runs_come_to_rest():
     assert seen >= 5
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_cubic_planar_fields_have_the_pseudo_equilibria_of_a_polynomial(seed):
+    # On y = 0 the fields are parallel where f+ g- = f- g+, a polynomial in x; between them where g+ and g- differ in sign.
+    rng = np.random.default_rng([7, seed])
+    above, below = rng.normal(size=(2, 2, 4)), rng.normal(size=(2, 2, 4))
+    side = Switch("side", y)
+    fields = [[sum(c * x**j for j, c in enumerate(row)) + y * x for row in one] for one in (above, below)]
+    rates = [(p + m) / 2 + side * (p - m) / 2 for p, m in zip(*fields)]
+    (f1, g1), (f2, g2) = ([np.polynomial.Polynomial(row) for row in one] for one in (above, below))
+    roots = (f1 * g2 - f2 * g1).roots()
+    at = [r for r in roots[abs(roots.imag) < 1e-9].real if abs(r) < 3 and g1(r) * g2(r) < 0]
+    found = equilibria(System(dict(zip((x, y), rates))), {x: (-3, 3), y: (-3, 3)}, sides={side: 0})
+    assert [e.x[0] for e in found] == pytest.approx(sorted(at), abs=1e-9)
+    for e in found:
+        assert (e.layer_eigenvalues[0].real < 0) == (g1(e.x[0]) < g2(e.x[0]))
+
+
 # ---- several lambda on one surface
 
 

@@ -268,7 +268,9 @@ class Equilibrium(Described):
     def linear(self) -> Linear:
         """Jacobian of the flow along what is held, and of the layer (equilibrium_stability.py)."""
         if not self.success:
-            return Linear(np.full((len(self.x),) * 2, np.nan), np.eye(len(self.x)), np.zeros((0, 0)), self.message)
+            return Linear(
+                np.full((len(self.x),) * 2, np.nan), np.eye(len(self.x)), np.zeros((0, 0)), self.message
+            )
         return linear_at(self.system, self.x, self.mult, self.sides)
 
     @property
