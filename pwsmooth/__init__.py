@@ -28,6 +28,8 @@ _HOME = {
     "solve": "solve",
     "sweep": "sweep",
     "find_orbit": "analysis.orbits",
+    "find_equilibrium": "analysis.equilibria",
+    "equilibria": "analysis.equilibria",
     "follow": "analysis.continuation",
     "follow_curve": "analysis.curves",
     "lyapunov_exponents": "analysis.lyapunov",

@@ -1,30 +1,28 @@
-"""Branches of periodic orbits over one parameter.
+"""Branches of periodic orbits over one parameter, and the door to those of equilibria.
 
 Every point is a trajectory of the exact system: where the itinerary changes, the branch goes on through the change if
 the orbit does, and the change is located and named (itineraries.py). Where no orbit is found beyond a point, the
 branch ends there and says why; nothing is continued on the far side of a surface.
 
-Chain: arclength.py, bifurcations.py -> **continuation**.
+Chain: arclength.py, bifurcations.py, equilibrium_branches.py -> **continuation**.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..definition import checks
-from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
+from .branch import _Along
+from .equilibria import Equilibrium
+from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
-
-if TYPE_CHECKING:
-    import pandas
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -33,7 +31,7 @@ _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is be
 
 
 @dataclass(repr=False)
-class Branch(Described):
+class Branch(_Along):
     """Periodic orbits along a parameter.
 
     Attributes
@@ -65,135 +63,58 @@ class Branch(Described):
     bifurcations: list[Bifurcation] = field(default_factory=list)
     end: str = ""
 
-    @property
-    def values(self) -> np.ndarray:
-        """The parameter along the branch, shape (number of orbits,), in its unit."""
-        return np.array([value_of(orbit, self.parameter) for orbit in self.orbits])
+    _noun, _where = "orbits", " on the section"
 
     @property
-    def x(self) -> np.ndarray:
-        """Points on the section, shape (n, number of orbits), in the units of the states."""
-        return np.array([orbit.x for orbit in self.orbits]).T
+    def _points(self) -> list[Any]:
+        return self.orbits
 
-    @property
-    def stable(self) -> np.ndarray:
-        """Whether each orbit is stable."""
-        return np.array([orbit.stable for orbit in self.orbits])
+    @staticmethod
+    def _at(bifurcation: Any) -> Any:
+        return bifurcation.orbit
 
-    def of_kind(self, kind: str) -> list[Bifurcation]:
-        """Bifurcations of one kind.
-
-        Parameters
-        ----------
-        kind : str
-            As of `Bifurcation`.
-
-        Returns
-        -------
-        list of Bifurcation
-            In the order in which they were found.
-        """
-        return [b for b in self.bifurcations if b.kind == kind]
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The orbits as a table.
-
-        Returns
-        -------
-        pandas.DataFrame
-            A row an orbit: the parameter, the point on the section, the period, whether it is stable, and the largest
-            modulus of its multipliers.
-        """
-        import pandas
-
-        names = [str(s) for s in self.orbits[0].system.states]
-        return pandas.DataFrame(
-            {
-                self.parameter: self.values,
-                **dict(zip(names, self.x)),
-                "period": [orbit.period for orbit in self.orbits],
-                "stable": self.stable,
-                "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
-            }
-        )
-
-    def plot(self, name: Any = None, ax: Any = None) -> Any:
-        """A state of the orbits over the parameter: stable ones as lines, others dashed, bifurcations marked.
-
-        Parameters
-        ----------
-        name : str or Symbol, optional
-            A state, on the section; by default the first one.
-        ax : Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        Axes
-            The same.
-
-        Raises
-        ------
-        ValueError
-            No state of that name.
-        """
-        from ..plotting import COLOUR, axes_for
-
-        states = self.orbits[0].system.states
-        k = 0 if name is None else states.index(checks.lookup(name, states, "`name`", "state"))
-        (ax,) = axes_for(ax, 1, (5.5, 3.6), "one branch; give one")
-        q, x, stable = self.values, self.x[k], self.stable
-        changes = (np.flatnonzero(np.diff(stable)) + 1).tolist()
-        for first, end in zip([0, *changes], [*changes, len(q)]):
-            piece = slice(first, end + 1)  # as far as the first orbit of the next one
-            ax.plot(q[piece], x[piece], "-" if stable[first] else "--", color=COLOUR["exact"])
-        kinds = dict.fromkeys(b.kind for b in self.bifurcations)
-        for kind, mark in zip(kinds, itertools.cycle("osD^vP*X")):
-            points = [(b.parameter, b.orbit.x[k]) for b in self.of_kind(kind)]
-            ax.plot(*zip(*points), mark, color=COLOUR["left"], fillstyle="none", label=kind)
-        if kinds:
-            ax.legend()
-        ax.set(xlabel=self.parameter, ylabel=f"{states[k]} on the section")
-        return ax
-
-    def _described(self) -> tuple[str, Rows]:
-        q = self.values
-        span = f", {self.parameter} from {q.min():.9g} to {q.max():.9g}" if q.size else ""
-        found = [line.strip() for b in self.bifurcations for line in str(b).splitlines()]
-        return f"Branch: {len(q)} orbits{span}; {self.end}", {
-            "stable": [f"{np.sum(self.stable)} of {len(q)}"],
-            "bifurcations": found,
-        }.items()
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "period": [orbit.period for orbit in self.orbits],
+            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+        }
 
 
 @checks.door(
-    orbit=checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives it"), to=checks.number,
+    orbit=checks.instance(
+        (PeriodicOrbit, Equilibrium), "a PeriodicOrbit or an Equilibrium, from find_orbit() or find_equilibrium()"
+    ),
+    to=checks.number, virtual=checks.flag,
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), most=checks.integer(1),
 )  # fmt: skip
 def follow(
-    orbit: PeriodicOrbit,
+    orbit: PeriodicOrbit | Equilibrium,
     parameter: Any,
     to: float,
     *,
+    virtual: bool = False,
     step: float = 0.02,
     longest_step: float = 0.1,
     shortest_step: float = 1e-7,
     most: int = 500,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
-) -> Branch:
-    """Follow a periodic orbit over a parameter.
+) -> Branch | EquilibriumBranch:
+    """Follow a periodic orbit or an equilibrium over a parameter.
 
     Parameters
     ----------
-    orbit : PeriodicOrbit
+    orbit : PeriodicOrbit or Equilibrium
         The first one, converged.
     parameter : str or Symbol
-        Of the orbit's system.
+        Of the orbit's system. For one of a set of equilibria (a stuck block's) a state: the set is followed along it.
     to : float, in the unit of the parameter
         Where to stop; a branch that turns back also stops at the value at which it began.
+    virtual : bool
+        Whether a branch of equilibria goes on beyond the surface, the bound of lambda or the reaction 0 at which its
+        equilibria become virtual, in the same mode; without it goes on in the mode beside. Orbits are never virtual.
     step, longest_step, shortest_step : float, in units of the arc
-        Of the arc in (x, q/abs(to - q0)).
+        Of the arc in (x, q/abs(to - q0)); of equilibria x and multipliers count relative to 1 + what they are at first.
     most : int
         Largest number of orbits.
     max_steps, max_seconds : int, float (s), optional
@@ -201,13 +122,14 @@ def follow(
 
     Returns
     -------
-    Branch
-        Orbits, bifurcations, and why it ended.
+    Branch or EquilibriumBranch
+        Orbits or equilibria, bifurcations, and why it ended.
 
     Raises
     ------
     ValueError, TypeError
-        An orbit that did not converge, an unknown parameter, `to` not different from the present value.
+        An orbit that did not converge, an unknown parameter, `to` not different from the present value; `virtual` with
+        an orbit; a parameter for one of a set of equilibria.
 
     Notes
     -----
@@ -235,8 +157,17 @@ def follow(
     """
     if not orbit.success:
         raise ValueError(f"`orbit` did not converge: {orbit.message}")
-    name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
-    begin, end = value_of(orbit, name), to
+    if isinstance(orbit, Equilibrium):
+        name = coordinate(orbit, parameter)
+        begin = value_at(orbit, name)
+    else:
+        if virtual:
+            raise ValueError(
+                "`virtual` is for equilibria; orbits are trajectories of the exact system. Leave it out."
+            )
+        name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
+        begin = value_of(orbit, name)
+    end = to
     if abs(end - begin) > 1e100:
         raise ValueError(
             f"`to` is {end:g}, so far from {begin:g} that no derivative has that scale; give less."
@@ -244,6 +175,8 @@ def follow(
     if begin == end:
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
     lengths = step, longest_step, shortest_step
+    if isinstance(orbit, Equilibrium):
+        return follow_equilibrium(orbit, name, end, lengths, most, virtual, max_seconds)
     bound = opened(max_steps, max_seconds)
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
     with within(Budget(_COUNTED)) as counted:

@@ -86,6 +86,19 @@ class Linearised:
             *(values[a:b].T.reshape(nt, *shape) for a, b, shape in zip(sizes[:-1], sizes[1:], shapes))
         )
 
+    @functools.cached_property
+    def _constraints(self) -> Any:
+        c = [mu.residual if mu.surface is None else mu.surface for mu in self.model.multipliers]
+        parts = [c, [e.diff(s) for e in c for s in self.w], [e.diff(s) for e in c for s in self.symbols]]
+        return _stacked(self.model, [e for part in parts for e in part])
+
+    def constraints(self, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
+        """What each multiplier keeps at 0, its surface or an unknown's equation: c (nt, m), c_w, c_lam."""
+        m, N, nt = self.m, self.N, len(t)
+        values = self._constraints(t, x, mult, p)
+        parts = values[:m], values[m : m + m * N], values[m + m * N :]
+        return tuple(part.T.reshape(nt, *shape) for part, shape in zip(parts, [(m,), (m, N), (m, m)]))
+
     def solved(self, status: np.ndarray) -> list[int]:
         """Which multipliers are solved at a status (m,)."""
         return [j for j in range(self.m) if status[j] == 0 and self.solvable[j]]

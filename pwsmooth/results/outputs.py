@@ -15,7 +15,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition.lambdified import numpy_function
-from ..definition.model import Model, Select
+from ..definition.model import Held, Model, Select
 from ..definition.template import Families, named
 
 
@@ -37,6 +37,10 @@ def _function(
             (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
         )
 
+    # Before the selections, some of which stand inside.
+    expression = expression.replace(
+        Held, lambda lam, apart, held: sp.Piecewise((apart, sp.Eq(sp.Abs(lam), 1)), (held, True))
+    )
     while expression.has(Select):
         # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
         expression = expression.replace(

@@ -162,6 +162,9 @@ def subjects():
         System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, period=1
     )
     (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    pulled = System({x: k / 4 - Switch("lam", x)}, parameters={k: 1})
+    wave = System({x: v, v: (k - x**2) * v - x}, parameters={k: -0.5})
+    (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), k, 0.5).of_kind("Hopf")
     record = Record(np.linspace(0, 1, 9), {"x": np.linspace(1, 1.1, 9)}, start=start)
     fitted = fit(system, record, ["k"], max_runs=2)
     strobe = sections.Stroboscopic(system, drive, options=short)
@@ -209,6 +212,9 @@ def subjects():
         ),
         "find_orbit": dict(system=system, x0=start, period=drive, symmetry={x: -x, v: -v}, rtol=1e-12, **short),
         "follow": dict(orbit=orbit, parameter=k, to=1.01, most=5),
+        "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
+        "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
+        "cycle_from": dict(hopf=hopf, amplitude=0.05, **short),
         "lyapunov_exponents": dict(system=system, x0=start, time=5.0, rtol=1e-9, **short),
         "basins": dict(
             system=system,
@@ -395,6 +401,10 @@ def subjects():
         "ensemble kicks": (
             pwsmooth.ensemble,
             dict(system=free, t_span=(0, 1), x0=start, noise=kicks, count=2, **short),
+        ),
+        "follow equilibrium": (
+            pwsmooth.follow,
+            dict(orbit=pwsmooth.find_equilibrium(pulled, {"x": 0.2}), parameter=k, to=5, most=5),
         ),
         "find_orbit section": (
             pwsmooth.find_orbit,

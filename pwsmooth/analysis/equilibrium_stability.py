@@ -1,0 +1,278 @@
+"""Stability of an equilibrium: of the flow on the sliding manifold, and of the layer that holds it there.
+
+    A = T' (f_x + f_J lam_x) T,   lam_x = -(g_JJ)**-1 g_Jx,   T a basis of the directions along what is held
+    L = Lambda'(lam_S)/eps_S (g_SS - g_SK (g_KK)**-1 g_KS),   S the switches held, K the other solved unknowns
+
+h = 0 of a switch that slides takes one direction, h = dh/dt = 0 of a closed contact two. L belongs to the motion of the
+multipliers through the layer: where it has an eigenvalue on the right, the slow flow runs on a branch that repels.
+At a Hopf point the first Lyapunov coefficient says which way the cycles go.
+
+Chain: paths/linearised.py -> **equilibrium_stability** -> equilibria.py.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from ..definition.model import Model
+from ..definition.sigmoids import sigmoid
+from ..paths.linearised import Linearised, linearise
+from ..results.outputs import vectorised
+
+_ON_SURFACE = 1e-9  # of h, lambda and reactions, relative: nearer than this it lies on the border
+_ROUNDING = 1e-12  # to which a state at 0 is known, in its unit
+_EIGENVALUE = 1e-9  # relative to the largest: nearer to the imaginary axis nothing is decided
+_MOST_STATES = 12  # of a Lyapunov coefficient: third derivatives are n**4/6 expressions
+_SAME_SLOPE = 1e-9  # of Jacobians on both sides of a kink
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The linear part at an equilibrium: `matrix` (d, d) on the basis `along` (n, d), and the `layer`'s (k, k).
+
+    `undecided` says why eigenvalues do not decide; it is empty where they do.
+    """
+
+    matrix: np.ndarray
+    along: np.ndarray
+    layer: np.ndarray
+    undecided: str
+
+    @functools.cached_property
+    def eigenvalues(self) -> np.ndarray:
+        return _eigenvalues(self.matrix)
+
+    @functools.cached_property
+    def layer_eigenvalues(self) -> np.ndarray:
+        return _eigenvalues(self.layer)
+
+
+def _eigenvalues(matrix: np.ndarray) -> np.ndarray:
+    if not np.isfinite(matrix).all():
+        return np.full(len(matrix), np.nan, complex)
+    values = np.linalg.eigvals(matrix).astype(complex)
+    return values[np.argsort(-values.real, kind="stable")]
+
+
+def signs(values: np.ndarray) -> tuple[int, int, int]:
+    """How many eigenvalues lie left of the imaginary axis, on it and right of it."""
+    size = _EIGENVALUE * np.abs(values).max(initial=0.0)
+    left, right = int(np.sum(values.real < -size)), int(np.sum(values.real > size))
+    return left, len(values) - left - right, right
+
+
+def linear_at(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> Linear:
+    """The linear part at a point (n,), (m,) of a mode."""
+    model = system.model
+    line = linearise(model)
+    p = np.array(system.parameter_values, float)
+    n = len(model.states) - model.n_memory
+    J = [j for j, side in enumerate(sides) if side == 0]
+    matrix, along = _on_manifold(line, x, mult, p, n, J)
+    inside, on = margins(line, x, mult, p, sides)
+    met = np.flatnonzero(np.abs(inside) <= on).tolist()
+    kinks = [j for j in met if sides[j] and _is_kink(model.multipliers[j])]
+    undecided = next((_border(model.multipliers[j], sides[j], mult[j]) for j in met if j not in kinks), "")
+    if kinks:
+        for turned in itertools.product((1.0, -1.0), repeat=len(kinks)):
+            other = mult.copy()
+            other[kinks] = turned
+            slope = _on_manifold(line, x, other, p, n, J)[0]
+            if np.abs(slope - matrix).max(initial=0.0) > _SAME_SLOPE * (1 + np.abs(matrix).max(initial=0.0)):
+                names = ", ".join(str(line.symbols[j]) for j in kinks)
+                undecided = undecided or f"it lies on the kink of {names}, where the Jacobian jumps"
+    for j in J:
+        mu = model.multipliers[j]
+        if mu.kind == "switch" and mu.regularity != "sliding":
+            undecided = undecided or (
+                f"{mu.symbol} holds it on a surface of relative degree 2 or more, where the motion beside it decides"
+            )
+    if not np.isfinite(matrix).all():
+        undecided = undecided or "dg/dlambda = 0 for what is held: the sliding flow has no slope there"
+    layer = _layer(model, line, x, mult, p, [j for j in J if model.multipliers[j].regularity == "sliding"], J)
+    return Linear(matrix, along, layer, undecided)
+
+
+def _point(x: np.ndarray, mult: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros(1), x[:, None], mult[:, None]
+
+
+def _on_manifold(
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, n: int, J: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The Jacobian of the flow along what is held, and a basis of these directions."""
+    blocks = line.blocks(*_point(x, mult), p)
+    multipliers = line.model.multipliers
+    if not all(line.solvable[j] for j in J):
+        return np.full((n, n), np.nan), np.eye(n)
+    try:
+        flow = blocks.flow(J)[0][:n, :n]
+        lam_x = blocks.solved(J)[0][0][:, :n] if J else np.zeros((0, n))
+    except np.linalg.LinAlgError:  # a fold of the layer: lambda has no slope
+        flow, lam_x = np.full((n, n), np.nan), np.zeros((len(J), n))
+    rows = []
+    _, c_w, c_lam = line.constraints(*_point(x, mult), p)
+    for j in J:
+        mu = multipliers[j]
+        if mu.surface is None or mu.residual == mu.surface:
+            continue  # solved at its instant: it takes no direction away
+        rows.append(c_w[0, j, :n] + c_lam[0, j, J] @ lam_x)
+        if mu.kind == "contact" or mu.regularity != "sliding":
+            h_w, _, h_lam = line.gradient(line.speed(j), 0.0, x, mult, p)
+            rows.append(h_w[:n] + h_lam[J] @ lam_x)
+    along = np.eye(n)
+    if rows:
+        _, sizes, right = np.linalg.svd(np.array([row / (np.linalg.norm(row) or 1.0) for row in rows]))
+        along = right[np.sum(sizes > 1e-12 * sizes[0]) :].T
+    return along.T @ flow @ along, along
+
+
+def margins(
+    line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, sides: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far a point is inside its mode, for each multiplier, and below which size that is none: (m,), (m,).
+
+    h on its own side, 1 - |lam| while held, the reaction of a closed contact; inf for an unknown.
+    """
+    c, c_w, _ = (part[0] for part in line.constraints(*_point(x, mult), p))
+    inside, on = np.full(len(sides), np.inf), np.full(len(sides), _ON_SURFACE)
+    for j, mu in enumerate(line.model.multipliers):
+        if sides[j]:
+            inside[j] = sides[j] * c[j]
+            on[j] = np.abs(c_w[j, : len(x)]) @ (_ON_SURFACE * np.abs(x) + _ROUNDING)
+        elif mu.kind == "contact":
+            inside[j], on[j] = mult[j], _ON_SURFACE * np.abs(mult).max() + _ROUNDING
+        elif mu.kind == "switch":
+            inside[j] = 1 - abs(mult[j])
+    return inside, on
+
+
+def _is_kink(mu: Any) -> bool:
+    return mu.kind == "switch" and mu.regularity == "kink"
+
+
+def _border(mu: Any, side: int, value: float) -> str:
+    """Why a point on the border of its mode has no eigenvalues that decide."""
+    if side:
+        return f"it lies on the surface of {mu.symbol} and is held by neither side"
+    return f"{mu.symbol} = {value:.6g} stands on its bound"
+
+
+def _layer(
+    model: Model, line: Linearised, x: np.ndarray, mult: np.ndarray, p: np.ndarray, S: list[int], J: list[int]
+) -> np.ndarray:
+    """The Jacobian L of the layer, in the first switch's eps; with layered states theirs below."""
+    S = [j for j in S if model.multipliers[j].kind == "switch"]
+    S = [j for j in S if model.multipliers[j].residual != model.multipliers[j].surface]
+    if not S:
+        return np.zeros((0, 0))
+    K = [j for j in J if j not in S]
+    slope = _slope(model.sigmoid)
+    # Beyond [-1, 1], where an equilibrium is virtual, no sigmoid has a slope: there its sign is all that is asked for.
+    speed = np.array([(slope(mult[j]) if abs(mult[j]) < 1 else 1.0) / model.eps_ratio[j] for j in S])
+    finite = [z for z in model.layer_states if z.ratio != sp.oo]
+    if not finite:
+        g = line.blocks(*_point(x, mult), p).g_lam[0]
+        square = g[np.ix_(S, S)]
+        if K:
+            square = square - g[np.ix_(S, K)] @ np.linalg.solve(g[np.ix_(K, K)], g[np.ix_(K, S)])
+        return speed[:, None] * square
+    functions = _layered(model)
+    z = [float(np.ravel(f(0.0, *x, *mult, *p))[0]) for f in functions[0]]
+    values = np.array([np.ravel(v)[0] for v in functions[1](0.0, *x, *mult, *p, *z)], float)
+    k = len(finite)
+    g_lam, g_z, Q_lam, Q_z, r = np.split(values, np.cumsum([line.m * line.m, line.m * k, k * line.m, k * k]))
+    g_lam, g_z = g_lam.reshape(line.m, line.m), g_z.reshape(line.m, k)
+    Q_lam, Q_z = Q_lam.reshape(k, line.m), Q_z.reshape(k, k)
+    inner = speed[:, None] * g_lam[np.ix_(S, S)]
+    if not r.any():  # two stages: lambda first, then z along its root
+        rest = Q_z - Q_lam[:, S] @ np.linalg.solve(inner, speed[:, None] * g_z[S])
+        return np.block([[inner, np.zeros((len(S), k))], [np.zeros((k, len(S))), rest]])
+    return np.block([[inner, speed[:, None] * g_z[S]], [r[:, None] * Q_lam[:, S], r[:, None] * Q_z]])
+
+
+@functools.lru_cache(maxsize=16)
+def _layered(model: Model) -> Any:
+    """Functions of the equilibria of layered states, and of derivatives of the layer's residuals and rates."""
+    finite = [z for z in model.layer_states if z.ratio != sp.oo]
+    lams, zs = [mu.symbol for mu in model.multipliers], [z.symbol for z in finite]
+    slaved = {z.symbol: z.equilibrium for z in model.layer_states if z.ratio == sp.oo}
+    g, Q = [e.xreplace(slaved) for e in model.layer_residuals], [z.rate.xreplace(slaved) for z in finite]
+    parts = [e.diff(s) for expressions, symbols in ((g, lams), (g, zs), (Q, lams), (Q, zs))
+             for e in expressions for s in symbols]  # fmt: skip
+    parts += [z.ratio for z in finite]
+    return (
+        [vectorised(model, z.equilibrium) for z in finite],
+        vectorised(model, sp.Tuple(*parts), tuple(zs)),
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def _slope(name: str) -> Any:
+    lam = sp.Symbol("lam", real=True)
+    return sp.lambdify(lam, sigmoid(name).slope(lam), modules=["scipy", "numpy"])
+
+
+def lyapunov_coefficient(system: Any, x: np.ndarray, mult: np.ndarray, sides: tuple[int, ...]) -> float | None:
+    """First Lyapunov coefficient at a Hopf point of a smooth mode; None where unknowns are solved or states are many.
+
+    With A q = i w q, A' p = -i w p, <q, q> = <p, q> = 1 and the derivatives B, C of second and third order of the rates
+
+        l1 = Re(<p, C(q, q, q*)> - 2 <p, B(q, A**-1 B(q, q*))> + <p, B(q*, (2 i w - A)**-1 B(q, q))>)/(2 w)
+    """
+    model = system.model
+    n = len(model.states) - model.n_memory
+    if not all(sides) or n > _MOST_STATES:
+        return None
+    line = linearise(model)
+    p_ = np.array(system.parameter_values, float)
+    A = line.blocks(*_point(x, mult), p_).f_w[0][:n, :n]
+    values, vectors = np.linalg.eig(A)
+    critical = np.argmin(np.abs(values.real) + np.where(values.imag > 0, 0.0, np.inf))
+    q, w = vectors[:, critical], float(values[critical].imag)
+    q = q / np.linalg.norm(q)
+    left_values, left = np.linalg.eig(A.T)
+    p = left[:, np.argmin(np.abs(left_values + 1j * w))]
+    p = p / np.conj(np.vdot(p, q))
+    B2, C3 = _derivatives(model)(x, mult, p_)
+
+    def B(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.einsum("ijk,j,k->i", B2, a, b)
+
+    cubic = np.einsum("ijkl,j,k,l->i", C3, q, q, q.conj())
+    one = B(q, np.linalg.solve(A, B(q, q.conj())))
+    two = B(q.conj(), np.linalg.solve(2j * w * np.eye(n) - A, B(q, q)))
+    return float((np.vdot(p, cubic) - 2 * np.vdot(p, one) + np.vdot(p, two)).real / (2 * w))
+
+
+@functools.lru_cache(maxsize=16)
+def _derivatives(model: Model) -> Any:
+    """Second and third derivatives of the rates by the states, as a function of a point: (n, n, n), (n, n, n, n)."""
+    n = len(model.states) - model.n_memory
+    states = model.states[:n]
+    pairs = list(itertools.combinations_with_replacement(range(n), 2))
+    triples = list(itertools.combinations_with_replacement(range(n), 3))
+    second: dict[Any, sp.Expr] = {
+        (i, *jk): model.rhs[i].diff(*(states[j] for j in jk)) for i in range(n) for jk in pairs
+    }
+    third: dict[Any, sp.Expr] = {
+        (i, *jkl): second[i, jkl[0], jkl[1]].diff(states[jkl[2]]) for i in range(n) for jkl in triples
+    }
+    found = {key: e for key, e in {**second, **third}.items() if e != 0}
+    function = vectorised(model, sp.Tuple(*found.values())) if found else None
+
+    def evaluate(x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        B, C = np.zeros((n,) * 3), np.zeros((n,) * 4)
+        numbers = function(0.0, *x, *mult, *p) if function else ()
+        for (i, *rest), number in zip(found, numbers):
+            for order in set(itertools.permutations(rest)):
+                (B if len(rest) == 2 else C)[(i, *order)] = number
+        return B, C
+
+    return evaluate
