@@ -90,9 +90,9 @@ def test_a_stable_pseudo_equilibrium_is_where_runs_come_to_rest():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_cubic_planar_fields_have_the_pseudo_equilibria_of_a_polynomial(seed):
-    # On y = 0 the fields are parallel where f+ g- = f- g+, a polynomial in x; between them where g+ and g- differ in sign.
+    # On y = 0 the fields are parallel where f+ g- = f- g+, a polynomial in x; opposite where g+ g- < 0.
     rng = np.random.default_rng([7, seed])
-    above, below = rng.normal(size=(2, 2, 4)), rng.normal(size=(2, 2, 4))
+    above, below = rng.normal(size=(2, 2, 4))
     side = Switch("side", y)
     fields = [[sum(c * x**j for j, c in enumerate(row)) + y * x for row in one] for one in (above, below)]
     rates = [(p + m) / 2 + side * (p - m) / 2 for p, m in zip(*fields)]
