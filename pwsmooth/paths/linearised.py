@@ -92,7 +92,9 @@ class Linearised:
         parts = [c, [e.diff(s) for e in c for s in self.w], [e.diff(s) for e in c for s in self.symbols]]
         return _stacked(self.model, [e for part in parts for e in part])
 
-    def constraints(self, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
+    def constraints(
+        self, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
         """What each multiplier keeps at 0, its surface or an unknown's equation: c (nt, m), c_w, c_lam."""
         m, N, nt = self.m, self.N, len(t)
         values = self._constraints(t, x, mult, p)
