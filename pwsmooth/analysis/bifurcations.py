@@ -10,13 +10,13 @@ Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .arclength import Point, Walk
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import SAME, PeriodicOrbit, refine
+from .orbits import SAME, PeriodicOrbit, refined_to
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -156,7 +156,7 @@ def collapse_between(
     else:
         return None
     short, x = near
-    orbit = refine(replace(short.orbit.map, count=count), x)
+    orbit = refined_to(short.orbit, count, x)
     if not orbit.success:
         return count, []
     single = Walk(orbit, walk.name, walk.scale)
@@ -174,7 +174,7 @@ def collapse_between(
 
 def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
     """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
-    steps = [replace(p.orbit.map, count=count).image(p.orbit.x).x - p.orbit.x for p in (here, there)]
+    steps = [p.orbit.after(count) - p.orbit.x for p in (here, there)]
     sizes = [np.linalg.norm(step) for step in steps]
     if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x)):
         return there, there.orbit.x

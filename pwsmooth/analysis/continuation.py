@@ -22,6 +22,7 @@ from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
+from .sections import Stroboscopic
 
 if TYPE_CHECKING:
     import pandas
@@ -215,9 +216,8 @@ def follow(
     the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
     they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
 
-    A period is shot over in one piece: where the largest multiplier m has grown so far that m times the rounding of
-    a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and
-    `end` says so; the orbit may well go on.
+    A period is shot over in one piece as long as its multipliers allow it (up to 1e4), then in segments, as many as
+    their growth asks for; they begin where the motion slips and no event is near, and move with the events.
 
     Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
     Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
@@ -275,6 +275,9 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there is None:
             if ds > shortest_step:
                 ds *= 0.3
+                continue
+            if (other := walk.cut(here)) is not None:
+                here, ds = other, min(step, longest_step)
                 continue
             there = walk.turn(here, ds)
             if there is None:
@@ -367,21 +370,42 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
             f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip or a symmetry breaking."
         )
     old = bifurcation.orbit
-    values, vectors = np.linalg.eig(old.jacobian)
-    direction = vectors[:, np.argmin(np.abs(values + 1))].real
-    direction = direction / np.linalg.norm(direction)
-    doubled = old.map.doubled()
-    walk = Walk(
-        PeriodicOrbit(doubled, old.x, 0.0, old.jacobian, (), old.time, 0, True, ""), bifurcation.name, 1.0
-    )
-    normal = np.append(direction, 0.0)
-    guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
+    doubled, x, direction = _doubled(old)
+    walk = Walk(doubled, bifurcation.name, 1.0)
+    normal = np.append(direction / np.linalg.norm(direction), 0.0)
+    guess = np.append((x + amplitude * direction) / walk.weight, bifurcation.parameter)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
     if point is None:
-        return none_found(doubled, guess[:-1], f"no orbit was found on the branch at this distance: {lost}")
+        return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = point.orbit
-    single = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})
-    if np.linalg.norm(single(orbit.x) - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
+    if orbit.segments is None:
+        once = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})(orbit.x)
+    else:
+        half = orbit.segments.nodes[len(orbit.segments) // 2]
+        once = half if (G := getattr(old.map, "symmetry", None)) is None else np.linalg.solve(G, half)
+    if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
+
+
+def _doubled(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:
+    """An orbit run through twice, its points, and how these move along the critical eigenvector, 1 on the section."""
+    map_, segments = old.map.doubled(), old.segments
+    if segments is None:
+        values, vectors = np.linalg.eig(old.jacobian)
+        direction = vectors[:, np.argmin(np.abs(values + 1))].real
+        twice = PeriodicOrbit(map_, old.x, 0.0, old.jacobian, (), old.time, 0, True, "")
+        return twice, old.x, direction / np.linalg.norm(direction)
+    direction = segments.eigenvector(-1.0)
+    direction /= np.linalg.norm(direction[0])
+    again, cuts = np.eye(len(old.x)), segments.cuts * 2
+    if isinstance(old.map, Stroboscopic) and old.map.symmetry is not None:
+        # Both halves are one application of the doubled map.
+        again, inner = old.map.symmetry, segments.cuts[0]
+        cuts = ((*(0.5 * c for c in inner), 0.5, *(0.5 + 0.5 * c for c in inner)),)
+    nodes = np.concatenate([segments.nodes, segments.nodes @ again.T])
+    moves = np.concatenate([direction, -direction @ again.T])
+    both = replace(segments, cuts=cuts, nodes=nodes, matrices=np.concatenate([segments.matrices] * 2))
+    twice = PeriodicOrbit(map_, old.x, 0.0, old.jacobian, (), old.time, 0, True, "", segments=both)
+    return twice, nodes.ravel(), moves.ravel()
