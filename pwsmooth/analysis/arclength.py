@@ -16,7 +16,17 @@ import numpy as np
 
 from ..results.solution import Solution
 from .itineraries import same_itinerary
-from .orbits import MULTIPLIERS, PINNED, TOLERANCE, PeriodicOrbit, onto_section, orbit_of, refine, shot
+from .orbits import (
+    MULTIPLIERS,
+    PINNED,
+    TOLERANCE,
+    PeriodicOrbit,
+    onto_section,
+    orbit_of,
+    refine,
+    relative,
+    shot,
+)
 from .poincare import Image
 from .sections import Stroboscopic
 from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
@@ -104,7 +114,7 @@ class Walk:
                 return None
             here, image, F, DF = equations
             x = u[:-1] * self.weight
-            size = float(np.abs(F / (1 + np.abs(x))).max(initial=0.0))
+            size = relative(F, x, image)
             if size <= TOLERANCE:
                 kept = (False, False) if self.segments is None else self.segments.kept
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)

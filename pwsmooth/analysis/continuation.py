@@ -301,6 +301,8 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
         here = walk.rephased(there)
+        if there.orbit.segments is None and here.orbit.segments is not None:
+            branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
 
 

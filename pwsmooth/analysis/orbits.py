@@ -30,17 +30,19 @@ from ..solve import solve
 from .multipliers import cyclic_multipliers
 from .poincare import Image, why_stopped
 from .sections import LONGEST, Section, Stroboscopic, Word, depends_on_time, poincare_map
-from .segments import TOO_LONG, Segments, Shooting, cut
+from .segments import SHORT, TOO_LONG, Segments, Shooting, cut, growth, sizes
 
 __all__ = ["PeriodicOrbit", "find_orbit", "refine"]
 
 TOLERANCE = 1e-11  # of the return, relative to the states' size: a few roundings of a period
+_ROUNDINGS = 1e-3  # times TOLERANCE: returns of one x scatter by some ten roundings of it, times their growth
 _MOST_STEPS = 30
 PINNED = 1e-12  # of a row of the map's Jacobian: rounding
 MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 SAME = 1e-6  # relative to the states' size: nearer together two points are one, converged to TOLERANCE or not quite
 _REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one period and in the next
-_HARD = 1e3  # growth over a period with which Newton's method may fail for no other reason
+_GROWS = 1e2  # over a period
+_FEWEST = 8  # segments that begin at one guess
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
 
@@ -55,7 +57,7 @@ class PeriodicOrbit(Described):
     x : ndarray, shape (n,)
         The point on the section, in the units of the states.
     residual : float, dimensionless
-        Largest |P(x) - x|, relative to 1 + |x|.
+        Largest |P(x) - x|, relative to 1 + |x| (and to 1e-3 |D P| |x|: what roundings of x grow to counts little).
     jacobian : ndarray, shape (n, n)
         D P at x (of the half-period map where `map` has a symmetry), in the units of the states; with segments the
         product of their matrices.
@@ -387,13 +389,35 @@ def _refined(map_: Stroboscopic | Section, x: np.ndarray, number: int | None = N
         return _checked(_in_segments(map_, x, number))
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
+    if number is None and _leaves(x, image):
+        orbit = _in_segments(map_, x, None)
+        if orbit.success:
+            return _checked(_in_one_piece(orbit) or orbit)
     orbit = _newton(map_, x, image)
-    if number is None and (orbit.success or np.abs(orbit.jacobian).max(initial=0.0) > _HARD):
-        largest = np.abs(orbit.map_multipliers).max(initial=0.0)
-        if largest > TOO_LONG or not orbit.success:
-            other = _in_segments(map_, orbit.x if orbit.success else x, None)
-            orbit = other if other.success else orbit
+    if number is None and orbit.success and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG:
+        other = _in_segments(map_, orbit.x, None)
+        orbit = other if other.success else orbit
     return _checked(orbit)
+
+
+def _leaves(x: np.ndarray, image: Image) -> bool:
+    """Whether one piece leads away from the first guess: deviations grow much, and it is not very near to an orbit.
+
+    Newton's method would follow the trajectory to wherever it goes.
+    """
+    if not np.abs(image.jacobian).max(initial=0.0) > _GROWS:
+        return False
+    return growth(image.jacobian, sizes(image.runs)) * np.abs(image.x - x).max(initial=0.0) > 1e-3
+
+
+def _in_one_piece(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
+    """The orbit without segments, where its multipliers do not ask for them."""
+    if np.abs(orbit.map_multipliers).max(initial=0.0) > SHORT:
+        return None
+    image = orbit.map.image(orbit.x, ())
+    whole = _newton(orbit.map, orbit.x, image) if image.success else orbit
+    near = np.abs(whole.x - orbit.x).max(initial=0.0) <= SAME * (1 + np.abs(orbit.x).max(initial=0.0))
+    return replace(whole, steps=orbit.steps, message=orbit.message) if whole.success and near else None
 
 
 def shot(shooting: Shooting, X: np.ndarray, kept: tuple[bool, bool] = (False, False)) -> PeriodicOrbit:
@@ -407,22 +431,46 @@ def shot(shooting: Shooting, X: np.ndarray, kept: tuple[bool, bool] = (False, Fa
 
 
 def _in_segments(map_: Stroboscopic | Section, x: np.ndarray, number: int | None) -> PeriodicOrbit:
-    """The orbit near a point, in segments: first along the trajectory from there, then all of them from the point."""
+    """The orbit near a point, in segments that begin along the trajectory from there, or all at the point itself."""
     whole, X = Shooting(map_, ((),) * map_.turns), x
     for _ in range(map_.turns - 1):
         X = np.append(X, replace(map_, count=1).image(X[-len(x) :]).x)
     image = whole.image(X, ())
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
-    new = cut(whole, X, image, number=number)
-    if new is None:
-        return none_found(map_, x, "the trajectory from the first guess cannot be cut into segments.")
-    cuts, X, _, held = new
-    orbit = shot(Shooting(map_, cuts), X, (number is not None, held))
-    if not orbit.success:
-        other = shot(Shooting(map_, cuts), np.tile(x, len(X) // len(x)), (number is not None, held))
-        orbit = other if other.success else orbit
+    guesses = []
+    for many in (number, number or max(_FEWEST, _grown(whole, image))):
+        if (new := cut(whole, X, image, number=many)) is None:
+            return none_found(map_, x, "the trajectory from the first guess cannot be cut into segments.")
+        cuts, nodes, _, held = new
+        shooting = Shooting(map_, cuts)
+        nodes = nodes if not guesses else np.tile(x, shooting.number)
+        guesses.append((shooting, nodes, shooting.image(nodes, ()), (number is not None, held)))
+    begun = [guess for guess in guesses if guess[2].success]
+    orbit = none_found(map_, x, "the segments from the first guess do not end.")
+    for shooting, nodes, image, kept in sorted(begun, key=lambda guess: _off(guess[1], guess[2])[1]):
+        orbit = _newton(shooting, nodes, image, kept)
+        if orbit.success:
+            return orbit if number is not None else _cut_anew(orbit)
     return orbit
+
+
+def _grown(whole: Shooting, image: Image) -> int:
+    """How many segments a trajectory asks for."""
+    size = sizes(image.runs)
+    return math.ceil(sum(math.log10(max(1.0, growth(A, size))) for A in whole.matrices(image.jacobian)))
+
+
+def _cut_anew(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """An orbit in segments that suit it, after those that suited the first guess."""
+    assert orbit.segments is not None
+    shooting, X = Shooting(orbit.map, orbit.segments.cuts), orbit.segments.nodes.ravel()
+    new = cut(shooting, X, shooting.image(X, ()))
+    if new is None:
+        return orbit
+    cuts, X, _, held = new
+    other = shot(Shooting(orbit.map, cuts), X, (False, held))
+    return replace(other, steps=orbit.steps, message=orbit.message) if other.success else orbit
 
 
 def _newton(
@@ -589,7 +637,13 @@ def repeats_after(orbit: PeriodicOrbit) -> int:
 
 def _off(x: np.ndarray, image: Image) -> tuple[np.ndarray, float]:
     off = image.x - x
-    return off, float(np.abs(off / (1 + np.abs(x))).max(initial=0.0))
+    return off, relative(off, x, image)
+
+
+def relative(off: np.ndarray, x: np.ndarray, image: Image) -> float:
+    """The largest part of P(x) - x, relative to the states' size and to what roundings of them grow to."""
+    size = 1 + np.abs(x) + _ROUNDINGS * (np.abs(image.jacobian) @ np.abs(x))
+    return float(np.abs(off / size).max(initial=0.0))
 
 
 def _shortened(map_: Any, x: np.ndarray, step: np.ndarray, size: float) -> tuple[np.ndarray, Image] | None:

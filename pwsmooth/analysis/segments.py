@@ -27,7 +27,8 @@ from .poincare import Image
 from .sections import Cuts, Leg
 from .variations import sticks_at_start
 
-TOO_LONG = 1e4  # growth of deviations beyond which a piece is cut
+TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
+_MOST = 1e3  # growth of a segment, with which it is cut anew
 _GROWTH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
 SHORT = 1e3  # growth of a whole orbit that needs no segments any more
 _MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
@@ -161,7 +162,7 @@ def restless(shooting: Shooting, image: Image, held: bool) -> bool:
     `held` are those that may begin in a slide.
     """
     size = sizes(image.runs)
-    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > TOO_LONG:
+    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
         return True
     near = _CLOSE * image.time / shooting.map.turns
     for run, (_, begin, end) in zip(image.runs, shooting.legs):
@@ -224,7 +225,7 @@ def cut(
         if pieces is None:
             return None
         chosen, most = _as_grown(pieces, size, must) if number is None else _even(pieces, size, must, number)
-        if most < TOO_LONG:
+        if most <= _MOST:
             break
     cuts = tuple(
         tuple(one.leg[1] for one in chosen if one.leg[0] == k and one.leg[1] > 0)
@@ -241,7 +242,7 @@ def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_P
     parameters = () if name is None else (name,)
     pieces = []
     for j, ((k, first, last), run) in enumerate(zip(shooting.legs, image.runs)):
-        free = [first + (s - run.t[0]) / map_.beat for s in _free(run, time, time / wanted, held)]
+        free = [float(first + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
         if last == math.inf:
             free = [place for place in free if place < _LAST * (first + run.t[-1] - run.t[0])]
         if also is not None and first < also < min(last, 1.0):
