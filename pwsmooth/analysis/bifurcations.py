@@ -21,6 +21,8 @@ from .orbits import SAME, PeriodicOrbit, refined_to
 __all__ = ["Bifurcation", "bifurcations_between"]
 
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
+_HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
+_ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -122,15 +124,17 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     bifurcations: list[Bifurcation] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
-            return bifurcations + _smooth(walk, here, there)
+            return bifurcations + _smooth_all(walk, here, there)
         left, right, width = _change(walk, here, there)
-        bifurcations += _smooth(walk, here, left)
+        bifurcations += _smooth_all(walk, here, left)
         apart = _apart(walk, here, there, left, right)
         change = change_between(*apart)
         # Independent events may change their order without any effect on the orbit.
         if change.name != "change of order" or not _one_slope(*apart):
+            # So near to a grazing that the touch has no derivative, the orbit a little away tells what comes.
+            beyond = apart[1] if right.orbit.degenerate else right.orbit
             bifurcations.append(
-                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, beyond)
             )
         here = right
     return bifurcations
@@ -217,8 +221,52 @@ def _apart(
     return orbits[0], orbits[1]
 
 
+def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
+    """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
+
+    Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
+    more multipliers come to lie outside of the unit circle than what was found explains.
+    """
+    found = _smooth(walk, here, there)
+    outside = [_outside(point.orbit) for point in (here, there)]
+    if None in outside:
+        return found
+    change = abs(outside[1] - outside[0])  # type: ignore[operator]
+    explained = sum(2 if one.kind == "torus" else 1 for one in found)
+    if change <= explained and (change - explained) % 2 == 0:
+        return found
+    # A chord's middle may be the branch point itself, where Newton's method fails.
+    parts = (walk.along(here, there, part, here) for part in (0.5, 0.4))
+    middle = next((point for point in parts if point is not None), None)
+    if depth == _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
+        return found or [_unnamed(walk, here, there, here)]
+    if _outside(middle.orbit) is None:
+        return found or [_unnamed(walk, here, there, middle)]
+    return _smooth_all(walk, here, middle, depth + 1) + _smooth_all(walk, middle, there, depth + 1)
+
+
+def _outside(orbit: PeriodicOrbit) -> int | None:
+    """How many multipliers lie outside of the unit circle; None where one lies on it."""
+    sizes = np.abs(orbit.map_multipliers)
+    return None if np.any(np.abs(sizes - 1) < _ON_CIRCLE) else int(np.sum(sizes > 1))
+
+
+def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
+    """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
+    mu = at.orbit.map_multipliers
+    critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
+    if abs(critical.imag) > 1e-6:
+        kind = "torus"
+    elif critical.real > 0:
+        kind = "fold" if here.tangent[-1] * there.tangent[-1] < 0 else "branch point"
+    else:
+        kind = "symmetry breaking" if here.orbit.symmetric else "flip"
+    width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
+    return Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)
+
+
 def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
-    """Bifurcations of stability between two points of one itinerary."""
+    """Bifurcations of stability between two points of one itinerary that change the sign of their tests."""
     bifurcations = []
     symmetric = here.orbit.symmetric
     tests = {

@@ -438,7 +438,7 @@ def _in_segments(map_: Stroboscopic | Section, x: np.ndarray, number: int | None
     image = whole.image(X, ())
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
-    guesses = []
+    guesses: list[tuple[Shooting, np.ndarray, Image, tuple[bool, bool]]] = []
     for many in (number, number or max(_FEWEST, _grown(whole, image))):
         if (new := cut(whole, X, image, number=many)) is None:
             return none_found(map_, x, "the trajectory from the first guess cannot be cut into segments.")
