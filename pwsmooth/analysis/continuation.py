@@ -22,7 +22,8 @@ from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
-from .sections import Stroboscopic
+from .sections import Stroboscopic, depends_on_time
+from .symmetry import repeats_in
 
 if TYPE_CHECKING:
     import pandas
@@ -236,6 +237,7 @@ def follow(
     if not orbit.success:
         raise ValueError(f"`orbit` did not converge: {orbit.message}")
     name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
+    orbit = _by_shorter_periods(orbit)
     begin, end = value_of(orbit, name), to
     if abs(end - begin) > 1e100:
         raise ValueError(
@@ -252,6 +254,24 @@ def follow(
             lambda: _COUNTED - counted.left >= bound.left or bound.late(),
         )  # fmt: skip
     return branch
+
+
+def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """An orbit that was given by a multiple of the forcing's period, as one of several applications of its map.
+
+    Else nothing tells that its branch turns, at a flip, onto the same orbits some periods later.
+    """
+    map_, x = orbit.map, orbit.x
+    if not isinstance(map_, Stroboscopic) or map_.symmetry is not None or orbit.segments is not None:
+        return orbit
+    if not depends_on_time(orbit.system.model):
+        return orbit
+    for parts in (2, 3, 5):
+        if repeats_in(orbit.system, map_.forcing_period / parts):
+            single = replace(map_, period=map_.period / parts, phase=map_.phase * parts, count=1)
+            if np.abs(single.image(x).x - x).max() > SAME * (1 + np.abs(x).max()):
+                return _by_shorter_periods(replace(orbit, map=replace(single, count=parts * map_.count)))
+    return orbit
 
 
 def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
