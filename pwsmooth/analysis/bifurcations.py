@@ -203,7 +203,31 @@ def _change(walk: Walk, here: Point, there: Point) -> tuple[Point, Point, float]
         else:
             # No orbit at all is a change too: beside a corner the chord's plane can miss the branch.
             high, right = middle, point or right
-    return left, right, (high - low) * abs(there.u[-1] - here.u[-1]) * walk.scale
+    width = (high - low) * abs(there.u[-1] - here.u[-1])
+    gap = float(np.linalg.norm(right.u - left.u))
+    if gap > 1e3 * _BRACKET * (1 + np.abs(here.u).max()):
+        # At a corner both sides lead to it, each along its own tangent.
+        left = _last(walk, left, left.tangent, 4 * gap)
+        back = right.tangent if right.tangent @ (left.u - right.u) > 0 else -right.tangent
+        right = _last(walk, right, back, 4 * gap)
+        width += abs(right.u[-1] - left.u[-1])
+    return left, right, width * walk.scale
+
+
+def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
+    """The last point of the same itinerary on the way along a tangent."""
+    first, low, high = point, 0.0, length
+    while high - low > _BRACKET * (1 + np.abs(point.u).max()):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        guess = point.u + (middle - low) * way
+        further = walk.correct(guess, way, first.tangent)
+        if further is not None and same_itinerary(first.orbit, further.orbit):
+            low, point = middle, further
+        else:
+            high = middle
+    return point
 
 
 def _apart(
