@@ -126,17 +126,17 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         if same_itinerary(here.orbit, there.orbit):
             return bifurcations + _smooth_all(walk, here, there)
         left, right, width = _change(walk, here, there)
-        bifurcations += _smooth_all(walk, here, left)
         apart = _apart(walk, here, there, left, right)
-        change = change_between(*apart)
+        # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
+        before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
+        bifurcations += _smooth_all(walk, here, before)
+        change, one_slope = change_between(*(p.orbit for p in apart)), _one_slope(*(p.orbit for p in apart))
         # Independent events may change their order without any effect on the orbit.
-        if change.name != "change of order" or not _one_slope(*apart):
-            # So near to a grazing that the touch has no derivative, the orbit a little away tells what comes.
-            beyond = apart[1] if right.orbit.degenerate else right.orbit
+        if change.name != "change of order" or not one_slope:
             bifurcations.append(
-                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, beyond)
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
             )
-        here = right
+        here = behind
     return bifurcations
 
 
@@ -230,19 +230,17 @@ def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
     return point
 
 
-def _apart(
-    walk: Walk, here: Point, there: Point, left: Point, right: Point
-) -> tuple[PeriodicOrbit, PeriodicOrbit]:
-    """Orbits of the two itineraries a little away from the change."""
-    chord = there.u - here.u
-    length = float(np.linalg.norm(chord))
-    orbits = []
-    for point, sign in ((left, -1.0), (right, 1.0)):
-        at = float((point.u - here.u) @ chord) / length**2 + sign * _APART / length
-        further = walk.along(here, there, min(max(at, 0.0), 1.0))
+def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point) -> list[Point]:
+    """Points of the two itineraries a little away from the change."""
+    found = []
+    for point, end in ((left, here), (right, there)):
+        chord = end.u - point.u
+        length = float(np.linalg.norm(chord))
+        way = chord / length if length > 0 else point.tangent
+        further = walk.correct(point.u + min(_APART, length) * way, way, end.tangent)
         same = further is not None and same_itinerary(further.orbit, point.orbit)
-        orbits.append(further.orbit if same and further is not None else point.orbit)
-    return orbits[0], orbits[1]
+        found.append(further if same and further is not None else point)
+    return found
 
 
 def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
