@@ -103,7 +103,8 @@ class Walk:
             )
         equations = self.image(u)
         assert equations is not None
-        return Point(u, _tangent(equations[3], direction), orbit, equations[1], 0, _full_rank(equations[3]))
+        tangent, alone = _only_way(equations[3], direction)
+        return Point(u, tangent, orbit, equations[1], 0, alone)
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
         """Newton's method in the plane normal . (u - guess) = 0."""
@@ -118,7 +119,8 @@ class Walk:
             if size <= TOLERANCE:
                 kept = (False, False) if self.segments is None else self.segments.kept
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
-                return Point(u, _tangent(DF, direction), orbit, image, steps, _full_rank(DF))
+                tangent, alone = _only_way(DF, direction)
+                return Point(u, tangent, orbit, image, steps, alone)
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
@@ -252,7 +254,7 @@ class Walk:
             equations = self.image(here.u + reach * here.tangent)
             if equations is None:
                 continue
-            other = _tangent(equations[3], here.tangent)
+            other, _ = _only_way(equations[3], here.tangent)
             for direction in (other, -other):
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
@@ -313,12 +315,8 @@ def _sticks(point: Point) -> bool:
     return any(sticks_at_start(run) for run in point.image.runs)
 
 
-def _full_rank(DF: np.ndarray) -> bool:
-    sizes = np.linalg.svd(DF, compute_uv=False)
-    return bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
-
-
-def _tangent(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Unit null vector of DF (n, n + 1), to the side of `direction`."""
-    tangent = np.linalg.svd(DF)[2][-1]
-    return tangent if tangent @ direction >= 0 else -tangent
+def _only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Unit null vector of DF (n, n + 1), to the side of `direction`; whether there is no other one."""
+    _, sizes, rows = np.linalg.svd(DF)
+    tangent = rows[-1] if rows[-1] @ direction >= 0 else -rows[-1]
+    return tangent, bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))

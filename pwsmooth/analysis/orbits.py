@@ -42,6 +42,7 @@ MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 SAME = 1e-6  # relative to the states' size: nearer together two points are one, converged to TOLERANCE or not quite
 _REPEATED = 1e3  # times the tolerance of the runs: what they differ by in one period and in the next
 _GROWS = 1e2  # over a period
+_NEAR = 1e-2  # relative to the states' size: an orbit so near to the first guess is the one that was meant
 _FEWEST = 8  # segments that begin at one guess
 _RECURRENCE = 1e-5  # a transient that returns so closely is near a periodic orbit
 
@@ -389,25 +390,30 @@ def _refined(map_: Stroboscopic | Section, x: np.ndarray, number: int | None = N
         return _checked(_in_segments(map_, x, number))
     if not image.success:
         return none_found(map_, x, f"the trajectory from the first guess did not return: {image.reason}")
-    if number is None and _leaves(x, image):
-        orbit = _in_segments(map_, x, None)
-        if orbit.success:
-            return _checked(_in_one_piece(orbit) or orbit)
     orbit = _newton(map_, x, image)
-    if number is None and orbit.success and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG:
+    if number is not None:
+        return _checked(orbit)
+    moved = _distance(orbit.x, x) if orbit.success else math.inf
+    if moved > _NEAR and _leaves(x, image):
+        other = _in_segments(map_, x, None)
+        if other.success and _distance(other.x, x) < moved:
+            return _checked(_in_one_piece(other) or other)
+    if orbit.success and np.abs(orbit.map_multipliers).max(initial=0.0) > TOO_LONG:
         other = _in_segments(map_, orbit.x, None)
         orbit = other if other.success else orbit
     return _checked(orbit)
 
 
-def _leaves(x: np.ndarray, image: Image) -> bool:
-    """Whether one piece leads away from the first guess: deviations grow much, and it is not very near to an orbit.
+def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two points, relative to the states' size."""
+    return float(np.abs((a - b) / (1 + np.abs(b))).max(initial=0.0))
 
-    Newton's method would follow the trajectory to wherever it goes.
-    """
+
+def _leaves(x: np.ndarray, image: Image) -> bool:
+    """Whether deviations grow so much that Newton's method in one piece follows the trajectory to wherever it goes."""
     if not np.abs(image.jacobian).max(initial=0.0) > _GROWS:
         return False
-    return growth(image.jacobian, sizes(image.runs)) * np.abs(image.x - x).max(initial=0.0) > 1e-3
+    return growth(image.jacobian, sizes(image.runs)) > _GROWS
 
 
 def _in_one_piece(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
@@ -416,7 +422,7 @@ def _in_one_piece(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
         return None
     image = orbit.map.image(orbit.x, ())
     whole = _newton(orbit.map, orbit.x, image) if image.success else orbit
-    near = np.abs(whole.x - orbit.x).max(initial=0.0) <= SAME * (1 + np.abs(orbit.x).max(initial=0.0))
+    near = _distance(whole.x, orbit.x) <= SAME
     return replace(whole, steps=orbit.steps, message=orbit.message) if whole.success and near else None
 
 
