@@ -221,7 +221,11 @@ class PeriodicOrbit(Described):
         unstable = np.any(np.abs(self.multipliers) > 1 + MULTIPLIERS)
         holds = {"stable": self.stable, "unstable": unstable, "neutral": self.isolated, "not isolated": True}
         kind = ("symmetric " if self.symmetric else "") + next(word for word in holds if holds[word])
-        pieces = f", in {len(self.segments)} segments" if self.segments is not None else ""
+        pieces = (
+            f", in {len(self.segments)} segments"
+            if self.segments is not None and len(self.segments) > 1
+            else ""
+        )
         told = self.message.startswith("no orbit")
         missing = f"N{self.message[1:]}" if told else f"No orbit: {self.message}"
         return f"PeriodicOrbit: {kind}, period {self.period:.9g}{pieces}" if self.success else missing, {
