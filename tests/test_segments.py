@@ -69,7 +69,7 @@ def test_both_multipliers_of_a_saddle_are_known(rate):
     orbit = find_orbit(saddle, {x: -0.3, u: 0}, **FORCED)
     assert orbit.success and orbit.x == pytest.approx([-1 / (1 + rate**2), 0], abs=10 * TOLERANCE)
     exact = np.exp([2 * math.pi * rate, -2 * math.pi * rate])
-    assert orbit.multipliers.real == pytest.approx(exact, rel=1e-9)
+    assert orbit.multipliers.real == pytest.approx(exact, rel=1e-9, abs=0)
     assert f"in {len(orbit.segments)} segments" in repr(orbit)
 
 
@@ -180,6 +180,22 @@ def test_a_cycle_of_an_autonomous_system_is_followed_on_its_section():
     assert branch.end == "reached k = 4." and len(branch.orbits[-1].segments) > 3
     exact = np.exp(4 * math.pi * branch.values)
     assert [one.multipliers[0].real for one in branch.orbits] == pytest.approx(exact, rel=1e-9)
+
+
+def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
+    # Upside down and shaken; a hundred turns further its angle has roundings of 1e-13, which grow a thousandfold.
+    pendulum = System({x: u, u: k**2 * sp.sin(x) - u / 10 + sp.cos(t)}, time=t, parameters={k: 4})
+    branches = []
+    for turned in (0, 200 * math.pi):
+        orbit = find_orbit(pendulum, {x: turned - 0.06, u: 0}, **FORCED)
+        branches.append(follow(orbit, k, to=6))
+    one, other = branches
+    assert other.end == "reached k = 6." and len(one.values) == len(other.values)
+    assert other.x[0] - 200 * math.pi == pytest.approx(one.x[0], abs=TOLERANCE * 200 * math.pi)
+    # exp(-period/10), the determinant, is the product of both.
+    for branch, slack in ((one, 1e-9), (other, 1e-7)):
+        products = [np.prod(found.multipliers).real for found in branch.orbits]
+        assert products == pytest.approx([math.exp(-2 * math.pi / 10)] * len(products), rel=slack)
 
 
 def test_bad_numbers_of_segments_are_refused():
