@@ -88,6 +88,23 @@ def test_the_symmetry_breaks_where_the_half_period_map_has_minus_one():
         branch_off(broken, 0)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_multipliers_that_leave_the_unit_circle_at_once_are_noticed(sign):
+    # Two maps that know nothing of each other: no test function changes its sign.
+    update = {s: sign * (1 + a) * s - s**3 for s in (x, u)}
+    (found,) = follow(mapped(update, {x: 0, u: 0}, -0.5), a, to=0.3).bifurcations
+    assert found.kind == ("branch point" if sign > 0 else "flip") and abs(found.parameter) <= found.uncertainty
+
+
+def test_an_orbit_given_by_twice_the_forcings_period_ends_at_its_flip():
+    update = {x: a * x * (1 - x)}
+    system = System({x: 0 * x}, time=t, parameters={a: 3.2}, events=[Event(every=1, update=update)])
+    orbit = find_orbit(system, {x: 0.51}, period=2, phase=0.25, transient=200)
+    branch = follow(orbit, a, to=2.8)
+    assert orbit.period == 2 and "shrink onto one of 1" in branch.end
+    assert branch.bifurcations[-1].parameter == pytest.approx(3, abs=1e-9)
+
+
 def test_a_torus_begins_where_a_complex_pair_leaves_the_unit_circle():
     c, s = sp.Rational(3, 5), sp.Rational(4, 5)
     orbit = mapped({x: a * (c * x - s * u), u: a * (s * x + c * u) - u**3}, {x: 0, u: 0}, 0.8)
@@ -197,6 +214,24 @@ def test_grazing_sliding_at_the_exact_amplitude():
     # The smooth orbit has the multiplier exp(-2 pi), the one that slides has none left.
     assert grazing.orbit.multipliers == pytest.approx([math.exp(-2 * math.pi)], abs=1e-12)
     assert grazing.beyond.multipliers == pytest.approx([0], abs=1e-15)
+
+
+@pytest.mark.parametrize("push", [20, 400])
+def test_a_corner_is_located_where_both_sides_meet(push):
+    # What u gains in the slide makes x lower in the next: with this push the orbits that slide lie before sqrt(2) too.
+    system = System(
+        {
+            x: sp.Piecewise((1 + a * sp.sin(t) - x - u, x > 0), (5, True)),
+            u: sp.Piecewise((-u / 10, x > 0), (push - u / 10, True)),
+        },
+        time=t,
+        parameters={a: 1.1},
+    )
+    branch = follow(find_orbit(system, {x: 0.5, u: 0}, period=2 * sp.pi), a, to=2.0)
+    (corner,) = branch.bifurcations
+    assert corner.kind == "grazing-sliding" and branch.values[-1] == 1.1 and branch.values.max() < 1.42
+    assert corner.parameter == pytest.approx(math.sqrt(2), abs=LOCATED)
+    assert corner.uncertainty < 1e-9 and abs(corner.beyond.multipliers[1]) < 1e-12
 
 
 def test_adding_sliding_at_the_exact_force():
@@ -314,14 +349,15 @@ def test_bad_input_is_refused():
         follow(refine(Stroboscopic(System({x: 1 + x**2}), 4.0), {x: 0}), "sigma", to=2)
 
 
-def test_a_branch_that_grows_too_unstable_to_be_shot_over_says_so():
+def test_a_branch_goes_on_where_one_piece_is_too_long_to_be_shot_over():
     # x' = a x + cos t has the orbit (sin t - a cos t)/(1 + a^2) for every a; its multiplier is exp(2 pi a).
     t, x, a = sp.symbols("t x a", real=True)
     system = System({x: a * x + sp.cos(t)}, time=t, parameters={a: 1})
     branch = follow(find_orbit(system, {x: -0.5}, period=2 * sp.pi), a, to=6, step=0.1, longest_step=0.3)
-    last = branch.values[-1]
-    assert 1e4 < math.exp(2 * math.pi * last) < 1e16 and "too long to be shot over" in branch.end
-    assert branch.x[0, -1] == pytest.approx(-last / (1 + last**2), abs=1e-8)
+    q = branch.values
+    assert q[-1] == 6 and branch.x[0] == pytest.approx(-q / (1 + q**2), abs=10 * TOLERANCE)
+    largest = [orbit.multipliers[0].real for orbit in branch.orbits]
+    assert largest == pytest.approx(np.exp(2 * math.pi * q), rel=1e-10)  # to 2e16, each segment to some 1e-13
 
 
 def test_a_branch_over_the_frequency_does_not_depend_on_where_its_section_stands():

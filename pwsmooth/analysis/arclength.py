@@ -2,20 +2,34 @@
 
     P(x; q) - x = 0,    tau . (u - u0) = ds,    u = (x, q/scale)          (H. B. Keller, 1977)
 
+Of an orbit in N segments x is the points at which these begin, over sqrt(N), so that an arc is as long as with one.
+
 Chain: sections.py, orbits.py -> **arclength** -> bifurcations.py, continuation.py.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..results.solution import Solution
 from .itineraries import same_itinerary
-from .orbits import MULTIPLIERS, TOLERANCE, PeriodicOrbit, onto_section, refine
-from .sections import Section, Stroboscopic
+from .orbits import (
+    MULTIPLIERS,
+    PINNED,
+    TOLERANCE,
+    PeriodicOrbit,
+    onto_section,
+    orbit_of,
+    refine,
+    relative,
+    shot,
+)
+from .poincare import Image
+from .sections import Stroboscopic
+from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
@@ -28,7 +42,7 @@ def value_of(orbit: PeriodicOrbit, name: str) -> float:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its run and Newton's steps.
+    """A point of the branch: u = (x, q/scale), the unit tangent there, the orbit, its image and Newton's steps.
 
     `alone` is False where the equations leave more than one direction: a family of orbits at one parameter value.
     """
@@ -36,9 +50,14 @@ class Point:
     u: np.ndarray
     tangent: np.ndarray
     orbit: PeriodicOrbit
-    run: Solution
+    image: Image
     steps: int
     alone: bool = True
+
+    @property
+    def run(self) -> Solution:
+        """The trajectory; of several runs the last one."""
+        return self.image.solution
 
 
 class Walk:
@@ -46,6 +65,13 @@ class Walk:
 
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
+        self.must = False  # whether segments stay where multipliers alone do not ask for them
+        self._take(orbit)
+
+    def _take(self, orbit: PeriodicOrbit) -> None:
+        """From now on in the segments of this orbit."""
+        self.segments = orbit.segments
+        self.weight = 1.0 if orbit.segments is None else math.sqrt(len(orbit.segments))
 
     def value(self, point: Point) -> float:
         return float(point.u[-1] * self.scale)
@@ -56,21 +82,29 @@ class Walk:
             here = self.map.with_parameters({self.name: float(u[-1] * self.scale)})
         except ValueError:  # outside the assumptions of the parameter
             return None
-        image = here.image(u[:-1], (self.name,))
+        shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
+        x = u[:-1] * self.weight
+        image = shooting.image(x, (self.name,))
         if not image.success:
             return None
-        F = image.x - u[:-1]
-        DF = np.column_stack([image.jacobian - np.eye(len(F)), image.by_parameter[:, 0] * self.scale])
+        here, F = shooting, image.x - x
+        slope = (image.jacobian - np.eye(len(F))) * self.weight
+        DF = np.column_stack([slope, image.by_parameter[:, 0] * self.scale])
         return (here, image, F, DF) if np.isfinite(DF).all() else None
 
     def point(self, orbit: PeriodicOrbit, direction: np.ndarray) -> Point:
-        """The point of a converged orbit, with its tangent along `direction`."""
-        u = np.append(orbit.x, value_of(orbit, self.name) / self.scale)
+        """The point of a converged orbit, with its tangent along `direction` (of all points, or on the section)."""
+        self._take(orbit)
+        x = orbit.x if orbit.segments is None else orbit.segments.nodes.ravel() / self.weight
+        u = np.append(x, value_of(orbit, self.name) / self.scale)
+        if len(direction) != len(u):
+            direction = np.concatenate(
+                [direction[: len(orbit.x)], np.zeros(len(u) - 1 - len(orbit.x)), direction[-1:]]
+            )
         equations = self.image(u)
         assert equations is not None
-        return Point(
-            u, tangent_of(equations[3], direction), orbit, equations[1].solution, 0, full_rank(equations[3])
-        )
+        tangent, alone = only_way(equations[3], direction)
+        return Point(u, tangent, orbit, equations[1], 0, alone)
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
         """Newton's method in the plane normal . (u - guess) = 0."""
@@ -80,27 +114,33 @@ class Walk:
             if equations is None:
                 return None
             here, image, F, DF = equations
-            size = float(np.abs(F / (1 + np.abs(u[:-1]))).max(initial=0.0))
+            x = u[:-1] * self.weight
+            size = relative(F, x, image)
             if size <= TOLERANCE:
-                orbit = PeriodicOrbit(
-                    here, u[:-1], size, image.jacobian, image.word, image.time, steps, True,
-                    "continued", image.degenerate,
-                )  # fmt: skip
-                return Point(u, tangent_of(DF, direction), orbit, image.solution, steps, full_rank(DF))
+                kept = (False, False) if self.segments is None else self.segments.kept
+                orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
+                tangent, alone = only_way(DF, direction)
+                return Point(u, tangent, orbit, image, steps, alone)
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
             right = np.append(-F, -normal @ (u - guess))
-            u = u + np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
-            if isinstance(here, Section):
-                u = np.append(onto_section(here, u[:-1]), u[-1])
+            step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
+            if self.segments is not None and self.segments.held:
+                # As in orbits.py: v = 0 of a segment that begins in a stick.
+                step[:-1][(F == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
+            u = u + step
+            u = np.append(onto_section(here, u[:-1] * self.weight) / self.weight, u[-1])
         return None
 
     def rephased(self, here: Point) -> Point:
         """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
         section = here.orbit.map
+        here = self.segmented(here)
         if not (isinstance(self.map, Stroboscopic) and isinstance(section, Stroboscopic)):
             return here
+        if here.orbit.segments is not None:
+            return self._rephased_in_segments(here)
         time = quiet_time(here.run, section.forcing_period)
         if time is None:
             return here
@@ -120,12 +160,79 @@ class Walk:
         self.map = turned
         return self.point(orbit, np.append(along, here.tangent[-1]))
 
+    def _rephased_in_segments(self, here: Point) -> Point:
+        segments, map_ = here.orbit.segments, here.orbit.map
+        assert segments is not None and isinstance(map_, Stroboscopic)
+        near, first, last = _NEAR * map_.forcing_period, here.image.runs[0], here.image.runs[-1]
+        edges = [e.time - first.t[0] for e in first.events] + [last.t[-1] - e.time for e in last.events]
+        if min(edges, default=math.inf) > near:
+            return here
+        shooting = Shooting(map_, segments.cuts)
+        place, distance = best_place(shooting, here.image)
+        if not 0 < place < 1 or distance * map_.beat < 2 * near:
+            return here
+        found = cut(
+            shooting, segments.nodes.ravel(), here.image, way=here.tangent[:-1] * self.weight,
+            speed=here.tangent[-1] * self.scale, name=self.name, also=place,
+        )  # fmt: skip
+        if found is None:
+            return here
+        cuts, X, way, held = found
+        turned, X, way = rotated(Shooting(map_, cuts), X, way, place)
+        other = shot(turned, X, (segments.asked, held))
+        if not other.success:
+            return here
+        self.map = turned.map
+        return self.point(other, np.append(way / math.sqrt(turned.number), here.tangent[-1]))
+
+    def cut(self, here: Point) -> Point | None:
+        """The same orbit in segments to stay, where deviations grow on the way by more than its multipliers."""
+        if here.orbit.segments is not None or self.must:
+            return None
+        self.must = True
+        other = self.segmented(here)
+        return None if other is here else other
+
+    def segmented(self, here: Point) -> Point:
+        """The same orbit in other segments, where its own (or one piece) have grown too long or too short."""
+        orbit, segments = here.orbit, here.orbit.segments
+        largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
+        if segments is None:
+            if not (largest > TOO_LONG or self.must):
+                return here
+            if (new := _begun(orbit)) is None:
+                return here
+            shooting, X, image = new
+            way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
+        else:
+            shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
+            if largest < SHORT and not (segments.asked or self.must):
+                whole = refine(orbit.map, orbit.x)
+                if whole.success and whole.segments is None:
+                    return self.point(whole, here.tangent)
+            if not restless(shooting, image, segments.held):
+                return here
+            way = here.tangent[:-1] * self.weight
+        number = len(segments) if segments is not None and segments.asked else None
+        found = cut(
+            shooting, X, image, number=number, way=way, speed=here.tangent[-1] * self.scale, name=self.name
+        )
+        if found is None:
+            return here
+        cuts, X, way, held = found
+        if segments is None and not len(X) > 2 * len(orbit.x):
+            return here
+        other = shot(Shooting(orbit.map, cuts), X, (number is not None, held))
+        if not other.success:
+            return here
+        return self.point(other, np.append(way / math.sqrt(len(X) / len(orbit.x)), here.tangent[-1]))
+
     def step(self, here: Point, ds: float) -> Point | None:
         """One step along the tangent; None if it must be shorter."""
         there = self.correct(here.u + ds * here.tangent, here.tangent, here.tangent)
         if there is None or np.linalg.norm(there.u - here.u) > 2 * ds:
             return None
-        if ds > 1e-3 and sticks_at_start(there.run) and not sticks_at_start(here.run):
+        if ds > 1e-3 and _sticks(there) and not _sticks(here):
             return None  # a shorter step comes near enough to move the section first
         # Within one itinerary the branch is smooth; between two it may have a corner.
         if there.tangent @ here.tangent < 0.8 and same_itinerary(here.orbit, there.orbit):
@@ -138,7 +245,7 @@ class Walk:
             equations = self.image(here.u + reach * here.tangent)
             if equations is None:
                 continue
-            other = tangent_of(equations[3], here.tangent)
+            other, _ = only_way(equations[3], here.tangent)
             for direction in (other, -other):
                 there = self.correct(here.u + 2 * reach * direction, direction, direction)
                 if there is None or np.linalg.norm(there.u - here.u) > 20 * reach:
@@ -159,12 +266,6 @@ class Walk:
             return (
                 f"no orbit beyond {where}: the Poincare map jumps there by {gap:.2g}, from the itinerary "
                 f"{' | '.join(kind for _, kind, _ in here.orbit.word) or 'no events'} to {events}."
-            )
-        largest = float(np.abs(here.orbit.map_multipliers).max())
-        if largest > 1e4:
-            return (
-                f"no orbit was found beyond {where} with steps down to {ds:.1g}: its largest multiplier has grown to "
-                f"{largest:.2g}, so that a period is too long to be shot over."
             )
         return f"no orbit was found beyond {where} with steps down to {ds:.1g}."
 
@@ -205,12 +306,22 @@ def quiet_time(run: Solution, period: float) -> float | None:
     return float(middles[best]) if lengths[best] >= 4 * _NEAR * period else None
 
 
-def full_rank(DF: np.ndarray) -> bool:
-    sizes = np.linalg.svd(DF, compute_uv=False)
-    return bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))
+def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
+    """The shift map of an orbit's periods (returns), one a segment, its points and their images."""
+    map_ = orbit.map
+    shooting, X = Shooting(map_, ((),) * map_.turns), orbit.x
+    for k in range(1, map_.turns):
+        X = np.append(X, replace(map_, count=k).image(orbit.x).x)
+    image = shooting.image(X, ())
+    return (shooting, X, image) if image.success else None
 
 
-def tangent_of(DF: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Unit null vector of DF (n, n + 1), to the side of `direction`."""
-    tangent = np.linalg.svd(DF)[2][-1]
-    return tangent if tangent @ direction >= 0 else -tangent
+def _sticks(point: Point) -> bool:
+    return any(sticks_at_start(run) for run in point.image.runs)
+
+
+def only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Unit null vector of DF (n, n + 1), to the side of `direction`; whether there is no other one."""
+    _, sizes, rows = np.linalg.svd(DF)
+    tangent = rows[-1] if rows[-1] @ direction >= 0 else -rows[-1]
+    return tangent, bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))

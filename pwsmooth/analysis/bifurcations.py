@@ -10,7 +10,7 @@ Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,13 +18,15 @@ import numpy as np
 from .arclength import Point, Walk
 from .conditions import factors, pairs
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import SAME, PeriodicOrbit, refine
+from .orbits import SAME, PeriodicOrbit, refined_to
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
 P = TypeVar("P", bound=Point)
 
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
+_HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
+_ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -126,17 +128,19 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     bifurcations: list[Bifurcation] = []
     for _ in range(8):
         if same_itinerary(here.orbit, there.orbit):
-            return bifurcations + _smooth(walk, here, there)
+            return bifurcations + _smooth_all(walk, here, there)
         left, right, part = change_enclosed(walk, here, there)
-        width = part * abs(walk.value(there) - walk.value(here))
-        bifurcations += _smooth(walk, here, left)
+        left, right, width = _cornered(walk, here, there, left, right, part)
         apart = _apart(walk, here, there, left, right)
-        change = change_between(*apart)
-        if not of_no_effect(change, *apart):
+        # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
+        before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
+        bifurcations += _smooth_all(walk, here, before)
+        change = change_between(*(p.orbit for p in apart))
+        if not of_no_effect(change, *(p.orbit for p in apart)):
             bifurcations.append(
-                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, right.orbit)
+                Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
             )
-        here = right
+        here = behind
     return bifurcations
 
 
@@ -162,7 +166,7 @@ def collapse_between(
     else:
         return None
     short, x = near
-    orbit = refine(replace(short.orbit.map, count=count), x)
+    orbit = refined_to(short.orbit, count, x)
     if not orbit.success:
         return count, []
     single = Walk(orbit, walk.name, walk.scale)
@@ -180,7 +184,7 @@ def collapse_between(
 
 def _shrunk(here: Point, there: Point, count: int) -> tuple[Point, np.ndarray] | None:
     """Where the way to the next point leads onto or through an orbit of `count` applications, and a guess of it."""
-    steps = [replace(p.orbit.map, count=count).image(p.orbit.x).x - p.orbit.x for p in (here, there)]
+    steps = [p.orbit.after(count) - p.orbit.x for p in (here, there)]
     sizes = [np.linalg.norm(step) for step in steps]
     if sizes[1] <= SAME * (1 + np.linalg.norm(there.orbit.x)):
         return there, there.orbit.x
@@ -208,23 +212,96 @@ def change_enclosed(walk: Walk, here: P, there: P) -> tuple[P, P, float]:
     return left, right, high - low
 
 
-def _apart(
-    walk: Walk, here: Point, there: Point, left: Point, right: Point
-) -> tuple[PeriodicOrbit, PeriodicOrbit]:
-    """Orbits of the two itineraries a little away from the change."""
-    chord = there.u - here.u
-    length = float(np.linalg.norm(chord))
-    orbits = []
-    for point, sign in ((left, -1.0), (right, 1.0)):
-        at = float((point.u - here.u) @ chord) / length**2 + sign * _APART / length
-        further = walk.along(here, there, min(max(at, 0.0), 1.0))
+def _cornered(
+    walk: Walk, here: Point, there: Point, left: Point, right: Point, part: float
+) -> tuple[Point, Point, float]:
+    """The points about a change, nearer where their gap tells of a corner; half the width of the bracket."""
+    width = part * abs(there.u[-1] - here.u[-1])
+    gap = float(np.linalg.norm(right.u - left.u))
+    if gap > 1e3 * _BRACKET * (1 + np.abs(here.u).max()):
+        # At a corner both sides lead to it, each along its own tangent.
+        left = _last(walk, left, left.tangent, 4 * gap)
+        back = right.tangent if right.tangent @ (left.u - right.u) > 0 else -right.tangent
+        right = _last(walk, right, back, 4 * gap)
+        width += abs(right.u[-1] - left.u[-1])
+    return left, right, width * walk.scale
+
+
+def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
+    """The last point of the same itinerary on the way along a tangent."""
+    first, low, high = point, 0.0, length
+    while high - low > _BRACKET * (1 + np.abs(point.u).max()):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        guess = point.u + (middle - low) * way
+        further = walk.correct(guess, way, first.tangent)
+        if further is not None and same_itinerary(first.orbit, further.orbit):
+            low, point = middle, further
+        else:
+            high = middle
+    return point
+
+
+def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point) -> list[Point]:
+    """Points of the two itineraries a little away from the change."""
+    found = []
+    for point, end in ((left, here), (right, there)):
+        chord = end.u - point.u
+        length = float(np.linalg.norm(chord))
+        way = chord / length if length > 0 else point.tangent
+        further = walk.correct(point.u + min(_APART, length) * way, way, end.tangent)
         same = further is not None and same_itinerary(further.orbit, point.orbit)
-        orbits.append(further.orbit if same and further is not None else point.orbit)
-    return orbits[0], orbits[1]
+        found.append(further if same and further is not None else point)
+    return found
+
+
+def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[Bifurcation]:
+    """Bifurcations of stability between two points of one itinerary, by halves where the tests miss one.
+
+    Two zeros of one test have no change of sign between them, and near a branch point Newton's method may fail: then
+    more multipliers come to lie outside of the unit circle than what was found explains.
+    """
+    found = _smooth(walk, here, there)
+    outside = [_outside(point.orbit) for point in (here, there)]
+    if None in outside:
+        return found
+    change = abs(outside[1] - outside[0])  # type: ignore[operator]
+    explained = sum(2 if one.kind == "torus" else 1 for one in found)
+    if change <= explained and (change - explained) % 2 == 0:
+        return found
+    # A chord's middle may be the branch point itself, where Newton's method fails.
+    parts = (walk.along(here, there, part, here) for part in (0.5, 0.4))
+    middle = next((point for point in parts if point is not None), None)
+    if depth == _HALVINGS or middle is None or not same_itinerary(here.orbit, middle.orbit):
+        return found or [_unnamed(walk, here, there, here)]
+    if _outside(middle.orbit) is None:
+        return found or [_unnamed(walk, here, there, middle)]
+    return _smooth_all(walk, here, middle, depth + 1) + _smooth_all(walk, middle, there, depth + 1)
+
+
+def _outside(orbit: PeriodicOrbit) -> int | None:
+    """How many multipliers lie outside of the unit circle; None where one lies on it."""
+    sizes = np.abs(orbit.map_multipliers)
+    return None if np.any(np.abs(sizes - 1) < _ON_CIRCLE) else int(np.sum(sizes > 1))
+
+
+def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
+    """The change of stability between two points, named by the multiplier that is nearest to the unit circle."""
+    mu = at.orbit.map_multipliers
+    critical = mu[np.argmin(np.abs(np.abs(mu) - 1))]
+    if abs(critical.imag) > 1e-6:
+        kind = "torus"
+    elif critical.real > 0:
+        kind = "fold" if here.tangent[-1] * there.tangent[-1] < 0 else "branch point"
+    else:
+        kind = "symmetry breaking" if here.orbit.symmetric else "flip"
+    width = max(abs(walk.value(end) - walk.value(at)) for end in (here, there))
+    return Bifurcation(kind, walk.name, walk.value(at), width, at.orbit)
 
 
 def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
-    """Bifurcations of stability between two points of one itinerary."""
+    """Bifurcations of stability between two points of one itinerary that change the sign of their tests."""
     bifurcations = []
     symmetric = here.orbit.symmetric
     tests = {

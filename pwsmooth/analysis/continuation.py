@@ -23,6 +23,8 @@ from .branch import _Along
 from .equilibria import Equilibrium
 from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
+from .sections import Stroboscopic, depends_on_time
+from .symmetry import repeats_in
 
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
@@ -137,9 +139,8 @@ def follow(
     the branch's last bifurcation, and its orbit leads on. A branch also ends where orbits are not isolated, and where
     they do not repeat in the period that follows (a `period` given as a number while the frequency changes).
 
-    A period is shot over in one piece: where the largest multiplier m has grown so far that m times the rounding of
-    a period exceeds the convergence wanted (about 1e6), corrections no longer converge. The branch ends there and
-    `end` says so; the orbit may well go on.
+    A period is shot over in one piece as long as its multipliers allow it (up to 1e4), then in segments, as many as
+    their growth asks for; they begin where the motion slips and no event is near, and move with the events.
 
     Source: Keller's arclength continuation (1977); changes of itinerary as in di Bernardo, Budd,
     Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008.
@@ -166,6 +167,7 @@ def follow(
                 "`virtual` is for equilibria; orbits are trajectories of the exact system. Leave it out."
             )
         name = checks.lookup(parameter, orbit.system.parameters, "`parameter`", "parameter").name
+        orbit = _by_shorter_periods(orbit)
         begin = value_of(orbit, name)
     end = to
     if abs(end - begin) > 1e100:
@@ -185,6 +187,24 @@ def follow(
             lambda: _COUNTED - counted.left >= bound.left or bound.late(),
         )  # fmt: skip
     return branch
+
+
+def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """An orbit that was given by a multiple of the forcing's period, as one of several applications of its map.
+
+    Else nothing tells that its branch turns, at a flip, onto the same orbits some periods later.
+    """
+    map_, x = orbit.map, orbit.x
+    if not isinstance(map_, Stroboscopic) or map_.symmetry is not None or orbit.segments is not None:
+        return orbit
+    if not depends_on_time(orbit.system.model):
+        return orbit
+    for parts in (2, 3, 5):
+        if repeats_in(orbit.system, map_.forcing_period / parts):
+            single = replace(map_, period=map_.period / parts, phase=map_.phase * parts, count=1)
+            if np.abs(single.image(x).x - x).max() > SAME * (1 + np.abs(x).max()):
+                return _by_shorter_periods(replace(orbit, map=replace(single, count=parts * map_.count)))
+    return orbit
 
 
 def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
@@ -209,6 +229,9 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             if ds > shortest_step:
                 ds *= 0.3
                 continue
+            if (other := walk.cut(here)) is not None:
+                here, ds = other, min(step, longest_step)
+                continue
             there = walk.turn(here, ds)
             if there is None:
                 return walk.why_ended(here, ds)
@@ -231,6 +254,8 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             return f"reached {name} = {past:g}."
         ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest_step)
         here = walk.rephased(there)
+        if there.orbit.segments is None and here.orbit.segments is not None:
+            branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
 
 
@@ -300,21 +325,42 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
             f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip or a symmetry breaking."
         )
     old = bifurcation.orbit
-    values, vectors = np.linalg.eig(old.jacobian)
-    direction = vectors[:, np.argmin(np.abs(values + 1))].real
-    direction = direction / np.linalg.norm(direction)
-    doubled = old.map.doubled()
-    walk = Walk(
-        PeriodicOrbit(doubled, old.x, 0.0, old.jacobian, (), old.time, 0, True, ""), bifurcation.name, 1.0
-    )
-    normal = np.append(direction, 0.0)
-    guess = np.append(old.x + amplitude * direction, bifurcation.parameter)
+    doubled, x, direction = _doubled(old)
+    walk = Walk(doubled, bifurcation.name, 1.0)
+    normal = np.append(direction / np.linalg.norm(direction), 0.0)
+    guess = np.append((x + amplitude * direction) / walk.weight, bifurcation.parameter)
     point = walk.correct(guess, normal, normal)
     lost = "give another `amplitude`, a smaller one as a rule."
     if point is None:
-        return none_found(doubled, guess[:-1], f"no orbit was found on the branch at this distance: {lost}")
+        return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = point.orbit
-    single = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})
-    if np.linalg.norm(single(orbit.x) - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
+    if orbit.segments is None:
+        once = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})(orbit.x)
+    else:
+        half = orbit.segments.nodes[len(orbit.segments) // 2]
+        once = half if (G := getattr(old.map, "symmetry", None)) is None else np.linalg.solve(G, half)
+    if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
+
+
+def _doubled(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:
+    """An orbit run through twice, its points, and how these move along the critical eigenvector, 1 on the section."""
+    map_, segments = old.map.doubled(), old.segments
+    if segments is None:
+        values, vectors = np.linalg.eig(old.jacobian)
+        direction = vectors[:, np.argmin(np.abs(values + 1))].real
+        twice = PeriodicOrbit(map_, old.x, 0.0, old.jacobian, (), old.time, 0, True, "")
+        return twice, old.x, direction / np.linalg.norm(direction)
+    direction = segments.eigenvector(-1.0)
+    direction /= np.linalg.norm(direction[0])
+    again, cuts = np.eye(len(old.x)), segments.cuts * 2
+    if isinstance(old.map, Stroboscopic) and old.map.symmetry is not None:
+        # Both halves are one application of the doubled map.
+        again, inner = old.map.symmetry, segments.cuts[0]
+        cuts = ((*(0.5 * c for c in inner), 0.5, *(0.5 + 0.5 * c for c in inner)),)
+    nodes = np.concatenate([segments.nodes, segments.nodes @ again.T])
+    moves = np.concatenate([direction, -direction @ again.T])
+    both = replace(segments, cuts=cuts, nodes=nodes, matrices=np.concatenate([segments.matrices] * 2))
+    twice = PeriodicOrbit(map_, old.x, 0.0, old.jacobian, (), old.time, 0, True, "", segments=both)
+    return twice, nodes.ravel(), moves.ravel()

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from .arclength import Point, Walk, full_rank, quiet_time, tangent_of, value_of
+from .arclength import Point, Walk, only_way, quiet_time, value_of
 from .conditions import Condition, Place, differences
 from .impacts import FromImpact, from_impact
 from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
@@ -45,6 +45,7 @@ class CurveWalk(Walk):
         self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int
     ) -> None:
         self.map: Any = map_
+        self.segments, self.weight, self.must = None, 1.0, False
         self.condition, self.names, self.n = condition, names, n
         self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
         self.offset: Any = 0.0  # what c is, on the way to a first point
@@ -119,15 +120,15 @@ class CurveWalk(Walk):
             stands = size > 0.3 * last and size <= _ROUNDED  # roundings are all that moves it
             if off <= TOLERANCE and (size <= _CONVERGED or stands):
                 orbit = _orbit(condition, place, off, steps)
-                tangent = tangent_of(DG, np.ones(len(u)) if direction is None else direction)
+                tangent, alone = only_way(DG, np.ones(len(u)) if direction is None else direction)
                 tests = condition.tests(place, extra, slopes)
                 return Spot(
                     u,
                     tangent,
                     orbit,
-                    place.image.solution,
+                    place.image,
                     steps,
-                    full_rank(DG),
+                    alone,
                     extra,
                     tests,
                     condition.twin(place),

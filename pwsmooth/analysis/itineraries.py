@@ -90,18 +90,20 @@ class Change:
 def letters(orbit: PeriodicOrbit) -> list[Letter]:
     """Events of one whole period, in order."""
     # With the map's own tolerances: near a change of itinerary looser ones see another word.
-    run = orbit.map.over(orbit.x, orbit.period)
-    begin, start = run.t[0], after_start(run)
     events: list[Letter] = []
-    for e in run.events:
-        if not e.time > start or e.kind == "terminal":
-            continue
-        before, after = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
-        time = (e.time - begin) / orbit.period % 1.0
-        # Events of one instant share the phase of the first: sorted by phase, then switch, they have one order.
-        if events and 0 <= time - events[-1].time <= _AT_ONCE:
-            time = events[-1].time
-        events.append(Letter(time, e.switch, e.kind, before, after))
+    begin = 0.0  # of a run, as a part of the period
+    for run in orbit.runs():
+        start = after_start(run)
+        for e in run.events:
+            if not e.time > start or e.kind == "terminal":
+                continue
+            before, after = (int(part) for part in e.note.split(" to ")) if " to " in e.note else (0, 0)
+            time = (begin + (e.time - run.t[0]) / orbit.period) % 1.0
+            # Events of one instant share the phase of the first: sorted by phase, then switch, they have one order.
+            if events and 0 <= time - events[-1].time <= _AT_ONCE:
+                time = events[-1].time
+            events.append(Letter(time, e.switch, e.kind, before, after))
+        begin += float(run.t[-1] - run.t[0]) / orbit.period
     return sorted(events, key=lambda letter: (letter.time, letter.switch))
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -32,6 +33,9 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
 LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
+#: Where the applications that a map consists of (periods, returns) are cut into legs, and a leg: which one, from, to.
+Cuts = tuple[tuple[float, ...], ...]
+Leg = tuple[int, float, float]
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
 
@@ -169,26 +173,77 @@ class Stroboscopic(_Map):
         return points, "" if reached == count else why_stopped(run)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        t0 = self.start_time
-        run = self._solve(self.system, (t0, t0 + self.duration), x, parameters is not None)
-        if not (run.success and run.t[-1] == t0 + self.duration):
+        return self.closed(self.leg(x, (0, 0.0, float(self.turns)), parameters))
+
+    def closed(self, image: Image) -> Image:
+        """The end of the last leg, as the map gives it: seen through the symmetry where there is one.
+
+        Parameters
+        ----------
+        image : Image
+            The end.
+
+        Returns
+        -------
+        Image
+            On the section.
+        """
+        if self.symmetry is None or not image.success:
+            return image
+        back = np.linalg.inv(self.symmetry)
+        found = image if image.jacobian.size == 0 else replace(
+            image, jacobian=back @ image.jacobian, by_parameter=back @ image.by_parameter
+        )  # fmt: skip
+        return replace(found, x=back @ image.x)
+
+    end = 1.0  # of an application, in the unit of cuts: a part of its time
+
+    @property
+    def turns(self) -> int:
+        """How many applications the map consists of: periods, or the half one."""
+        return 1 if self.symmetry is not None else self.count
+
+    @property
+    def beat(self) -> float:
+        """What cuts are counted in: the time of one application, in the unit of the model's time."""
+        return self.duration / self.turns
+
+    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+        """The flow over a leg; of a symmetry it knows nothing.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Its beginning, in the units of the states.
+        leg : tuple of (int, float, float)
+            Which application of the map, and from where to where in it, in units of `beat`.
+        parameters : sequence of str or Symbol, optional
+            As of `image`.
+
+        Returns
+        -------
+        Image
+            Its end.
+        """
+        k, first, last = leg
+        t0, begin, end = self.start_time, (k + first) / self.turns, (k + last) / self.turns
+        span = (t0 + begin * self.duration, t0 + end * self.duration)
+        run = self._solve(self.system, span, x, parameters is not None)
+        if not (run.success and run.t[-1] == span[1]):
             return lost(len(x), (run,), why_stopped(run))
-        back = np.eye(len(x)) if self.symmetry is None else np.linalg.inv(self.symmetry)
-        end = back @ run.x[:, -1]
         if parameters is None:
-            return Image(end, self.duration, (run,))
+            return Image(run.x[:, -1], span[1] - span[0], (run,))
         found = moved(run, chosen_parameters(self.system, parameters))
         by_parameter = found.by_parameter
         for k, q in enumerate(found.chosen):
-            # The ends of the span move with the parameter: phi(t0 + T) by f there, and by -Phi f at its start.
+            # The ends of the span move with the parameter: phi(t1) by f there, and by -Phi f at its start.
             slope = self._period_slope(q)
             if slope:
-                stretch = self.phase * slope + slope * self.duration / self.forcing_period
-                by_parameter[:, k] += (
-                    found.rates * stretch - found.matrix @ found.first_rates * self.phase * slope
-                )
+                stretch = slope * self.duration / self.forcing_period
+                early, late = (self.phase * slope + part * stretch for part in (begin, end))
+                by_parameter[:, k] += found.rates * late - found.matrix @ found.first_rates * early
         return Image(
-            end, self.duration, (run,), back @ found.matrix, back @ by_parameter, tuple(found.degenerate)
+            run.x[:, -1], span[1] - span[0], (run,), found.matrix, by_parameter, tuple(found.degenerate)
         )
 
 
@@ -262,32 +317,89 @@ class Section(_Map):
         n = len(x)
         at, time = np.asarray(x, float), 0.0
         total, by_parameter = np.eye(n), np.zeros((n, len(parameters or ())))
-        chosen = chosen_parameters(self.system, parameters or ())
         degenerate: list[str] = []
         runs: list[Solution] = []
         for _ in range(self.count):
-            run, reason = self._to_return(at, parameters is not None)
-            runs.append(run)
+            image = self.leg(at, (0, 0.0, math.inf), parameters)
+            runs += image.runs
+            if not image.success:
+                return lost(n, tuple(runs), image.reason)
+            at, time = image.x, time + image.time
+            if parameters is not None:
+                degenerate += image.degenerate
+                by_parameter = image.jacobian @ by_parameter + image.by_parameter
+                total = image.jacobian @ total
+        if parameters is None:
+            return Image(at, time, tuple(runs))
+        return Image(at, time, tuple(runs), total, by_parameter, tuple(degenerate))
+
+    end, beat = math.inf, 1.0  # of an application, which ends at a return; cuts are times since the last one
+
+    @property
+    def turns(self) -> int:
+        """How many applications the map consists of: returns."""
+        return self.count
+
+    def closed(self, image: Image) -> Image:
+        """The end of the last leg, as the map gives it.
+
+        Parameters
+        ----------
+        image : Image
+            The end.
+
+        Returns
+        -------
+        Image
+            On the section.
+        """
+        return image
+
+    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+        """The flow over a leg: for a time, or to the next return.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Its beginning, in the units of the states.
+        leg : tuple of (int, float, float)
+            Which application of the map, and from where to where in it, in units of `beat`.
+        parameters : sequence of str or Symbol, optional
+            As of `image`.
+
+        Returns
+        -------
+        Image
+            Its end.
+        """
+        _, begin, end = leg
+        if end < math.inf:
+            # Returns count from time 0 on: by then the section is left.
+            first = 0.0 if begin > 0 else -0.1 * end
+            run = self._solve(self._watched, (first, first + end - begin), x, parameters is not None)
+            if run.outcome is not Outcome.FINISHED:
+                early = any(e.switch == RETURN for e in run.events[-8:])
+                return lost(len(x), (run,), "it returns within a segment." if early else why_stopped(run))
+        else:
+            run, reason = self._to_return(np.asarray(x, float), parameters is not None)
             if reason:
-                return lost(n, tuple(runs), reason)
-            at, time = run.x[:, -1], time + float(run.t[-1] - run.t[0])
-            if parameters is None:
-                continue
-            found = moved(run, chosen)
-            degenerate += found.degenerate
+                return lost(len(x), (run,), reason)
+        at, time = run.x[:, -1], float(run.t[-1] - run.t[0])
+        if parameters is None:
+            return Image(at, time, (run,))
+        n, chosen = len(x), chosen_parameters(self.system, parameters)
+        found = moved(run, chosen)
+        matrix, by_parameter = found.matrix, found.by_parameter
+        if end == math.inf:
             h_w, f = self._gradient(at, chosen), found.rates
             speed = h_w[:n] @ f
             if abs(speed) < 1e-12 * (1 + np.abs(f).max()):
                 return lost(
-                    n, tuple(runs), f"it comes to rest on the section {self.surface} = 0, or only touches it."
+                    n, (run,), f"it comes to rest on the section {self.surface} = 0, or only touches it."
                 )
             stop = np.eye(n) - np.outer(f, h_w[:n]) / speed
-            by_parameter = found.matrix @ by_parameter + found.by_parameter
-            by_parameter = stop @ by_parameter - np.outer(f, h_w[n:]) / speed
-            total = stop @ found.matrix @ total
-        if parameters is None:
-            return Image(at, time, tuple(runs))
-        return Image(at, time, tuple(runs), total, by_parameter, tuple(degenerate))
+            matrix, by_parameter = stop @ matrix, stop @ by_parameter - np.outer(f, h_w[n:]) / speed
+        return Image(at, time, (run,), matrix, by_parameter, tuple(found.degenerate))
 
     def _to_return(self, x: np.ndarray, dense: bool) -> tuple[Solution, str]:
         """The run from a point of the section to its next return, and why there is none."""

@@ -12,6 +12,7 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
+from ..definition.model import of_event
 from ..definition.pointwise import value
 from ..paths.linearised import rates
 
@@ -81,13 +82,32 @@ def symmetry_matrix(system: Any, symmetry: Mapping[Any, Any], period: float) -> 
     return G
 
 
-def _asymmetry(system: Any, G: np.ndarray, period: float) -> float:
-    """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces."""
+def repeats_in(system: Any, time: float) -> bool:
+    """Whether the system is the same after this time; of events that read the time otherwise than as a clock, no."""
+    model = system.model
+    given = {**dict(zip(model.parameters, system.parameter_values)), model.time: 0.0}
+    for event in model.events:
+        if event.every is not None:
+            ticks = time / value(event.every, given)
+            if abs(ticks - round(ticks)) > 1e-9 or round(ticks) < 1:
+                return False
+        elif event.at or any(model.time in part.free_symbols for part in of_event(event)):
+            return False
+    return _asymmetry(system, np.eye(len(model.states)), 2 * time, 1e-9) < 1e-9
+
+
+def _asymmetry(system: Any, G: np.ndarray, period: float, enough: float = np.inf) -> float:
+    """Largest relative difference of G f(t, x) and f(t + T/2, G x) at random points off the surfaces.
+
+    Where it exceeds `enough` at one of them, the others are not looked at.
+    """
     model = system.model
     p = np.array(system.parameter_values, float)
     rng = np.random.default_rng(0)
     worst = 0.0
     for _ in range(8):
+        if worst > enough:
+            break
         t, x = rng.uniform(0, period), rng.normal(size=len(model.states))
         fields = []
         for time, at in ((t, x), (t + period / 2, G @ x)):

@@ -1,0 +1,339 @@
+"""Orbits shot over in segments (multiple shooting): fixed points of the shift map of N points on the way.
+
+    X = (x_0, ..., x_N-1)  ->  (phi_N(x_N-1), phi_1(x_0), ..., phi_N-1(x_N-2))
+
+Its matrix is block-cyclic, with the exact matrices of the segments. A deviation grows by no more than a segment's
+growth, so that an orbit whose multiplier is 1e8, or 1e80, is no harder than others. Points stand where the motion is
+free and no event is near: in a slide a deviation lives on the surface alone. Only where deviations grow too much
+within a slide (a canard along a hidden term) points stand there too. A return map's inner points stand at fixed times
+after a return; the last segment ends at the next one, so that the time needs no equation of its own.
+
+Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4.
+
+Chain: sections.py, multipliers.py -> **segments** -> orbits.py, arclength.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..results.solution import Solution
+from .poincare import Image
+from .sections import Cuts, Leg
+from .variations import sticks_at_start
+
+TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
+_MOST = 1e3  # growth of a segment, with which it is cut anew
+_GROWTH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
+SHORT = 1e3  # growth of a whole orbit that needs no segments any more
+_MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
+_CLOSE = 1e-3  # the same: a beginning to which an event has come so near is moved
+_LAST, _LATEST = 0.9, 0.97  # of the time to a return: where the last segment begins at first, and at most
+_CANDIDATES = 24  # at which a segment of an application may begin
+
+
+@dataclass(frozen=True)
+class Segments:
+    """How an orbit was shot over: where its segments begin, the points there, the matrices of the segments.
+
+    Attributes
+    ----------
+    cuts : tuple of tuple of float
+        For each period (return) of the orbit: where it is cut, in parts of it (in time since the return).
+    nodes : ndarray, shape (N, n)
+        The points at which segments begin, in the units of the states.
+    matrices : ndarray, shape (N, n, n)
+        Of the segments, in the units of the states.
+    asked : bool
+        Whether their number was asked for.
+    held : bool
+        Whether some may begin in a slide, where too much happens for one segment.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import System, find_orbit
+    >>> t, x = sp.symbols("t x", real=True)
+    >>> orbit = find_orbit(System({x: 3 * x + sp.cos(t)}, time=t), {x: 0}, period=2 * sp.pi)
+    >>> len(orbit.segments), bool(abs(orbit.segments.matrices).max() < 1e4 < abs(orbit.multipliers[0]))
+    (5, True)
+    """
+
+    cuts: Cuts
+    nodes: np.ndarray
+    matrices: np.ndarray
+    asked: bool = False
+    held: bool = False
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def kept(self) -> tuple[bool, bool]:
+        """`asked` and `held`."""
+        return self.asked, self.held
+
+    def eigenvector(self, root: float) -> np.ndarray:
+        """How the points move along the eigenvector of the multiplier nearest to a real one, shape (N, n).
+
+        Parameters
+        ----------
+        root : float
+            The multiplier, of the map.
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            Of length 1 in all, in the units of the states.
+        """
+        N, n = self.nodes.shape
+        matrix = np.zeros((N, n, N, n))
+        for k, one in enumerate(self.matrices):
+            matrix[(k + 1) % N, :, k] += one / (root if k == N - 1 else 1.0)
+        return np.linalg.svd(matrix.reshape(N * n, N * n) - np.eye(N * n))[2][-1].reshape(N, n)
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """The shift map of the segments of a Stroboscopic or Section: as these to Newton's method, with N n unknowns."""
+
+    map: Any
+    cuts: Cuts
+
+    def with_parameters(self, values: Mapping[Any, float]) -> Shooting:
+        return Shooting(self.map.with_parameters(values), self.cuts)
+
+    @property
+    def number(self) -> int:
+        """How many segments."""
+        return sum(1 + len(inner) for inner in self.cuts)
+
+    @property
+    def legs(self) -> list[Leg]:
+        """The segments: which application, from where to where."""
+        return [
+            (k, *leg) for k, inner in enumerate(self.cuts) for leg in zip((0.0, *inner), (*inner, self.map.end))
+        ]
+
+    @property
+    def firsts(self) -> list[int]:
+        """The segments with which applications of the map begin."""
+        return np.cumsum([0, *(1 + len(inner) for inner in self.cuts[:-1])]).tolist()
+
+    def image(self, X: np.ndarray, parameters: Sequence[Any] | None = None) -> Image:
+        """Ends of the segments, each in the place of the point that it should be, and their derivatives."""
+        N, n = self.number, len(X) // self.number
+        images: list[Image] = []
+        for x, leg in zip(X.reshape(N, n), self.legs):
+            image = self.map.leg(x, leg, parameters)
+            if not image.success:
+                runs = tuple(run for one in (*images, image) for run in one.runs)
+                return Image(np.full(N * n, np.nan), math.nan, runs, reason=image.reason)
+            images.append(image)
+        images[-1] = self.map.closed(images[-1])
+        shifted = [images[-1], *images[:-1]]
+        x, time = np.concatenate([one.x for one in shifted]), sum(one.time for one in images)
+        runs = tuple(run for one in images for run in one.runs)
+        if parameters is None:
+            return Image(x, time, runs)
+        matrix = np.zeros((N, n, N, n))
+        for k, one in enumerate(images):
+            matrix[(k + 1) % N, :, k] += one.jacobian
+        return Image(
+            x, time, runs, matrix.reshape(N * n, N * n), np.concatenate([one.by_parameter for one in shifted]),
+            tuple(said for one in images for said in one.degenerate),
+        )  # fmt: skip
+
+    def matrices(self, jacobian: np.ndarray) -> np.ndarray:
+        """Of the segments (N, n, n), from the block-cyclic one."""
+        N = self.number
+        blocks = jacobian.reshape(N, len(jacobian) // N, N, -1)
+        return np.array([blocks[(k + 1) % N, :, k] for k in range(N)])
+
+
+def restless(shooting: Shooting, image: Image, held: bool) -> bool:
+    """Whether segments must be cut anew: one has grown too long, or begins in a slide or too near to an event.
+
+    `held` are those that may begin in a slide.
+    """
+    size = sizes(image.runs)
+    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
+        return True
+    near = _CLOSE * image.time / shooting.map.turns
+    for run, (_, begin, end) in zip(image.runs, shooting.legs):
+        times = np.array([e.time for e in run.events])
+        times = times[(times > run.t[0]) & (times < run.t[-1])]
+        first, last = run.t[0], run.t[-1]
+        if begin > 0 and (not held and sticks_at_start(run) or np.any(times < first + near)):
+            return True
+        if end != shooting.map.end and np.any(times > last - near):
+            return True
+        # The next return must not come within the last segment but one.
+        if end == math.inf and begin > _LATEST * (begin + last - first):
+            return True
+    return False
+
+
+def growth(matrix: np.ndarray, size: np.ndarray) -> float:
+    """By how much deviations grow, each state measured by its size on the orbit."""
+    return float(np.linalg.norm(matrix * size / size[:, None], 2))
+
+
+def sizes(runs: Sequence[Solution]) -> np.ndarray:
+    """Of the states along an orbit, shape (n,)."""
+    size = np.max([np.abs(run.x).max(axis=1) for run in runs], axis=0)
+    size = np.maximum(size, 1e-3 * size.max(initial=0.0))
+    return np.where(size > 0, size, 1.0)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A little part of the orbit, from one candidate to the next: its leg, point, the point's way, its matrix."""
+
+    leg: Leg
+    x: np.ndarray
+    way: np.ndarray
+    matrix: np.ndarray
+
+
+def cut(
+    shooting: Shooting,
+    X: np.ndarray,
+    image: Image,
+    *,
+    number: int | None = None,
+    way: np.ndarray | None = None,
+    speed: float = 0.0,
+    name: str | None = None,
+    also: float | None = None,
+) -> tuple[Cuts, np.ndarray, np.ndarray, bool] | None:
+    """New segments of a known orbit: cuts, points (N n,), the way (N n,) in which they move, and whether some begin in
+    a slide.
+
+    `way` is that of the old points, with `speed` that of the parameter `name`. As many segments as are asked for, or
+    as keep each one's growth low, and one that begins at `also` in each application. None where the motion along the
+    old points ends.
+    """
+    way, size, must = np.zeros_like(X) if way is None else way, sizes(image.runs), {0.0, also}
+    for held in (False, True):
+        pieces = _pieces(shooting, X, image, number, way, speed, name, also, held)
+        if pieces is None:
+            return None
+        chosen, most = _as_grown(pieces, size, must) if number is None else _even(pieces, size, must, number)
+        if most <= _MOST:
+            break
+    cuts = tuple(
+        tuple(one.leg[1] for one in chosen if one.leg[0] == k and one.leg[1] > 0)
+        for k in range(shooting.map.turns)
+    )
+    return cuts, np.concatenate([one.x for one in chosen]), np.concatenate([one.way for one in chosen]), held
+
+
+def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_Piece] | None:
+    map_, n = shooting.map, len(X) // shooting.number
+    time, size = image.time / map_.turns, sizes(image.runs)
+    grown = sum(math.log(max(1.0, growth(A, size))) for A in shooting.matrices(image.jacobian))
+    wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(_GROWTH)))
+    parameters = () if name is None else (name,)
+    pieces = []
+    for j, ((k, first, last), run) in enumerate(zip(shooting.legs, image.runs)):
+        free = [float(first + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
+        if last == math.inf:
+            free = [place for place in free if place < _LAST * (first + run.t[-1] - run.t[0])]
+        if also is not None and first < also < min(last, 1.0):
+            free = sorted({*free, also})
+        x, moving = X[j * n : (j + 1) * n], way[j * n : (j + 1) * n]
+        for leg in zip((first, *free), (*free, last)):
+            piece = map_.leg(x, (k, *leg), parameters)
+            if not piece.success:
+                return None
+            pieces.append(_Piece((k, *leg), x, moving, piece.jacobian))
+            x, moving = piece.x, piece.jacobian @ moving
+            if name is not None:
+                moving = moving + speed * piece.by_parameter[:, 0]
+    return pieces
+
+
+def _free(run: Solution, time: float, spacing: float, held: bool) -> list[float]:
+    """Times of a run at which nothing slides (or something may) and no event is near, about so far apart."""
+    events = np.array([e.time for e in run.events])
+    bounds = np.unique(
+        np.concatenate([run.t[:1], events[(events > run.t[0]) & (events < run.t[-1])], run.t[-1:]])
+    )
+    column = np.searchsorted(run.t, (bounds[1:] + bounds[:-1]) / 2, side="right") - 1
+    slips = np.all(run.status[:, column] != 0, axis=0) | held
+    found: list[float] = []
+    for begin, end, slipping in zip(bounds, bounds[1:], slips):
+        if slipping and end - begin > 2 * _MARGIN * time:
+            k = max(1, round((end - begin) / spacing))
+            found += (begin + (end - begin) * (np.arange(k) + 0.5) / k).tolist()
+    return found
+
+
+def _as_grown(pieces: list[_Piece], size: np.ndarray, must: set[float | None]) -> tuple[list[_Piece], float]:
+    """Those with which segments begin, as late as the growth allows; the largest growth of a segment."""
+    chosen, total, most = [], np.eye(len(size)), 0.0
+    for piece in pieces:
+        grown = piece.matrix @ total
+        if piece.leg[1] in must or growth(grown, size) > _GROWTH:
+            chosen.append(piece)
+            grown = piece.matrix
+        total, most = grown, max(most, growth(grown, size))
+    return chosen, most
+
+
+def _even(
+    pieces: list[_Piece], size: np.ndarray, must: set[float | None], number: int
+) -> tuple[list[_Piece], float]:
+    """Those with which so many segments begin (no fewer than applications), of about the same growth each; and 0."""
+    # Where nothing grows, segments are equally long.
+    load = np.cumsum([0.0, *(0.1 + math.log(max(1.0, growth(piece.matrix, size))) for piece in pieces)])
+    chosen = {k for k, piece in enumerate(pieces) if piece.leg[1] in must}
+    for j in range(1, number):
+        at = int(np.argmin(np.abs(load[:-1] - load[-1] * j / number)))
+        if len(chosen) < number:
+            chosen.add(at)
+    return [pieces[k] for k in sorted(chosen)], 0.0
+
+
+def rotated(
+    shooting: Shooting, X: np.ndarray, way: np.ndarray, place: float
+) -> tuple[Shooting, np.ndarray, np.ndarray]:
+    """The shift map on the section that stands at a place in every application, where segments begin."""
+    map_, n = shooting.map, len(X) // shooting.number
+    G = np.eye(n) if map_.symmetry is None else map_.symmetry
+    found = []
+    for (k, first, _), x, moving in zip(shooting.legs, X.reshape(-1, n), way.reshape(-1, n)):
+        passed = first < place
+        turned = G if passed and k == 0 else np.eye(n)
+        at = ((k - passed) % map_.turns, first - place + passed)
+        found.append((at, turned @ x, turned @ moving))
+    found.sort(key=lambda one: one[0])
+    cuts = tuple(tuple(at for (k, at), *_ in found if k == turn and at > 0) for turn in range(map_.turns))
+    phase = map_.phase + place * map_.beat / map_.forcing_period
+    nodes, ways = (np.concatenate([one[k] for one in found]) for k in (1, 2))
+    return Shooting(map_.at_phase(phase), cuts), nodes, ways
+
+
+def best_place(shooting: Shooting, image: Image) -> tuple[float, float]:
+    """The place farthest from all events and slides of all applications, and how far it is from them."""
+    places, slides = [], []
+    for run, (_, first, _) in zip(image.runs, shooting.legs):
+        at = first + (run.t - run.t[0]) / shooting.map.beat
+        places += [first + (e.time - run.t[0]) / shooting.map.beat for e in run.events if e.time > run.t[0]]
+        stuck = np.any(run.status[:, :-1] == 0, axis=0) if len(run.status) else np.zeros(len(run.t) - 1, bool)
+        slides += [(a, b) for a, b in zip(at[:-1][stuck], at[1:][stuck]) if b > a]
+    marks = np.unique(np.array(places) % 1.0)
+    if not marks.size:
+        return 0.0, 1.0
+    ends = np.append(marks[1:], marks[0] + 1.0)
+    middles = (marks + ends) / 2 % 1.0
+    free = np.array([not any(a < middle < b for a, b in slides) for middle in middles])
+    lengths = (ends - marks) * free
+    best = int(np.argmax(lengths))
+    return float(middles[best]), float(lengths[best] / 2)
