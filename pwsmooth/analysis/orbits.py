@@ -172,19 +172,24 @@ class PeriodicOrbit(Described):
             return self.segments.nodes[firsts[applications % len(firsts)]]
         return replace(self.map, count=applications).image(self.x).x
 
-    def runs(self) -> tuple[Solution, ...]:
+    def runs(self, dense_output: bool = False) -> tuple[Solution, ...]:
         """One whole period as it was shot over: a run for each segment, of a symmetric orbit for both halves.
+
+        Parameters
+        ----------
+        dense_output : bool
+            Whether they have it.
 
         Returns
         -------
         tuple of Solution
-            Without dense output.
+            In order of time; of a return map the time of each begins anew.
         """
         if self.segments is None:
-            return (self.map.over(self.x, self.period),)
-        return tuple(run for _, run in self._legs(0))
+            return (self.map.over(self.x, self.period, dense_output=dense_output),)
+        return tuple(run for _, run in self._legs(0, dense_output))
 
-    def _legs(self, periods: int) -> Iterator[tuple[np.ndarray, Solution]]:
+    def _legs(self, periods: int, dense_output: bool = False) -> Iterator[tuple[np.ndarray, Solution]]:
         """The segments of the orbit so many periods later: what each should end at, and its run."""
         assert self.segments is not None
         map_: Any = self.map
@@ -195,7 +200,7 @@ class PeriodicOrbit(Described):
             moved = half + periods * len(halves) * map_.turns
             targets = [*nodes[1:] @ seen.T, (halves[half - 1] if self.symmetric else seen) @ nodes[0]]
             for x, target, (k, begin, end) in zip(nodes @ seen.T, targets, legs):
-                yield target, map_.leg(x, (k + moved, begin, end)).runs[0]
+                yield target, map_.leg(x, (k + moved, begin, end), () if dense_output else None).runs[0]
 
     @checks.door(periods=checks.integer(1, 10**9))
     def solution(self, periods: int = 1, **options: Any) -> Solution:
@@ -212,6 +217,10 @@ class PeriodicOrbit(Described):
         -------
         Solution
             With dense output.
+
+        Notes
+        -----
+        One run, which leaves the orbit as fast as its multipliers say: for those of 1e8 and more take `runs`.
         """
         t0 = self.map.start_time if isinstance(self.map, Stroboscopic) else 0.0
         chosen = {"rtol": 1e-10, "dense_output": True, **self.map.options, **options}

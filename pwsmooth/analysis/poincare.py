@@ -163,10 +163,10 @@ class _Map:
         Returns
         -------
         Solution
-            Without dense output.
+            Without dense output, unless asked for.
         """
         t0 = getattr(self, "start_time", 0.0)
-        return self._solve(self.system, (t0, t0 + time), x, False, **options)
+        return self._solve(self.system, (t0, t0 + time), x, options.pop("dense_output", False), **options)
 
     @checks.door(**_COUNTS)
     @whole
