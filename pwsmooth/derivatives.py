@@ -220,6 +220,18 @@ def run_beside(
     return solve(system, (begin, end), first, parameters=values, with_respect_to=[name], **options)
 
 
+def _once(method: Callable[[Any], Any]) -> Any:
+    """A property whose value the run keeps."""
+    name = method.__name__
+
+    def value(self: Any) -> Any:
+        if name not in self._kept:
+            self._kept[name] = method(self)
+        return self._kept[name]
+
+    return property(functools.wraps(method)(value))
+
+
 class Derivatives(Described):
     """How a run moves with k quantities: d(state)/dq at its times and between them, d(event)/dq, d(output)/dq.
 
@@ -235,6 +247,8 @@ class Derivatives(Described):
         By what is differentiated.
     again : callable
         (name, change) -> the Solution with one of them changed.
+    kept : dict
+        Where what has been computed is found again.
 
     Attributes
     ----------
@@ -261,11 +275,13 @@ class Derivatives(Described):
     [-0.5, 1.0]
     """
 
-    def __init__(self, solution: Any, wanted: Quantities, again: Callable[[str, float], Any]) -> None:
-        self._solution, self._wanted, self._again = solution, wanted, again
+    def __init__(
+        self, solution: Any, wanted: Quantities, again: Callable[[str, float], Any], kept: dict[str, Any]
+    ) -> None:
+        self._solution, self._wanted, self._again, self._kept = solution, wanted, again, kept
         self.names = wanted.names
 
-    @functools.cached_property
+    @_once
     def tape(self) -> Any:
         """By what the run is gone through again."""
         solution = self._solution
@@ -291,12 +307,12 @@ class Derivatives(Described):
             start[:, wanted.start_time] = -tape.first_rates()
         return tape.deviations(start, seeds, times, points)
 
-    @functools.cached_property
+    @_once
     def _outline(self) -> Deviations:
         """The end and the events."""
         return self._replay(None, points=False)
 
-    @functools.cached_property
+    @_once
     def problems(self) -> list[NoDerivative]:
         """Instants from which the run has no derivative, the first first."""
         run = self._outline
@@ -323,7 +339,7 @@ class Derivatives(Described):
         """
         return self._rows[0]
 
-    @functools.cached_property
+    @_once
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Of states and multipliers, quantities, times."""
         solution = self._solution
@@ -484,7 +500,7 @@ class Derivatives(Described):
             found[times == time] = weights @ run.instant_dt[places]
         return found
 
-    @functools.cached_property
+    @_once
     def _limits(self) -> dict[float, tuple[np.ndarray, np.ndarray]]:
         """Of the time of each accumulation the instants that lead to it, and what they weigh."""
         return limits(self._solution, self._outline.instant_t, self._outline.instant_why[:, 1])

@@ -158,6 +158,7 @@ def solve(
             noise=noise,
         )
         beside = functools.partial(run_beside, solve, given, (t0, t1), start, same, wanted)
+        derived = functools.partial(Derivatives, wanted=wanted, again=beside, kept={})
     p = np.array(system.parameter_values, float)
     times = checks.wanted_times(t_eval, t0, t1)
     diffuses, smoothed = hasattr(kicks, "solve"), bool(model.smoothing) and not model.multipliers
@@ -172,7 +173,7 @@ def solve(
         solution = ready.solve(system, p, t0, t1, start, times, spending, kicks)
         solution.noise = noise
         if with_respect_to is not None:
-            solution.derivatives = Derivatives(solution, wanted, beside)
+            solution.derived = derived
         return solution
     if with_respect_to is not None:
         from .paths.stiff_steps import SCIPY_METHODS
@@ -214,7 +215,7 @@ def solve(
             solution.course = np.array(ends), np.zeros((0, len(ends)), np.int8)
         solution.noise = noise
     if with_respect_to is not None:
-        solution.derivatives = Derivatives(solution, wanted, beside)
+        solution.derived = derived
     return solution
 
 

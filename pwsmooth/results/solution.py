@@ -133,7 +133,13 @@ class Solution(Described):
         self.noise: Any = None  # what solve(noise=...) was given
         self.tape: Any = None  # paths/tangents.py, of an event-driven run with dense output or derivatives
         self.whole: Any = None  # of a run without a tape that was asked for times, the one with its own
-        self.derivatives: Any = None  # Derivatives, of solve(with_respect_to=...)
+        self.derived: Any = None  # what makes the Derivatives of a run with_respect_to=...
+
+    @property
+    def derivatives(self) -> Any:
+        """The `Derivatives` of a run that was solved with `with_respect_to`; None of any other."""
+        # Made anew, on numbers that are kept: a solution that held what holds it would wait for the garbage collector.
+        return None if self.derived is None else self.derived(self)
 
     # ---- scipy's names -----------------------------------------------------------------------------
 
