@@ -92,8 +92,7 @@ class _Along(Described):
         import pandas
 
         names = [str(s) for s in self._points[0].system.states]
-        columns = {self.parameter: self.values, **dict(zip(names, self.x)), "stable": self.stable}
-        return pandas.DataFrame({**columns, **self._columns()})
+        return pandas.DataFrame({self.parameter: self.values, **dict(zip(names, self.x)), **self._columns()})
 
     def plot(self, name: Any = None, ax: Any = None) -> Any:
         """A state over the parameter: stable points as lines, others dashed, virtual ones dotted, bifurcations marked.

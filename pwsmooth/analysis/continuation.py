@@ -78,6 +78,7 @@ class Branch(_Along):
     def _columns(self) -> dict[str, Any]:
         return {
             "period": [orbit.period for orbit in self.orbits],
+            "stable": self.stable,
             "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
         }
 

@@ -181,6 +181,7 @@ class EquilibriumBranch(_Along):
     def _columns(self) -> dict[str, Any]:
         names = [str(mu.symbol) for mu in self.equilibria[0].system.model.multipliers]
         return {
+            "stable": self.stable,
             **dict(zip(names, self.mult)),
             "stability": [e.stability for e in self.equilibria],
             "virtual": self.virtual,

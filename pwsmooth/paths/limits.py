@@ -43,8 +43,9 @@ def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np
     # From where on their ratio is near to that of the limit: before, the powers tell little.
     strange = np.abs(intervals[2 : late + 3] / intervals[: late + 1] - two) > _NEAR * two
     begun = min(int(np.flatnonzero(strange)[-1]) + 1, late) if strange.any() else 0
+    far = limit - times[first]
     first, late, intervals = first + begun, late - begun, intervals[begun:]
-    left = (limit - times[first:]) / (limit - times[first])
+    left = (limit - times[first:]) / far
     alternates = abs(intervals[late + 1] ** 2 / (intervals[late] * intervals[late + 2]) - 1.0) > 1e-3
     best, chosen, weights = np.inf, np.array([len(left) - 1]), np.ones(1)
     for every in _EVERY[1::2] if alternates else _EVERY:
