@@ -236,7 +236,9 @@ class Experiment:
         for _ in range(_MANY):
             # Where a run may begin in several ways the one that was taken stays, and states on a surface stay there.
             d = solution.derivatives
-            d.problems = [found for found in d.problems if found.t > a or not found.reason.startswith(_CHOICES)]
+            d.problems[:] = [
+                found for found in d.problems if found.t > a or not found.reason.startswith(_CHOICES)
+            ]
             if not solution.derivatives.problems:
                 return rows, along(solution, len(arc.times))
             problems.append(problem := solution.derivatives.problems[0])
