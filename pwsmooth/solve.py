@@ -165,8 +165,9 @@ def solve(
     stiff = method == "stiff" and not smoothed
     spending = opened(max_steps, max_seconds)
     if not (diffuses or smoothed or stiff):
-        taped = with_respect_to is not None or (dense_output and model.families is None)
-        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped)
+        rows = with_respect_to is not None
+        taped = rows or (dense_output and model.families is None)
+        options = Options(method, rtol, atol, dense_output, max_step, max_steps, order, strict, taped, rows)
         ready = prepared_run(model, options)
         if with_respect_to is not None and not ready.by_series:
             ready = prepared_run(model, options._replace(dense=True))

@@ -20,6 +20,9 @@ from .machine import cache
 _compiled: WeakValueDictionary[Model, Compiled] = WeakValueDictionary()
 
 
+LANES = {"column": 1, "columns": 8}  # of programs that make the series of deviations
+
+
 class Compiled:
     """Addresses of a model's functions; it must outlive their use.
 
@@ -57,12 +60,15 @@ class Compiled:
         self._modules: list = []  # keeps the machine code alive
         self._loaded: dict = {}
 
-    def _load(self, texts, name: str):
+    def _load(self, texts, name: str, columns: bool = False):
         if name not in texts:
             return None
-        from .machine import native
+        if columns:
+            from .machine.columns import load
+        else:
+            from .machine.native import load
 
-        code = native.load(texts[name], self._sizes, self._tables)
+        code = load(texts[name], self._sizes, self._tables)
         self._modules.append(code)
         return code
 
@@ -111,8 +117,8 @@ class Compiled:
                 return write_jacobian(self.model)
             from .taylor.jets import write_jets
 
-            parameters = len(self.model.parameters) if what != "alone" else None
-            return write_jets(self.model, parameters=parameters, given=what != "jets", deviating=what == "alone")
+            parameters = len(self.model.parameters) if what != "column" else 0
+            return write_jets(self.model, parameters=parameters, given=what != "jets", lanes=LANES.get(what, 0))
 
         return cache.cached_texts(f"{cache.fingerprint(self.model)}-tangents-{what}", build)
 
@@ -120,11 +126,11 @@ class Compiled:
         """A program of theirs, loaded: its constants and addresses; None where the model has none.
 
         Jets with the series of the Jacobians ("jets"); these series alone, where those of the run are given ("given");
-        the series of one deviation there ("alone").
+        the series of eight deviations there ("columns"), or of one that is none of parameters ("column").
         """
         key = "tangent", what, name
         if key not in self._loaded:
-            self._loaded[key] = self._load(self._tangents(what), name)
+            self._loaded[key] = self._load(self._tangents(what), name, what == "columns")
         return self._loaded[key]
 
     @cached_property

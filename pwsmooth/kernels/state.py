@@ -192,7 +192,9 @@ class Record(Bundle):
     event: "i8[room, 4]"  # surface index, kind, from, to
     ambiguity_t: "f8[room]"
     ambiguity: "i8[room, 3]"  # multiplier, kind, taken
-    dense: "f8[pieces, n + m + 1, order + 1]"  # states, multipliers, time, in powers of s
+    dense: (
+        "f8[pieces, polynomials, order + 1]"  # states, multipliers, time (not for a tape alone), in powers of s
+    )
     dense_s: "f8[pieces]"  # length of the step in s
     tape: "i8[tapes, 4 + m]"  # kind of entry, three numbers of it, the statuses
     tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length of a step, states, multipliers, their rates along an arc

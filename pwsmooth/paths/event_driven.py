@@ -29,6 +29,7 @@ _LOOP = 40  # events in a row at one instant that make a loop
 _ROOM, _LEAST_ROOM = 1024, 64  # points that the first buffers hold: the fewer, the larger the system
 _KEPT_BYTES = 2**21  # of first buffers, which the next run finds again
 _KEPT = 16  # choices of options that a thread keeps of a model
+_MOST_ROWS = 2**27  # bytes
 _LARGE = 2**27  # bytes, above which the next buffers hold twice as many at most
 LOOSEST = 1e-6  # looser tolerances were seen to take wrong turns
 FINEST_OF_ONE_STEP = 1e-13  # roundings of the stages keep a method of one step from less
@@ -169,7 +170,7 @@ class EventDriven:
         # A tape is played again by series; where an argument of a root comes to 0 there is none.
         self.by_series = parts.has_jets and not parts.singular
         self.tape = options.tape and parts.has_jets
-        self.rows = self.tape and options.rows
+        self.rows = self.tape and options.rows and options.method not in METHODS
         self.sizes = parts.code
         if options.method == "taylor" and not parts.has_jets:
             raise ValueError(
@@ -182,6 +183,8 @@ class EventDriven:
         # Their polynomials have degree 7 at most.
         self.order = 7 if self.one_step else options.order or _order_for(rtol, parts.code.by_responses)
         self.tolerances = {"rtol": rtol, "atol": float(atol.max(initial=0.0)), "order": self.order}
+        if self.rows:
+            self.most_rows = _MOST_ROWS // (8 * (parts.code.n + parts.code.m) * (self.order + 1))
         self.work = parts.work(self.order)
         self.words = event_words(model)
         self.max_steps = options.max_steps
@@ -290,7 +293,14 @@ class EventDriven:
             yield Part(tape, state.ambiguities, code, functools.partial(self._finished, run, code, record))
 
     def _in_parts(
-        self, system: Any, p: np.ndarray, t0: float, ends: Sequence[float], start: Any, spending: Budget, most: int = 0
+        self,
+        system: Any,
+        p: np.ndarray,
+        t0: float,
+        ends: Sequence[float],
+        start: Any,
+        spending: Budget,
+        most: int = 0,
     ) -> Iterator[tuple[_Run, int, Any, Checkpoint]]:
         control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
         run, record = _Run(system, self.parts.problem(p, self.one_step), control, most), self.first_record()
@@ -372,9 +382,13 @@ class EventDriven:
 
     def _plan(self, room: int) -> Any:
         """Of the buffers for `room` points and events."""
-        pieces = room if self.dense or self.rows else 0
+        # Rows beyond what memory holds easily are made again instead.
+        pieces = room if self.dense or (self.rows and room <= self.most_rows) else 0
         tapes = 4 * room if self.tape else 0
-        sizes = dict(n=self.sizes.n, m=self.sizes.m, order=self.order, room=room, pieces=pieces, tapes=tapes)
+        n, m = self.sizes.n, self.sizes.m
+        sizes = dict(
+            n=n, m=m, order=self.order, room=room, pieces=pieces, polynomials=n + m + self.dense, tapes=tapes
+        )
         return names.Record.planned(sizes, undefined=names.Record.members)
 
     def _bytes(self, room: int) -> int:
@@ -392,7 +406,8 @@ class EventDriven:
         )
         if old:
             for name, part in self._parts(old, state).items():
-                getattr(new, name)[: len(part)] = part
+                target = getattr(new, name)
+                target[: len(part)] = part[: len(target)]
         return new
 
     def recording(self, room: int, times: np.ndarray) -> Any:
@@ -421,7 +436,7 @@ class EventDriven:
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
         if self.tape:  # and a line for its end
             parts |= {name: getattr(record, name)[: state.taped + 1] for name in ("tape", "tape_x")}
-        if self.dense or self.rows:
+        if len(record.dense_s) or self.dense:
             pieces = state.pieces
             parts |= {name: getattr(record, name)[:pieces] for name in ("dense", "dense_s")}
         return parts
@@ -448,7 +463,8 @@ class EventDriven:
         )
         order = _order_for(control.rtol, False) if self.one_step else control.order
         dense = None if self.one_step else kept.get("dense")
-        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values, dense)
+        may_pair = not self.by_series
+        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values, dense, may_pair)
 
     def finish(
         self,

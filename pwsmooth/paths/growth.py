@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .problem import compiled_problem
-from .tangents import Tape, compiled_tangents
+from .tangents import Tape
 
 
 class Growth(NamedTuple):
@@ -29,8 +29,7 @@ def growth(tape: Tape, frame: np.ndarray) -> Growth:
     from ..codegen.machine.units import tangent_growth, unit_address
 
     (n, k), entries = frame.shape, len(tape.entries)
-    what = "alone" if k == 1 and tape.dense is not None else tape.what
-    loop, compiled = tangent_growth(), compiled_tangents(tape.model, what)
+    loop, compiled = tangent_growth(), tape.programs("column" if k == 1 else "columns")
     columns = -(-k // 8) * 8
     times, logs = np.empty(entries), np.empty((entries, k))
     instant_t, why = np.empty(entries), np.empty((entries, 2), np.int64)

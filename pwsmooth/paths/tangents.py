@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..codegen import compile_model
+from ..codegen import LANES, compile_model
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
@@ -84,13 +84,14 @@ class _FlowOf:
             [rows[n:].index(row) if row and row in rows[n:] else -1 for row in rows[:n]], np.int64
         )
         self.jet = program.address(name) if program else 0
+        self.reads = np.array(program.constants.get("READ_ROWS", ()) if program else (), np.int64)
 
     def bundle(self, width: int, wide: int) -> Flow:
         """For rows of this width and deviations of this many columns."""
         what, by_mult = self.kind % 3, self.kind == 4
         table = np.stack([self.equation, self.column, self.place * width], axis=1)
         return Flow(
-            jet=self.jet, own=self.own, residuals=self.m, first=self.first, what=what,
+            jet=self.jet, reads=self.reads, own=self.own, residuals=self.m, first=self.first, what=what,
             index=np.where(what == 2, self.column * wide, self.column), place=self.place * width, moves=self.moves,
             same=self.same, by_mult=table[by_mult], solved=np.full(1 + self.m, -2), count=np.zeros(1, np.int64),
             equations=np.zeros(6 * len(self.same) + 6 * self.m, np.int64), term_at=np.zeros(2 * len(table), np.int64),
@@ -104,7 +105,7 @@ class CompiledTangents:
     def __init__(self, model: Model, what: str):
         """What the programs do along steps: see Compiled.tangent()."""
         self.model = model
-        self.told = {"given": int(what != "jets"), "alone": int(what == "alone")}
+        self.told = {"given": int(what != "jets"), "lanes": LANES.get(what, 0)}
         code = self.code = compile_model(model)
         n, m, count = code.n, code.m, code.np
         slides = compiled_problem(model).fixed["jet_general"] != 0
@@ -130,7 +131,7 @@ class CompiledTangents:
         most = max(map(len, writes), default=0)
         both, unknowns = n + m + 2, max(2 * m, m + 1)
         self.sizes = dict(
-            n=n, m=m, np=count, rows=top + own, all=max(both, 2 * n, 2 * m), unknowns=unknowns, twice=2 * unknowns,
+            n=n, m=m, np=count, rows=top + own, all=both, unknowns=unknowns, twice=2 * unknowns,
             closed=4 * m, wider=n, room=_PLACES, sums=8 * max(both, unknowns),
         )  # fmt: skip
         self.lengths = dict(
@@ -157,6 +158,7 @@ class CompiledTangents:
         width, wide = sizes["width"], sizes["wide"]
         scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
+        sizes["columned"] = sizes["rows"] * width if self.told["lanes"] else 0
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
         made = Tangent.zeros(
             sizes,
@@ -193,11 +195,11 @@ class Tape:
     entries: np.ndarray
     values: np.ndarray
     dense: np.ndarray | None = None  # (steps, n + m + 1, order + 1) where the run has kept its polynomials
+    may_pair: bool = True  # whether steps can be taken by the pair
 
-    @property
-    def what(self) -> str:
-        """Which programs play it again."""
-        return "jets" if self.dense is None else "given"
+    def programs(self, given: str) -> CompiledTangents:
+        """What plays it again: if the run has kept its polynomials, those on these."""
+        return compiled_tangents(self.model, "jets" if self.dense is None else given)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -224,6 +226,8 @@ class Tape:
     @functools.cached_property
     def by_series(self) -> bool:
         """Whether every step has a series; those of the pair at the branch point of a root have none."""
+        if not self.may_pair:
+            return True
         return not ((self.entries[:, 0] == names.TAPE_STEP) & (self.entries[:, 1] == names.PAIR)).any()
 
     def met(self) -> tuple[np.ndarray, np.ndarray]:
@@ -272,40 +276,42 @@ class Tape:
         """
         from ..codegen.machine.units import tangent_replay
 
-        loop, compiled = tangent_replay(), compiled_tangents(self.model, self.what)
-        (n, k), m = start.shape, compiled.code.m
+        (n, k), m = start.shape, len(self.model.multipliers)
+        loop, compiled = tangent_replay(), self.programs("columns")
         columns = -(-k // 8) * 8
         instants, recorded = (int(self.counts[kind]) for kind in (names.TAPE_MEET, names.TAPE_POINT))
         times = np.empty(0) if times is None else times
-        clock = np.zeros((len(self.clock), columns + 8))
-        for j, slopes in self.ticks(np.flatnonzero(seeds.any(axis=1))):
-            clock[:, :k] += np.outer(slopes, seeds[j])
-        asked = dict(
-            t_eval=times, clock=clock, **self.arrays,
-            at_point=np.zeros((recorded if points else 0, n + m, columns)),
-            at_sample=np.zeros((len(times), n + m, columns)), instant_t=np.zeros(instants),
-            instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
-            instant_w=np.zeros((instants, 2 * n, columns)),
+        at_point = np.zeros((recorded if points else 0, n + m, columns))
+        at_sample = np.zeros((len(times), n + m, columns))
+        instant_t, why = np.empty(instants), np.empty((instants, 2), np.int64)
+        instant_dt, instant_w = np.empty((instants, columns)), np.empty((instants, 2 * n, columns))
+        asked = self.arrays | dict(
+            t_eval=times, at_point=at_point, at_sample=at_sample, instant_t=instant_t, instant_why=why,
+            instant_dt=instant_dt, instant_w=instant_w,
         )  # fmt: skip
+        if len(self.clock):
+            clock = asked["clock"] = np.zeros((len(self.clock), columns + 8))
+            for j, slopes in self.ticks(np.flatnonzero(seeds.any(axis=1))):
+                clock[:, :k] += np.outer(slopes, seeds[j])
         with compiled.tangent(self.order, max(10.0 * self.rtol, 1e-15), columns, **asked) as tangent:
             tangent.w[:, :k], tangent.seeds[:, :k] = start, seeds
             first = np.abs(self.values[0, 2 : 2 + n])
-            tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(self.p), (start != 0).T @ first)
+            tangent.scale[:k] = np.maximum(np.abs(self.p) @ (seeds != 0), first @ (start != 0))
             tangent.instant = self.instant_size
             stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(self.entries))
             found, end = tangent.instants, tangent.w[:, :k].copy()
             samples, off = tangent.samples, tangent.off[:k].copy()
         return Deviations(
-            end, asked["at_point"][:, :, :k], asked["at_sample"][:samples, :, :k],
-            asked["instant_t"][:found], asked["instant_why"][:found], asked["instant_dt"][:found, :k],
-            asked["instant_w"][:found, :, :k], np.nan if stopped < 0 else float(self.values[stopped, 0]), off,
+            end, at_point[:, :, :k], at_sample[:samples, :, :k], instant_t[:found], why[:found],
+            instant_dt[:found, :k], instant_w[:found, :, :k],
+            np.nan if stopped < 0 else float(self.values[stopped, 0]), off,
         )  # fmt: skip
 
     def pull_back(self, cost: Readings) -> Slopes:
         """Slopes of a cost by the start of the run and by its parameters."""
         from ..codegen.machine.units import tangent_replay
 
-        loop, compiled = tangent_replay(), compiled_tangents(self.model, self.what)
+        loop, compiled = tangent_replay(), self.programs("given")
         n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
         columns = -(-(n + count + 2) // 8) * 8
         steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)

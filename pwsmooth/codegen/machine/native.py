@@ -51,6 +51,7 @@ def pws_{name}(x: D) -> D:
     value = choose(q & 1 == {odd}, r + s, cosine)
     return choose((q + {turn}) & 2 == 2, -value, value)
 """
+INTERNAL = {"sign", "heaviside", "mod", "lu_factor", "lu_solve"}
 COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 FLOAT_OPS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.BitAnd: "and_"}
@@ -58,6 +59,8 @@ INT_OPS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv"
 
 class Function:
     """Translates one function definition."""
+
+    kinds = KINDS
 
     def __init__(self, module: Module, node: ast.FunctionDef, function: ir.Function):
         self.module, self.function, self.flags = module, function, module.flags
@@ -214,8 +217,19 @@ class Function:
             result = (self.builder.and_ if isinstance(node.op, ast.And) else self.builder.or_)(result, value)
         return result
 
+    @staticmethod
+    def helper(name: str, count: int) -> str | None:
+        """Text of a function that calls of this name and number of arguments mean."""
+        return None
+
+    def compared(self, a, b):
+        return a, b
+
+    def choose(self, condition, a, b):
+        return self.builder.select(condition, self.cast(a, DOUBLE), self.cast(b, DOUBLE))
+
     def _Compare(self, node):
-        a, b = self.expression(node.left), self.expression(node.comparators[0])
+        a, b = self.compared(self.expression(node.left), self.expression(node.comparators[0]))
         op = COMPARE[type(node.ops[0])]
         if a.type == b.type == INT:
             return self.builder.icmp_signed(op, a, b)
@@ -231,8 +245,7 @@ class Function:
             for a in node.args
         ]
         if name == "choose":
-            condition, a, b = args
-            return self.builder.select(condition, self.cast(a, DOUBLE), self.cast(b, DOUBLE))
+            return self.choose(*args)
         if name in ("max", "min"):
             a, b = (self.cast(v, DOUBLE) for v in args)
             return self.builder.select(self.builder.fcmp_ordered(">" if name == "max" else "<", b, a), b, a)
@@ -248,7 +261,8 @@ class Function:
 class Module:
     """Translates one generated text into an LLVM module."""
 
-    def __init__(self, text: str):
+    def __init__(self, text: str, translated: type[Function] = Function):
+        self.translated = translated
         self.module = ir.Module("pwsmooth")
         self.module.triple = binding.get_default_triple()
         self.constants, definitions = {}, []
@@ -265,18 +279,23 @@ class Module:
         for variable in self.sizes.values():
             variable.initializer = INT(0)
         self.functions: dict[str, ir.Function] = {}
+        self.define(definitions)
+
+    def define(self, definitions: list[ast.FunctionDef]) -> None:
+        """Functions that may call each other."""
+        kinds = self.translated.kinds
         for node in definitions:
-            kinds = [KINDS[a.annotation.id] for a in node.args.args]
-            returned = KINDS[node.returns.id] if node.returns else ir.VoidType()
-            function = ir.Function(self.module, ir.FunctionType(returned, kinds), node.name)
-            if node.name in ("sign", "heaviside", "mod", "lu_factor", "lu_solve"):
+            arguments = [kinds[a.annotation.id] for a in node.args.args]
+            returned = kinds[node.returns.id] if node.returns else ir.VoidType()
+            function = ir.Function(self.module, ir.FunctionType(returned, arguments), node.name)
+            if node.name in INTERNAL:
                 function.linkage = "internal"
             for argument, value in zip(node.args.args, function.args, strict=True):
                 if argument.arg == "rows":
                     value.add_attribute("noalias")
             self.functions[node.name] = function
         for node in definitions:
-            Function(self, node, self.functions[node.name])
+            self.translated(self, node, self.functions[node.name])
 
     def table(self, name: str) -> ir.GlobalVariable:
         """The pointer to a drive's table, which is written into the loaded code."""
@@ -290,7 +309,12 @@ class Module:
         return self.module.declare_intrinsic(f"llvm.{name}", [DOUBLE], kind)
 
     def callee(self, name: str, count: int) -> ir.Function:
+        if name == "combine":  # one for each number of rows that is combined
+            name, count = f"combine{count}", count - 6
         if name in self.functions:
+            return self.functions[name]
+        if text := self.translated.helper(name, count):
+            self.define(ast.parse(text).body)
             return self.functions[name]
         if name in ("sin", "cos"):
             function = self._trigonometry(name)
@@ -300,10 +324,8 @@ class Module:
             return self.intrinsic(name, count)
         elif name == "presum":
             function = block_sum(self.module)
-        elif name == "combine":
-            # One for each number of rows that is combined.
-            name = f"combine{count}"
-            function = self.functions.get(name) or combine(self.module, name, count - 6)
+        elif name.startswith("combine"):
+            function = combine(self.module, name, count)
         elif name in objects.LIBM:
             function = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
         else:
@@ -316,7 +338,7 @@ class Module:
         function.linkage = "internal"
         text = TRIGONOMETRY.format(name=name, odd=0 if name == "sin" else 1, turn=0 if name == "sin" else 1)
         flags, self.flags = self.flags, ("contract",)
-        Function(self, ast.parse(text).body[0], function)
+        Function(self, ast.parse(text).body[0], function)  # of one number
         self.flags = flags
         return function
 

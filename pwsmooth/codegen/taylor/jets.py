@@ -92,14 +92,15 @@ class JetProgram:
         general: bool,
         parameters: int | None = None,
         given: bool = False,
-        deviating: bool = False,
+        lanes: int = 0,
     ):
         """With `parameters`, the number of those by which is differentiated, the Jacobians have rows as well.
 
-        `given`: the rows of the states and, in the general program, of the multipliers stand there already. Then what
-        is `deviating` has rows behind those: deviations of the states, and of the multipliers that belong to them.
+        `given`: the rows of the states and, in the general program, of the multipliers stand there already. Then so
+        many `lanes` deviations can have rows behind those: of the states, and of the multipliers that belong to them,
+        where the parameters deviate by what stands behind them.
         """
-        self.model, self.general, self.given = model, general, []
+        self.model, self.general, self.given, self.lanes = model, general, [], lanes
         self.graph = graph = Graph(model, by_element=parameters is None and not given)
         n, m = len(model.states), len(model.multipliers)
         x, lam = ([graph.var(name, i) for i in range(count)] for name, count in (("x", n), ("mult", m)))
@@ -113,18 +114,19 @@ class JetProgram:
         # where it slides to second order, and of the speed of a closed contact's gap.
         self.frozen: dict[int, list[int]] = {}
         entries = []
-        if parameters is not None or deviating:
-            entries = flow_entries(graph, rates, residuals, m if general else 0, parameters or 0)
+        if parameters is not None:
+            entries = flow_entries(graph, rates, residuals, m if general else 0, parameters)
         moving = rates
         if given:
             self.given, self.states, self.unknowns = [*x, *self.unknowns], [], []
             rates, residuals = [], []
-        if deviating:
+        if lanes:
             self.states, self.unknowns = (
                 [graph.var(name, count + i) for i in range(count)]
                 for name, count in (("x", n), ("mult", m if general else 0))
             )
-            rates, residuals = linearised(graph, entries, self.states, self.unknowns)
+            q = [graph.var("p", len(model.parameters) + i) for i in range(parameters)]
+            rates, residuals = linearised(graph, entries, self.states, self.unknowns, q)
             moving, entries = moving + rates, []
         known = {"known": (n, m)} if given else {}
         nodes = [*moving, *h, *residuals, *(node for *_, node in entries)]
@@ -162,6 +164,8 @@ class JetProgram:
         ]
         loop = Writer(2)
         order_k = OrderK(graph, loop, degrees, self.solved)
+        reached = {*graph.reach(roots), *order_k.needed(roots)}
+        self.read = [node for node in self.given if node in reached and degrees.of(node) != CONSTANT]
         for node in known:
             order_k.row(node)
         surface_rows = []
@@ -227,6 +231,10 @@ class JetProgram:
         rows = {"NROWS": len(order_k.rows), "OWN_ROWS": own, "SURFACE_ROWS": tuple(surface_rows)}
         self.source.constants = {**rows, "FLAT_ROWS": order_k.flat_rows(), "FLAGS": FLAGS}
         self.source.constants["BY_RESPONSES"] = bool(self.responses)
+        if self.given:
+            self.source.constants["READ_ROWS"] = tuple(order_k.rows[node] for node in self.read)
+        if self.lanes:
+            self.source.constants["LANES"] = self.lanes
         self.source.constants["ENTRIES"] = tuple(
             (*place, order_k.rows[node], int(degrees.of(node) == CONSTANT)) for *place, node in self.entries
         )
@@ -355,10 +363,9 @@ class JetProgram:
         return corrections
 
     def _state_coefficients(self, order_k: OrderK, loop: Writer) -> None:
-        for node in self.given:
-            if self.degrees.of(node) != CONSTANT:
-                loop.line(f"k{node} = rows[{order_k.row(node)} + k]")
-                order_k.scopes[0].add(node)
+        for node in self.read:
+            loop.line(f"k{node} = rows[{order_k.row(node)} + k]")
+            order_k.scopes[0].add(node)
         for i, node in enumerate(self.states):
             if self.degrees.of(node) in (CONSTANT, AFFINE):
                 order_k.coefficient(node)

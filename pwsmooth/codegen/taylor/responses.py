@@ -5,9 +5,10 @@ the orders starts from: the rates d, the functions l (a sine and its cosine) and
 
     x_i(t0 + s) = x_i + sum_j c_j R_ij(s),   c = (d, l, z) at t0,   R_ij = the rows' response to c = e_j
 
-The responses depend on the parameters alone, and on the multipliers that stand still. They are made by the loop itself when these have changed and
-kept in the program's own rows; a jet is then one small matrix product, in vectors, while the loop waits
-at every order for the one before (a chain of dependent additions: four times as long at order 22).
+The responses depend on the parameters alone, and on multipliers that stand still, with a set for each of their sides.
+They are made by the loop itself when these have changed and kept in the program's own rows; a jet is then one small
+matrix product, in vectors, while the loop waits at every order for the one before (a chain of dependent additions: four
+times as long at order 22).
 
 Chain: jets.py -> the body of its program (this file) -> native.py, whose `combine` is the product.
 """
@@ -154,6 +155,10 @@ def find_responses(program, order_k, loop, roots) -> Responses | None:
         sorted({q for a in coefficients for q in graph.variables(a, kind)}) for kind in ("p", "mult")
     )
     if len(constants) > (0 if program.general else MOST_SOLVED):
+        return None
+    if parameters and parameters[-1] >= len(
+        program.model.parameters
+    ):  # a deviation, in every column another one
         return None
     made = Responses(program, order_k, loop, parameters, constants)
     return made if 0 < made.count <= MOST and made.starts else None

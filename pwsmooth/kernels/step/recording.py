@@ -176,7 +176,9 @@ def keep_dense(P, C, S, R, W):
         else:
             block[P.n + j, :] = 0.0
             block[P.n + j, 0] = S.mult[j]
-    if time_row >= 0:
+    if block.shape[0] == P.n + P.m:  # kept for a tape alone, which knows the times
+        pass
+    elif time_row >= 0:
         _copy_row(rows[time_row], block[P.n + P.m], K)
     else:
         block[P.n + P.m, :] = 0.0

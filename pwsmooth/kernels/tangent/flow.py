@@ -4,11 +4,17 @@
 
 With the series of the Jacobians' entries, order k + 1 of w follows from the orders up to k of w and l, and order k of l
 from one linear system with g_lambda at order 0, whose inverse is made once a step. Eight columns at a time.
+
+Where the run has kept its polynomials, a program of the model makes the same series on them.
 """
+
+import math
 
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, splat8, store8
-from ..machine.pointers import abs8, below_zero8
+from ..machine.pointers import abs8, below_zero8, call_jet_general, call_jet_slip, sum8
+from ..state import ARC, SLIP
+from ..step.steps import powers
 from ..surface.sparse import solve_dense
 from .state import BY_MULT, BY_P, BY_X, ZEROS
 
@@ -143,90 +149,129 @@ def _solve(V, start, orders, size):
 
 
 @inlined_kernel
-def _value(series, start, K, s):
-    total = load8(series, start + 8 * K)
-    for k in range(K - 1, -1, -1):
-        total = total * s + load8(series, start + 8 * k)
-    return total
+def _order(series, start, lanes, k):
+    return splat8(series[start + k]) if lanes == 1 else load8(series, start + 8 * k)
 
 
 @kernel
-def _holds(V, K, states, s):
+def _value(V, series, start, lanes):
+    """Of a series, at what V.power are the powers of; behind its last order stand zeros."""
+    K = V.order
+    if lanes == 1:
+        total = load8(series, start) * load8(V.power, 0)
+        for k in range(8, K + 1, 8):
+            total = total + load8(series, start + k) * load8(V.power, k)
+        return splat8(sum8(total))
+    even, odd = splat8(0.0), splat8(0.0)
+    for k in range(0, K + 1, 2):
+        even = even + load8(series, start + 8 * k) * V.power[k]
+        odd = odd + load8(series, start + 8 * k + 8) * V.power[k + 1]
+    return even + odd
+
+
+@inlined_kernel
+def _series_of(V, kind, states):
+    """The series of a block of columns, where that of the first state begins, from one to the next, and the lanes."""
+    if V.lanes > 0 and kind != ARC:
+        pitch = V.lanes * V.rows.shape[1]
+        before = states if kind == SLIP else states + V.lam.shape[0]
+        return V.column_rows, pitch * before, pitch, V.lanes
+    return V.series, FIRST, 8 * (V.order + 1 + ZEROS), 8
+
+
+@kernel
+def _holds(V, kind, states, s):
     """Whether the last two orders of the block are small on a way s, against its first three."""
-    series, orders = V.series, 8 * (K + 1 + ZEROS)
-    power = abs(s) ** (K - 1)
+    K, power = V.order, abs(s) ** (V.order - 1)
+    series, first, pitch, lanes = _series_of(V, kind, states)
     for i in range(states):
-        start = FIRST + orders * i
-        total = abs8(load8(series, start)) + abs8(load8(series, start + 8)) * abs(s)
-        total = total + abs8(load8(series, start + 16)) * (s * s)
-        last = abs8(load8(series, start + 8 * (K - 1))) * power
-        last = last + abs8(load8(series, start + 8 * K)) * (power * abs(s))
+        start = first + pitch * i
+        total = abs8(_order(series, start, lanes, 0)) + abs8(_order(series, start, lanes, 1)) * abs(s)
+        total = total + abs8(_order(series, start, lanes, 2)) * (s * s)
+        last = abs8(_order(series, start, lanes, K - 1)) * power
+        last = last + abs8(_order(series, start, lanes, K)) * (power * abs(s))
         if below_zero8(total * V.tolerance - last) != 0:
             return False
     return True
 
 
+@inlined_kernel
+def put_in_lanes(lanes, array, i, value):
+    """Element i of what the programs read, the same in all columns."""
+    if lanes == 1:
+        array[i] = value
+    else:
+        store8(array, 8 * i, splat8(value))
+
+
 @kernel
-def row_holds(V, first, states, s):
-    """The same of one column, whose series are rows from the `first` on."""
-    K = V.order
-    power = abs(s) ** (K - 1)
+def _start(P, V, A, kind, w, t, states, size, block):
+    """Makes the series of a block of columns; False where there are none."""
+    if V.lanes == 0 or kind == ARC:
+        for i in range(states):
+            store8(V.series, FIRST + 8 * (V.order + 1 + ZEROS) * i, load8(w[i], block))
+        _series(V, A, V.order, states, size, block)
+        return True
+    count, stride = len(P.p), V.rows.shape[1]
     for i in range(states):
-        row = V.rows[first + i]
-        total = abs(row[0]) + abs(row[1] * s) + abs(row[2] * s * s)
-        if not abs(row[K - 1]) * power + abs(row[K]) * power * abs(s) <= V.tolerance * total:
-            return False
-    return True
+        if V.lanes == 1:
+            V.column_x[states + i] = w[i, block]
+        else:
+            store8(V.column_x, 8 * (states + i), load8(w[i], block))
+    for j in range(count if V.lanes > 1 else 0):
+        store8(V.column_p, 8 * (count + j), load8(V.seeds, V.w.shape[1] * j + block))
+    x, mult, p, rows, own = V.column_x, V.column_mult, V.column_p, V.column_rows, A.own * stride
+    if kind == SLIP:
+        return call_jet_slip(A.jet, t, x, mult, p, V.order, stride, rows, own) == 0
+    return call_jet_general(A.jet, t, x, mult, p, V.mask, V.order, stride, rows, own) == 0
 
 
 @kernel
-def _start(V, A, w, states, size, K, block):
-    for i in range(states):
-        store8(V.series, FIRST + 8 * (K + 1 + ZEROS) * i, load8(w[i], block))
-    _series(V, A, K, states, size, block)
-
-
-@kernel
-def way_within(V, A, w, states, size, K, s):
-    """How far along the step whose rows these are, at most s, the series of the deviations w hold."""
+def way_within(P, V, A, kind, w, t, states, size, s):
+    """How far along the step from t, at most s, the series of the deviations w hold; nan where there are none."""
     for block in range(0, V.columns, 8):
-        _start(V, A, w, states, size, K, block)
+        if not _start(P, V, A, kind, w, t, states, size, block):
+            return math.nan
         shortest = 1e-6 * abs(s)
-        while abs(s) > shortest and not _holds(V, K, states, s):
+        while abs(s) > shortest and not _holds(V, kind, states, s):
             s *= 0.8
     return s
 
 
 @inlined_kernel
-def _place(V, states, j):
-    return states + V.unknown[j] if V.unknown[j] >= 0 else -1
+def _place(V, kind, states, j):
+    if V.unknown[j] < 0:
+        return -1
+    return states + j if V.lanes > 0 and kind != ARC else states + V.unknown[j]
 
 
 @kernel
-def move(V, A, w, states, size, K, s, time_row):
+def move(P, V, A, kind, w, t, states, size, s, time_row):
     """Moves the deviations w by s, and leaves those at the wanted places V.place of this way in V.at_sample.
 
     On an arc these are the ones at one time: less the pace of the states there times the deviation of the time.
     """
-    series, orders = V.series, 8 * (K + 1 + ZEROS)
+    series, first, pitch, lanes = _series_of(V, kind, states)
     n = states if time_row < 0 else time_row
     for block in range(0, V.columns, 8):
         if V.columns > 8:
-            _start(V, A, w, states, size, K, block)
+            _start(P, V, A, kind, w, t, states, size, block)
         for q in range(V.wanted):
             here = V.place[q]
+            powers(V.power, here)
             row = V.at_sample[V.samples - V.first_sample + q]
             for i in range(row.shape[0]):
                 # Behind the states their multipliers: on an arc they are states, else unknowns or fixed.
-                from_series = i if i < n else (i + 1 if time_row >= 0 else _place(V, states, i - n))
+                from_series = i if i < n else (i + 1 if time_row >= 0 else _place(V, kind, states, i - n))
                 value = splat8(0.0)
                 if from_series >= 0:
-                    value = _value(series, FIRST + orders * from_series, K, here)
+                    value = _value(V, series, first + pitch * from_series, lanes)
                 if time_row >= 0:
-                    shift = _value(series, FIRST + orders * time_row, K, here)
+                    shift = _value(V, series, first + pitch * time_row, lanes)
                     value = value - shift * V.pace[q, from_series]
                 store8(row[i], block, value)
+        powers(V.power, s)
         for i in range(states):
-            store8(w[i], block, _value(series, FIRST + orders * i, K, s))
+            store8(w[i], block, _value(V, series, first + pitch * i, lanes))
     V.samples += V.wanted
     V.wanted = 0

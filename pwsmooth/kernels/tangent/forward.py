@@ -5,6 +5,8 @@ belong to this very run. Entries: a step; a point that is recorded; at an instan
 of the clock that it is the zero of, then the updates that act, by rounds; and the end of the run.
 """
 
+import math
+
 import numpy as np
 
 from ..machine.compiling import kernel
@@ -27,7 +29,7 @@ from ..state import (
     TAPE_SURFACE,
 )
 from ..step.steps import dot, powers
-from .flow import invert, move, number_unknowns, plan, row_holds, way_within
+from .flow import invert, move, number_unknowns, plan, put_in_lanes, way_within
 from .saltation import (
     act,
     begin_instant,
@@ -45,26 +47,44 @@ from .state import UNKNOWN
 
 
 @kernel
-def _take_rows(P, V, piece, s):
-    """Overwrites the first of V.rows by the polynomials of a step, which the run has kept, around its place s."""
+def _take_rows(V, reads, piece, s, rows):
+    """Overwrites what is read of the rows by the polynomials of a step, which the run has kept, around its place s."""
     K, power, width = V.order, V.power, V.rows.shape[1]
     if s != 0.0:
         power[K] = 1.0
         for k in range(K - 1, -1, -1):
             power[k] = power[k + 1] * s
         store8(power, K + 1, splat8(0.0))
-    for r in range(P.n + P.m):
-        row, kept = V.rows[r], V.dense[piece, r]
+    for q in range(len(reads)):
+        r = reads[q]
+        row, kept = width * r, V.dense[piece, r]
         if s == 0.0:
-            for k in range(0, K + 1, 8):  # behind the last of them stands the time
-                store8(row, k, load8(kept, k))
+            for k in range(0, K - 7, 8):
+                store8(rows, row + k, load8(kept, k))
+            store8(rows, row + K - 7, load8(kept, K - 7))
         else:  # order k becomes sum over i >= k of (i choose k) s^(i - k) times order i
             for k in range(0, K + 1, 8):
                 total = splat8(0.0)
                 for i in range(k, K + 1):
                     total = total + load8(V.binomials, width * i + k) * load8(power, K - i + k) * kept[i]
-                store8(row, k, total)
-        store8(row, K + 1, splat8(0.0))
+                store8(rows, row + k, total)
+        store8(rows, row + K + 1, splat8(0.0))
+
+
+@kernel
+def _stand_in_columns(P, V, reads, piece, s):
+    """The same for programs that make the series of columns, with states and multipliers where their parts begin."""
+    n, m, stride, lanes = P.n, P.m, V.rows.shape[1], V.lanes
+    rows = V.column_rows if lanes == 1 else V.rows_flat
+    _take_rows(V, reads, piece, s, rows)
+    for q in range(len(reads) if lanes > 1 else 0):
+        for k in range(stride * reads[q], stride * reads[q] + V.order + 1):
+            store8(V.column_rows, 8 * k, splat8(rows[k]))
+    for i in range(n):
+        put_in_lanes(lanes, V.column_x, i, V.x[i])
+    for j in range(m):
+        put_in_lanes(lanes, V.column_mult, j, V.mult[j])
+        put_in_lanes(lanes, V.column_mult, m + j, 0.0)
 
 
 @kernel
@@ -74,7 +94,7 @@ def jet(P, V, A, kind, t, piece, s):
     stride, K = V.rows.shape[1], V.order
     own = A.own * stride
     if V.given and kind != ARC:
-        _take_rows(P, V, piece, s)
+        _take_rows(V, A.reads, piece, s, V.rows_flat)
     if kind == SLIP:
         return call_jet_slip(A.jet, t, V.x, V.mult, P.p, K, stride, V.rows, own) == 0
     return (
@@ -149,6 +169,19 @@ def _note_places(V, t, way, time_row):
 
 
 @kernel
+def stand_at(V, piece, s, n, m):
+    """Overwrites V.x, V.mult by states and multipliers at a place s of a step that the run has kept."""
+    for i in range(n + m):
+        kept, total = V.dense[piece, i], 0.0
+        for k in range(V.order, -1, -1):
+            total = total * s + kept[k]
+        if i < n:
+            V.x[i] = total
+        else:
+            V.mult[i - n] = total
+
+
+@kernel
 def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
     """Deviations w over a step of this length from (t, V.x, V.mult), taken again in parts where need be.
 
@@ -156,14 +189,19 @@ def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
     """
     K, at, time_row = V.order, 0.0, states - unknowns if kind == ARC else -1
     for _ in range(200):
-        if not jet(P, V, A, kind, t + at, piece, at):
-            return -1.0
         size = number_unknowns(V, V.mask, unknowns)
-        plan(V, A, states, size)
-        if size > 0 and not factor(V, A, size):
-            return -1.0
+        if V.lanes > 0 and kind != ARC:
+            _stand_in_columns(P, V, A.reads, piece, at)
+        else:
+            if not jet(P, V, A, kind, t + at, piece, at):
+                return -1.0
+            plan(V, A, states, size)
+            if size > 0 and not factor(V, A, size):
+                return -1.0
         left = length - at
-        way = way_within(V, A, w, states, size, K, left)
+        way = way_within(P, V, A, kind, w, t + at, states, size, left)
+        if math.isnan(way):
+            return -1.0
         while True:
             _note_places(V, t + at, way, time_row)
             full = V.wanted == len(V.place) > 0
@@ -172,14 +210,17 @@ def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
             for i in range(states):  # more places than there is room for: the same way once more for the rest
                 for block in range(0, V.columns, 8):
                     store8(V.kept[i], block, load8(w[i], block))
-            move(V, A, w, states, size, K, way, time_row)
+            move(P, V, A, kind, w, t + at, states, size, way, time_row)
             for i in range(states):
                 for block in range(0, V.columns, 8):
                     store8(w[i], block, load8(V.kept[i], block))
-        move(V, A, w, states, size, K, way, time_row)
+        move(P, V, A, kind, w, t + at, states, size, way, time_row)
         if way == left:
             return way
         at += way
+        if V.given and kind != ARC:
+            stand_at(V, piece, at, states, unknowns)
+            continue
         powers(V.power, way)
         for j in range(unknowns):
             if V.mask[j]:
@@ -187,35 +228,6 @@ def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
         for i in range(states):
             V.x[i] = dot(V.rows[i], V.power, K + 1)
     return -1.0
-
-
-@kernel
-def _move_alone(P, V, A, kind, piece, t, length):
-    """The one deviation over a step, whose series the program has made; False where there is none."""
-    n, m, K, at = P.n, P.m, V.order, 0.0
-    first = n if kind == SLIP else n + m
-    for _ in range(200):
-        for i in range(n):
-            V.x[n + i] = V.w[i, 0]
-        for j in range(m):
-            V.mult[m + j] = 0.0
-        if not jet(P, V, A, kind, t + at, piece, at):
-            return False
-        way = left = length - at
-        while abs(way) > 1e-6 * abs(left) and not row_holds(V, first, n, way):
-            way *= 0.8
-        powers(V.power, way)
-        for i in range(n):
-            V.w[i, 0] = dot(V.rows[first + i], V.power, K + 1)
-        if way == left:
-            return True
-        at += way
-        for i in range(n):
-            V.x[i] = dot(V.rows[i], V.power, K + 1)
-        for j in range(m):
-            if V.mask[j]:
-                V.mult[j] = dot(V.rows[n + j], V.power, K + 1)
-    return False
 
 
 @kernel
@@ -233,8 +245,6 @@ def _step(P, V, k):
     if kind == ARC:
         return _arc(P, V, k, t, length)
     A, piece = V.slip if kind == SLIP else V.general, V.tape[k, 2]
-    if V.alone:
-        return _move_alone(P, V, A, kind, piece, t, length)
     return _move(P, V, A, kind, V.w, piece, t, length, n, m) >= 0.0
 
 
@@ -419,6 +429,8 @@ def go_over(P, V, k):
 def begin(P, V):
     """A start that is held on surfaces moves along them; V.off tells what of each column leads out of them."""
     n, m = P.n, P.m
+    for j in range(len(P.p) if V.lanes > 0 else 0):
+        put_in_lanes(V.lanes, V.column_p, j, P.p[j])
     for i in range(n):
         V.x[i] = V.tape_x[0, 2 + i]
         for block in range(0, V.columns, 8):

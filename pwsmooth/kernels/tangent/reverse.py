@@ -21,7 +21,7 @@ from ..state import (
 )
 from ..step.steps import dot, powers
 from .flow import number_unknowns, plan
-from .forward import begin, factor, go_over, has_length, jet, leave
+from .forward import begin, factor, go_over, has_length, jet, leave, stand_at
 from .saltation import keep_held, look
 from .state import FINE, H_P, H_X, ZEROS
 
@@ -145,17 +145,19 @@ def _step_back(P, V, A, k):
         begin_at = length * part / parts
         way = length * (part + 1) / parts - begin_at
         _stand(V, k, n, m)
-        if not jet(P, V, A, kind, t, piece, 0.0):
-            return False
-        if part > 0:
+        if part > 0 and V.given:
+            stand_at(V, piece, begin_at, n, m)
+        elif part > 0:
+            if not jet(P, V, A, kind, t, piece, 0.0):
+                return False
             powers(V.power, begin_at)
             for j in range(m):
                 if V.mask[j]:
                     V.mult[j] = dot(V.rows[n + j], V.power, K + 1)
             for i in range(n):
                 V.x[i] = dot(V.rows[i], V.power, K + 1)
-            if not jet(P, V, A, kind, t + begin_at, piece, begin_at):
-                return False
+        if not jet(P, V, A, kind, t + begin_at, piece, begin_at):
+            return False
         size = number_unknowns(V, V.mask, m)
         plan(V, A, n, size)
         if size > 0 and not factor(V, A, size):

@@ -22,6 +22,7 @@ class Flow(Bundle):
     """Entries of the linearised flow in a Taylor program, by rows: the rates, then the residuals of the multipliers."""
 
     jet: "int"
+    reads: "i8[:]"  # rows that stand there for it
     own: "int"  # first row of what the program keeps for itself
     residuals: "int"
     first: "i8*[:]"
@@ -56,7 +57,7 @@ class Tangent(Bundle):
     tape_x: "f8[:, :]"
     columns: "int"  # without the time's
     given: "int"  # whether the run has kept its polynomials
-    alone: "int"  # whether the programs make the series of one column themselves
+    lanes: "int"  # of how many columns at once the programs make series on these, 1 or 8; 0 where flow.py makes them
     dense: "f8[:, :, :]"  # of each step: states, multipliers, time
     binomials: "f8*[:]"  # i over k in rows i
     order: "int"
@@ -95,6 +96,11 @@ class Tangent(Bundle):
     rows_flat: "f8*[:]"  # the same
     series: "f8*[series]"  # of one block of columns: states and multipliers, orders, eight columns
     sums: "f8*[sums]"
+    # What such programs read: behind states, multipliers and parameters what they deviate by.
+    column_x: "f8*[16*n]"
+    column_mult: "f8*[16*m]"
+    column_p: "f8*[16*np]"
+    column_rows: "f8*[8*columned]"
     unknown: "i8*[unknowns + 1]"  # place of a multiplier among those that are solved for, or -1
     matrix: "f8[unknowns, twice]"
     held: "f8[closed, wider]"

@@ -1,0 +1,125 @@
+"""Generated text -> machine code that works on eight columns at once: native.py with vectors for all doubles.
+
+Columns differ in what enters linearly, deviations. What is nonlinear, a comparison, a function, a power, is the same
+in all of them and done once, in the first lane.
+
+Chain: codegen/taylor/jets.py, whose text says LANES = 8 -> native.load -> **columns**.
+"""
+
+from __future__ import annotations
+
+import ast
+
+from llvmlite import ir
+
+from ...definition.model import Table
+from . import native, objects
+from .sums import DOUBLE, LANE, LANES
+
+VECTOR = ir.VectorType(DOUBLE, 8)
+KINDS = native.KINDS | {"P": VECTOR.as_pointer(), "V": VECTOR}
+
+# presum of sums.py on rows of vectors. In it j counts orders of the first series; those of the second end at 4 q.
+PRESUM = """
+def presum(rows: P, a: I, b: I, q: I, out: I):
+    s0 = 0.0
+    s1 = 0.0
+    s2 = 0.0
+    s3 = 0.0
+    if q > 0:
+        n = b + 4 * q
+        s0 = rows[a + 1] * rows[n] + rows[a + 2] * rows[n - 1] + (rows[a + 3] * rows[n - 2] + rows[a + 4] * rows[n - 3])
+        s1 = rows[a + 2] * rows[n] + rows[a + 3] * rows[n - 1] + rows[a + 4] * rows[n - 2]
+        s2 = rows[a + 3] * rows[n] + rows[a + 4] * rows[n - 1]
+        s3 = rows[a + 4] * rows[n]
+        for j in range(5, 4 * q + 1):
+            c = rows[a + j]
+            s0 += c * rows[n + 1 - j]
+            s1 += c * rows[n + 2 - j]
+            s2 += c * rows[n + 3 - j]
+            s3 += c * rows[n + 4 - j]
+    rows[out] = s0
+    rows[out + 1] = s1
+    rows[out + 2] = s2
+    rows[out + 3] = s3
+"""
+assert LANES == 4
+
+
+def combine(name: str, count: int) -> str:
+    """Text of combine of sums.py on rows of vectors."""
+    given = "".join(f", c{j}: V" for j in range(count))
+    terms = " + ".join(f"c{j} * rows[table + {j} * stride + k]" for j in range(count))
+    return f"""
+def {name}(rows: P, out: I, value: V, table: I, stride: I, K: I{given}):
+    rows[out] = value
+    for k in range(1, K + 1):
+        rows[out + k] = {terms}
+"""
+
+
+class Function(native.Function):
+    """Translates one function definition."""
+
+    kinds = KINDS
+
+    def spread(self, value: ir.Value) -> ir.Value:
+        if value.type == VECTOR:
+            return value
+        value, undefined = super().cast(value, DOUBLE), ir.Constant(VECTOR, ir.Undefined)
+        one = self.builder.insert_element(undefined, value, LANE(0))
+        return self.builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(LANE, 8), [0] * 8))
+
+    def first(self, value: ir.Value) -> ir.Value:
+        return self.builder.extract_element(value, LANE(0)) if value.type == VECTOR else value
+
+    def store(self, name: str, value: ir.Value) -> None:
+        super().store(name, self.spread(value) if value.type == DOUBLE else value)
+
+    def cast(self, value: ir.Value, kind: ir.Type) -> ir.Value:
+        return self.spread(value) if kind == VECTOR else super().cast(self.first(value), kind)
+
+    def assign(self, target, value) -> None:
+        if isinstance(target, ast.Name):
+            self.store(target.id, value)
+        else:
+            pointer = self.element(target)
+            self.builder.store(self.cast(value, pointer.type.pointee), pointer, align=8)
+
+    def _Subscript(self, node):
+        return self.builder.load(self.element(node), align=8)
+
+    def _UnaryOp(self, node):
+        if isinstance(node.op, ast.USub) and not isinstance(node.operand, ast.Constant):
+            value = self.expression(node.operand)
+            if value.type == VECTOR:
+                return self.builder.fneg(value, flags=self.flags)
+        return super()._UnaryOp(node)
+
+    def binary(self, op, a, b) -> ir.Value:
+        if VECTOR not in (a.type, b.type):
+            return super().binary(op, a, b)
+        if isinstance(op, ast.Pow):
+            return super().binary(op, self.first(a), self.first(b))
+        name = native.FLOAT_OPS[type(op)]
+        return getattr(self.builder, name)(self.spread(a), self.spread(b), flags=self.flags)
+
+    def compared(self, a, b):
+        return self.first(a), self.first(b)
+
+    def choose(self, condition, a, b):
+        return self.builder.select(condition, self.spread(a), self.spread(b))
+
+    @staticmethod
+    def helper(name: str, count: int) -> str | None:
+        return PRESUM if name == "presum" else combine(name, count) if name.startswith("combine") else None
+
+
+def build(text: str) -> bytes:
+    """Object code of a generated text for this machine."""
+    return objects.emit(native.Module(text, Function).module)
+
+
+def load(text: str, sizes: tuple[int, ...] = (), tables: tuple[Table, ...] = ()) -> objects.Code:
+    """Machine code as of native.load, of a text that says LANES = 8."""
+    return objects.load(text, build, sizes, tables)
