@@ -14,6 +14,8 @@ Chain: fields.py, jets.py -> text -> cache.cached_texts -> `load` (this file) ->
 from __future__ import annotations
 
 import ast
+from collections.abc import Collection
+from typing import Any
 
 from llvmlite import binding, ir
 
@@ -281,14 +283,14 @@ class Module:
         self.functions: dict[str, ir.Function] = {}
         self.define(definitions)
 
-    def define(self, definitions: list[ast.FunctionDef]) -> None:
+    def define(self, definitions: list[Any], internal: Collection[str] = INTERNAL) -> None:
         """Functions that may call each other."""
         kinds = self.translated.kinds
         for node in definitions:
             arguments = [kinds[a.annotation.id] for a in node.args.args]
             returned = kinds[node.returns.id] if node.returns else ir.VoidType()
             function = ir.Function(self.module, ir.FunctionType(returned, arguments), node.name)
-            if node.name in INTERNAL:
+            if node.name in internal:
                 function.linkage = "internal"
             for argument, value in zip(node.args.args, function.args, strict=True):
                 if argument.arg == "rows":

@@ -69,6 +69,8 @@ def vcos(x: V) -> V:
 class Function(native.Function):
     """Translates one function definition with vectors."""
 
+    kinds = KINDS
+
     def vector(self, value: ir.Value) -> bool:
         return isinstance(value.type, ir.VectorType)
 
@@ -238,18 +240,8 @@ class Module(native.Module):
         self.functions: dict[str, ir.Function] = {}
         prelude = ast.parse(PRELUDE).body
         definitions = [node for node in [*prelude, *ast.parse(text).body] if isinstance(node, ast.FunctionDef)]
-        for node in definitions:
-            kinds = [KINDS[a.annotation.id] for a in node.args.args]
-            returned = KINDS[node.returns.id] if node.returns else ir.VoidType()
-            function = ir.Function(self.module, ir.FunctionType(returned, kinds), node.name)
-            if node in prelude:
-                function.linkage = "internal"
-            for argument, value in zip(node.args.args, function.args, strict=True):
-                if argument.arg == "rows":
-                    value.add_attribute("noalias")
-            self.functions[node.name] = function
-        for node in definitions:
-            Function(self, node, self.functions[node.name])
+        self.translated = Function
+        self.define(definitions, {node.name for node in prelude if isinstance(node, ast.FunctionDef)})
 
     def instruction(self, name: str, kind: ir.VectorType, count: int) -> ir.Function:
         """LLVM's vector form of an operation; it has no helper for the name of a vector type."""

@@ -150,9 +150,9 @@ def _place_on_arc(V, time_row, way, want):
 
 
 @kernel
-def _note_places(V, t, way, time_row):
+def _note_places(V, t, end, way, time_row):
     """Overwrites V.place by the places of the wanted times on this way; its end belongs to what follows."""
-    V.wanted, end = 0, t + way
+    V.wanted = 0
     count = V.cost if V.backward else len(V.t_eval)  # backward, those behind them have been read
     if time_row >= 0:
         powers(V.power, way)
@@ -203,7 +203,8 @@ def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
         if math.isnan(way):
             return -1.0
         while True:
-            _note_places(V, t + at, way, time_row)
+            # The step's own end to the last bit, as an event may be there.
+            _note_places(V, t + at, t + (length if way == left else at + way), way, time_row)
             full = V.wanted == len(V.place) > 0
             if not full:
                 break
