@@ -18,7 +18,9 @@ import numpy as np
 from .arclength import Point, Walk
 from .conditions import factors, pairs
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import SAME, PeriodicOrbit, refined_to
+from .orbits import refined_to
+from .periodic_orbit import PeriodicOrbit
+from .repetition import SAME
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 

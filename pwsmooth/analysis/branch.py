@@ -1,6 +1,6 @@
 """What branches have in common, of periodic orbits and of equilibria: values, tables, pictures.
 
-Chain: **branch** -> equilibrium_branches.py, continuation.py.
+Chain: **branch** -> equilibrium_branch.py, continuation.py.
 """
 
 from __future__ import annotations

@@ -20,9 +20,11 @@ from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
-from .equilibria import Equilibrium
-from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
-from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
+from .equilibrium import Equilibrium
+from .equilibrium_branch import EquilibriumBranch
+from .equilibrium_branches import coordinate, follow_equilibrium, value_at
+from .periodic_orbit import PeriodicOrbit, none_found
+from .repetition import SAME, not_repeated
 from .sections import Stroboscopic, depends_on_time
 from .symmetry import repeats_in
 

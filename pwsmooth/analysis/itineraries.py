@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..definition import checks
-from .orbits import PeriodicOrbit
+from .periodic_orbit import PeriodicOrbit
 from .poincare import after_start
 
 __all__ = ["Change", "change_between", "same_itinerary"]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import PeriodicOrbit
+from ..analysis.periodic_orbit import PeriodicOrbit
 from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..definition.describe import Described, Rows, number
