@@ -61,7 +61,9 @@ def test_what_leaves_a_pseudo_saddle_slides_along_the_surface():
     found = manifold(pseudo_saddle(), "unstable", length=3)
     assert [arm.end for arm in found.arms] == ["reached the length 3."] * 2
     assert np.nanmax(np.abs(found.points[1])) < 1e-14
-    assert sorted(arm.points[0, -1] for arm in found.arms) == pytest.approx([-3, 3], abs=0.02)  # one spacing beyond
+    assert sorted(arm.points[0, -1] for arm in found.arms) == pytest.approx(
+        [-3, 3], abs=0.02
+    )  # one spacing beyond
 
 
 def test_a_pseudo_saddle_is_reached_from_both_sides():
@@ -273,3 +275,47 @@ def test_a_curve_that_jumps_says_so():
 def test_a_picture_shows_both_arms():
     drawn = manifold(find_equilibrium(bent(), {x: 0, y: 0}), length=1).plot()
     assert np.nanmax(drawn.lines[0].get_xdata()) >= 1 and np.nanmin(drawn.lines[0].get_xdata()) <= -1
+
+
+# ---- sticking, and sections
+
+
+def test_the_stable_curve_of_an_orbit_that_sticks_separates_its_mirrored_neighbours():
+    # Past its symmetry breaking the two-stick orbit of the friction oscillator is a saddle with the multiplier 0.
+    sigma = sp.Symbol("sigma", positive=True)
+    lam = Switch("lam", v)
+    mu = lam * (1 + 3 * (1 - lam**2))
+    block = System({x: v, v: -sigma * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t, parameters={sigma: 3.4})
+    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    assert saddle.success and not saddle.stable and abs(saddle.map_multipliers[1]) < 1e-12
+    found = manifold(saddle, "stable", length=1)
+    assert found.points.shape[1] > 100
+    whole = find_orbit(block, saddle.start, period=2 * sp.pi).map
+    for arm in found.arms:
+        for k in (20, 50, 70):
+            along = arm.points[:, k + 1] - arm.points[:, k - 1]
+            across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            ends = [whole.iterate(arm.points[:, k] + off * across, 200)[-1] for off in (1e-8, -1e-8)]
+            # Attractors on both sides of the saddle, mirror images of each other in half a period.
+            assert np.linalg.norm(ends[0] - ends[1]) > 0.05
+            assert np.linalg.norm(whole(ends[0]) - ends[0]) < 1e-6
+
+
+def ring():
+    """Circles of radius 1 and 3 attract in x, y; that of radius 2 is a saddle cycle, as z decays."""
+    r2 = x**2 + y**2
+    growth = (1 - r2) * (4 - r2) * (9 - r2) / 200
+    cycle = System({x: growth * x - y, y: growth * y + x, z: -z / 5})
+    return find_orbit(cycle, {x: 2, y: 0, z: 0}, section=y)
+
+
+def test_the_stable_curve_of_a_cycle_on_its_section_is_found_by_preimages():
+    found = manifold(ring(), "stable", box={z: (-3, 3)}, spacing=0.1)
+    assert all(arm.end == "left the box." for arm in found.arms)
+    assert np.nanmax(np.abs(found.points[0] - 2)) < 1e-9  # the cylinder r = 2
+
+
+def test_the_unstable_curve_of_a_cycle_ends_in_the_cycles_beside_it():
+    found = manifold(ring(), "unstable", length=3, spacing=0.05)
+    assert sorted(arm.points[0, -1] for arm in found.arms) == pytest.approx([1, 3], abs=1e-2)
+    assert np.nanmax(np.abs(found.points[1:])) < 1e-10
