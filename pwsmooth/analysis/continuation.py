@@ -77,11 +77,20 @@ class Branch(_Along):
     def _at(bifurcation: Any) -> Any:
         return bifurcation.orbit
 
+    @property
+    def exponents(self) -> np.ndarray:
+        """Lyapunov exponents of the orbits, log|multiplier|/period, shape (number of multipliers, number of orbits).
+
+        Largest first, in units of 1/time; -inf where an orbit sticks or lands, nan where there are no multipliers.
+        """
+        return np.array([orbit.exponents for orbit in self.orbits]).T
+
     def _columns(self) -> dict[str, Any]:
         return {
             "period": [orbit.period for orbit in self.orbits],
             "stable": self.stable,
             "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+            "largest_exponent": [orbit.exponents.max(initial=-math.inf) for orbit in self.orbits],
         }
 
 

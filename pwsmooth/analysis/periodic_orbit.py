@@ -27,6 +27,7 @@ from .segments import Segments, Shooting
 
 __all__ = ["PeriodicOrbit"]
 
+_ROUNDED = 1e-14  # of the largest multiplier: smaller ones are roundings
 MULTIPLIERS = 1e-9  # to which multipliers are known, with something to spare
 
 
@@ -121,6 +122,17 @@ class PeriodicOrbit(Described):
     def multipliers(self) -> np.ndarray:
         """Floquet multipliers over `period`, largest first, without the 1 of an autonomous flow."""
         return self.map_multipliers**2 if self.symmetric else self.map_multipliers
+
+    @property
+    def exponents(self) -> np.ndarray:
+        """Lyapunov exponents log|m|/period, largest first, in units of 1/time; -inf where the orbit sticks or lands.
+
+        Without the 0 along an autonomous flow. A multiplier below its rounding counts as 0.
+        """
+        sizes = np.abs(self.multipliers)
+        sizes[sizes < _ROUNDED * max(1.0, sizes.max(initial=0.0))] = 0.0
+        with np.errstate(divide="ignore"):
+            return np.log(sizes) / self.period
 
     @property
     def stable(self) -> bool:
