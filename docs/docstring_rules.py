@@ -45,6 +45,8 @@ LITERATURE = tuple(
         "analysis.equilibrium_branch",
         "analysis.hopf",
         "analysis.lyapunov",
+        "analysis.manifolds",
+        "analysis.portraits",
         "analysis.sticking",
         "definition.sigmoids",
         "laws.contact",
