@@ -9,6 +9,7 @@ Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -138,6 +139,9 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
         bifurcations += _smooth_all(walk, here, before)
         change = change_between(*(p.orbit for p in apart))
+        if change.name == "lift-off":
+            # The flight is as high as the square of the distance from it: lower than roundings it is none.
+            width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
