@@ -46,6 +46,10 @@ class Manifold(Described):
     arms : tuple of Arm
         The curves that it consists of, from the saddle outwards.
 
+    Notes
+    -----
+    Source: Krauskopf and Osinga, J. Comput. Phys. 146 (1998) 404-419, for one-dimensional manifolds of maps.
+
     Examples
     --------
     Of a saddle beyond which the field is another one; its unstable curve is y = 0, its stable one x = 0:
