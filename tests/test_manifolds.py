@@ -319,3 +319,41 @@ def test_the_unstable_curve_of_a_cycle_ends_in_the_cycles_beside_it():
     found = manifold(ring(), "unstable", length=3, spacing=0.05)
     assert sorted(arm.points[0, -1] for arm in found.arms) == pytest.approx([1, 3], abs=1e-2)
     assert np.nanmax(np.abs(found.points[1:])) < 1e-10
+
+
+@pytest.mark.parametrize("kind", ["unstable", "stable"])
+def test_half_a_period_of_a_symmetric_orbit_gives_the_same_curve(kind):
+    duffing = System({x: v, v: -v / 10 + x - x**3 + sp.cos(t) / 20}, time=t)
+    half = find_orbit(duffing, {x: 0, v: 0}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    full = find_orbit(duffing, half.start, period=2 * sp.pi)
+    one, other = manifold(half, kind, length=2), manifold(full, kind, length=2.2, spacing=0.002)
+    points = one.points[:, np.isfinite(one.points[0])]
+    # A chord is off its arc by 0.002^2/8 of the curvature, which is below 5 here.
+    assert other.distance(points[:, ::9]).max() < 3e-6
+
+
+def test_the_unstable_curve_of_a_falling_pendulum_hits_a_stop_as_the_hyperbolas_say():
+    # x'' = x and a stop at 1 with e = 1/2: v^2 - x^2 = 1/4^k - 1 after k impacts, each at v = 1/2^(k - 1).
+    stop = Unilateral(1 - x, restitution=0.5, name="stop")
+    rest = find_equilibrium(System({x: v, v: x - stop.reaction}), {x: 0, v: 0})
+    found = manifold(rest, "unstable", length=3)
+    (arm,) = (arm for arm in found.arms if arm.meetings)
+    assert [meeting.what for meeting in arm.meetings] == ["impact [stop]"] * 3
+    edges = np.flatnonzero(np.isnan(arm.points[0]))
+    for k, piece in enumerate(np.split(arm.points, edges, axis=1)):
+        energy = (piece[1] ** 2 - piece[0] ** 2)[np.isfinite(piece[0])]
+        assert np.abs(energy - (0.25**k - 1) * (k > 0)).max() < 1e-11
+    before = [arm.points[1, edge - 1] for edge in edges]
+    assert before == pytest.approx([1, 0.5, 0.25], abs=1e-10)
+
+
+def test_points_of_a_stable_curve_that_preimages_find_come_to_the_saddle():
+    # Of the border-collision normal form, whose multipliers are negative: two preimages at a time.
+    delta, tau = 0.5, -1.7
+    fixed = 1 / (1 - tau + delta)
+    orbit = find_orbit(corner_map(1.7, tau, delta), {x: fixed, y: -delta * fixed}, period=1)
+    found = manifold(orbit, "stable", length=1.5, spacing=0.2)
+    for arm in found.arms:
+        end = orbit.map.iterate(arm.points[:, -1], 16)[-1]
+        # 1.5*0.378^16 along the curve, and its error of 1e-12 times 1.32^16 across it
+        assert np.abs(end - orbit.x).max() < 2 * 1.5 * 0.3783**16 + 1e-9
