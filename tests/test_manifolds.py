@@ -132,6 +132,33 @@ def test_henons_manifolds_are_those_of_the_parametrisation(kind):
             assert np.abs(np.array([P(r), Q(r)]) - p).max() < 1e-10
 
 
+def test_the_curves_of_henons_saddle_cross_where_both_parametrisations_do():
+    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
+    a, b = 1.4, 0.3
+    x0 = (-(1 - b) + np.sqrt((1 - b) ** 2 + 4 * a)) / (2 * a)
+    root = np.sqrt((a * x0) ** 2 + b)
+    series = [
+        [np.polynomial.Polynomial(c) for c in henon_series(m, x0)] for m in (-a * x0 - root, -a * x0 + root)
+    ]
+    out, into = (
+        manifold(saddle, kind, length=length, spacing=0.02) for kind, length in (("unstable", 4), ("stable", 3))
+    )
+    crossings = out.crossings(into)
+    assert crossings.shape[1] >= 2
+    s = np.linspace(-8, 8, 160001)
+    grids = [np.array([one(s) for one in pair]) for pair in series]
+    for point in crossings.T:
+        r = [s[np.argmin(np.abs(grid - point[:, None]).max(axis=0))] for grid in grids]
+        for _ in range(6):
+            off = np.array([one(r[0]) - other(r[1]) for one, other in zip(*series)])
+            slopes = [[one.deriv()(r[0]), -other.deriv()(r[1])] for one, other in zip(*series)]
+            r = r - np.linalg.solve(slopes, off)
+        exact = np.array([one(r[0]) for one in series[0]])
+        assert (
+            np.linalg.norm(exact) < 4 and np.abs(exact - point).max() < 5e-4
+        )  # chords of 0.02, at sharp angles
+
+
 def corner_map(tau_left, tau_right, delta):
     tau = sp.Piecewise((sp.Float(tau_left), x < 0), (sp.Float(tau_right), True))
     return at_rest((x, y), {x: tau * x + y + 1, y: -sp.Float(delta) * x})
@@ -211,7 +238,7 @@ def test_the_saddle_of_an_impact_oscillator_has_the_basins_on_both_sides_of_its_
 
 def test_the_boundary_between_cells_of_basins_is_the_stable_curve(hammered):
     _, _, saddle = hammered
-    found = manifold(saddle, "stable", length=12, spacing=0.01)
+    found = manifold(saddle, "stable", length=12, spacing=0.005)
     rows, columns = np.linspace(-1, 0.8, 7), np.linspace(-2.5, 2.5, 21)
     cells = basins(hammer(0.18), {x: rows, v: columns}, PERIOD, transient=150)
     assert len(cells.attractors) == 2
@@ -223,13 +250,23 @@ def test_the_boundary_between_cells_of_basins_is_the_stable_curve(hammered):
     boundary = []
     for i, k in zip(*np.nonzero(np.diff(cells.labels, axis=1))):
         low, high, name = columns[k], columns[k + 1], cells.labels[i, k]
-        while high - low > 1e-8:
+        while high - low > 1e-9:
             middle = (low + high) / 2
             low, high = (middle, high) if label([rows[i], middle]) == name else (low, middle)
         boundary.append([rows[i], low])
     assert len(boundary) >= 8
-    # A chord of 0.01 is off its arc by 0.01^2/8 of the curvature, which is below 20 here.
-    assert found.distance(np.array(boundary).T).max() < 2e-4
+    assert max(off_the_curve(found, np.array(point)) for point in boundary) < 1e-8
+
+
+def off_the_curve(found, point):
+    """Distance of a point from the quartic through the five points of the curve about it, across the curve."""
+    arm = min(found.arms, key=lambda arm: np.nanmin(np.linalg.norm(arm.points.T - point, axis=1)))
+    k = int(np.nanargmin(np.linalg.norm(arm.points.T - point, axis=1)))
+    near = arm.points[:, k - 2 : k + 3]
+    along = near[:, 3] - near[:, 1]
+    frame = np.array([along, [-along[1], along[0]]]) / np.linalg.norm(along)
+    u, w = frame @ (near - point[:, None])
+    return abs(np.polynomial.Polynomial.fit(u, w, len(u) - 1)(0.0))
 
 
 def test_an_itinerary_changes_where_the_unstable_curve_leaves_the_stop(hammered):

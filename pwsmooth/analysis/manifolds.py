@@ -30,6 +30,7 @@ from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 __all__ = ["Manifold", "manifold"]
 
 _COLLAPSES = 1e-3  # a multiplier below it: no fundamental domain is resolved
+_SAME = 1e-5  # relative to the states: so near to a saddle a crossing is the saddle
 _PARTS = 200  # of the length, or of the box: the spacing
 
 
@@ -98,6 +99,44 @@ class Manifold(Described):
             part = np.clip(((point - start) * way).sum(axis=1) / size, 0, 1)
             nearest[k] = np.linalg.norm(start + part[:, None] * way - point, axis=1).min(initial=math.inf)
         return nearest
+
+    def crossings(self, other: Manifold) -> np.ndarray:
+        """Where the curve crosses another one in the plane: homoclinic points, or heteroclinic ones of two saddles.
+
+        Parameters
+        ----------
+        other : Manifold
+            Of the same section; of systems with two states.
+
+        Returns
+        -------
+        ndarray, shape (2, k)
+            In the units of the states, along this curve from its saddles outwards; of the polygons through the points,
+            so that they are as good as the square of the spacing. Without common saddles.
+
+        Raises
+        ------
+        ValueError
+            Not two states.
+        """
+        if len(self.saddle.x) != 2 or len(other.saddle.x) != 2:
+            raise ValueError(f"the saddle has {len(self.saddle.x)} states; curves cross in a plane of two.")
+        start, way = self.points[:, :-1].T, np.diff(self.points, axis=1).T
+        begin, along = other.points[:, :-1].T, np.diff(other.points, axis=1).T
+        found = []
+        for at, step in zip(start, way):
+            turned = step[0] * along[:, 1] - step[1] * along[:, 0]
+            off = begin - at
+            with np.errstate(all="ignore"):
+                part = (off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0]) / turned
+                far = (off[:, 0] * step[1] - off[:, 1] * step[0]) / turned
+            for k in np.flatnonzero((part >= 0) & (part < 1) & (far >= 0) & (far < 1)):
+                found.append(at + part[k] * step)
+        saddles = [self.saddle.x, other.saddle.x]
+        kept = [
+            x for x in found if all(np.abs(x - at).max() > _SAME * (1 + np.abs(at).max()) for at in saddles)
+        ]
+        return np.array(kept).reshape(-1, 2).T
 
     def plot(self, ax: Any = None, x: Any = None, y: Any = None, **line: Any) -> Any:
         """The curve in the plane of two states, the saddle and what surfaces it meets.
