@@ -394,3 +394,30 @@ def test_points_of_a_stable_curve_that_preimages_find_come_to_the_saddle():
         end = orbit.map.iterate(arm.points[:, -1], 16)[-1]
         # 1.5*0.378^16 along the curve, and its error of 1e-12 times 1.32^16 across it
         assert np.abs(end - orbit.x).max() < 2 * 1.5 * 0.3783**16 + 1e-9
+
+
+def test_a_pseudo_saddle_on_a_repelling_surface_is_left_to_both_sides_and_reached_along_it():
+    # The pseudo-saddle above in reversed time: x = 1 - |y| - exp(-|y|) leads away, and the slide x' = -x arrives.
+    lam = Switch("lam", y)
+    held = find_equilibrium(System({x: -x - lam * y, y: lam}), {x: 0.1, y: 0})
+    out, into = (manifold(held, kind, length=2).points for kind in ("unstable", "stable"))
+    assert np.nanmin(out[1]) < -1 and np.nanmax(out[1]) > 1
+    assert np.nanmax(np.abs(out[0] - (1 - np.abs(out[1]) - np.exp(-np.abs(out[1]))))) < 1e-11
+    assert np.nanmax(np.abs(into[1])) < 1e-14 and np.nanmin(into[0]) < -1.9 and np.nanmax(into[0]) > 1.9
+
+
+def test_the_stable_curve_of_a_smoothed_saddle_separates_its_mirrored_neighbours():
+    # A view has no runs backward, and its layer contracts: the curve is a level set of the map.
+    lam = Switch("lam", v)
+    mu = lam * (1 + 3 * (1 - lam**2))
+    block = System({x: v, v: -3.4 * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t).smoothed(eps=0.05)
+    saddle = find_orbit(block, {x: 0.7977, v: -1.5866}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    assert saddle.success and abs(saddle.map_multipliers[0]) > 1
+    found = manifold(saddle, "stable", length=0.4, spacing=0.05)
+    assert [arm.end for arm in found.arms] == ["reached the length 0.4."] * 2
+    whole = find_orbit(block, saddle.start, period=2 * sp.pi).map
+    for arm in found.arms:
+        along = arm.points[:, -1] - arm.points[:, -2]
+        across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+        ends = [whole.iterate(arm.points[:, -1] + off * across, 80)[-1] for off in (1e-7, -1e-7)]
+        assert np.linalg.norm(ends[0] - ends[1]) > 0.05

@@ -24,12 +24,13 @@ from .arms import Arm, Rules
 from .equilibrium import Equilibrium
 from .flow_manifolds import arms_of_equilibrium
 from .level_sets import traced_arms
-from .map_manifolds import arms_of_map
+from .map_manifolds import arms_of_map, reversible
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 
 __all__ = ["Manifold", "manifold"]
 
 _COLLAPSES = 1e-3  # a multiplier below it: no fundamental domain is resolved
+_CONTRACTS = 0.05  # the same of a map whose motion cannot be run backward: level sets are better conditioned
 _SAME = 1e-5  # relative to the states: so near to a saddle a crossing is the saddle
 _PARTS = 200  # of the length, or of the box: the spacing
 
@@ -236,8 +237,8 @@ def manifold(
     Notes
     -----
     Orbits: growth out of a fundamental domain, stable ones backward in time or, where events cannot be undone, by
-    preimages with Newton's method; where the orbit sticks or contracts by more than 1000, as a level set of the map
-    (two states only). Equilibria: trajectories. What is not there: a stable curve ends where the motion forward slides
+    preimages with Newton's method; where the orbit sticks or contracts strongly, as a level set of the map (two states
+    only). Equilibria: trajectories. What is not there: a stable curve ends where the motion forward slides
     or rests, since it has no single past there; manifolds of more dimensions.
 
     Source: B. Krauskopf, H. Osinga, J. Comput. Phys. 146 (1998) 404-419, for spacing and angles.
@@ -295,9 +296,12 @@ def _arms(orbit: PeriodicOrbit, stable: bool, rules: Rules) -> list[Arm]:
             "is no curve; give a saddle for which it is one."
         )
     multiplier = float(these[0].real)
-    if not stable or abs(multiplier) >= _COLLAPSES:
+    planar = len(orbit.x) == 2 and bool(outside)
+    # Preimages by Newton's method are good to the roundings of P over the multiplier.
+    least = _CONTRACTS if stable and planar and not reversible(orbit) else _COLLAPSES
+    if not stable or abs(multiplier) >= least:
         return arms_of_map(orbit, multiplier, stable, rules)
-    if len(orbit.x) != 2 or not outside:
+    if not planar:
         raise ValueError(
             f"`saddle` contracts by the multiplier {multiplier:.3g} and has {len(orbit.x)} states: such a stable curve "
             "is traced as a level set, in two states only."

@@ -54,7 +54,7 @@ def arms_of_map(orbit: PeriodicOrbit, multiplier: float, stable: bool, rules: Ru
     """Both arms of the manifold of one multiplier."""
     apply = forward(orbit.map)
     if stable:
-        apply = backward(orbit.map) if _reversible(orbit) else preimage(orbit.map)
+        apply = backward(orbit.map) if reversible(orbit) else preimage(orbit.map)
     growth = 1 / multiplier if stable else multiplier
     if growth < 0:
         apply, growth = _twice(apply), growth * growth
@@ -143,7 +143,7 @@ def backward(map_: Any) -> Apply:
     return apply
 
 
-def _reversible(orbit: PeriodicOrbit) -> bool:
+def reversible(orbit: PeriodicOrbit) -> bool:
     """Whether a run backward leads from the orbit back to it; none does of a return map or with a nonlinear reset."""
     if isinstance(orbit.map, Section):
         return False
