@@ -8,7 +8,7 @@ of C N**-1 E tells them apart (positive: fold); that of tau_q on both sides says
 
 Source: di Bernardo, Budd, Champneys, Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, ch. 5, for boundary
 equilibria.
-Chain: equilibrium_walk.py, equilibrium_tests.py -> **equilibrium_branches** -> continuation.py.
+Chain: mode_walk.py, equilibrium_tests.py -> **equilibrium_branches** -> continuation.py.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..definition import checks
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation, EquilibriumBranch
 from .equilibrium_tests import between
-from .equilibrium_walk import Point, Walk
+from .mode_walk import Point, Walk
 from .statics import RANK, ROUNDING
 
 _MOST_MODES = 50  # of a branch: changes of mode

@@ -4,7 +4,7 @@
     branch; with a linear switch a two-fold)
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones.
-Chain: equilibrium_walk.py, equilibrium_branch.py -> **equilibrium_tests** -> equilibrium_branches.py.
+Chain: mode_walk.py, equilibrium_branch.py -> **equilibrium_tests** -> equilibrium_branches.py.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..definition.regularity import total_derivative
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation
 from .equilibrium_stability import lyapunov_coefficient
-from .equilibrium_walk import Point, Walk
+from .mode_walk import Point, Walk
 
 
 def between(walk: Walk, here: Point, there: Point) -> list[EquilibriumBifurcation]:

@@ -5,7 +5,7 @@
 A mode says of every multiplier on which side of its surface it is: 1 or -1, or 0 where it is held there (a closed
 contact, an algebraic unknown). In a mode the equations are smooth.
 
-Chain: paths/linearised.py, equilibrium_stability.py -> **statics** -> equilibrium.py, equilibrium_walk.py.
+Chain: paths/linearised.py, equilibrium_stability.py -> **statics** -> equilibrium.py, mode_walk.py.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     F(u) = (f, h_J) = 0,   tau . (u - u0) = ds,   u = (x, lam_J, q),   each in a unit of its own   (H. B. Keller, 1977)
 
-Chain: statics.py, equilibrium.py -> **equilibrium_walk** -> equilibrium_tests.py, equilibrium_branches.py.
+Chain: statics.py, equilibrium.py -> **mode_walk** -> equilibrium_tests.py, equilibrium_branches.py.
 """
 
 from __future__ import annotations
