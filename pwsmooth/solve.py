@@ -219,7 +219,9 @@ def solve(
     return solution
 
 
-def taped_run(system: Any, options: Mapping[str, Any], dense: bool = False) -> EventDriven | None:
+def taped_run(
+    system: Any, options: Mapping[str, Any], dense: bool = False, rows: bool = False
+) -> EventDriven | None:
     """The event-driven run that solve() would make of these options, with a tape; None for any other."""
     model, known = system.model, {name: option.default for name, option in _OPTIONS.items()}
     given = {name: value for name, value in {**known, **options}.items() if name in Options._fields}
@@ -229,7 +231,7 @@ def taped_run(system: Any, options: Mapping[str, Any], dense: bool = False) -> E
         return None
     if model.smoothing and not model.multipliers:
         return None
-    run = prepared_run(model, Options(**given, dense=dense, tape=True))
+    run = prepared_run(model, Options(**given, dense=dense, tape=True, rows=rows))
     return None if run.one_step else run
 
 

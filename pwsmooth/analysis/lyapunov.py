@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,7 @@ from ..definition import checks
 from ..definition.describe import Described, Rows, listed
 from ..paths.budget import opened, whole
 from ..paths.growth import growth
+from ..paths.tangents import Tape
 from ..results.records import Outcome
 from ..results.solution import Solution
 from ..solve import solve, taped_run
@@ -128,18 +130,18 @@ class _Frame:
         self.logs: list[np.ndarray] = []
         self.degenerate: list[str] = []
 
-    def carry_along(self, run: Solution) -> bool:
-        """Along the tape of a run; False where a step has no series."""
-        if not run.tape.by_series:
-            return False
-        found = growth(run.tape, self.q)
-        if not np.isnan(found.stopped):
+    def carry_along(self, tape: Tape, ambiguities: int, solution: Callable[[], Solution]) -> bool:
+        """Along the tape of a run; False where a step has no series. Words are asked of its solution."""
+        found = growth(tape, self.q)
+        if not math.isnan(found.stopped):
             return False
         self.q = found.frame
         self.times.append(found.t)
         self.logs.append(found.log)
-        self.degenerate += without_derivative(run, found.instant_t, found.instant_why)
-        self.degenerate += [str(a) for a in run.ambiguities]
+        if ambiguities or found.instant_why[:, 0].any():
+            run = solution()
+            self.degenerate += without_derivative(run, found.instant_t, found.instant_why)
+            self.degenerate += [str(a) for a in run.ambiguities]
         return True
 
     def carry_by_factors(self, run: Solution, until: float = math.inf) -> None:
@@ -170,21 +172,21 @@ class _Frame:
     def means(self, start: float, end: float, outcome: Outcome) -> LyapunovExponents:
         """Growth rates over (start, end]."""
         count = self.q.shape[1]
-        times, logs = np.concatenate(self.times), np.concatenate(self.logs)
-        before = times <= start
-        if not end > start or before.all():
+        # Behind the last factor one that nothing grows by, where parts without a factor may begin.
+        times, logs = np.concatenate(self.times), np.concatenate([*self.logs, np.zeros((1, count))])
+        before = int(np.searchsorted(times, start, side="right"))
+        if not end > start or before == len(times):
             empty = np.full(count, np.nan)
             return LyapunovExponents(empty, empty.copy(), 0.0, outcome)
         # Count whole factors only: the average begins at the end of a step.
-        start = float(times[before].max(initial=self.start))
-        times, logs = times[~before], logs[~before]
-        exponents = logs.sum(axis=0) / (end - start)
-        edges = np.linspace(start, end, _PIECES + 1)
-        part = np.clip(np.searchsorted(edges, times, side="left") - 1, 0, _PIECES - 1)
-        rates = np.zeros((_PIECES, count))
+        start = float(times[before - 1]) if before else self.start
+        begins = np.searchsorted(times, start + (end - start) / _PIECES * np.arange(_PIECES), side="right")
+        parts = np.add.reduceat(logs, begins)
+        parts[np.diff(begins, append=len(times)) == 0] = 0.0
+        exponents = parts.sum(axis=0) / (end - start)
         with np.errstate(invalid="ignore"):
-            np.add.at(rates, part, logs)
-            errors = rates.std(axis=0, ddof=1) / math.sqrt(_PIECES) * _PIECES / (end - start)
+            off = parts / (end - start) - exponents / _PIECES
+            errors = np.sqrt((off * off).sum(axis=0) * _PIECES / (_PIECES - 1))
         order = np.argsort(-exponents, kind="stable")
         said = tuple(dict.fromkeys(self.degenerate))
         return LyapunovExponents(exponents[order], errors[order], end - start, outcome, said)
@@ -233,7 +235,8 @@ def largest_exponent(solution: Solution, after: float | None = None) -> float:
     if not end > start:
         return math.nan
     frame = _Frame(len(solution.x), 1, start)
-    if not (has_series(solution) and frame.carry_along(solution)):
+    ambiguities = len(solution.ambiguities)
+    if not (has_series(solution) and frame.carry_along(solution.tape, ambiguities, lambda: solution)):
         frame.carry_by_factors(solution)
     begin = start + 0.2 * (end - start) if after is None else float(after)
     return float(frame.means(begin, end, solution.outcome).exponents[0])
@@ -304,10 +307,10 @@ def lyapunov_exponents(
         )
     if (values := options.pop("parameters", None)) is not None:
         system = system.with_parameters(values)
-    x = np.array(system.initial_state(x0), float)
+    x = system.initial_state(x0, start_time)
     count = checks.whole(count, "`count`", 1, len(x))
     first = start_time + transient
-    run = taped_run(system, options)
+    run = taped_run(system, options, rows=True)
     along = run and _along_a_tape(run, system, x, count, start_time, first, last)
     frame, end, outcome = along or _by_chunks(system, options, x, count, start_time, first, last)
     return frame.means(first, end, outcome)
@@ -315,13 +318,13 @@ def lyapunov_exponents(
 
 def _along_a_tape(run, system, x, count, t, first, last) -> tuple[_Frame, float, Outcome] | None:
     """None where a step has no series."""
-    frame, p, start = _Frame(len(x), count, t), np.array(system.parameter_values, float), x.tolist()
-    ended, ends = (t, Outcome.FINISHED), [first, last] if first > t else [last]
-    for part, _ in run.parts_of(system, p, t, ends, system.initial_state(start, t), opened()):
-        ended = float(part.t[-1]), part.outcome
-        if not frame.carry_along(part):
+    frame, p = _Frame(len(x), count, t), np.array(system.parameter_values, float)
+    ends = [first, last] if first > t else [last]
+    for part in run.tapes_of(system, p, t, ends, x, opened()):
+        if not frame.carry_along(part.tape, part.ambiguities, part.solution):
             return None
-    return frame, *ended
+    done = part.code == Outcome.FINISHED
+    return frame, float(part.tape.values[-1, 0]), Outcome.FINISHED if done else part.solution().outcome
 
 
 def _by_chunks(system, options, x, count, t, first, last) -> tuple[_Frame, float, Outcome]:

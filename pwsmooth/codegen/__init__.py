@@ -101,23 +101,31 @@ class Compiled:
 
         return cache.cached_texts(f"{self._key}-jets", build)
 
-    @cached_property
-    def tangents(self):
-        """Text of the programs with Jacobians, by name: "slip", "general" (of jets.py), "jacobian", "act_slopes"."""
+    def _tangents(self, what: str):
+        """Texts of the pointwise functions of jacobian.py, "point", or of jets."""
 
         def build():
-            from .jacobian import write_jacobian
+            if what == "point":
+                from .jacobian import write_jacobian
+
+                return write_jacobian(self.model)
             from .taylor.jets import write_jets
 
-            return write_jets(self.model, len(self.model.parameters)) | write_jacobian(self.model)
+            parameters = len(self.model.parameters) if what != "alone" else None
+            return write_jets(self.model, parameters=parameters, given=what != "jets", deviating=what == "alone")
 
-        return cache.cached_texts(f"{cache.fingerprint(self.model)}-tangents", build)
+        return cache.cached_texts(f"{cache.fingerprint(self.model)}-tangents-{what}", build)
 
-    def tangent(self, name: str):
-        """One of them, loaded: its constants and addresses; None where the model has none."""
-        if ("tangent", name) not in self._loaded:
-            self._loaded["tangent", name] = self._load(self.tangents, name)
-        return self._loaded["tangent", name]
+    def tangent(self, what: str, name: str):
+        """A program of theirs, loaded: its constants and addresses; None where the model has none.
+
+        Jets with the series of the Jacobians ("jets"); these series alone, where those of the run are given ("given");
+        the series of one deviation there ("alone").
+        """
+        key = "tangent", what, name
+        if key not in self._loaded:
+            self._loaded[key] = self._load(self._tangents(what), name)
+        return self._loaded[key]
 
     @cached_property
     def _slip(self):

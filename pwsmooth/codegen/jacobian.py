@@ -40,6 +40,18 @@ def flow_entries(graph: Graph, rates, residuals, m: int, parameters: int) -> lis
     return found + _entries(graph, (G_X, G_MULT, G_P), residuals, m, parameters)
 
 
+def linearised(graph: Graph, entries, w: list[int], l: list[int]) -> tuple[list[int], list[int]]:
+    """Rates f_x w + f_lambda l and residuals g_x w + g_lambda l from the entries, those by parameters apart."""
+    sums: dict[tuple[bool, int], list[tuple[float, int]]] = {}
+    for kind, i, j, slope in entries:
+        if kind % 3 != F_P:
+            by = w if kind % 3 == F_X else l
+            sums.setdefault((kind >= G_X, i), []).append((1.0, graph.mul(slope, by[j])))
+    rows = [(residual, i) for residual, count in ((False, len(w)), (True, len(l))) for i in range(count)]
+    made = [graph.sum(sums.get(row, [])) for row in rows]
+    return made[: len(w)], made[len(w) :]
+
+
 def _speeds(graph: Graph) -> list[int]:
     """Nodes of dh/dt of what is held with it; 0 for the others. No multiplier stands in it."""
     model = graph.model

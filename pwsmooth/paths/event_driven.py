@@ -5,7 +5,8 @@ Chain: solve -> **this file** -> kernels/trajectory.py, the loop that reads like
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,6 +55,7 @@ class Options(NamedTuple):
     order: int | None
     strict: bool
     tape: bool = False
+    rows: bool = False  # the steps' polynomials on the tape, which are then not made again
 
     def checked(self, model: Model) -> Options:
         """With numbers in the place of what stands for them.
@@ -81,6 +83,7 @@ class Options(NamedTuple):
             order,
             checks.flag(self.strict, "`strict`"),
             self.tape,
+            self.rows,
         )
 
 
@@ -108,10 +111,10 @@ def prepared_run(model: Model, options: Options) -> EventDriven:
         atol = atol.dtype.str, atol.shape, atol.tobytes()
     elif isinstance(atol, list):
         atol = tuple(atol)
-    method, rtol, _, dense, max_step, max_steps, order, strict, tape = options
+    method, rtol, _, dense, max_step, max_steps, order, strict, tape, rows = options
     # True is 1 to a dict, but not at the door.
     kinds = type(dense), type(max_steps), type(strict)
-    key = method, rtol, atol, dense, max_step, max_steps, order, strict, tape, kinds
+    key = method, rtol, atol, dense, max_step, max_steps, order, strict, tape, rows, kinds
     try:
         run = kept.get(key)
     except TypeError:  # no hash, which tells nothing about whether it is fit
@@ -142,6 +145,15 @@ class Checkpoint(NamedTuple):
     cells: np.ndarray
 
 
+class Part(NamedTuple):
+    """Of a run, in the buffers themselves, where the next part and any other run of the model will write."""
+
+    tape: Tape
+    ambiguities: int  # that are recorded in it
+    code: int
+    solution: Callable[[], Solution]
+
+
 class EventDriven:
     """A model with options, ready to run: the arrays that the kernel works on.
 
@@ -157,6 +169,7 @@ class EventDriven:
         # A tape is played again by series; where an argument of a root comes to 0 there is none.
         self.by_series = parts.has_jets and not parts.singular
         self.tape = options.tape and parts.has_jets
+        self.rows = self.tape and options.rows
         self.sizes = parts.code
         if options.method == "taylor" and not parts.has_jets:
             raise ValueError(
@@ -238,9 +251,10 @@ class EventDriven:
                 f"multipliers {state.mult.tolist()}, states {state.x.tolist()} "
                 "(PWSMOOTH_CHECK; kernels/instant/invariants.py)."
             )
-        solution = self.finish(system, code, problem, state, record, times)
+        kept = self._kept(record, state)
+        solution = self.finish(system, code, problem, state, kept, record, times)
         if self.tape:
-            solution.tape = self._tape(p, control, state, record)
+            solution.tape = self._tape(p, control, state, kept)
         if len(record.t) == self.room:
             return solution
         room = int(1.1 * max(state.points, state.events, state.ambiguities, state.pieces))
@@ -263,6 +277,21 @@ class EventDriven:
         Parts end at the `ends`, and where the buffers are full, which grow to `most` bytes. A part begins with the
         column that the one before it ended with; what it holds is overwritten by the next one.
         """
+        for run, code, record, begun in self._in_parts(system, p, t0, ends, start, spending, most):
+            yield self._finished(run, code, record), begun
+
+    def tapes_of(
+        self, system: Any, p: np.ndarray, t0: float, ends: Sequence[float], start: Any, spending: Budget
+    ) -> Iterator[Part]:
+        """The same without Solutions."""
+        state = self.state
+        for run, code, record, _ in self._in_parts(system, p, t0, ends, start, spending):
+            tape = self._tape(run.p, run.control, state, self._parts(record, state))
+            yield Part(tape, state.ambiguities, code, functools.partial(self._finished, run, code, record))
+
+    def _in_parts(
+        self, system: Any, p: np.ndarray, t0: float, ends: Sequence[float], start: Any, spending: Budget, most: int = 0
+    ) -> Iterator[tuple[_Run, int, Any, Checkpoint]]:
         control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
         run, record = _Run(system, self.parts.problem(p, self.one_step), control, most), self.first_record()
         stands = state.block.copy(), state.cells.copy()
@@ -274,7 +303,7 @@ class EventDriven:
                 self._empty(record)
                 code, record = self._part(run, end, record, spending)
                 stands = state.block.copy(), state.cells.copy()
-                yield self._finished(run, code, record), Checkpoint(run, end, len(record.t), *begun)
+                yield run, code, record, Checkpoint(run, end, len(record.t), *begun)
             if code != Outcome.FINISHED:
                 return
 
@@ -302,8 +331,9 @@ class EventDriven:
     def _finished(self, run: _Run, code: int, record: Any) -> Solution:
         """The part as a Solution; one that is cut has FINISHED as its outcome."""
         code = Outcome.FINISHED if code == Outcome.OUT_OF_MEMORY else code
-        solution = self.finish(run.system, code, run.problem, self.state, record)
-        solution.tape = self._tape(run.p, run.control, self.state, record)
+        kept = self._kept(record, self.state)
+        solution = self.finish(run.system, code, run.problem, self.state, kept)
+        solution.tape = self._tape(run.p, run.control, self.state, kept)
         return solution
 
     def _empty(self, record: Any) -> None:
@@ -342,7 +372,7 @@ class EventDriven:
 
     def _plan(self, room: int) -> Any:
         """Of the buffers for `room` points and events."""
-        pieces = room if self.dense else 0
+        pieces = room if self.dense or self.rows else 0
         tapes = 4 * room if self.tape else 0
         sizes = dict(n=self.sizes.n, m=self.sizes.m, order=self.order, room=room, pieces=pieces, tapes=tapes)
         return names.Record.planned(sizes, undefined=names.Record.members)
@@ -389,17 +419,24 @@ class EventDriven:
         }  # fmt: skip
         if ambiguities := state.ambiguities:
             parts |= {name: getattr(record, name)[:ambiguities] for name in ("ambiguity_t", "ambiguity")}
-        if self.tape:
-            parts |= {name: getattr(record, name)[: state.taped] for name in ("tape", "tape_x")}
-        if self.dense:
+        if self.tape:  # and a line for its end
+            parts |= {name: getattr(record, name)[: state.taped + 1] for name in ("tape", "tape_x")}
+        if self.dense or self.rows:
             pieces = state.pieces
             parts |= {name: getattr(record, name)[:pieces] for name in ("dense", "dense_s")}
         return parts
 
-    def _tape(self, p: np.ndarray, control: Any, state: Any, record: Any) -> Tape:
+    def _kept(self, record: Any, state: Any) -> dict[str, np.ndarray]:
+        """What the buffers hold at the end, where the next run will not write."""
+        kept = self._parts(record, state)
+        if self.record is not None and record.t is self.record.t:
+            kept = {name: part.copy() for name, part in kept.items()}
+        return kept
+
+    def _tape(self, p: np.ndarray, control: Any, state: Any, kept: dict[str, np.ndarray]) -> Tape:
         """The run's tape, with the state at its end as its last entry."""
         k, n, m = state.taped, len(state.x), len(state.mult)
-        entries, values = record.tape[: k + 1].copy(), record.tape_x[: k + 1].copy()
+        entries, values = kept["tape"], kept["tape_x"]
         entries[k, 0], entries[k, 4:] = names.TAPE_END, state.status
         if self.one_step and not self.parts.singular:  # played again, a step by the pair is one by series
             steps = (entries[:, 0] == names.TAPE_STEP) & (entries[:, 1] == names.PAIR)
@@ -410,15 +447,20 @@ class EventDriven:
             (control.clock, control.clock_event) if self.clocked else (np.empty(0), np.empty(0, int))
         )
         order = _order_for(control.rtol, False) if self.one_step else control.order
-        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values)
+        dense = None if self.one_step else kept.get("dense")
+        return Tape(self.model, p.copy(), order, control.rtol, clock, owners, entries, values, dense)
 
     def finish(
-        self, system: Any, code: int, problem: Any, state: Any, record: Any, times: Any = None
+        self,
+        system: Any,
+        code: int,
+        problem: Any,
+        state: Any,
+        kept: dict[str, np.ndarray],
+        record: Any = None,
+        times: Any = None,
     ) -> Solution:
-        """The Solution of a run that ended with this code, in words."""
-        kept = self._parts(record, state)
-        if self.record is not None and record.t is self.record.t:
-            kept = {name: part.copy() for name, part in kept.items()}  # the next run will write there
+        """The Solution of a run that ended with this code, in words; at wanted times those of the record."""
         t, x, mult, status = kept["t"], kept["x"], kept["mult"], kept["status"]
         if not len(t):
             # Its first multipliers were not found: the start is all there is, and they are not known.

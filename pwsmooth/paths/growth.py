@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import state as names
-from ..kernels.tangent.frame import Frame
 from .problem import compiled_problem
 from .tangents import Tape, compiled_tangents
 
@@ -30,29 +28,22 @@ def growth(tape: Tape, frame: np.ndarray) -> Growth:
     """Carries a frame (n, k) of orthonormal deviations along a run."""
     from ..codegen.machine.units import tangent_growth, unit_address
 
-    loop, compiled = tangent_growth(), compiled_tangents(tape.model)
     (n, k), entries = frame.shape, len(tape.entries)
+    what = "alone" if k == 1 and tape.dense is not None else tape.what
+    loop, compiled = tangent_growth(), compiled_tangents(tape.model, what)
     columns = -(-k // 8) * 8
-    kinds = tape.entries[:, 0]
-    instants = int(np.count_nonzero(kinds == names.TAPE_MEET))
-    most = int(np.count_nonzero((kinds == names.TAPE_STEP) | (kinds == names.TAPE_END)))
-    asked = dict(
-        tape=tape.entries, tape_x=tape.values, clock=np.zeros((len(tape.clock), columns + 8)),
-        instant_t=np.zeros(instants), instant_why=np.zeros((instants, 2), np.int64),
-        instant_dt=np.zeros((instants, columns)), instant_w=np.zeros((instants, 2 * n, columns)),
-        t_eval=np.empty(0), at_point=np.empty((0, 0, 0)), at_sample=np.empty((0, 0, 0)),
-    )  # fmt: skip
-    grown = Frame(
-        replay=unit_address("replay"), count=k, entries=entries, t=np.zeros(most), log=np.zeros((most, k))
-    )
+    times, logs = np.empty(entries), np.empty((entries, k))
+    instant_t, why = np.empty(entries), np.empty((entries, 2), np.int64)
+    asked = tape.arrays | dict(instant_t=instant_t, instant_why=why, grown_t=times, grown=logs)
+    if len(tape.clock):
+        asked["clock"] = np.zeros((len(tape.clock), columns + 8))
     with compiled.tangent(tape.order, max(10.0 * tape.rtol, 1e-15), columns, **asked) as tangent:
         tangent.w[:, :k] = frame
         tangent.scale[:k] = (frame != 0).T @ np.abs(tape.values[0, 2 : 2 + n])
-        tangent.instant = tape.instant_size
-        stopped = loop(compiled_problem(tape.model).problem(tape.p), tangent, grown)
-        found, end = tangent.instants, tangent.w[:, :k].copy()
-    factors = grown.factors
+        tangent.instant, tangent.replay = tape.instant_size, unit_address("replay")
+        stopped = loop(compiled_problem(tape.model).problem(tape.p), tangent)
+        found, factors, end = tangent.instants, tangent.factors, tangent.w[:, :k].copy()
     return Growth(
-        end, grown.t[:factors], grown.log[:factors], asked["instant_t"][:found], asked["instant_why"][:found],
+        end, times[:factors], logs[:factors], instant_t[:found], why[:found],
         np.nan if stopped < 0 else float(tape.values[stopped, 0]),
     )  # fmt: skip

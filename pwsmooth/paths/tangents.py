@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -100,21 +101,24 @@ class _FlowOf:
 class CompiledTangents:
     """The programs with Jacobians of a model, and the arrays that describe them."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, what: str):
+        """What the programs do along steps: see Compiled.tangent()."""
         self.model = model
+        self.told = {"given": int(what != "jets"), "alone": int(what == "alone")}
         code = self.code = compile_model(model)
         n, m, count = code.n, code.m, code.np
         slides = compiled_problem(model).fixed["jet_general"] != 0
         fold = self.fold = compile_model(fold_model(model)) if compiled_problem(model).fold else None
-        programs = {"slip": code.tangent("slip"), "general": code.tangent("general") if slides else None}
-        programs["fold"] = fold.tangent("general") if fold else None
+        programs = {name: code.tangent(what, name) for name in ("slip", "general") if name == "slip" or slides}
+        programs["fold"] = fold.tangent("jets", "general") if fold else None
         top = max(p.constants["NROWS"] for p in programs.values() if p)
         self.flows, own = {}, 0
-        for name, program in programs.items():
+        for name in ("slip", "general", "fold"):
+            program = programs.get(name)
             rows, address = n + 1 + m if name == "fold" else n, "jet_slip" if name == "slip" else "jet_general"
             self.flows[name] = _FlowOf(program, address, rows, m + (name == "fold"), count, top + own)
             own += program.constants["OWN_ROWS"] if program else 0
-        point, acts = code.tangent("jacobian"), code.tangent("act_slopes")
+        point, acts = (code.tangent("point", name) for name in ("jacobian", "act_slopes"))
         entries = np.array(point.constants["ENTRIES"], np.int64).reshape(-1, 5)
         writes = acts.constants["WRITES"]
         flat = [w for update in writes for w in update]
@@ -126,7 +130,7 @@ class CompiledTangents:
         most = max(map(len, writes), default=0)
         both, unknowns = n + m + 2, max(2 * m, m + 1)
         self.sizes = dict(
-            n=n, m=m, np=count, rows=top + own, all=both, unknowns=unknowns, twice=2 * unknowns,
+            n=n, m=m, np=count, rows=top + own, all=max(both, 2 * n, 2 * m), unknowns=unknowns, twice=2 * unknowns,
             closed=4 * m, wider=n, room=_PLACES, sums=8 * max(both, unknowns),
         )  # fmt: skip
         self.lengths = dict(
@@ -160,17 +164,20 @@ class CompiledTangents:
             tolerance=tolerance,
             columns=columns,
             parameters=self.code.np,
+            **self.told,
             **self.fixed,
             **scratch,
         )
         Tangent.members["rows_flat"].give(made, made.rows.ravel())
+        binomials = [[math.comb(i, k) for k in range(width)] for i in range(order + 1)]
+        Tangent.members["binomials"].give(made, np.ravel(binomials))
         return made, made.cells.copy()
 
 
 @functools.lru_cache(maxsize=64)
-def compiled_tangents(model: Model) -> CompiledTangents:
+def compiled_tangents(model: Model, what: str) -> CompiledTangents:
     """The programs of a model; the last ones are kept."""
-    return CompiledTangents(model)
+    return CompiledTangents(model, what)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,6 +192,18 @@ class Tape:
     clock_event: np.ndarray
     entries: np.ndarray
     values: np.ndarray
+    dense: np.ndarray | None = None  # (steps, n + m + 1, order + 1) where the run has kept its polynomials
+
+    @property
+    def what(self) -> str:
+        """Which programs play it again."""
+        return "jets" if self.dense is None else "given"
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Of a Tangent that plays it."""
+        dense = np.empty((0, 0, 0)) if self.dense is None else self.dense
+        return {"tape": self.entries, "tape_x": self.values, "dense": dense}
 
     @functools.cached_property
     def instants(self) -> np.ndarray:
@@ -196,6 +215,11 @@ class Tape:
         )
         steps = np.searchsorted(np.flatnonzero(parts), meets)
         return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
+
+    @functools.cached_property
+    def counts(self) -> np.ndarray:
+        """How many entries it has of each kind."""
+        return np.bincount(self.entries[:, 0], minlength=names.TAPE_END + 1)
 
     @functools.cached_property
     def by_series(self) -> bool:
@@ -248,19 +272,16 @@ class Tape:
         """
         from ..codegen.machine.units import tangent_replay
 
-        loop, compiled = tangent_replay(), compiled_tangents(self.model)
+        loop, compiled = tangent_replay(), compiled_tangents(self.model, self.what)
         (n, k), m = start.shape, compiled.code.m
         columns = -(-k // 8) * 8
-        kinds = self.entries[:, 0]
-        instants, recorded = (
-            int(np.count_nonzero(kinds == kind)) for kind in (names.TAPE_MEET, names.TAPE_POINT)
-        )
+        instants, recorded = (int(self.counts[kind]) for kind in (names.TAPE_MEET, names.TAPE_POINT))
         times = np.empty(0) if times is None else times
         clock = np.zeros((len(self.clock), columns + 8))
         for j, slopes in self.ticks(np.flatnonzero(seeds.any(axis=1))):
             clock[:, :k] += np.outer(slopes, seeds[j])
         asked = dict(
-            t_eval=times, clock=clock, tape=self.entries, tape_x=self.values,
+            t_eval=times, clock=clock, **self.arrays,
             at_point=np.zeros((recorded if points else 0, n + m, columns)),
             at_sample=np.zeros((len(times), n + m, columns)), instant_t=np.zeros(instants),
             instant_why=np.zeros((instants, 2), np.int64), instant_dt=np.zeros((instants, columns)),
@@ -271,7 +292,7 @@ class Tape:
             first = np.abs(self.values[0, 2 : 2 + n])
             tangent.scale[:k] = np.maximum((seeds != 0).T @ np.abs(self.p), (start != 0).T @ first)
             tangent.instant = self.instant_size
-            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(kinds))
+            stopped = loop(compiled_problem(self.model).problem(self.p), tangent, len(self.entries))
             found, end = tangent.instants, tangent.w[:, :k].copy()
             samples, off = tangent.samples, tangent.off[:k].copy()
         return Deviations(
@@ -284,7 +305,7 @@ class Tape:
         """Slopes of a cost by the start of the run and by its parameters."""
         from ..codegen.machine.units import tangent_replay
 
-        loop, compiled = tangent_replay(), compiled_tangents(self.model)
+        loop, compiled = tangent_replay(), compiled_tangents(self.model, self.what)
         n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
         columns = -(-(n + count + 2) // 8) * 8
         steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
@@ -297,7 +318,7 @@ class Tape:
         clock[:, n + count] = 1.0
         slope_clock = np.zeros(len(self.clock))
         asked = dict(
-            tape=self.entries, tape_x=self.values, t_eval=cost.times, cost_slope=cost.at, cost_entry=cost.entries,
+            **self.arrays, t_eval=cost.times, cost_slope=cost.at, cost_entry=cost.entries,
             cost_instant=cost.instants, clock=clock, slope_clock=slope_clock,
             at_sample=np.zeros((most, n + m, columns)), instant_t=np.zeros(1),
             instant_why=np.zeros((1, 2), np.int64), instant_dt=np.zeros((1, columns)),

@@ -123,9 +123,9 @@ def tangent_replay():
 
 @cache
 def tangent_growth():
-    """kernels.tangent.growth as a Python function of three Bundles."""
-    growth = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)(unit_address("growth"))
-    return lambda P, V, F: growth(P.address, V.address, F.address)
+    """kernels.tangent.growth as a Python function of two Bundles."""
+    growth = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2)(unit_address("growth"))
+    return lambda P, V: growth(P.address, V.address)
 
 
 @cache

@@ -18,12 +18,14 @@ Chain: Graph (dag.py) -> recurrences.py -> text (this file) -> cache.py -> kerne
 
 from __future__ import annotations
 
+from typing import Any
+
 from ...definition.model import Model
 from ..fields import Source, surfaces
 from ..graph.dag import Graph
 from ..graph.scalar import HELPERS, Writer
 from ..graph.slopes import derivative
-from ..jacobian import flow_entries
+from ..jacobian import flow_entries, linearised
 from ..layout import SHORTEST_ROW
 from ..machine.sums import LANES
 from .recurrences import AFFINE, CONSTANT, Degrees, NoRecurrence, OrderK, OrderZero, bits, label, plain, rewrite
@@ -84,41 +86,66 @@ FLAGS = ("contract", "nsz")
 class JetProgram:
     """Writes one program; its text ends with the layout, NROWS and SURFACE_ROWS (-1 where there is none)."""
 
-    def __init__(self, model: Model, general: bool, parameters: int | None = None):
-        """With `parameters`, the number of those by which is differentiated, the Jacobians have rows as well."""
-        self.model, self.general = model, general
-        self.graph = graph = Graph(model, by_element=parameters is None)
+    def __init__(
+        self,
+        model: Model,
+        general: bool,
+        parameters: int | None = None,
+        given: bool = False,
+        deviating: bool = False,
+    ):
+        """With `parameters`, the number of those by which is differentiated, the Jacobians have rows as well.
+
+        `given`: the rows of the states and, in the general program, of the multipliers stand there already. Then what
+        is `deviating` has rows behind those: deviations of the states, and of the multipliers that belong to them.
+        """
+        self.model, self.general, self.given = model, general, []
+        self.graph = graph = Graph(model, by_element=parameters is None and not given)
         n, m = len(model.states), len(model.multipliers)
-        self.states = [graph.var("x", i) for i in range(n)]
-        self.unknowns = [graph.var("mult", j) for j in range(m)] if general else []
+        x, lam = ([graph.var(name, i) for i in range(count)] for name, count in (("x", n), ("mult", m)))
+        self.states, self.unknowns = x, lam if general else []
         rates = [graph.expression(e) for e in model.rhs]
         residuals = [graph.expression(mult.condition) for mult in model.multipliers] if general else []
         h = surfaces(graph)
         nodes = rewrite(graph, rates + h + residuals)
-        entries = []
-        if parameters is not None:
-            entries = flow_entries(graph, nodes[:n], nodes[n + len(h) :], m if general else 0, parameters)
-        count = len(nodes)
-        nodes += [node for *_, node in entries]
-        nodes = simplify(graph, nodes, Degrees(graph, nodes[:n], general))
-        self.rates, self.h, self.residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) : count]
-        self.entries = [(*place, node) for (*place, _), node in zip(entries, nodes[count:], strict=True)]
-        holders = (*model.multipliers, *model.events)
-        self.has_surface = [s.surface is not None for s in holders]
-        self.degrees = Degrees(graph, self.rates, general)
-        self.source = Source()
-        self.responses: Responses | None = None
+        rates, h, residuals = nodes[:n], nodes[n : n + len(h)], nodes[n + len(h) :]
         # While switch j slides on a state, that state's rate is 0 exactly, not to rounding; so is that of its speed
         # where it slides to second order, and of the speed of a closed contact's gap.
         self.frozen: dict[int, list[int]] = {}
-        if general:
-            for j, mult in enumerate(model.multipliers):
-                if mult.kind != "algebraic" and self.h[j] in self.states:
-                    i = self.states.index(self.h[j])
-                    if mult.kind == "switch" and mult.second is None:
-                        self.frozen.setdefault(i, []).append(j)
-                    elif self.rates[i] in self.states:
-                        self.frozen.setdefault(self.states.index(self.rates[i]), []).append(j)
+        entries = []
+        if parameters is not None or deviating:
+            entries = flow_entries(graph, rates, residuals, m if general else 0, parameters or 0)
+        moving = rates
+        if given:
+            self.given, self.states, self.unknowns = [*x, *self.unknowns], [], []
+            rates, residuals = [], []
+        if deviating:
+            self.states, self.unknowns = (
+                [graph.var(name, count + i) for i in range(count)]
+                for name, count in (("x", n), ("mult", m if general else 0))
+            )
+            rates, residuals = linearised(graph, entries, self.states, self.unknowns)
+            moving, entries = moving + rates, []
+        known = {"known": (n, m)} if given else {}
+        nodes = [*moving, *h, *residuals, *(node for *_, node in entries)]
+        nodes = simplify(graph, nodes, Degrees(graph, moving, general, **known))
+        moving, nodes = nodes[: len(moving)], nodes[len(moving) :]
+        self.h, nodes = nodes[: len(h)], nodes[len(h) :]
+        self.rates = moving[len(moving) - len(rates) :]
+        self.residuals, slopes = nodes[: len(residuals)], nodes[len(residuals) :]
+        self.entries = [(*place, node) for (*place, _), node in zip(entries, slopes, strict=True)]
+        holders = (*model.multipliers, *model.events)
+        self.has_surface = [s.surface is not None and not given for s in holders]
+        self.degrees = Degrees(graph, moving, general, **known)
+        self.source = Source()
+        self.responses: Responses | None = None
+        for j, mult in enumerate(model.multipliers if general else ()):
+            if mult.kind != "algebraic" and self.h[j] in x:
+                i = x.index(self.h[j])
+                if mult.kind == "switch" and mult.second is None:
+                    self.frozen.setdefault(i, []).append(j)
+                elif moving[i] in x:
+                    self.frozen.setdefault(x.index(moving[i]), []).append(j)
 
     def solved(self, j: int) -> str:
         """Whether selections by multiplier j take their affine form: it is solved for, or held between its bounds."""
@@ -126,6 +153,7 @@ class JetProgram:
 
     def write(self) -> str:
         graph, degrees = self.graph, self.degrees
+        known = [*self.given, *self.states, *self.unknowns]
         roots = [
             *self.rates,
             *(h for h, has in zip(self.h, self.has_surface, strict=True) if has),
@@ -134,7 +162,7 @@ class JetProgram:
         ]
         loop = Writer(2)
         order_k = OrderK(graph, loop, degrees, self.solved)
-        for node in (*self.states, *self.unknowns):
+        for node in known:
             order_k.row(node)
         surface_rows = []
         for node, has in zip(self.h, self.has_surface, strict=True):
@@ -157,7 +185,7 @@ class JetProgram:
         start = Writer(1)
         order_0 = OrderZero(graph, start, degrees, self.solved, order_k.reciprocals)
         # States first: their rows are needed even where only a branch that is not taken reads them.
-        everywhere = [*self.states, *self.unknowns, *roots]
+        everywhere = [*known, *roots]
         self._open(start, order_0, everywhere)
         # Before them the constant rates, which are the slopes of affine states.
         order_0.emit([r for x, r in zip(self.states, self.rates, strict=True) if degrees.of(x) == AFFINE])
@@ -165,8 +193,10 @@ class JetProgram:
         # Rows and carried values that no root needs at order 0 (slopes of affine states).
         order_0.emit([a for a in order_k.rows if a >= 0 and a not in self.inside])
         scratch = 4 * len(order_k.products)
-        if self.general:
+        if self.unknowns:
             scratch = self._factor(order_0, start, corrections, scratch)
+        if self.given and self.unknowns:
+            self._correct(order_k, start, "v")
         self._open_rows(order_k, start)
 
         body = Writer(1)
@@ -209,7 +239,7 @@ class JetProgram:
         everything = set(self.graph.reach(roots))
         self.inside = everything - reached  # nodes that only a branch needs
         if self.general:
-            for j in range(len(self.unknowns)):
+            for j in range(len(self.model.multipliers)):
                 start.line(f"on{j} = mask[{j}] != 0")
                 start.line(f"between{j} = on{j} or not abs(mult[{j}]) == 1.0")
             return
@@ -233,6 +263,8 @@ class JetProgram:
     def _open_rows(self, order_k: OrderK, start: Writer) -> None:
         for node, row in order_k.rows.items():
             start.line(f"o{row} = {row} * stride")
+            if node in self.given:
+                continue
             start.line(f"rows[o{row}] = {'0.0' if node < 0 else order_k.value(node)}")
             if self.degrees.of(plain(node)) == CONSTANT:
                 start.line("for k in range(1, K + 1):")
@@ -318,11 +350,15 @@ class JetProgram:
         """Write one order; returns the nodes that solved multipliers correct."""
         self._state_coefficients(order_k, loop)
         order_k.emit(roots)
-        corrections = self._correct(order_k, loop) if self.general else {}
+        corrections = self._correct(order_k, loop) if self.unknowns else {}
         self._close_order(order_k, loop)
         return corrections
 
     def _state_coefficients(self, order_k: OrderK, loop: Writer) -> None:
+        for node in self.given:
+            if self.degrees.of(node) != CONSTANT:
+                loop.line(f"k{node} = rows[{order_k.row(node)} + k]")
+                order_k.scopes[0].add(node)
         for i, node in enumerate(self.states):
             if self.degrees.of(node) in (CONSTANT, AFFINE):
                 order_k.coefficient(node)
@@ -330,11 +366,15 @@ class JetProgram:
                 loop.line(f"k{node} = d{i} * inv")
                 order_k.scopes[0].add(node)
 
-    def _correct(self, order_k: OrderK, loop: Writer) -> dict[int, int]:
-        """Solve for lambda_k, add S lambda_k; returns the corrected nodes and what they move with."""
+    def _correct(self, order_k: OrderK, loop: Writer, letter: str = "k") -> dict[int, int]:
+        """Solve for lambda_k, add S lambda_k; returns the corrected nodes and what they move with.
+
+        With the letter v of their values the same at order 0, where lambda_0 is no number that is known already.
+        """
+        text = order_k.coefficient if letter == "k" else order_k.value
         offset = 4 * len(order_k.products)
         for node in self.unknowns:
-            loop.line(f"k{node} = 0.0")
+            loop.line(f"{letter}{node} = 0.0")
         # A branch, not a selection: with nothing to solve the chain from order to order does not wait for it.
         loop.line(f"if {' or '.join(f'on{j}' for j in range(len(self.unknowns)))}:")
         loop.indent += 1
@@ -342,7 +382,7 @@ class JetProgram:
             size = len(component)
             if size == 1:
                 j = component[0]
-                g = order_k.coefficient(self.residuals[j]) or "0.0"
+                g = text(self.residuals[j]) or "0.0"
                 loop.line(f"q{j} = choose(on{j}, G{j} * {g}, 0.0)")
                 continue
             right = offset + size * size + size
@@ -351,7 +391,7 @@ class JetProgram:
             loop.line(" or ".join(f"on{j}" for j in component).join(("if ", ":")))
             loop.indent += 1
             for r, j in enumerate(component):
-                g = order_k.coefficient(self.residuals[j]) or "0.0"
+                g = text(self.residuals[j]) or "0.0"
                 loop.line(f"rows[scratch + {right + r}] = choose(on{j}, -({g}), 0.0)")
             loop.line(f"lu_solve(rows, scratch + {offset}, {size})")
             for r, j in enumerate(component):
@@ -374,16 +414,16 @@ class JetProgram:
                 if self.graph.value(derivative(self.graph, node, self.unknowns[j])) != 0.0
             ]
             if node in self.unknowns:
-                loop.line(f"k{node} = q{self.unknowns.index(node)}")
+                loop.line(f"{letter}{node} = q{self.unknowns.index(node)}")
             elif terms:
-                loop.line(f"k{node} += {' + '.join(terms)}")
+                loop.line(f"{letter}{node} += {' + '.join(terms)}")
         loop.indent -= 1
         return corrections
 
     def _close_order(self, order_k: OrderK, loop: Writer) -> None:
         """Store the rows and carry what the next order needs."""
         for node, row in order_k.rows.items():
-            if self.degrees.of(plain(node)) != CONSTANT:
+            if self.degrees.of(plain(node)) != CONSTANT and node not in self.given:
                 loop.line(f"rows[o{row} + k] = {order_k.last_value(node)}")
         for node in sorted(order_k.carried):
             loop.line(f"l{node} = {order_k.coefficient(node) or '0.0'}")
@@ -403,14 +443,14 @@ class JetProgram:
         return rate
 
 
-def write_jets(model: Model, parameters: int | None = None) -> dict[str, str]:
-    """Sources {"slip": text, "general": text}, the second only with multipliers; `parameters` as of JetProgram.
+def write_jets(model: Model, **options: Any) -> dict[str, str]:
+    """Sources {"slip": text, "general": text}, the second only with multipliers; `options` as of JetProgram.
 
     Without recurrences there is one text without a program, so that the text cache remembers it.
     """
     try:
         return {
-            name: JetProgram(model, name == "general", parameters).write()
+            name: JetProgram(model, name == "general", **options).write()
             for name in (("slip", "general") if model.multipliers else ("slip",))
         }
     except NoRecurrence as reason:

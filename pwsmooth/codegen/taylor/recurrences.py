@@ -72,10 +72,16 @@ def rewrite(graph: Graph, roots: list[int]) -> list[int]:
 
 
 class Degrees:
-    """Degree in time of every node, for a program with fixed (`general=False`) or solvable multipliers."""
+    """Degree in time of every node, for a program with fixed (`general=False`) or solvable multipliers.
 
-    def __init__(self, graph: Graph, rates: list[int], general: bool, never_affine=frozenset()):
-        self.graph, self.rates, self.general = graph, rates, general
+    The first `known` states and multipliers, if it is told, are series like any other.
+    """
+
+    def __init__(
+        self, graph: Graph, rates: list[int], general: bool, never_affine=frozenset(), known: tuple[int, int] = (0, 0)
+    ):
+        self.graph, self.rates, self.general, self.known = graph, rates, general, known[1]
+        never_affine = never_affine | set(range(known[0]))
         # The slope of such a state cannot be written before its value: it contains a floor of it.
         stairs = {
             i for i, r in enumerate(rates) if any(graph.nodes[a].data == "floor" for a in graph.reach([r]))
@@ -113,8 +119,10 @@ class Degrees:
             kind, index = data[:2]
             if kind == "x":
                 return self.states[index]
+            if kind == "mult" and index < self.known:
+                return GENERAL if self.general else CONSTANT, 0
             if kind == "mult":
-                return CONSTANT, 1 << index if self.general else 0
+                return CONSTANT, 1 << index - self.known if self.general else 0
             return (AFFINE if kind == "t" else CONSTANT), 0
         if op == "fun" and data == "floor":
             return CONSTANT, 0  # of what moves only `Whole` has come so far

@@ -5,7 +5,7 @@ the orders starts from: the rates d, the functions l (a sine and its cosine) and
 
     x_i(t0 + s) = x_i + sum_j c_j R_ij(s),   c = (d, l, z) at t0,   R_ij = the rows' response to c = e_j
 
-The responses depend on the parameters alone. They are made by the loop itself when the parameters have changed and
+The responses depend on the parameters alone, and on the multipliers that stand still. They are made by the loop itself when these have changed and
 kept in the program's own rows; a jet is then one small matrix product, in vectors, while the loop waits
 at every order for the one before (a chain of dependent additions: four times as long at order 22).
 
@@ -26,9 +26,10 @@ MOST_SOLVED = 3  # multipliers, each set of which has responses of its own
 class Responses:
     """Writes the body of a program whose loop is linear with constant coefficients; see `find_responses`."""
 
-    def __init__(self, program, order_k, loop, parameters):
-        self.parameters = parameters
-        self.m = len(program.unknowns)
+    def __init__(self, program, order_k, loop, parameters, constants):
+        # Places of what the coefficients are made of, and what tells which set of responses belongs to them.
+        self.parameters = [f"p[{q}]" for q in parameters] + [f"mult[{j}]" for j in constants]
+        self.sets = [f"on{j}" for j in range(len(program.unknowns))] + [f"mult[{j}] > 0.0" for j in constants]
         degrees = program.degrees
         moving = [i for i, x in enumerate(program.states) if degrees.of(x) not in (CONSTANT, AFFINE)]
         self.starts = [f"d{i}" for i in moving]
@@ -39,9 +40,9 @@ class Responses:
         self.rows = [
             (row, "0.0" if node < 0 else order_k.value(node))
             for node, row in order_k.rows.items()
-            if degrees.of(plain(node)) != CONSTANT
+            if degrees.of(plain(node)) != CONSTANT and node not in program.given
         ]
-        self.key = 2 + len(parameters)  # order, usable, parameters
+        self.key = 2 + len(self.parameters)  # order, usable, parameters
 
     @property
     def count(self) -> int:
@@ -55,8 +56,8 @@ class Responses:
 
     @property
     def size(self) -> int:
-        """Rows of all sets: one for each subset of the multipliers that is solved."""
-        return 2**self.m * self.each
+        """Rows of all sets: one for each subset of the multipliers that is solved, or of their sides."""
+        return 2 ** len(self.sets) * self.each
 
     def body(self, base: int, loop: list[str]) -> list[str]:
         """Lines that replace the loop over the orders; the responses stand from the program's own row `base` on."""
@@ -64,11 +65,11 @@ class Responses:
         lines = []
         write = lines.append
         write(f"    key = scratch + {base} * stride")
-        for j in range(self.m):
-            write(f"    if on{j}:")
+        for j, chosen in enumerate(self.sets):
+            write(f"    if {chosen}:")
             write(f"        key += {2**j * self.each} * stride")
         write(f"    table = key + {self.each - self.count} * stride")
-        same = [f"rows[key + {2 + i}] == p[{q}]" for i, q in enumerate(self.parameters)]
+        same = [f"rows[key + {2 + i}] == {place}" for i, place in enumerate(self.parameters)]
         write(f"    tried = {' and '.join(['rows[key] == K', *same])}")
         write("    whole = 8 * ((K + 8) // 8)")  # products are made by blocks of eight
         write("    usable = tried and rows[key + 1] == 1.0 and stride >= whole")
@@ -101,8 +102,8 @@ class Responses:
         write(f"            for j in range({self.count}):")
         write("                last += 0.0 * rows[table + j * stride + K]")
         write("            rows[key + 1] = choose(last == 0.0, 1.0, 0.0)")
-        for i, q in enumerate(self.parameters):
-            write(f"            rows[key + {2 + i}] = p[{q}]")
+        for i, place in enumerate(self.parameters):
+            write(f"            rows[key + {2 + i}] = {place}")
         write("            usable = last == 0.0 and stride >= whole")
         write("    if usable and finite:")
         for i, (row, value) in enumerate(self.rows):
@@ -133,6 +134,8 @@ def find_responses(program, order_k, loop, roots) -> Responses | None:
         degree = degrees.of(node)
         if degree == CONSTANT:
             continue
+        if node in program.given:
+            return None
         op, args, data = graph.nodes[node]
         if op == "mul" or op == "div":
             fixed = [a for a in args if degrees.of(a) == CONSTANT]
@@ -145,8 +148,12 @@ def find_responses(program, order_k, loop, roots) -> Responses | None:
             slope_is_fixed(args[0])
         elif op not in ("var", "sum"):
             return None
-    if any(graph.variables(a, kind) for a in coefficients for kind in ("t", "x", "mult")):
+    if any(graph.variables(a, kind) for a in coefficients for kind in ("t", "x")):
         return None
-    parameters = sorted({q for a in coefficients for q in graph.variables(a, "p")})
-    made = Responses(program, order_k, loop, parameters)
+    parameters, constants = (
+        sorted({q for a in coefficients for q in graph.variables(a, kind)}) for kind in ("p", "mult")
+    )
+    if len(constants) > (0 if program.general else MOST_SOLVED):
+        return None
+    made = Responses(program, order_k, loop, parameters, constants)
     return made if 0 < made.count <= MOST and made.starts else None

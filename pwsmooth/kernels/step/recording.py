@@ -1,6 +1,7 @@
 """Writing what happened into the Record buffers."""
 
 from ..machine.compiling import inlined_kernel, kernel
+from ..machine.lanes import load8, store8
 from ..state import (
     AMB_GRAZING,
     ARC,
@@ -49,11 +50,12 @@ def put_on_tape(P, S, R, kind, first, second, third, length):
 
 @kernel
 def put_step_on_tape(P, S, R, W):
+    """A step, with the number of its polynomials, if they are kept."""
     step = W.step
-    put_on_tape(
-        P, S, R, TAPE_STEP, ARC if step.time_row >= 0 else step.kind, step.fold, step.toward, W.end.length
-    )
-    if step.time_row >= 0:
+    if step.time_row < 0:
+        put_on_tape(P, S, R, TAPE_STEP, step.kind, S.pieces - 1, 0, W.end.length)
+    else:
+        put_on_tape(P, S, R, TAPE_STEP, ARC, step.fold, step.toward, W.end.length)
         for j in range(P.m + 1):
             R.tape_x[S.taped - 1, 2 + P.n + P.m + j] = W.arc.mult[j]
 
@@ -152,6 +154,14 @@ def sample(P, C, S, R, t_new, W):
         S.samples += 1
 
 
+@inlined_kernel
+def _copy_row(row, kept, K):
+    """Orders 0 to K, of which there are eight at least."""
+    for k in range(0, K - 7, 8):
+        store8(kept, k, load8(row, k))
+    store8(kept, K - 7, load8(row, K - 7))
+
+
 @kernel
 def keep_dense(P, C, S, R, W):
     """Stores the step's polynomials: states, multipliers, time."""
@@ -159,16 +169,17 @@ def keep_dense(P, C, S, R, W):
     mult_row, time_row = W.step.mult_row, W.step.time_row
     block = R.dense[i]
     for k in range(P.n):
-        for r in range(K + 1):
-            block[k, r] = rows[k, r]
+        _copy_row(rows[k], block[k], K)
     for j in range(P.m):
-        for r in range(K + 1):
-            block[P.n + j, r] = rows[mult_row + j, r] if S.status[j] == SOLVED else 0.0
-        if S.status[j] != SOLVED:
+        if S.status[j] == SOLVED:
+            _copy_row(rows[mult_row + j], block[P.n + j], K)
+        else:
+            block[P.n + j, :] = 0.0
             block[P.n + j, 0] = S.mult[j]
-    for r in range(K + 1):
-        block[P.n + P.m, r] = rows[time_row, r] if time_row >= 0 else 0.0
-    if time_row < 0:
+    if time_row >= 0:
+        _copy_row(rows[time_row], block[P.n + P.m], K)
+    else:
+        block[P.n + P.m, :] = 0.0
         block[P.n + P.m, 0] = S.t
         block[P.n + P.m, 1] = 1.0
     R.dense_s[i] = W.end.length

@@ -167,6 +167,19 @@ def _holds(V, K, states, s):
 
 
 @kernel
+def row_holds(V, first, states, s):
+    """The same of one column, whose series are rows from the `first` on."""
+    K = V.order
+    power = abs(s) ** (K - 1)
+    for i in range(states):
+        row = V.rows[first + i]
+        total = abs(row[0]) + abs(row[1] * s) + abs(row[2] * s * s)
+        if not abs(row[K - 1]) * power + abs(row[K]) * power * abs(s) <= V.tolerance * total:
+            return False
+    return True
+
+
+@kernel
 def _start(V, A, w, states, size, K, block):
     for i in range(states):
         store8(V.series, FIRST + 8 * (K + 1 + ZEROS) * i, load8(w[i], block))

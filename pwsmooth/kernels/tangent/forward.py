@@ -27,7 +27,7 @@ from ..state import (
     TAPE_SURFACE,
 )
 from ..step.steps import dot, powers
-from .flow import invert, move, number_unknowns, plan, way_within
+from .flow import invert, move, number_unknowns, plan, row_holds, way_within
 from .saltation import (
     act,
     begin_instant,
@@ -45,10 +45,36 @@ from .state import UNKNOWN
 
 
 @kernel
-def jet(P, V, A, kind, t):
-    """Overwrites V.rows by the jet at (t, V.x, V.mult) with rows of the Jacobians; False where there is none."""
+def _take_rows(P, V, piece, s):
+    """Overwrites the first of V.rows by the polynomials of a step, which the run has kept, around its place s."""
+    K, power, width = V.order, V.power, V.rows.shape[1]
+    if s != 0.0:
+        power[K] = 1.0
+        for k in range(K - 1, -1, -1):
+            power[k] = power[k + 1] * s
+        store8(power, K + 1, splat8(0.0))
+    for r in range(P.n + P.m):
+        row, kept = V.rows[r], V.dense[piece, r]
+        if s == 0.0:
+            for k in range(0, K + 1, 8):  # behind the last of them stands the time
+                store8(row, k, load8(kept, k))
+        else:  # order k becomes sum over i >= k of (i choose k) s^(i - k) times order i
+            for k in range(0, K + 1, 8):
+                total = splat8(0.0)
+                for i in range(k, K + 1):
+                    total = total + load8(V.binomials, width * i + k) * load8(power, K - i + k) * kept[i]
+                store8(row, k, total)
+        store8(row, K + 1, splat8(0.0))
+
+
+@kernel
+def jet(P, V, A, kind, t, piece, s):
+    """Overwrites V.rows by the jet at (t, V.x, V.mult), s behind the start of the step, with what the program of A has
+    to tell of its deviations; False where there is none."""
     stride, K = V.rows.shape[1], V.order
     own = A.own * stride
+    if V.given and kind != ARC:
+        _take_rows(P, V, piece, s)
     if kind == SLIP:
         return call_jet_slip(A.jet, t, V.x, V.mult, P.p, K, stride, V.rows, own) == 0
     return (
@@ -123,14 +149,14 @@ def _note_places(V, t, way, time_row):
 
 
 @kernel
-def _move(P, V, A, kind, w, t, length, states, unknowns):
+def _move(P, V, A, kind, w, piece, t, length, states, unknowns):
     """Deviations w over a step of this length from (t, V.x, V.mult), taken again in parts where need be.
 
     Leaves in V.rows the polynomials of the last part; returns its length, -1 where there are no series.
     """
     K, at, time_row = V.order, 0.0, states - unknowns if kind == ARC else -1
     for _ in range(200):
-        if not jet(P, V, A, kind, t + at):
+        if not jet(P, V, A, kind, t + at, piece, at):
             return -1.0
         size = number_unknowns(V, V.mask, unknowns)
         plan(V, A, states, size)
@@ -164,6 +190,35 @@ def _move(P, V, A, kind, w, t, length, states, unknowns):
 
 
 @kernel
+def _move_alone(P, V, A, kind, piece, t, length):
+    """The one deviation over a step, whose series the program has made; False where there is none."""
+    n, m, K, at = P.n, P.m, V.order, 0.0
+    first = n if kind == SLIP else n + m
+    for _ in range(200):
+        for i in range(n):
+            V.x[n + i] = V.w[i, 0]
+        for j in range(m):
+            V.mult[m + j] = 0.0
+        if not jet(P, V, A, kind, t + at, piece, at):
+            return False
+        way = left = length - at
+        while abs(way) > 1e-6 * abs(left) and not row_holds(V, first, n, way):
+            way *= 0.8
+        powers(V.power, way)
+        for i in range(n):
+            V.w[i, 0] = dot(V.rows[first + i], V.power, K + 1)
+        if way == left:
+            return True
+        at += way
+        for i in range(n):
+            V.x[i] = dot(V.rows[i], V.power, K + 1)
+        for j in range(m):
+            if V.mask[j]:
+                V.mult[j] = dot(V.rows[n + j], V.power, K + 1)
+    return False
+
+
+@kernel
 def _step(P, V, k):
     """Deviations over the step of entry k of the tape; False where it has no series."""
     n, m = P.n, P.m
@@ -177,9 +232,10 @@ def _step(P, V, k):
         V.mask[j] = 1 if V.tape[k, 4 + j] == SOLVED else 0
     if kind == ARC:
         return _arc(P, V, k, t, length)
-    if kind == SLIP:
-        return _move(P, V, V.slip, kind, V.w, t, length, n, m) >= 0.0
-    return _move(P, V, V.general, kind, V.w, t, length, n, m) >= 0.0
+    A, piece = V.slip if kind == SLIP else V.general, V.tape[k, 2]
+    if V.alone:
+        return _move_alone(P, V, A, kind, piece, t, length)
+    return _move(P, V, A, kind, V.w, piece, t, length, n, m) >= 0.0
 
 
 @kernel
@@ -208,7 +264,7 @@ def _arc(P, V, k, t, length):
     V.mask[0] = 1
     for j in range(m + 1):
         V.mult[j] = V.tape_x[k, 2 + n + m + j]
-    way = _move(P, V, V.fold, ARC, V.arc_w, 0.0, length, n + 1 + m, m + 1)
+    way = _move(P, V, V.fold, ARC, V.arc_w, -1, 0.0, length, n + 1 + m, m + 1)
     for i in range(n + 1):
         V.arc_rates[i] = _slope(V.rows[i], V.order, way)
     V.on_arc = 1
@@ -254,7 +310,7 @@ def _record_instant(P, V):
     k = V.instants
     V.instant_t[k] = V.tape_x[V.met, 0]
     V.instant_why[k, 0], V.instant_why[k, 1] = V.why, V.cause
-    for c in range(V.columns):
+    for c in range(V.columns if k < V.instant_w.shape[0] else 0):
         V.instant_dt[k, c] = V.dt[c] if V.cause >= 0 else 0.0
         for i in range(P.n):
             V.instant_w[k, i, c] = V.met_w[i, c] if V.acted else V.event[i, c]

@@ -14,7 +14,6 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import caller
 from ..state import TAPE_END, TAPE_STEP, Problem
-from .frame import Frame
 from .state import Tangent
 
 _GONE = 1e-14  # of what has grown most: what is left of a direction that is taken away is rounding
@@ -22,19 +21,20 @@ _GONE = 1e-14  # of what has grown most: what is left of a direction that is tak
 _call_replay = caller("P, V, count", types.int64)
 
 
-@unit(types.int64, Problem, Tangent, Frame)
-def growth(P, V, F):
-    """Carries the frame V.w over the tape; the entry that has no series, or -1."""
-    for k in range(F.entries):
+@unit(types.int64, Problem, Tangent)
+def growth(P, V):
+    """Carries the frame, the first columns of V.w, over the tape; the entry that has no series, or -1."""
+    entries = V.tape.shape[0]
+    for k in range(entries):
         if V.tape[k, 0] != TAPE_STEP and V.tape[k, 0] != TAPE_END:
             continue
-        if _call_replay(F.replay, P, V, k + 1) >= 0:
+        if _call_replay(V.replay, P, V, k + 1) >= 0:
             return k
         if V.on_arc:  # its end is not looked at yet, so that V.w still stands at its beginning
             continue
-        _orthonormalise(P.n, F.count, V.w, F.log[F.factors])
-        F.t[F.factors] = V.tape_x[min(k + 1, F.entries - 1), 0]
-        F.factors += 1
+        _orthonormalise(P.n, V.grown.shape[1], V.w, V.grown[V.factors])
+        V.grown_t[V.factors] = V.tape_x[min(k + 1, entries - 1), 0]
+        V.factors += 1
     return -1
 
 

@@ -138,14 +138,14 @@ def _stand(V, k, n, m):
 @kernel
 def _step_back(P, V, A, k):
     """Slopes by the end of the step of entry k become those by its start; False where there is no series."""
-    n, m, K, kind = P.n, P.m, V.order, V.tape[k, 1]
+    n, m, K, kind, piece = P.n, P.m, V.order, V.tape[k, 1], V.tape[k, 2]
     t, length, parts = V.tape_x[k, 0], V.tape_x[k, 1], 1
     part = parts - 1
     while part >= 0:
         begin_at = length * part / parts
         way = length * (part + 1) / parts - begin_at
         _stand(V, k, n, m)
-        if not jet(P, V, A, kind, t):
+        if not jet(P, V, A, kind, t, piece, 0.0):
             return False
         if part > 0:
             powers(V.power, begin_at)
@@ -154,7 +154,7 @@ def _step_back(P, V, A, k):
                     V.mult[j] = dot(V.rows[n + j], V.power, K + 1)
             for i in range(n):
                 V.x[i] = dot(V.rows[i], V.power, K + 1)
-            if not jet(P, V, A, kind, t + begin_at):
+            if not jet(P, V, A, kind, t + begin_at, piece, begin_at):
                 return False
         size = number_unknowns(V, V.mask, m)
         plan(V, A, n, size)

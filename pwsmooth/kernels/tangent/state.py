@@ -55,6 +55,10 @@ class Tangent(Bundle):
     tape: "i8[:, :]"  # step/recording.py
     tape_x: "f8[:, :]"
     columns: "int"  # without the time's
+    given: "int"  # whether the run has kept its polynomials
+    alone: "int"  # whether the programs make the series of one column themselves
+    dense: "f8[:, :, :]"  # of each step: states, multipliers, time
+    binomials: "f8*[:]"  # i over k in rows i
     order: "int"
     tolerance: "float"
     seeds: "f8*[np, wide]"  # deviations of the parameters
@@ -116,6 +120,11 @@ class Tangent(Bundle):
     instant_why: "i8[:, 2]"
     instant_dt: "f8[:, :]"
     instant_w: "f8[:, :, :]"  # of the state at the instant's own time, before it and after it
+    # Of a frame (growth.py): the unit that plays a tape, ends of its factors, logarithms of what they make it grow by.
+    replay: "int"
+    factors: "int"
+    grown_t: "f8[:]"
+    grown: "f8[:, :]"
     # Of a cost (reverse.py): its slopes by the state where the tape has been read back to, by parameters (rows of their
     # seeds), by instants of the clock; by states and multipliers at t_eval, of which the first `cost` are left; by the
     # state before and after an instant and by its time, of which the first `cost_events` are left.
