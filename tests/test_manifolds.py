@@ -421,3 +421,11 @@ def test_the_stable_curve_of_a_smoothed_saddle_separates_its_mirrored_neighbours
         across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
         ends = [whole.iterate(arm.points[:, -1] + off * across, 80)[-1] for off in (1e-7, -1e-7)]
         assert np.linalg.norm(ends[0] - ends[1]) > 0.05
+
+
+def test_a_table_has_the_points_of_both_arms():
+    found = manifold(find_equilibrium(bent(), {x: 0, y: 0}), length=1)
+    table = found.to_dataframe()
+    assert list(table.columns) == ["arm", "arclength", "x", "y"]
+    second = table[table["arm"] == 1]
+    assert np.array_equal(second[["x", "y"]].to_numpy().T, found.arms[1].points, equal_nan=True)

@@ -152,3 +152,11 @@ def test_a_portrait_of_a_driven_system_wants_a_time():
 def test_a_picture_has_the_names_of_the_coordinates(portrait):
     ax = portrait.plot()
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "y")
+
+
+def test_a_dataset_has_regions_in_words_and_the_flows_by_name(portrait):
+    data = portrait.to_dataset()
+    here = data.sel(x=0.7, y=0.6, method="nearest")
+    at = float(here.x), float(here.y)
+    assert str(here.region.values) == "attracting sliding"
+    assert float(here["dx/dt"][0]) == pytest.approx((at[0] - 0.7 * at[1]) / sum(at), abs=1e-12)

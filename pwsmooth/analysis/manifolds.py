@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from .flow_manifolds import arms_of_equilibrium
 from .level_sets import traced_arms
 from .map_manifolds import arms_of_map, reversible
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Manifold", "manifold"]
 
@@ -138,6 +141,23 @@ class Manifold(Described):
             x for x in found if all(np.abs(x - at).max() > _SAME * (1 + np.abs(at).max()) for at in saddles)
         ]
         return np.array(kept).reshape(-1, 2).T
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The points as a table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a point: the number of its arm, the arclength, the states; nan where the curve jumps.
+        """
+        import pandas
+
+        names = [str(s) for s in self.saddle.system.model.states]
+        tables = [
+            pandas.DataFrame({"arm": k, "arclength": arm.arclength, **dict(zip(names, arm.points))})
+            for k, arm in enumerate(self.arms)
+        ]
+        return pandas.concat(tables, ignore_index=True)
 
     def plot(self, ax: Any = None, x: Any = None, y: Any = None, **line: Any) -> Any:
         """The curve in the plane of two states, the saddle and what surfaces it meets.

@@ -6,11 +6,14 @@ Chain: **portrait** -> portraits.py.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..definition.describe import Described, Rows
+
+if TYPE_CHECKING:
+    import xarray
 
 __all__ = ["REGIONS", "FoldLine", "SlidingPortrait", "TwoFold"]
 
@@ -139,6 +142,27 @@ class SlidingPortrait(Described):
         """Part of the grid that each kind of region takes."""
         found = {name: float(np.mean(self.regions == k)) for k, name in enumerate(REGIONS)}
         return {name: share for name, share in found.items() if share}
+
+    def to_dataset(self) -> xarray.Dataset:
+        """What is known on the grid, with its names.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over the coordinates: `region` in words, and of every `flow` the multiplier, whether it attracts and the
+            velocity of each coordinate.
+        """
+        import xarray
+
+        x, y = self.coordinates
+        words = np.array([*REGIONS, ""])[self.regions]
+        flows = {"lam": self.lam, "attracts": self.attracts}
+        flows |= {f"d{name}/dt": self.velocity[:, k] for k, name in enumerate(self.coordinates)}
+        return xarray.Dataset(
+            {"region": ((y, x), words), **{name: (("flow", y, x), value) for name, value in flows.items()}},
+            coords=dict(zip(self.coordinates, self.axes)),
+            attrs={"switch": self.switch},
+        )
 
     def plot(self, ax: Any = None) -> Any:
         """The portrait: regions in shades, sliding flows as streamlines, folds, two-folds and pseudo-equilibria.
