@@ -112,9 +112,7 @@ class Compiled:
             from .taylor.jets import write_jets
 
             parameters = len(self.model.parameters) if what != "alone" else None
-            return write_jets(
-                self.model, parameters=parameters, given=what != "jets", deviating=what == "alone"
-            )
+            return write_jets(self.model, parameters=parameters, given=what != "jets", deviating=what == "alone")
 
         return cache.cached_texts(f"{cache.fingerprint(self.model)}-tangents-{what}", build)
 

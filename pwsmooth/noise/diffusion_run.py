@@ -192,9 +192,7 @@ class Path(EventDriven):
             return self._record(max(4 * len(record.t), 65536), record, state)
 
         code, record = self.advanced(advance, more, control, state, self.first_record(times), spending)
-        solution = self.finish(
-            owner.system, code, self.problem, state, self._kept(record, state), record, times
-        )
+        solution = self.finish(owner.system, code, self.problem, state, self._kept(record, state), record, times)
         solution.noise = owner.noise
         solution.cost = {"steps": state.steps,
                          "refused": noise.rejected, "events": len(solution.events)}  # fmt: skip

@@ -290,14 +290,7 @@ class EventDriven:
             yield Part(tape, state.ambiguities, code, functools.partial(self._finished, run, code, record))
 
     def _in_parts(
-        self,
-        system: Any,
-        p: np.ndarray,
-        t0: float,
-        ends: Sequence[float],
-        start: Any,
-        spending: Budget,
-        most: int = 0,
+        self, system: Any, p: np.ndarray, t0: float, ends: Sequence[float], start: Any, spending: Budget, most: int = 0
     ) -> Iterator[tuple[_Run, int, Any, Checkpoint]]:
         control, state = self.timed(t0, ends[-1], system.parameters), self.begin(t0, start)
         run, record = _Run(system, self.parts.problem(p, self.one_step), control, most), self.first_record()

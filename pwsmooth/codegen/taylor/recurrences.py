@@ -78,12 +78,7 @@ class Degrees:
     """
 
     def __init__(
-        self,
-        graph: Graph,
-        rates: list[int],
-        general: bool,
-        never_affine=frozenset(),
-        known: tuple[int, int] = (0, 0),
+        self, graph: Graph, rates: list[int], general: bool, never_affine=frozenset(), known: tuple[int, int] = (0, 0)
     ):
         self.graph, self.rates, self.general, self.known = graph, rates, general, known[1]
         never_affine = never_affine | set(range(known[0]))
