@@ -10,106 +10,26 @@ sliding flows over one region, one for each lam.
 
 Source: Filippov, Differential Equations with Discontinuous Righthand Sides, 1988; Jeffrey, On the mathematical basis
 of solid friction, for hidden folds; A. Colombo, M. R. Jeffrey, SIAM J. Appl. Dyn. Syst. 10 (2011), for two-folds.
-Chain: paths/linearised.py, equilibria.py -> portrait.py -> **portraits**.
+Chain: switching_surface.py, portrait.py, equilibria.py -> **portraits**.
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from ..definition.regularity import total_derivative
-from ..results.outputs import vectorised
 from .equilibria import equilibria
 from .portrait import FoldLine, SlidingPortrait, TwoFold
 from .sections import depends_on_time
+from .switching_surface import POLISHED, Surface, Values, contours, onto, roots_of
 
 __all__ = ["sliding_portrait"]
 
-_SAMPLES = 129  # of lambda: two roots nearer together than their distance are none
-_BISECTIONS = 55
-_POLISHED = 8  # Newton steps of points of a line
 _SAME = 1e-6  # of the box
-
-Values = Callable[[np.ndarray, Any], np.ndarray]
-
-
-class _Surface:
-    """Functions on the surface of one switch, of coordinates a (2, N) and lambda."""
-
-    def __init__(self, system: Any, j: int, chosen: Sequence[sp.Symbol], at: Mapping[sp.Symbol, float]) -> None:
-        model = system.model
-        self.system, self.model, self.j, self.chosen = system, model, j, chosen
-        self.mu = model.multipliers[j]
-        self.lam = self.mu.symbol
-        fixed = dict(at)
-        self.time = fixed.pop(model.time, 0.0)
-        (self.gone,) = [s for s in model.states if s not in chosen and s not in fixed]
-        self.fixed = fixed
-        slope = sp.simplify(self.mu.surface.diff(self.gone))
-        if slope == 0 or self.gone in slope.free_symbols:
-            raise ValueError(
-                f"`box` leaves {self.gone} to follow from {self.mu.surface} = 0, which is not linear in it; choose "
-                "other coordinates."
-            )
-        rest = self.mu.surface.subs(self.gone, 0)
-        self.given = {self.gone: -rest / slope}
-
-    def function(self, expressions: Sequence[sp.Expr]) -> Callable[[np.ndarray, Any], np.ndarray]:
-        """(a (2, N), lambda (N,)) -> (number of expressions, N); nan where another contact would be closed."""
-        f = vectorised(self.model, sp.Tuple(*(sp.sympify(e).xreplace(self.given) for e in expressions)))
-        others = [m.surface.xreplace(self.given) for m in self._others]
-        sides = vectorised(self.model, sp.Tuple(*others)) if others else None
-        p = self.system.parameter_values
-
-        def evaluate(a: np.ndarray, lam: Any) -> np.ndarray:
-            count = a.shape[1]
-            values = {**self.fixed, **dict(zip(self.chosen, a))}
-            t = values.get(self.model.time, self.time)
-            x = [values.get(s, np.zeros(count)) for s in self.model.states]
-            mult = np.zeros((len(self.model.multipliers), count))
-            mult[self.j] = lam
-            closed = np.zeros(count, bool)
-            if sides is not None:
-                for m, h in zip(self._others, sides(t, *x, *mult, *p)):
-                    if m.kind == "contact":
-                        closed |= np.broadcast_to(h < 0, count)
-                    else:
-                        mult[self.model.multipliers.index(m)] = np.where(np.asarray(h) >= 0, 1.0, -1.0)
-            out = np.empty((len(expressions), count))
-            with np.errstate(all="ignore"):
-                for row, value in zip(out, f(t, *x, *mult, *p)):
-                    row[:] = value
-            out[:, closed] = np.nan
-            return out
-
-        return evaluate
-
-    @functools.cached_property
-    def _others(self) -> list[Any]:
-        return [m for k, m in enumerate(self.model.multipliers) if k != self.j]
-
-    @functools.cached_property
-    def g(self) -> sp.Expr:
-        return self.mu.residual.xreplace(self.given)
-
-    @functools.cached_property
-    def rates(self) -> list[sp.Expr]:
-        model = self.model
-        own = dict(zip(model.states, model.rhs))
-        return [sp.Integer(1) if s == model.time else own[s] for s in self.chosen]
-
-    def turn(self, side: int) -> sp.Expr:
-        """d2h/dt2 of the field on a side."""
-        model = self.model
-        f = [rate.xreplace({self.lam: sp.Integer(side)}) for rate in model.rhs]
-        speed = total_derivative(self.mu.surface, model.time, model.states, f)
-        return total_derivative(speed, model.time, model.states, f)
 
 
 @checks.door(
@@ -196,17 +116,17 @@ def sliding_portrait(
     if depends_on_time(model) and model.time not in bounds and model.time not in fixed:
         raise ValueError(f"`system` depends on time; give {model.time} bounds in `box`, or a value in `at`.")
     chosen = tuple(bounds)
-    surface = _Surface(system, j, chosen, fixed)
+    surface = Surface(system, j, chosen, fixed)
     axes = [np.linspace(low, high, points) for low, high in bounds.values()]
     return _portrait(surface, axes, not depends_on_time(model) and not fixed and model.time not in bounds)
 
 
-def _portrait(surface: _Surface, axes: list[np.ndarray], still: bool) -> SlidingPortrait:
+def _portrait(surface: Surface, axes: list[np.ndarray], still: bool) -> SlidingPortrait:
     grid = np.array([part.ravel() for part in np.meshgrid(*axes)])
     shape = len(axes[1]), len(axes[0])
     lam, g = surface.lam, surface.function([surface.g])
     slope = surface.function([surface.g.diff(lam)])
-    roots = _roots(lambda a, value: g(a, value)[0], grid)
+    roots = roots_of(lambda a, value: g(a, value)[0], grid)
     attracts = np.array([slope(grid, root)[0] < 0 for root in roots]).reshape(roots.shape)
     flow = surface.function(surface.rates)
     velocity = np.array([flow(grid, root) for root in roots]).reshape(len(roots), 2, -1)
@@ -217,8 +137,8 @@ def _portrait(surface: _Surface, axes: list[np.ndarray], still: bool) -> Sliding
     for side, values in ((1, above), (-1, below)):
         test = _at(surface, [surface.g, *(surface.g.diff(s) for s in surface.chosen)], side)
         turn = surface.function([surface.turn(side)])
-        for line in _contours(axes, values.reshape(shape)):
-            line = _onto(test, line, spans)
+        for line in contours(axes, values.reshape(shape)):
+            line = onto(test, line, spans)
             folds.append(FoldLine(side, line, side * turn(line, float(side))[0] > 0))
     return SlidingPortrait(
         surface.system, str(lam), (str(surface.chosen[0]), str(surface.chosen[1])), (axes[0], axes[1]),
@@ -241,30 +161,7 @@ def _regions(below: np.ndarray, above: np.ndarray, roots: np.ndarray) -> np.ndar
     return np.where(np.isnan(below + above), -1, region)
 
 
-def _roots(g: Values, grid: np.ndarray) -> np.ndarray:
-    """Roots of g(lambda) in [-1, 1] at every point, (most, N), in order; nan where there are fewer."""
-    lams = np.linspace(-1, 1, _SAMPLES)
-    values = np.array([g(grid, lam) for lam in lams])
-    turns = values[:-1] * values[1:] < 0
-    turns |= values[1:] == 0
-    turns[0] |= values[0] == 0
-    turns[:, (values == 0).all(axis=0)] = False  # a two-fold: any lambda will do
-    most = int(turns.sum(axis=0).max(initial=0))
-    found = np.full((most, grid.shape[1]), np.nan)
-    place = np.cumsum(turns, axis=0) - 1
-    k, n = np.nonzero(turns)
-    low, high, a = lams[k].copy(), lams[k + 1].copy(), grid[:, n]
-    rising = values[k, n] < 0
-    rising |= (values[k, n] == 0) & (values[k + 1, n] > 0)
-    for _ in range(_BISECTIONS if len(n) else 0):
-        middle = (low + high) / 2
-        past = (g(a, middle) >= 0) == rising
-        high, low = np.where(past, middle, high), np.where(past, low, middle)
-    found[place[k, n], n] = (low + high) / 2
-    return found
-
-
-def _at(surface: _Surface, expressions: list[sp.Expr], side: int) -> Values:
+def _at(surface: Surface, expressions: list[sp.Expr], side: int) -> Values:
     f = surface.function([e.xreplace({surface.lam: sp.Integer(side)}) for e in expressions])
 
     def test(a: np.ndarray, _: Any = None) -> np.ndarray:
@@ -273,31 +170,8 @@ def _at(surface: _Surface, expressions: list[sp.Expr], side: int) -> Values:
     return test
 
 
-def _contours(axes: list[np.ndarray], values: np.ndarray) -> list[np.ndarray]:
-    """Lines (2, N) on which values on the grid are 0."""
-    from contourpy import contour_generator
-
-    masked = np.ma.masked_invalid(values)
-    lines: Any = contour_generator(axes[0], axes[1], masked).lines(0.0)
-    return [line.T for line in lines if len(line) > 1]
-
-
-def _onto(test: Values, line: np.ndarray, spans: np.ndarray) -> np.ndarray:
-    """Points put onto F = 0 along its gradient: `test` gives F and its two slopes."""
-    for _ in range(_POLISHED):
-        F, *slopes = test(line, None)
-        size = sum((slope * span) ** 2 for slope, span in zip(slopes, spans))
-        step = (
-            np.array([slope * span**2 for slope, span in zip(slopes, spans)])
-            * F
-            / np.where(size > 0, size, np.inf)
-        )
-        line = line - np.where(np.isfinite(step), step, 0.0)
-    return line
-
-
 def _hidden_folds(
-    surface: _Surface, axes: list[np.ndarray], grid: np.ndarray, spans: np.ndarray
+    surface: Surface, axes: list[np.ndarray], grid: np.ndarray, spans: np.ndarray
 ) -> list[np.ndarray]:
     """Lines (3, N) in the coordinates and lambda on which two roots meet."""
     lam, g = surface.lam, surface.g
@@ -307,15 +181,15 @@ def _hidden_folds(
     names = (*surface.chosen, lam)
     system = surface.function([e.diff(s) if s else e for e in (g, g.diff(lam)) for s in (None, *names)])
     lines = []
-    for critical in _roots(lambda a, at: slope(a, at)[0], grid):
+    for critical in roots_of(lambda a, at: slope(a, at)[0], grid):
         extreme = value(grid, critical)[0].reshape(len(axes[1]), -1)
-        for line in _contours(axes, extreme):
+        for line in contours(axes, extreme):
             nearest = [
                 int(np.argmin((((grid - a[:, None]) / spans[:, None]) ** 2).sum(axis=0))) for a in line.T
             ]
             u = np.vstack([line, critical[nearest]])
             unit = np.array([*spans, 1.0])
-            for _ in range(_POLISHED):
+            for _ in range(POLISHED):
                 rows = system(u[:2], u[2]).reshape(2, 4, -1)
                 if not np.isfinite(rows).all():
                     break
@@ -328,7 +202,7 @@ def _hidden_folds(
 
 
 def _two_folds(
-    surface: _Surface, axes: list[np.ndarray], below: np.ndarray, above: np.ndarray, spans: np.ndarray
+    surface: Surface, axes: list[np.ndarray], below: np.ndarray, above: np.ndarray, spans: np.ndarray
 ) -> list[TwoFold]:
     """Points at which the folds of both sides meet."""
     tests = [_at(surface, [surface.g, *(surface.g.diff(s) for s in surface.chosen)], side) for side in (1, -1)]
@@ -341,7 +215,7 @@ def _two_folds(
 
     for row, column in zip(*np.nonzero(changes(below) & changes(above))):
         a = np.array([axes[0][column : column + 2].mean(), axes[1][row : row + 2].mean()])
-        for _ in range(3 * _POLISHED):
+        for _ in range(3 * POLISHED):
             values = np.array([test(a[:, None], None)[:, 0] for test in tests])
             if not np.isfinite(values).all() or abs(np.linalg.det(values[:, 1:] * spans)) == 0:
                 break
@@ -360,7 +234,7 @@ def _two_folds(
     return found
 
 
-def _pseudo_equilibria(surface: _Surface, axes: list[np.ndarray], grid: np.ndarray) -> list[Any]:
+def _pseudo_equilibria(surface: Surface, axes: list[np.ndarray], grid: np.ndarray) -> list[Any]:
     """Pseudo-equilibria inside the box."""
     third = surface.function([surface.given[surface.gone]])(grid, 0.0)[0]
     third = third[np.isfinite(third)]
