@@ -338,6 +338,21 @@ def test_the_stable_curve_of_an_orbit_that_sticks_separates_its_mirrored_neighbo
             assert np.linalg.norm(whole(ends[0]) - ends[0]) < 1e-6
 
 
+def test_the_stable_curve_of_an_orbit_that_sticks_ends_where_the_map_jumps():
+    # Beside a trajectory that is just captured into a stick, static friction lets others pass.
+    lam = Switch("lam", v)
+    mu = lam * (1 + 3 * (1 - lam**2))
+    block = System({x: v, v: -3.4 * sp.sin(t) - 3.1 * x - 0.1 * v - mu}, time=t)
+    saddle = find_orbit(block, {x: 0.7508, v: -1.5075}, period=2 * sp.pi, symmetry={x: -x, v: -v})
+    found = manifold(saddle, "stable", length=10)
+    arm = next(arm for arm in found.arms if "after 1 application:" in arm.end)
+    assert arm.end.startswith("the map jumps there")
+    last = arm.points[:, -1]
+    ahead = last + 1e-4 * (last - arm.points[:, -2]) / np.linalg.norm(last - arm.points[:, -2])
+    assert np.linalg.norm(saddle.map(last) - saddle.x) < 1e-5
+    assert np.linalg.norm(saddle.map(ahead) - saddle.x) > 0.05
+
+
 def ring():
     """Circles of radius 1 and 3 attract in x, y; that of radius 2 is a saddle cycle, as z decays."""
     r2 = x**2 + y**2

@@ -21,6 +21,7 @@ _NEAR = 1e-6  # relative: how near to the saddle the j-th images come
 _MOST_APPLICATIONS = 12
 _MOST_NEWTON = 8
 _CONVERGED = 1e-12  # of a step, relative
+_JUMPS = 100.0  # times what the derivative explains
 
 
 def traced_arms(orbit: PeriodicOrbit, multiplier: float, rules: Rules) -> list[Arm]:
@@ -63,6 +64,23 @@ class _Tracing:
                 return Sample(y, word), tangent * np.sign(tangent @ along), far
         raise Lost("the curve was lost: the map has no continuous derivative in the next points.")
 
+    def why(self, x: np.ndarray, tangent: np.ndarray, times: int) -> str:
+        """Whether the map jumps just ahead of the last point, in words; empty if it does not."""
+        step = SMALLEST * self.rules.spacing
+        for k in range(1, times + 1):
+            try:
+                (_, gradient, here, _), (_, _, ahead, _) = (
+                    self.equation(y, k) for y in (x, x + step * tangent)
+                )
+            except Lost:
+                return ""
+            if abs(ahead - here) > _JUMPS * (self.near + step * float(np.linalg.norm(gradient))):
+                return (
+                    f"the map jumps there, after {k} application{'s' * (k > 1)}: the stable curve ends, and boundaries "
+                    "of basins go on along the jump."
+                )
+        return ""
+
     def arm(self, side: float) -> Arm:
         rules, x = self.rules, self.orbit.x
         arm = Growing(x, rules, changed)
@@ -86,7 +104,7 @@ class _Tracing:
             except Lost as lost:
                 ds *= 0.4
                 if ds < 0.1 * SMALLEST * rules.spacing:
-                    return arm.arm(str(lost))
+                    return arm.arm(self.why(here.x, tangent, times) or str(lost))
                 continue
             end = arm.take([there], first=first)
             if end:
