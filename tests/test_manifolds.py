@@ -444,3 +444,10 @@ def test_a_table_has_the_points_of_both_arms():
     assert list(table.columns) == ["arm", "arclength", "x", "y"]
     second = table[table["arm"] == 1]
     assert np.array_equal(second[["x", "y"]].to_numpy().T, found.arms[1].points, equal_nan=True)
+
+
+def test_a_manifold_ends_where_its_steps_are_used_up():
+    saddle = find_orbit(at_rest((x, y), HENON), {x: 0.63, y: 0.19}, period=1)
+    found = manifold(saddle, length=20, max_steps=300)
+    assert any("max_steps" in arm.end for arm in found.arms)
+    assert all(0 < arm.length < 20 for arm in found.arms[:1])

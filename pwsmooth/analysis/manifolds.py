@@ -19,7 +19,7 @@ import numpy as np
 
 from ..definition import checks
 from ..definition.describe import Described, Rows, number, some, values
-from ..paths.budget import whole
+from ..paths.budget import MOST_STEPS, opened, within
 from .arms import Arm, Rules
 from .equilibrium import Equilibrium
 from .flow_manifolds import arms_of_equilibrium
@@ -213,7 +213,6 @@ class Manifold(Described):
     box=checks.optional(checks.mapping), spacing=checks.optional(checks.positive), angle=checks.positive,
     most=checks.integer(10, 10**7),
 )  # fmt: skip
-@whole
 def manifold(
     saddle: PeriodicOrbit | Equilibrium,
     kind: str = "unstable",
@@ -223,6 +222,8 @@ def manifold(
     spacing: float | None = None,
     angle: float = 0.2,
     most: int = 20_000,
+    max_steps: int = 10 * MOST_STEPS,
+    max_seconds: float | None = None,
 ) -> Manifold:
     """The stable or unstable curve of a saddle orbit or equilibrium, through every event.
 
@@ -243,6 +244,8 @@ def manifold(
         Largest turn at a point; corners keep theirs.
     most : int
         Points of an arm at most.
+    max_steps, max_seconds : int, float (s), optional
+        Bounds of all runs together: an arm ends where they are used up.
 
     Returns
     -------
@@ -296,10 +299,9 @@ def manifold(
         math.inf if length is None else length, float(np.linalg.norm(sizes)) if sizes.size else math.inf
     )
     rules = Rules(math.inf if length is None else length, low, high, spacing or reach / _PARTS, angle, most)
-    stable = kind == "stable"
-    if isinstance(saddle, Equilibrium):
-        return Manifold(saddle, kind, tuple(arms_of_equilibrium(saddle, stable, rules)))
-    return Manifold(saddle, kind, tuple(_arms(saddle, stable, rules)))
+    grown: Any = arms_of_equilibrium if isinstance(saddle, Equilibrium) else _arms
+    with within(opened(max_steps, max_seconds)):
+        return Manifold(saddle, kind, tuple(grown(saddle, kind == "stable", rules)))
 
 
 def _arms(orbit: PeriodicOrbit, stable: bool, rules: Rules) -> list[Arm]:

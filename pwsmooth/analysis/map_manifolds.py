@@ -136,8 +136,10 @@ def backward(map_: Any) -> Apply:
     def apply(x: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, Word]:
         at = x if map_.symmetry is None else map_.symmetry @ x
         run = solve(map_.system, (t1, t0), list(map(float, at)), **tight)
+        if run.outcome is Outcome.IRREVERSIBLE:
+            raise Lost(f"the past of the next points is not unique: {run.message}")
         if run.outcome is not Outcome.FINISHED:
-            raise Lost(f"the past of the next points is not unique or not defined: {run.message}")
+            raise Lost(f"the past of the next points was not reached: {run.message}")
         return run.x[:, 0], tuple((e.switch, e.kind, e.note) for e in run.events)
 
     return apply
