@@ -32,6 +32,8 @@ _HOME = {
     "equilibria": "analysis.equilibria",
     "follow": "analysis.continuation",
     "follow_curve": "analysis.curves",
+    "manifold": "analysis.manifolds",
+    "sliding_portrait": "analysis.portraits",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",

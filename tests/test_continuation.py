@@ -9,7 +9,8 @@ from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Event, System
 from pwsmooth.analysis.continuation import branch_off, follow
-from pwsmooth.analysis.orbits import TOLERANCE, find_orbit, refine
+from pwsmooth.analysis.fixed_points import TOLERANCE
+from pwsmooth.analysis.orbits import find_orbit, refine
 from pwsmooth.analysis.sections import Section, Stroboscopic
 
 t, x, u = sp.symbols("t x u", real=True)

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
 
-from pwsmooth import Event, Memory, System, Unilateral, solve
+from pwsmooth import Event, Memory, System, Unilateral, follow, orbit_diagram, solve
 from pwsmooth.analysis.lyapunov import largest_exponent, lyapunov_exponents
 from pwsmooth.analysis.orbits import find_orbit
 
@@ -141,3 +141,37 @@ def test_where_there_is_no_derivative_the_exponents_say_so():
     found = lyapunov_exponents(meeting, {x: 1, u: 1}, 1.0, count=2)
     assert len(found.degenerate) == 1 and "corner" in found.degenerate[0]
     assert not lyapunov_exponents(meeting, {x: 1, u: 0.5}, 1.0).degenerate
+
+
+# ---- along branches
+
+
+def test_exponents_along_a_branch_are_those_of_the_linear_flow():
+    # x'' + c x' + x = cos t, overdamped: the exponents -c/2 +- sqrt(c^2/4 - 1).
+    c = sp.Symbol("c", positive=True)
+    oscillator = System({x: u, u: sp.cos(t) - x - c * u}, time=t, parameters={c: 3})
+    branch = follow(find_orbit(oscillator, {x: 0, u: 0}, period=2 * sp.pi), c, to=2.5)
+    root = np.sqrt(branch.values**2 / 4 - 1)
+    assert branch.exponents == pytest.approx(np.array([root, -root]) - branch.values / 2, abs=1e-8)
+    assert branch.to_dataframe()["largest_exponent"].to_numpy() == pytest.approx(branch.exponents[0], abs=0)
+
+
+def test_an_orbit_that_sticks_has_an_exponent_minus_infinity():
+    driven = System({x: u, u: sp.sin(t / 3) - x - sp.sign(u) * 0.3}, time=t)
+    orbit = find_orbit(driven, {x: 0.5, u: 0.5}, period=6 * sp.pi, transient=20)
+    assert any(kind == "stick" for _, kind, _ in orbit.word)
+    assert np.isneginf(orbit.exponents[-1])
+
+
+def test_exponents_of_an_orbit_diagram_are_those_of_the_logistic_map():
+    # At c = 4 the exponent is log 2, at 2.5 log|2 - c| of the fixed point (once a unit of time).
+    c = sp.Symbol("c", real=True)
+    logistic = System(
+        {x: 0 * x}, time=t, parameters={c: 3}, events=[Event(every=1, update={x: c * x * (1 - x)})]
+    )
+    shown = orbit_diagram(logistic, c, [2.5, 4.0], {x: 0.3}, 1, keep=4)
+    found = shown.exponents(4000.0)[:, 0]
+    assert found[0] == pytest.approx(np.log(0.5), abs=1e-6)
+    assert found[1] == pytest.approx(
+        np.log(2), abs=0.02
+    )  # the mean over 4000 steps scatters by some 1/sqrt(4000)

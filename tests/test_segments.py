@@ -10,8 +10,9 @@ from friction_oscillator import coulomb, hidden, v, y, z
 
 from pwsmooth import Event, System, Unilateral
 from pwsmooth.analysis.continuation import branch_off, follow
+from pwsmooth.analysis.fixed_points import TOLERANCE
 from pwsmooth.analysis.multipliers import cyclic_multipliers
-from pwsmooth.analysis.orbits import TOLERANCE, find_orbit
+from pwsmooth.analysis.orbits import find_orbit
 from pwsmooth.analysis.segments import Shooting
 from tests.fuzz import orbits as planted
 from tests.fuzz.judging import WRONG

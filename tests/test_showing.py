@@ -101,7 +101,7 @@ def test_lists_of_records_show_themselves_and_stay_lists():
 def test_a_branch_is_a_table_and_a_picture(branch):
     pytest.importorskip("pandas")
     table = branch.to_dataframe()
-    assert list(table.columns) == ["a", "x", "period", "stable", "largest_multiplier"]
+    assert list(table.columns) == ["a", "x", "period", "stable", "largest_multiplier", "largest_exponent"]
     # The logistic map's fixed point is 1 - 1/a, its multiplier 2 - a.
     np.testing.assert_allclose(table["x"], 1 - 1 / table["a"], atol=1e-10)
     np.testing.assert_allclose(table["largest_multiplier"], abs(2 - table["a"]), atol=1e-8)

@@ -4,7 +4,7 @@
 
 Of an orbit in N segments x is the points at which these begin, over sqrt(N), so that an arc is as long as with one.
 
-Chain: sections.py, orbits.py -> **arclength** -> bifurcations.py, continuation.py.
+Chain: sections.py, fixed_points.py, orbits.py -> **arclength** -> bifurcations.py, continuation.py.
 """
 
 from __future__ import annotations
@@ -15,18 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..results.solution import Solution
+from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of, relative, shot
 from .itineraries import same_itinerary
-from .orbits import (
-    MULTIPLIERS,
-    PINNED,
-    TOLERANCE,
-    PeriodicOrbit,
-    onto_section,
-    orbit_of,
-    refine,
-    relative,
-    shot,
-)
+from .orbits import refine
+from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
 from .sections import Stroboscopic
 from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
@@ -127,7 +119,7 @@ class Walk:
             right = np.append(-F, -normal @ (u - guess))
             step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
             if self.segments is not None and self.segments.held:
-                # As in orbits.py: v = 0 of a segment that begins in a stick.
+                # As in fixed_points.py: v = 0 of a segment that begins in a stick.
                 step[:-1][(F == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
             u = u + step
             u = np.append(onto_section(here, u[:-1] * self.weight) / self.weight, u[-1])

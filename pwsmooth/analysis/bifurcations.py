@@ -9,6 +9,7 @@ Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -18,7 +19,9 @@ import numpy as np
 from .arclength import Point, Walk
 from .conditions import factors, pairs
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import SAME, PeriodicOrbit, refined_to
+from .orbits import refined_to
+from .periodic_orbit import PeriodicOrbit
+from .repetition import SAME
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -136,6 +139,9 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
         bifurcations += _smooth_all(walk, here, before)
         change = change_between(*(p.orbit for p in apart))
+        if change.name == "lift-off":
+            # The flight is as high as the square of the distance from it: lower than roundings it is none.
+            width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)

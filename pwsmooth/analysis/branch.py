@@ -1,6 +1,6 @@
 """What branches have in common, of periodic orbits and of equilibria: values, tables, pictures.
 
-Chain: **branch** -> equilibrium_branches.py, continuation.py.
+Chain: **branch** -> equilibrium_branch.py, continuation.py.
 """
 
 from __future__ import annotations
@@ -86,8 +86,9 @@ class _Along(Described):
         Returns
         -------
         pandas.DataFrame
-            A row a point: the parameter, the states, whether it is stable; of orbits the period and the largest modulus
-            of the multipliers, of equilibria the multipliers, the stability in words and the rightmost eigenvalue.
+            A row a point: the parameter, the states, whether it is stable; of orbits the period, the largest modulus of
+            the multipliers and the largest Lyapunov exponent, of equilibria the multipliers, the stability in words and
+            the rightmost eigenvalue.
         """
         import pandas
 

@@ -20,9 +20,11 @@ from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
-from .equilibria import Equilibrium
-from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
-from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
+from .equilibrium import Equilibrium
+from .equilibrium_branch import EquilibriumBranch
+from .equilibrium_branches import coordinate, follow_equilibrium, value_at
+from .periodic_orbit import PeriodicOrbit, none_found
+from .repetition import SAME, not_repeated
 from .sections import Stroboscopic, depends_on_time
 from .symmetry import repeats_in
 
@@ -75,11 +77,20 @@ class Branch(_Along):
     def _at(bifurcation: Any) -> Any:
         return bifurcation.orbit
 
+    @property
+    def exponents(self) -> np.ndarray:
+        """Lyapunov exponents of the orbits, log|multiplier|/period, shape (number of multipliers, number of orbits).
+
+        Largest first, in units of 1/time; -inf where an orbit sticks or lands, nan where there are no multipliers.
+        """
+        return np.array([orbit.exponents for orbit in self.orbits]).T
+
     def _columns(self) -> dict[str, Any]:
         return {
             "period": [orbit.period for orbit in self.orbits],
             "stable": self.stable,
             "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+            "largest_exponent": [orbit.exponents.max(initial=-math.inf) for orbit in self.orbits],
         }
 
 

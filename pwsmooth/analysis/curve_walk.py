@@ -18,8 +18,10 @@ import numpy as np
 
 from .arclength import Point, Walk, only_way, quiet_time, value_of
 from .conditions import Condition, Place, differences
+from .fixed_points import TOLERANCE, onto_section
 from .impacts import FromImpact, from_impact
-from .orbits import TOLERANCE, PeriodicOrbit, onto_section, refine
+from .orbits import refine
+from .periodic_orbit import PeriodicOrbit
 from .sections import Section, Stroboscopic
 from .tangencies import AtEvent
 from .windows import Windowed, recentred

@@ -15,7 +15,8 @@ import numpy as np
 from .bifurcations import change_enclosed, of_no_effect, zero_between
 from .curve_walk import CurveWalk, Spot, where
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import PeriodicOrbit, refine
+from .orbits import refine
+from .periodic_orbit import PeriodicOrbit
 from .windows import touching
 
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")

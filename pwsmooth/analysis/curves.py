@@ -29,7 +29,7 @@ from .conditions import BranchPoint, Condition, Critical, Torus
 from .curve_walk import CurveWalk, Spot
 from .curve_ways import TOUCHES, Codimension2, Way
 from .impacts import from_impact
-from .orbits import PeriodicOrbit
+from .periodic_orbit import PeriodicOrbit
 from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
 from .windows import PartedImage, Windowed, touching
 

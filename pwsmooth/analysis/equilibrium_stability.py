@@ -7,7 +7,7 @@ h = 0 of a switch that slides takes one direction, h = dh/dt = 0 of a closed con
 multipliers through the layer: where it has an eigenvalue on the right, the slow flow runs on a branch that repels.
 At a Hopf point the first Lyapunov coefficient says which way the cycles go.
 
-Chain: paths/linearised.py -> **equilibrium_stability** -> equilibria.py.
+Chain: paths/linearised.py -> **equilibrium_stability** -> statics.py, equilibrium.py.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Across the section the linear motion is fastest, and the amplitude a along Re q 
 parameter, as behind a flip (continuation.branch_off).
 
 Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvectors as predictor.
-Chain: equilibrium_branches.py, arclength.py -> **hopf**.
+Chain: equilibrium_branch.py, arclength.py -> **hopf**.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import sympy as sp
 
 from ..definition import checks
 from .arclength import Walk
-from .equilibrium_branches import EquilibriumBifurcation
-from .orbits import PeriodicOrbit, none_found
+from .equilibrium_branch import EquilibriumBifurcation
+from .periodic_orbit import PeriodicOrbit, none_found
 from .sections import LONGEST, Section, poincare_map
 
 __all__ = ["cycle_from"]

@@ -10,7 +10,11 @@ side s:
     a stick goes on  <->  slip, stick again                     adding-sliding
     nothing          <->  crossing, crossing back               grazing
     nothing          <->  impact                                grazing impact
+    nothing          <->  opening, closed contact               lift-off
+    closed contact   <->  impacts that come to no end           end of complete chatter
 
+Bounces that accumulate are one letter with the rest in which they end (A. B. Nordmark, P. T. Piiroinen, Nonlinear
+Dynamics 58 (2009) 85-106, for complete and incomplete chatter).
 Chain: orbits.py -> **itineraries** -> continuation.py.
 """
 
@@ -19,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..definition import checks
-from .orbits import PeriodicOrbit
+from .periodic_orbit import PeriodicOrbit
 from .poincare import after_start
 
 __all__ = ["Change", "change_between", "same_itinerary"]
@@ -58,7 +62,7 @@ class Change:
     ----------
     name : str
         "grazing-sliding", "crossing-sliding", "switching-sliding", "adding-sliding", "grazing", "grazing impact",
-        "change of order", "change of itinerary" or "jump of the orbit".
+        "lift-off", "end of complete chatter", "change of order", "change of itinerary" or "jump of the orbit".
     before, after : tuple of Letter
         Events that only one of the orbits has.
     time : float, dimensionless
@@ -104,7 +108,27 @@ def letters(orbit: PeriodicOrbit) -> list[Letter]:
                 time = events[-1].time
             events.append(Letter(time, e.switch, e.kind, before, after))
         begin += float(run.t[-1] - run.t[0]) / orbit.period
-    return sorted(events, key=lambda letter: (letter.time, letter.switch))
+    return _counted_once(sorted(events, key=lambda letter: (letter.time, letter.switch)))
+
+
+def _counted_once(word: list[Letter]) -> list[Letter]:
+    """A cyclic word in which infinitely many events before an accumulation or a rest are that one letter.
+
+    How many of them a run has passed before it goes to their limit is a matter of rounding, and so is whether the
+    limit has a record of its own where a contact closes.
+    """
+    gone: set[int] = set()
+    for i, last in enumerate(word):
+        if last.kind not in ("accumulation", "closed contact"):
+            continue
+        many = ("impact", "accumulation") if last.kind == "closed contact" else ("impact", "crossing")
+        for k in range(i - 1, i - len(word), -1):
+            letter = word[k]  # a negative place is the end of the period before
+            if letter.switch == last.switch:
+                if letter.kind not in many:
+                    break
+                gone.add(k % len(word))
+    return [letter for k, letter in enumerate(word) if k not in gone]
 
 
 @checks.door(one=_ORBIT, other=_ORBIT)
@@ -175,6 +199,8 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     """
     before, after = letters(one), letters(other)
     old, new = _unmatched(before, after), _unmatched(after, before)
+    if chatter := _chatter(old, new):
+        return chatter
     cluster = sorted([*((x.time, 0, x) for x in old), *((x.time, 1, x) for x in new)], key=lambda x: x[:2])
     if not cluster:
         gone, come = _swapped(before, after)
@@ -191,6 +217,20 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
         # Events far apart change at once: the orbit after is not the continuation of the one before.
         return Change("jump of the orbit", tuple(old), tuple(new), time)
     return Change(name or "change of itinerary", gone, come, time)
+
+
+def _chatter(old: list[Letter], new: list[Letter]) -> Change | None:
+    """The change at which infinitely many bounces before a rest become finitely many without one; None for others."""
+    if len({x.switch for x in (*old, *new)}) != 1:
+        return None
+    for rests, bounces in ((old, new), (new, old)):
+        kinds = {x.kind for x in rests}
+        if "closed contact" in kinds <= {"closed contact", "opening"} and {x.kind for x in bounces} == {
+            "impact"
+        }:
+            time = next(x.time for x in rests if x.kind == "closed contact")
+            return Change("end of complete chatter", tuple(old), tuple(new), time)
+    return None
 
 
 def _swapped(before: list[Letter], after: list[Letter]) -> tuple[tuple[Letter, ...], tuple[Letter, ...]]:
@@ -252,6 +292,8 @@ def _name(gone, come, status: dict[str, int]) -> str | None:
             return "grazing impact" if kinds == ["impact"] else "grazing of an event"
         if kinds == ["crossing", "crossing"]:
             return "grazing"
+        if sorted(kinds) == ["closed contact", "opening"]:
+            return "lift-off"
         if len(more) == 2 and "stick" in kinds and any(slips):
             # The short piece at the change is the one that is new: a stick, or a slip within a stick.
             inside = kinds[0] != "stick" if status.get(more[0].switch) is None else status[more[0].switch] == 0

@@ -8,7 +8,7 @@ rounds are of like size: their blocks are multiplied.
 
 Source: A. Bojanczyk, G. Golub, P. Van Dooren, The periodic Schur decomposition, Proc. SPIE 1770 (1992) 31-42.
 
-Chain: segments.py -> **multipliers** -> orbits.py.
+Chain: segments.py -> **multipliers** -> periodic_orbit.py.
 """
 
 from __future__ import annotations

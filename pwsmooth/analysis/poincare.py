@@ -21,6 +21,9 @@ from ..solve import solve
 
 #: (switch, kind, from and to) of every event: an itinerary in letters.
 Word = tuple[tuple[str, str, str], ...]
+#: Where the applications that a map consists of (periods, returns) are cut into legs, and a leg: which one, from, to.
+Cuts = tuple[tuple[float, ...], ...]
+Leg = tuple[int, float, float]
 RETURN = "pws_return"  # name of the event that ends a return map's run
 _COUNTS = {"count": checks.integer(1, 10**7), "discard": checks.integer(0, 10**9)}
 
@@ -134,6 +137,40 @@ class _Map:
         ------
         ValueError
             A parameter that the system does not have.
+        """
+        raise NotImplementedError
+
+    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+        """The flow over a leg, for a time or to the next return; of a symmetry it knows nothing.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n,)
+            Its beginning, in the units of the states.
+        leg : tuple of (int, float, float)
+            Which application of the map, and from where to where in it, in units of `beat`.
+        parameters : sequence of str or Symbol, optional
+            As of `image`.
+
+        Returns
+        -------
+        Image
+            Its end.
+        """
+        raise NotImplementedError
+
+    def closed(self, image: Image) -> Image:
+        """The end of the last leg, as the map gives it: seen through the symmetry where there is one.
+
+        Parameters
+        ----------
+        image : Image
+            The end.
+
+        Returns
+        -------
+        Image
+            On the section.
         """
         raise NotImplementedError
 

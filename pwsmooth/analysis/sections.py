@@ -4,7 +4,7 @@
     N(x) = G**-1 phi(t0 + T/2; t0, x)     a half one, for a system with the symmetry (x, t) -> (G x, t + T/2); N N = P
     P(x) = first return to h = 0          autonomous systems, D P = (1 - f grad h/(grad h f)) Phi
 
-Chain: poincare.py, variations.py -> **sections** -> orbits.py, continuation.py, sweep/basins.py.
+Chain: poincare.py, variations.py -> **sections** -> periodic_orbit.py, orbits.py, continuation.py, sweep/basins.py.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..definition.pointwise import value
 from ..paths.linearised import linearise
 from ..results.records import Outcome
 from ..results.solution import Solution
-from .poincare import RETURN, Image, Word, _Map, lost, why_stopped, word_of
+from .poincare import RETURN, Image, Leg, Word, _Map, lost, why_stopped, word_of
 from .symmetry import symmetry_matrix
 from .variations import chosen_parameters, moved
 
@@ -33,9 +33,6 @@ __all__ = ["Image", "Section", "Stroboscopic", "Word", "word_of"]
 
 LONGEST = 1e3  # unit of the model's time: how long a return is waited for unless more is asked for
 _ROUNDING = 1e-12  # of a state: a start so near to its section has not left it
-#: Where the applications that a map consists of (periods, returns) are cut into legs, and a leg: which one, from, to.
-Cuts = tuple[tuple[float, ...], ...]
-Leg = tuple[int, float, float]
 _MOST_LEADS = 20  # each ten times as long: a start on its section is left after a few roundings of its states
 
 
@@ -176,18 +173,6 @@ class Stroboscopic(_Map):
         return self.closed(self.leg(x, (0, 0.0, float(self.turns)), parameters))
 
     def closed(self, image: Image) -> Image:
-        """The end of the last leg, as the map gives it: seen through the symmetry where there is one.
-
-        Parameters
-        ----------
-        image : Image
-            The end.
-
-        Returns
-        -------
-        Image
-            On the section.
-        """
         if self.symmetry is None or not image.success:
             return image
         back = np.linalg.inv(self.symmetry)
@@ -209,22 +194,6 @@ class Stroboscopic(_Map):
         return self.duration / self.turns
 
     def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
-        """The flow over a leg; of a symmetry it knows nothing.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            Its beginning, in the units of the states.
-        leg : tuple of (int, float, float)
-            Which application of the map, and from where to where in it, in units of `beat`.
-        parameters : sequence of str or Symbol, optional
-            As of `image`.
-
-        Returns
-        -------
-        Image
-            Its end.
-        """
         k, first, last = leg
         t0, begin, end = self.start_time, (k + first) / self.turns, (k + last) / self.turns
         span = (t0 + begin * self.duration, t0 + end * self.duration)
@@ -341,37 +310,9 @@ class Section(_Map):
         return self.count
 
     def closed(self, image: Image) -> Image:
-        """The end of the last leg, as the map gives it.
-
-        Parameters
-        ----------
-        image : Image
-            The end.
-
-        Returns
-        -------
-        Image
-            On the section.
-        """
         return image
 
     def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
-        """The flow over a leg: for a time, or to the next return.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            Its beginning, in the units of the states.
-        leg : tuple of (int, float, float)
-            Which application of the map, and from where to where in it, in units of `beat`.
-        parameters : sequence of str or Symbol, optional
-            As of `image`.
-
-        Returns
-        -------
-        Image
-            Its end.
-        """
         _, begin, end = leg
         if end < math.inf:
             # Returns count from time 0 on: by then the section is left.

@@ -10,7 +10,7 @@ after a return; the last segment ends at the next one, so that the time needs no
 
 Source: U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value Problems for ODEs (1995), ch. 4.
 
-Chain: sections.py, multipliers.py -> **segments** -> orbits.py, arclength.py.
+Chain: sections.py, multipliers.py -> **segments** -> periodic_orbit.py, orbits.py, arclength.py.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from ..results.solution import Solution
-from .poincare import Image
-from .sections import Cuts, Leg
+from .poincare import Cuts, Image, Leg
 from .variations import sticks_at_start
 
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece

@@ -44,7 +44,7 @@ def solve_backward(
     for s, wanted in shifted if times is not None else ():
         times[times == wanted] = s
     whole = run(mirrored, span, None)
-    end = _where_it_ends(whole, mirrored, ends)
+    end = where_it_ends(whole, mirrored, ends)
     at_once = end is not None and end.time <= span[0]
     if end is not None and not at_once:
         # To a state at that very instant, which may lie inside of a step.
@@ -74,7 +74,7 @@ def _forward(event: EventRecord) -> EventRecord:
     return EventRecord(-event.time, event.switch, event.kind, f"{went}{to}{came}" if to else event.note)
 
 
-def _where_it_ends(run: Solution, mirrored: Any, ends: frozenset[str]) -> EventRecord | None:
+def where_it_ends(run: Solution, mirrored: Any, ends: frozenset[str]) -> EventRecord | None:
     """The first instant of the mirrored run behind which the past is not unique."""
     model = mirrored.model
     rests = [

@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import PeriodicOrbit, refine
+from ..analysis.orbits import refine
+from ..analysis.periodic_orbit import PeriodicOrbit
 from ..analysis.sections import Section
 from ..results.records import Outcome
 from .plan import NO_RETURN, why_not

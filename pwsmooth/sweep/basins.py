@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.orbits import PeriodicOrbit
+from ..analysis.lyapunov import lyapunov_exponents
+from ..analysis.periodic_orbit import PeriodicOrbit
 from ..analysis.sections import LONGEST, poincare_map
 from ..definition import checks
 from ..definition.describe import Described, Rows, number
@@ -226,6 +227,8 @@ class OrbitDiagram(Described):
         For each value why its run ended before its time, in words; empty where it did not.
     strobed_by : str
         What lies between two points: a "period" of the drive, or a "return" to the section.
+    system : System or None
+        Of which; `exponents` needs it.
 
     Examples
     --------
@@ -243,6 +246,49 @@ class OrbitDiagram(Described):
     points: np.ndarray
     reasons: tuple[str, ...]
     strobed_by: str = "period"
+    system: Any = None
+
+    @checks.door(time=checks.positive, transient=checks.nonnegative)
+    def exponents(self, time: float, *, transient: float = 0.0, count: int = 1, **options: Any) -> np.ndarray:
+        """Lyapunov exponents of what the diagram shows, from the last point at every value.
+
+        Parameters
+        ----------
+        time : float, in the unit of the model's time
+            Length of the average.
+        transient : float, in the unit of the model's time
+            Before it.
+        count : int
+            How many, 1 to the number of states.
+        **options
+            For `solve`; `max_steps` and `max_seconds` bound each run.
+
+        Returns
+        -------
+        ndarray, shape (number of values, count)
+            Largest first, in units of 1/time; nan where the run of the diagram failed.
+
+        Raises
+        ------
+        ValueError
+            A diagram without its system.
+
+        Notes
+        -----
+        Of a driven system the runs begin at the phase of the points, t = 0. Along an autonomous flow one is 0.
+
+        Source: Mueller, Chaos, Solitons & Fractals, 1995 (`lyapunov_exponents`).
+        """
+        if self.system is None:
+            raise ValueError("this diagram has no `system`; make it by orbit_diagram().")
+        found = np.full((len(self.values), count), np.nan)
+        for row, value, x in zip(found, self.values.tolist(), self.points[:, -1]):
+            if np.isfinite(x).all():
+                system = self.system.with_parameters({self.parameter: value})
+                row[:] = lyapunov_exponents(
+                    system, x.tolist(), time, transient=transient, count=count, **options
+                ).exponents
+        return found
 
     def __getitem__(self, name: Any) -> np.ndarray:
         """Points of one state, shape (values, kept points)."""
@@ -405,7 +451,7 @@ def orbit_diagram(
         )  # fmt: skip
         points = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
         reasons = [why_not(outcome) for outcome in found["outcome"].values.tolist()]
-        return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)
+        return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by, system)
     at = np.array(system.initial_state(start), float)
     points, reasons = np.full((len(at_values), keep, len(states)), np.nan), list[str]()
     for k, value in enumerate(at_values):
@@ -414,4 +460,4 @@ def orbit_diagram(
         reasons.append(reason)
         if np.isfinite(points[k, -1]).all():
             at = points[k, -1]
-    return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by)
+    return OrbitDiagram(name, at_values, states, points, tuple(reasons), strobed_by, system)
