@@ -91,3 +91,18 @@ def test_slopes_of_a_cost_agree(tapes):
     on_rows, again = (tape.pull_back(cost) for tape in tapes[:2])
     assert on_rows.start == pytest.approx(again.start, rel=1e-10, abs=1e-10)
     assert on_rows.parameters == pytest.approx(again.parameters, rel=1e-10, abs=1e-10)
+
+
+def test_a_run_too_long_for_rows_makes_them_again(monkeypatch):
+    """Buffers that would grow beyond a bound are given up in the middle of the run."""
+    from pwsmooth.paths import event_driven
+
+    c = sp.Symbol("c", positive=True)  # another model, so that nothing is ready
+    swing = System({x: v, v: c * sp.cos(t) - x**3 - sp.sign(v) / 2}, time=t, parameters={c: 1.2})
+    run = swing, (0, 800), {x: 1, v: 0}
+    kept = solve(*run, with_respect_to=[c], rtol=1e-9)
+    assert kept.tape.dense is not None and len(kept.tape.dense) > 1024
+    monkeypatch.setattr(event_driven, "_MOST_ROWS", 8 * 3 * 23 * 1500)
+    short = solve(*run, with_respect_to=[c], rtol=1.0000001e-9)
+    assert short.tape.dense is None
+    assert short.derivatives.end == pytest.approx(kept.derivatives.end, rel=1e-5)
