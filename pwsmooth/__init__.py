@@ -32,6 +32,7 @@ _HOME = {
     "equilibria": "analysis.equilibria",
     "follow": "analysis.continuation",
     "follow_curve": "analysis.curves",
+    "diagram": "diagrams.one_parameter",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",
