@@ -33,6 +33,7 @@ _HOME = {
     "follow": "analysis.continuation",
     "follow_curve": "analysis.curves",
     "diagram": "diagrams.one_parameter",
+    "bifurcation_set": "diagrams.two_parameters",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",

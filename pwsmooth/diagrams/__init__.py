@@ -2,8 +2,26 @@
 
 from .. import on_first_use
 
-__all__ = ["Diagram", "Found", "diagram", "read_diagram"]
+__all__ = [
+    "BifurcationSet",
+    "Diagram",
+    "Found",
+    "Meeting",
+    "bifurcation_set",
+    "diagram",
+    "read_diagram",
+    "read_set",
+]
 
-_HOME = {"Diagram": "result", "Found": "result", "diagram": "one_parameter", "read_diagram": "result"}
+_HOME = {
+    "BifurcationSet": "sets",
+    "Diagram": "result",
+    "Found": "result",
+    "Meeting": "sets",
+    "bifurcation_set": "two_parameters",
+    "diagram": "one_parameter",
+    "read_diagram": "result",
+    "read_set": "sets",
+}
 
 __getattr__, __dir__ = on_first_use(__name__, _HOME)

@@ -14,8 +14,6 @@ import numpy as np
 from ..plotting import COLOUR, LINEAR_SHADE
 from .searching import IN_A_SET, NOWHERE
 
-__all__: list[str] = []
-
 #: Mark and colour of a kind; others take the rest in the order in which they come.
 _KINDS = {
     "fold": ("s", COLOUR["left"]),

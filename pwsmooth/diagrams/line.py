@@ -15,10 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from .plain import Setting, aligned, distance, found_at
+from .plain import Setting, distance, found_at, points_of
 from .tracing import UNDECIDED
-
-__all__: list[str] = []
 
 SAME = 1e-5  # relative to 1 + |x|: two orbits are one
 _BESIDE = 0.5  # of a chord, plus `_FLOOR`: an orbit so far from it may be on the branch
@@ -101,8 +99,6 @@ class Line:
         own = self.known[key]
         if own is None or own.map.count != len(points):
             return off <= 0.1 * chord + SAME
-        from .plain import points_of
-
         return distance(points, points_of(own, setting)[0]) <= SAME
 
     def pieces(self) -> Iterator[tuple[slice, str]]:
@@ -141,6 +137,3 @@ def uncovered(intervals: list[tuple[float, float]], low: float, high: float) -> 
 def same_points(a: np.ndarray, b: np.ndarray) -> bool:
     """Whether two cycles of points are one."""
     return distance(a, b) <= SAME
-
-
-__all__ += ["aligned"]

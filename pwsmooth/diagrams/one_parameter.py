@@ -7,7 +7,6 @@ Chain: sweep, searching.py, result.py -> **one_parameter** -> two_parameters.py,
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -378,6 +377,3 @@ def diagram(
     if kept is not None:
         found._write(kept.path)
     return found
-
-
-ARGUMENTS = inspect.signature(diagram).parameters

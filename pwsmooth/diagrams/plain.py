@@ -28,8 +28,6 @@ from ..analysis.sections import Section, Stroboscopic
 from ..analysis.segments import Shooting
 from ..definition import checks
 
-__all__: list[str] = []
-
 SHRUNK = "continued"
 
 

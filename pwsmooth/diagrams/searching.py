@@ -28,8 +28,6 @@ from .plain import Setting, found_at, points_of, told
 from .tracing import SWITCHED
 from .work import Task, Work
 
-__all__: list[str] = []
-
 _AMPLITUDES = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to 1 + |x|, tried in this order
 _SAME_PARAMETER = 1e-7  # of the range: bifurcations nearer together, of one orbit and one kind, are one
 NOWHERE, IN_A_SET = -1, -2  # instead of the number of a branch
@@ -100,7 +98,7 @@ class Search:
                 origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
                 for sign in (1, -1) if b["kind"] == "branch point" else (1,):
                     amplitudes = [sign * a for a in _AMPLITUDES]
-                    yield origin, line.depth + 1, self._task(off=_bare(b), amplitudes=amplitudes)
+                    yield origin, line.depth + 1, self._task(off=bare(b), amplitudes=amplitudes)
 
     def _new(self, b: dict[str, Any]) -> bool:
         """Whether a bifurcation is none of those known; it is known then. It gets its points once a period."""
@@ -239,7 +237,7 @@ class Search:
                 self.tree(task, f"attractor at {self.name} = {ends.values[i]:.9g}", rest)
 
 
-def _bare(b: dict[str, Any]) -> dict[str, Any]:
+def bare(b: dict[str, Any]) -> dict[str, Any]:
     """A bifurcation's data as the branch's task gave them."""
     return {key: value for key, value in b.items() if key not in ("points", "mirrored", "first")}
 

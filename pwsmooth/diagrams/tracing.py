@@ -31,8 +31,6 @@ from .plain import (
     values_of,
 )
 
-__all__: list[str] = []
-
 SWITCHED = ("flip", "symmetry breaking", "branch point", "Hopf", "sliding Hopf")  # where other branches begin
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to 1 + |x|: an orbit that is back at the branch's start

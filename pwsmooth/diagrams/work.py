@@ -28,8 +28,6 @@ from ..definition import checks
 from ..sweep import stored
 from ..sweep.dataset import version_items
 
-__all__: list[str] = []
-
 RESULT, ITEMS = "result", "items"
 Task = dict[str, Any]
 Item = dict[str, Any]
