@@ -59,7 +59,7 @@ def draw_diagram(diagram: Any, k: int, ax: Any) -> None:
             q, y = _ends(diagram, k, codes == code)
             if q.size:
                 ax.plot(
-                    q, y, ".", color=COLOUR[colour], markersize=3, label=label, rasterized=True, zorder=1,
+                    q, y, ".", color=COLOUR[colour], markersize=3, label=label, rasterized=True, zorder=2.5,
                     markeredgewidth=0,
                 )  # fmt: skip
     drawn: set[str] = set()
@@ -76,9 +76,15 @@ def draw_diagram(diagram: Any, k: int, ax: Any) -> None:
                     )  # fmt: skip
     found = diagram.bifurcations
     for kind, (mark, colour) in marks(b.kind for b in found).items():
-        at = [(b.parameter, y) for b in found if b.kind == kind for y in b.points[:, k]]
+        at = [(b.parameter, y) for b in found if b.kind == kind for y in _both(b)[:, k]]
         ax.plot(*zip(*at), mark, color=colour, fillstyle="none", markersize=5, label=kind, zorder=3)
     ax.set(xlim=(low, high), xlabel=diagram.parameter, ylabel=_what(diagram, k))
+
+
+def _both(b: Any) -> np.ndarray:
+    """Points of a bifurcation's orbit and of its mirror image."""
+    mirrored = b.data.get("mirrored")
+    return b.points if mirrored is None else np.concatenate([b.points, mirrored])
 
 
 def _what(diagram: Any, k: int) -> str:

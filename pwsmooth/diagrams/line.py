@@ -21,6 +21,7 @@ from .tracing import UNDECIDED
 SAME = 1e-5  # relative to 1 + |x|: two orbits are one
 _BESIDE = 0.5  # of a chord, plus `_FLOOR`: an orbit so far from it may be on the branch
 _FLOOR = 1e-3
+NARROW = 1e-5  # of the range: a gap so narrow is where a branch was not followed to its very end
 
 
 @dataclass
@@ -31,6 +32,7 @@ class Line:
     about: dict[str, Any]
     origin: str = ""
     depth: int = 0
+    root: Any = None  # the branch point at which it began
     known: dict[tuple[int, float], Any] = field(default_factory=dict, repr=False)
 
     @property
@@ -124,7 +126,7 @@ class Line:
 def uncovered(intervals: list[tuple[float, float]], low: float, high: float) -> list[tuple[float, float]]:
     """The parts of a range that no interval covers."""
     gaps, at = [], low
-    slack = 1e-9 * (high - low)
+    slack = NARROW * (high - low)
     for a, b in sorted(intervals):
         if a > at + slack:
             gaps.append((at, a))

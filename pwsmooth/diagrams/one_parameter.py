@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..analysis.equilibria import Equilibrium, equilibria
 from ..analysis.orbits import PeriodicOrbit
-from ..analysis.sections import LONGEST, poincare_map
+from ..analysis.sections import LONGEST, Stroboscopic, poincare_map
 from ..analysis.symmetry import symmetry_matrix
 from ..definition import checks
 from ..results.records import Outcome
@@ -183,7 +183,7 @@ class Looking:
         if self.box is None:
             return []
         found: list[Equilibrium] = []
-        for q in (0.5 * sum(bounds), *bounds):
+        for q in (*bounds, 0.5 * sum(bounds)):
             system = self.setting.system.with_parameters({**values, name: q})
             found += [e for e in equilibria(system, self.box) if e.success and e.isolated]
         return found
@@ -209,7 +209,7 @@ def looking(
     if symmetry is not None:
         if map_ is None or section is not None:
             raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
-        G = symmetry_matrix(system, symmetry, map_.forcing_period)
+        G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
     setting = Setting(system, map_, G, virtual)
     kept = []
     for orbit in orbits:
@@ -372,7 +372,7 @@ def diagram(
         kept = Store(store, "pwsmooth diagram", {**look.identity(), "parameter": name, "range": str(bounds)})
     with processes(executor, workers) as (pool, ahead), telling(progress) as tell:
         work = Work(traced, look.setting, pool, kept)
-        sweeps = None if kept is None else kept.path / SWEEPS / f"{name}.zarr"
+        sweeps = None if kept is None else kept.path / SWEEPS
         found = look.diagram(name, bounds, values_of(system), work, ahead, tell, sweeps)
     if kept is not None:
         found._write(kept.path)

@@ -150,7 +150,8 @@ def made_bifurcation(data: Mapping[str, Any], setting: Setting) -> Any:
     change = None
     if "change" in data:
         name, before, after, time = data["change"]
-        change = Change(name, *(tuple(Letter(*x) for x in part) for part in (before, after)), time)
+        gone, come = (tuple(Letter(*x) for x in part) for part in (before, after))
+        change = Change(name, gone, come, time)
     return Bifurcation(*four, orbit, change, made(data["beyond"], setting) if "beyond" in data else None)
 
 
@@ -166,7 +167,7 @@ def points_of(orbit: Any, setting: Setting) -> tuple[np.ndarray, np.ndarray | No
         return orbit.x[None], None
     map_ = orbit.map
     if not (setting.driven and isinstance(map_, Stroboscopic)):
-        return np.array([orbit.after(k) for k in range(map_.count)]), None
+        return np.array([orbit.x, *(orbit.after(k) for k in range(1, map_.count))]), None
     base = setting.at(values_of(orbit.system))
     T = base.forcing_period
     periods = Fraction(orbit.period / T).limit_denominator(1000)
@@ -182,7 +183,8 @@ def points_of(orbit: Any, setting: Setting) -> tuple[np.ndarray, np.ndarray | No
 
 def _sampled(orbit: PeriodicOrbit, times: np.ndarray) -> np.ndarray:
     """States at times after the section, (number, n)."""
-    first, map_ = orbit.map.start_time, orbit.map
+    map_: Any = orbit.map
+    first = map_.start_time
     times = times % orbit.period
     if orbit.segments is None:
         order = np.argsort(times, kind="stable")

@@ -153,7 +153,8 @@ class Diagram(Described):
     def gaps(self) -> list[tuple[float, float]]:
         """Intervals of the parameter over which no branch is stable and no set of orbits attracts, in its unit.
 
-        A set is taken to attract between two neighbouring values at which trajectories end in one.
+        A set is taken to attract between two neighbouring values at which trajectories end in one. Gaps narrower than
+        1e-5 of the range are not told: branches may not be followed to their very end.
         """
         known = [interval for branch in self.branches for interval in branch.covered()]
         if self.ends is not None:
@@ -212,7 +213,9 @@ class Diagram(Described):
         import xarray
 
         turns = max((branch.count for branch in self.branches), default=1)
-        stacked = {key: [] for key in ("branch", "parameter", "points", "stable", "virtual", "size", "period")}
+        stacked: dict[str, list[Any]] = {
+            key: [] for key in ("branch", "parameter", "points", "stable", "virtual", "size", "period")
+        }
         for k, branch in enumerate(self.branches):
             a = branch.arrays
             points = np.full((len(branch.q), turns, len(self.states)), np.nan)
@@ -229,7 +232,10 @@ class Diagram(Described):
             )
             for values, part in zip(stacked.values(), parts):
                 values.append(part)
-        empty = {"branch": np.zeros(0, np.int32), "points": np.zeros((0, turns, len(self.states)))}
+        empty: dict[str, np.ndarray] = {
+            "branch": np.zeros(0, np.int32),
+            "points": np.zeros((0, turns, len(self.states))),
+        }
         joined = {k: np.concatenate(v) if v else empty.get(k, np.zeros(0)) for k, v in stacked.items()}
         points = joined.pop("points")
         data: dict[str, Any] = {
@@ -283,7 +289,7 @@ class Diagram(Described):
             about = copy.deepcopy(branch.about)
             for b in about["bifurcations"]:
                 b["points"] = np.asarray(b["points"]).tolist()
-                b["mirrored"] = None
+                b["mirrored"] = None if b["mirrored"] is None else np.asarray(b["mirrored"]).tolist()
             branches.append({"about": about, "origin": branch.origin, "depth": branch.depth})
         if self.ends is not None:
             ends = self.ends
@@ -305,9 +311,10 @@ class Diagram(Described):
             branches.append(Line(own, branch["about"], branch["origin"], branch["depth"]))
         ends = None
         if "ends_values" in arrays:
-            ends = Ends(
-                *(arrays[f"ends_{key}"] for key in ("values", "points", "cycle", "outcome")), about["tol"]
+            values, points, cycle, outcome = (
+                arrays[f"ends_{key}"] for key in ("values", "points", "cycle", "outcome")
             )
+            ends = Ends(values, points, cycle, outcome, about["tol"])
         low, high = about["range"]
         return Diagram(
             about["parameter"], (low, high), tuple(about["states"]), branches, ends, arrays["explained"],

@@ -24,13 +24,14 @@ from ..analysis.sections import Stroboscopic
 from ..results.records import Outcome
 from ..sweep.plan import NO_RETURN
 from .line import Line, same_points
-from .plain import Setting, found_at, points_of, told
+from .plain import Setting, distance, found_at, points_of, told
 from .tracing import SWITCHED
 from .work import Task, Work
 
 _AMPLITUDES = (1e-2, 1e-3, 1e-4, 1e-5)  # relative to 1 + |x|, tried in this order
 _SAME_PARAMETER = 1e-7  # of the range: bifurcations nearer together, of one orbit and one kind, are one
 NOWHERE, IN_A_SET = -1, -2  # instead of the number of a branch
+_VERTEX = 1e-2  # relative to 1 + |x|, and its square of the range: within it a fold is a pitchfork's vertex
 _SLOW = 100  # times the tolerance of the sweep: an end that is still on its way to the orbit beside it
 
 
@@ -88,17 +89,25 @@ class Search:
             "virtual": self.setting.virtual, **what,
         }  # fmt: skip
 
-    def _children(self, line: Line) -> Iterator[tuple[str, int, Task]]:
+    def _children(self, line: Line) -> Iterator[tuple[str, int, Task, Any]]:
         """Where other branches begin on a branch, at bifurcations that no branch before it has."""
         for b in line.bifurcations:
-            b["first"] = self._new(b)
+            b["first"] = self._new(b) and not (b["kind"] == "fold" and self._vertex(line, b))
             if b["first"] and b["kind"] == "flip" and 2 * line.count > self.longest:
                 self.left += 1
             elif b["first"] and b["kind"] in SWITCHED:
                 origin = f"{b['kind']} at {self.name} = {b['parameter']:.9g}"
                 for sign in (1, -1) if b["kind"] == "branch point" else (1,):
                     amplitudes = [sign * a for a in _AMPLITUDES]
-                    yield origin, line.depth + 1, self._task(off=bare(b), amplitudes=amplitudes)
+                    root = b if b["kind"] == "branch point" else None
+                    yield origin, line.depth + 1, self._task(off=bare(b), amplitudes=amplitudes), root
+
+    def _vertex(self, line: Line, b: dict[str, Any]) -> bool:
+        """Whether a fold is where a branch comes through the branch point at which it began: a pitchfork's vertex."""
+        if line.root is None:
+            return False
+        near = abs(line.root["parameter"] - b["parameter"]) <= _VERTEX**2 * (self.bounds[1] - self.bounds[0])
+        return near and distance(np.asarray(line.root["points"]), b["points"]) <= _VERTEX
 
     def _new(self, b: dict[str, Any]) -> bool:
         """Whether a bifurcation is none of those known; it is known then. It gets its points once a period."""
@@ -116,30 +125,30 @@ class Search:
 
     def tree(self, first: Task, origin: str, upcoming: Iterable[Task] = ()) -> None:
         """The branch of a task and those that begin on it, recursively."""
-        queue, more = deque([(origin, 0, first)]), iter(upcoming)
+        queue, more = deque[tuple[str, int, Task, Any]]([(origin, 0, first, None)]), iter(upcoming)
         while queue:
             if len(self.lines) >= self.most:
                 self.left += len(queue)
                 return
             if self.ahead > 1:
-                coming = [task for *_, task in itertools.islice(queue, self.ahead)]
+                coming = [task for _, _, task, _ in itertools.islice(queue, self.ahead)]
                 self.work.ask([*coming, *itertools.islice(more, max(0, self.ahead - len(coming)))])
-            origin, depth, task = queue.popleft()
+            origin, depth, task, root = queue.popleft()
             if depth > self.depth:
                 self.left += 1
                 continue
             item = self.work.result(task)
-            line = self._kept(item, origin, depth)
+            line = self._kept(item, origin, depth, root)
             if line is not None:
                 queue += self._children(line)
             self.tell(f"{len(self.lines)} branches over {self.name}, {len(queue)} waiting")
 
-    def _kept(self, item: dict[str, Any], origin: str, depth: int) -> Line | None:
+    def _kept(self, item: dict[str, Any], origin: str, depth: int, root: Any) -> Line | None:
         """The branch, if there is one that is not known."""
         if item["about"]["lost"]:
             self.lost.append(f"{origin}: {item['about']['lost']}")
             return None
-        line = Line(item["arrays"], {**item["about"], "name": self.name}, origin, depth)
+        line = Line(item["arrays"], {**item["about"], "name": self.name}, origin, depth, root)
         place = {-1: None, **{int(n): k for k, n in enumerate(line.arrays["located"])}}
         for number, b in enumerate(line.bifurcations):
             k = place[number]

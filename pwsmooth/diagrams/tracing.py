@@ -32,9 +32,10 @@ from .plain import (
 )
 
 SWITCHED = ("flip", "symmetry breaking", "branch point", "Hopf", "sliding Hopf")  # where other branches begin
+_SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to 1 + |x|: an orbit that is back at the branch's start
-CLOSED = "it closes."
+CLOSED, MEETS = "it closes.", "meets its mirror image"
 UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
 
 
@@ -114,11 +115,15 @@ def traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     if not orbit.success:
         return {"arrays": {}, "about": {"lost": orbit.message}}
     lengths, bifurcations = dict(task.get("steps", {})), list[dict[str, Any]]()
-    ends, sides = [], []
+    from_hopf = "frequency" in task.get("off", {})
+    ends: list[str] = []
+    sides: list[list[_Entry]] = []
     for to in (low, high):
         if sides and ends[0] == CLOSED:
             break
-        entries, end = _one_way(setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations)
+        entries, end = _one_way(
+            setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations, from_hopf
+        )
         sides.append(entries)
         ends.append(end)
     entries = sides[0][::-1] + (sides[1][1:] if len(sides) > 1 else [])
@@ -134,7 +139,9 @@ def traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     return {"arrays": _arrays(entries, ranks), "about": about}
 
 
-def _one_way(setting, orbit, name, to, bounds, lengths, most, bifurcations) -> tuple[list[_Entry], str]:
+def _one_way(
+    setting, orbit, name, to, bounds, lengths, most, bifurcations, from_hopf
+) -> tuple[list[_Entry], str]:  # fmt: skip
     """Entries from the start on, and why they end."""
     q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
     if _at(q, to):
@@ -147,11 +154,14 @@ def _one_way(setting, orbit, name, to, bounds, lengths, most, bifurcations) -> t
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(to - back))
     entries = [_Entry(orbit, setting, name)]
     told: list[str] = []
+    size = _size(orbit) if from_hopf else 0.0
 
     def over() -> bool:
         for new in branch.orbits[len(entries) :]:
             entries.append(_Entry(new, setting, name).shifted(entries[-1]))
             told.extend(_over(entries, name))
+            if from_hopf and _size(new) < _SHRUNK * size:
+                told.append(f"shrinks onto the equilibrium at {name} = {entries[-1].q:.10g}.")
         return bool(told)
 
     steps = tuple(lengths[key] for key in ("step", "longest_step", "shortest_step"))
@@ -161,12 +171,17 @@ def _one_way(setting, orbit, name, to, bounds, lengths, most, bifurcations) -> t
         entries[-1] = entries[0]
         return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
     placed = _entries_of(branch, entries, setting, name, bifurcations)
-    if told and placed[-1] is entries[-1]:
+    if told and told[0].startswith(MEETS) and placed[-1] is entries[-1]:
         # What is past the mirror image is its own; a fold or branch point there is the symmetric branch's.
         placed.pop()
         if placed[-1].number >= 0:
             placed[-1].number = -1
     return placed, told[0] if told else end
+
+
+def _size(orbit: Any) -> float:
+    """The largest extent of an orbit in a state."""
+    return float(max(np.ptp(run.x, axis=1).max() for run in orbit.runs()))
 
 
 def _over(entries: list[_Entry], name: str) -> list[str]:
@@ -176,7 +191,7 @@ def _over(entries: list[_Entry], name: str) -> list[str]:
     if one is not None and other is not None and one.shape == other.shape:
         size = np.abs(other / (1 + np.abs(b.points))).max()
         if size <= _SAME or float((one * other).sum()) < 0:
-            return [f"meets its mirror image at {name} = {a.q:.10g}, where a symmetric orbit is."]
+            return [f"{MEETS} at {name} = {a.q:.10g}, where a symmetric orbit is."]
     if len(entries) > 3 and a.points.shape == b.points.shape == first.points.shape:
         chord = distance(a.points, b.points)
         if (a.q - first.q) * (b.q - first.q) <= 0 and a.q != b.q:
@@ -214,7 +229,8 @@ def _places(branch: Any, entries: list[_Entry]) -> list[int]:
     """Of each bifurcation how many of the points come before it; of equilibria where it is least out of the way."""
     if not isinstance(branch, EquilibriumBranch):
         return branch.places
-    scale, places = float(np.ptp(branch.values)) or 1.0, []
+    scale = float(np.ptp(branch.values)) or 1.0
+    places: list[int] = []
     for b in branch.bifurcations:
         first = max(places[-1:] or [1])
         at = _Place(b.equilibrium.x[None], b.parameter)
