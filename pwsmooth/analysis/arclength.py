@@ -234,9 +234,8 @@ class Walk:
             return None
         if ds > 1e-3 and _sticks(there) and not _sticks(here):
             return None  # a shorter step comes near enough to move the section first
-        # Within one itinerary the branch is smooth; between two it may have a corner. A long step from behind an acute
-        # one would come to the branch on its other side.
-        if there.tangent @ here.tangent < 0.8 and (ds > 1e-3 or same_itinerary(here.orbit, there.orbit)):
+        # Within one itinerary the branch is smooth; between two it may have a corner.
+        if there.tangent @ here.tangent < 0.8 and same_itinerary(here.orbit, there.orbit):
             return None
         return there
 

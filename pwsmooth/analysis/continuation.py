@@ -263,6 +263,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             branch.bifurcations += ends
             branch.places += [len(branch.orbits)] * len(ends)
             return _collapse_in_words(walk, here, there, count, ends)
+        there = _away(walk, here, there, found)
         branch.bifurcations += found
         branch.places += [len(branch.orbits)] * len(found)
         branch.orbits.append(there.orbit)
@@ -273,6 +274,18 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
+
+
+def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Point:
+    """The point, its tangent away from a corner on the way to it: beyond an acute one the old tangent tells nothing."""
+    corner = next((b.beyond for b in reversed(found) if b.beyond is not None), None)
+    if corner is None or there.tangent @ here.tangent >= 0.8:
+        return there
+    x = corner.x if corner.segments is None else corner.segments.nodes.ravel() / walk.weight
+    if len(x) + 1 != len(there.u):
+        return there
+    way = there.u - np.append(x, value_of(corner, walk.name) / walk.scale)
+    return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
 def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:

@@ -203,7 +203,13 @@ def looking(
         raise ValueError(
             "`starts` are trajectories, seen once a period or return; give `period` or `section` too."
         )
-    given = [] if starts is None else [starts] if isinstance(starts, Mapping) else list(starts)
+    given = (
+        []
+        if starts is None
+        else [starts]
+        if isinstance(starts, Mapping)
+        else list(checks.several(starts, "`starts`"))
+    )
     rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`starts`")))) for s in given)
     G = None
     if symmetry is not None:
@@ -212,7 +218,7 @@ def looking(
         G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
     setting = Setting(system, map_, G, virtual)
     kept = []
-    for orbit in orbits:
+    for orbit in checks.several(orbits, "`orbits`"):
         if not isinstance(orbit, (PeriodicOrbit, Equilibrium)) or not orbit.success:
             raise TypeError(
                 f"`orbits` contains {checks.shown(orbit)}; give orbits and equilibria that converged, of find_orbit() "
@@ -356,7 +362,7 @@ def diagram(
     >>> from pwsmooth import Event, System, diagram
     >>> t, x, a = sp.symbols("t x a", real=True)
     >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
-    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=8)
+    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=9)
     >>> len(found.branches), found.gaps, found.unexplained.tolist()
     (3, [], [])
     """

@@ -47,6 +47,8 @@ class Found:
         The orbit's points once a period (its returns), in the units of the states.
     text : str
         In words.
+    data : dict
+        What it is made of, for `Diagram.bifurcation`.
 
     Examples
     --------
@@ -383,7 +385,7 @@ def read_result(path: Path, title: str) -> dict[str, Any]:
     """The result in a store of this title."""
     about = read_about(path)
     if about["title"] != title:
-        raise ValueError(f"{str(path)!r} holds a {about['title']}, not a {title}.")
+        raise ValueError(f"`path` {str(path)!r} holds a {about['title']}, not a {title}.")
     if not (path / RESULT / "zarr.json").exists():
         raise ValueError(
             f"{str(path)!r} is not finished: make the call that began it again, with this `store`."

@@ -72,7 +72,7 @@ class BifurcationSet(Described):
         In the order in which they were found, with `kind`, `values`, `admissible` and `ends`.
     diagrams : list of Diagram
         Along the lines.
-    lines : tuple of (str, float)
+    lines : tuple of (str, float), in the units of the parameters
         Of each diagram the parameter that is held, and its value.
     lost : tuple of str
         What was found and has no curve, in words.

@@ -21,22 +21,11 @@ from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_st
 from .one_parameter import diagram
 from .two_parameters import bifurcation_set
 
-__all__ = ["DiagramStudy", "run_study"]
-
 Pair = Annotated[tuple[float, float], Field(strict=False)]  # TOML has lists
 
 
 class DiagramStudy(Table):
-    """The whole file: keys of `diagram` and `bifurcation_set`, the parameters among them in `ranges`, one or two.
-
-    Examples
-    --------
-    >>> from pwsmooth.diagrams.study import DiagramStudy
-    >>> block = {"scene": "friction_oscillator", "law": "HiddenStatic"}
-    >>> study = DiagramStudy(system=block, ranges={"amplitude": [1, 4]})
-    >>> study.depth
-    6
-    """
+    """The whole file: keys of `diagram` and `bifurcation_set`, the parameters among them in `ranges`, one or two."""
 
     title: str = ""
     system: SystemTable

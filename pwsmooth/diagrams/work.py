@@ -150,9 +150,9 @@ def read_about(path: Path) -> dict[str, Any]:
         about = dict(stored.zarr_itself().open_group(path, mode="r").attrs)
         sound = about.pop("sha256") == stored.sum_of_attributes(about) and "title" in about
     except Exception as error:  # zarr raises whatever its parsers raise
-        raise ValueError(f"{str(path)!r} is no store of a diagram: {error}") from None
+        raise ValueError(f"`path` {str(path)!r} is no store of a diagram: {error}") from None
     if not sound:
-        raise ValueError(f"{str(path)!r} is no store of a diagram, or a damaged one; give another path.")
+        raise ValueError(f"`path` {str(path)!r} is no store of a diagram, or a damaged one; give another one.")
     return about
 
 
