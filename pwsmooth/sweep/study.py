@@ -110,6 +110,8 @@ def read_study(path: Any, kind: Any = Study) -> Any:
     its key and line.
     """
     path = checks.path(path, "`path`")
+    if not (isinstance(kind, type) and issubclass(kind, Table)):
+        raise TypeError(f"`kind` is {checks.shown(kind)}; give Study, or another Table.")
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
