@@ -19,6 +19,7 @@ from ..analysis.continuation import Branch, branch_off, follow, followed
 from ..analysis.equilibria import Equilibrium
 from ..analysis.equilibrium_branches import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.hopf import cycle_from
+from ..paths.budget import Budget, within
 from .plain import (
     Setting,
     aligned,
@@ -32,6 +33,8 @@ from .plain import (
 )
 
 SWITCHED = ("flip", "symmetry breaking", "branch point", "Hopf", "sliding Hopf")  # where other branches begin
+_COUNTED = 2**62
+_STEPS = 1000  # of solve() for each of the points that a branch may have: long orbits have fewer points
 _SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
 _NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
 _SAME = 1e-5  # relative to 1 + |x|: an orbit that is back at the branch's start
@@ -156,7 +159,13 @@ def _one_way(
     told: list[str] = []
     size = _size(orbit) if from_hopf else 0.0
 
+    budget = Budget(_COUNTED)
+
     def over() -> bool:
+        if _COUNTED - budget.left > _STEPS * most:
+            told.append(
+                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give more `points`."
+            )
         for new in branch.orbits[len(entries) :]:
             entries.append(_Entry(new, setting, name).shifted(entries[-1]))
             told.extend(_over(entries, name))
@@ -165,7 +174,8 @@ def _one_way(
         return bool(told)
 
     steps = tuple(lengths[key] for key in ("step", "longest_step", "shortest_step"))
-    end = followed(branch, walk, back, to, steps, most, over)
+    with within(budget):
+        end = followed(branch, walk, back, to, steps, most, over)
     over()
     if told and told[0] == CLOSED:
         entries[-1] = entries[0]
