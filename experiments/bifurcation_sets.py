@@ -19,6 +19,7 @@ Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections import Counter
@@ -83,13 +84,13 @@ def the_set(name: str, config: Config):
     """The set of a plane, and the seconds that it took."""
     view, parameters, ranges, lines = SETS[name]
     held = dict(zip(parameters.split(), getattr(config, lines)))
-    begun = time.perf_counter()
+    begun, spent = time.perf_counter(), sum(os.times()[:4])
     found = bifurcation_set(
         system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts], DRIVE,
-        lines=held, symmetry=MIRROR, values=config.values, longest=config.longest, workers=config.workers, longest_step=0.1, points=1000,
-        progress=False,
+        lines=held, symmetry=MIRROR, values=config.values, longest=config.longest, workers=config.workers,
+        longest_step=0.1, points=1000, progress=False,
     )  # fmt: skip
-    return found, time.perf_counter() - begun
+    return found, {"wall": time.perf_counter() - begun, "processor": sum(os.times()[:4]) - spent}
 
 
 # ---- the check
@@ -202,7 +203,8 @@ def run(config: Config) -> dict:
             for line, d in zip(found.lines, found.diagrams)
         ]
         data[name] = {
-            "curves": curves, "points": points, "diagrams": diagrams, "lost": found.lost, "seconds": round(seconds, 1),
+            "curves": curves, "points": points, "diagrams": diagrams, "lost": found.lost,
+            "seconds": {key: round(value, 1) for key, value in seconds.items()},
             "check": checked(name, found, config),
         }  # fmt: skip
     return data
@@ -233,14 +235,14 @@ def claims(data: dict) -> list[Claim]:
                 "; ".join(text for row in bad for text in row["failures"])[:400],
             )
         )  # fmt: skip
-    seconds = max(one["seconds"] for one in data.values())
+    wall, spent = (max(one["seconds"][key] for one in data.values()) for key in ("wall", "processor"))
     found.append(
         claim(
             "A set takes less than 10 minutes on two cores",
             "600 s",
-            f"{seconds:.0f} s",
-            seconds < 600,
-            "slower",
+            f"at most {wall:.0f} s, with {spent:.0f} s of processor time, on a machine that others used too",
+            wall < 600,
+            "slower, on a machine that others used too: compare the processor time",
         )
     )
     return found

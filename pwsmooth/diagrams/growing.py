@@ -22,12 +22,16 @@ _FLOOR = 1e-6  # of the ranges
 
 def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
-    bifurcation = made_bifurcation(task["bifurcation"], setting)
     try:
+        bifurcation = made_bifurcation(task["bifurcation"], setting)
         curve = follow_curve(
             bifurcation, dict(task["ranges"]), virtual=task["virtual"], most=task["most"], **task["steps"]
         )
-    except ValueError as error:  # of a bifurcation that cannot be followed
+    except (
+        ArithmeticError,
+        np.linalg.LinAlgError,
+        ValueError,
+    ) as error:  # one that cannot be followed, as a rule
         return {"arrays": {}, "about": {"lost": str(error)}}
     if len(curve.orbits) < 2:
         return {"arrays": {}, "about": {"lost": "; ".join(curve.ends)}}

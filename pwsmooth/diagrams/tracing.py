@@ -113,6 +113,13 @@ def _on_section(cycle: Any, setting: Setting) -> Any:
 
 def traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The branch of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where nothing begins."""
+    try:
+        return _traced(setting, task)
+    except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:  # one branch costs no other
+        return {"arrays": {}, "about": {"lost": f"{type(error).__name__}: {error}"}}
+
+
+def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     name, (low, high) = task["parameter"], task["range"]
     orbit = begun(setting, task)
     if not orbit.success:
