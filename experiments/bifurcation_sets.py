@@ -80,15 +80,15 @@ def start_of(view: str, pair) -> dict:
     return {y: pair[0], v: pair[1]} | ({} if view == "slaved" else {z: 0.0})
 
 
-def the_set(name: str, config: Config):
-    """The set of a plane, and the seconds that it took."""
+def the_set(name: str, config: Config, store=None):
+    """The set of a plane, and the seconds that it took; with a store a run that was killed goes on."""
     view, parameters, ranges, lines = SETS[name]
     held = dict(zip(parameters.split(), getattr(config, lines)))
     begun, spent = time.perf_counter(), sum(os.times()[:4])
     found = bifurcation_set(
         system_of(view, config), parameters.split(), ranges, [start_of(view, s) for s in config.starts], DRIVE,
         lines=held, symmetry=MIRROR, values=config.values, longest=config.longest, workers=config.workers,
-        longest_step=0.1, points=1000, progress=False,
+        longest_step=0.1, points=1000, progress=False, store=store,
     )  # fmt: skip
     return found, {"wall": time.perf_counter() - begun, "processor": sum(os.times()[:4]) - spent}
 

@@ -244,6 +244,17 @@ def test_a_store_of_another_call_is_refused(tmp_path):
         read_set(tmp_path / "d.zarr")
 
 
+def test_what_is_in_the_store_is_not_computed_again(tmp_path, monkeypatch):
+    call = dict(starts={x: 0.3}, **STROBED, values=3, store=tmp_path / "d.zarr")
+    first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
+
+    def never(setting, task):
+        raise AssertionError("it was computed again")
+
+    monkeypatch.setattr("pwsmooth.diagrams.one_parameter.traced", never)
+    same(diagram(LOGISTIC, a, (2.8, 3.2), **call), first)
+
+
 def test_a_damaged_item_is_computed_again(tmp_path):
     call = dict(starts={x: 0.3}, **STROBED, values=3, store=tmp_path / "d.zarr")
     first = diagram(LOGISTIC, a, (2.8, 3.2), **call)
