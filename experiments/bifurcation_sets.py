@@ -4,7 +4,8 @@
 
 The bifurcation sets of two limits of one model, by one call each (`pwsmooth.bifurcation_set`): slaved, beta << eps
 (z = 1 - lam^2: static friction answers at once), and relaxing, eps << beta (0.1 z' = 1 - lam^2 - z, z a state of the
-motion, none of the layer), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. Hidden terms are kept.
+motion, none of the layer), over (omega, sigma) at rho = 3, and slaved over (rho, sigma) at omega = 1. Hidden terms are
+kept.
 
 Check: at random points of each plane a sweep of many starts finds the attractors there by brute force. A set admits an
 attractor if the orbit, followed over either parameter until it is stable no more, is so up to a curve of the set or to
@@ -46,7 +47,6 @@ SETS = {  # name -> (view, parameters, ranges, lines)
     "slaved over (omega, sigma)": ("slaved", "omega sigma", ((0.4, 3), (0.5, 5)), "drive"),
     "slaved over (rho, sigma)": ("slaved", "rho sigma", ((0, 5), (0.5, 5)), "static"),
     "relaxing over (omega, sigma)": ("relaxing", "omega sigma", ((0.4, 3), (0.5, 5)), "drive"),
-    "relaxing over (rho, sigma)": ("relaxing", "rho sigma", ((0, 5), (0.5, 5)), "static"),
 }
 
 
@@ -138,7 +138,7 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     values = {p.name: float(q) for p, q in orbit.system.parameters.items()}
     for name, (low, high) in zip(names, ranges):
         for to in (low, high):
-            branch = follow(orbit, name, to, most=2000)
+            branch = follow(orbit, name, to, most=2000, max_steps=1_000_000)
             stable = branch.stable
             last = int(np.argmin(stable)) if not stable.all() else len(stable)
             passed = [b for b, place in zip(branch.bifurcations, branch.places) if place <= last]
@@ -180,34 +180,31 @@ def checked(name: str, found, config: Config) -> dict:
     return {"points": rows, "skipped": skipped}
 
 
+def one_plane(name: str, config: Config, store=None, seconds=None) -> dict:
+    """The set of a plane and its check; `seconds` of the run that filled the store, where that was another one."""
+    found, measured = the_set(name, config, store)
+    curves = [
+        {
+            "kind": curve.kind, "values": np.round(curve.values, 9), "origin": curve.origin, "ends": curve.ends,
+            "periods": int(curve.arrays["points"].shape[1]),
+            "symmetric": bool(np.isnan(curve.arrays["mirrored"]).all()),
+        }
+        for curve in found.curves
+    ]  # fmt: skip
+    diagrams = [
+        {"line": line, "branches": len(d.branches), "gaps": d.gaps, "unexplained": int((d.explained == -1).sum())}
+        for line, d in zip(found.lines, found.diagrams)
+    ]  # fmt: skip
+    return {
+        "curves": curves, "points": [{"name": p.name, "at": p.at, "curves": p.curves} for p in found.points],
+        "diagrams": diagrams, "lost": found.lost,
+        "seconds": {key: round(value, 1) for key, value in (seconds or measured).items()},
+        "check": checked(name, found, config),
+    }  # fmt: skip
+
+
 def run(config: Config) -> dict:
-    data = {}
-    for name in SETS:
-        found, seconds = the_set(name, config)
-        curves = [
-            {
-                "kind": curve.kind, "values": np.round(curve.values, 9), "origin": curve.origin, "ends": curve.ends,
-                "periods": int(curve.arrays["points"].shape[1]),
-                "symmetric": bool(np.isnan(curve.arrays["mirrored"]).all()),
-            }
-            for curve in found.curves
-        ]  # fmt: skip
-        points = [{"name": p.name, "at": p.at, "curves": p.curves} for p in found.points]
-        diagrams = [
-            {
-                "line": line,
-                "branches": len(d.branches),
-                "gaps": d.gaps,
-                "unexplained": int((d.explained == -1).sum()),
-            }
-            for line, d in zip(found.lines, found.diagrams)
-        ]
-        data[name] = {
-            "curves": curves, "points": points, "diagrams": diagrams, "lost": found.lost,
-            "seconds": {key: round(value, 1) for key, value in seconds.items()},
-            "check": checked(name, found, config),
-        }  # fmt: skip
-    return data
+    return {name: one_plane(name, config) for name in SETS}
 
 
 def called(curve: dict) -> str:
