@@ -3,7 +3,7 @@
 Between two of its points a branch is nearly straight. An orbit that is near to the chord is looked at more closely:
 Newton's method at the same parameter leads from the chord to the branch's own orbit, and the two are one or not.
 
-Chain: plain.py, tracing.py -> **line** -> one_parameter.py, two_parameters.py.
+Chain: plain.py, tracing.py -> **line** -> searching.py.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """What `diagram` gives: branches, bifurcations, the orbit diagram, and what is missing, as data.
 
-Chain: searching.py, drawing.py -> **result** -> one_parameter.py.
+Chain: searching.py, drawing.py -> **result** -> looking.py.
 """
 
 from __future__ import annotations
 
 import copy
-import json
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,14 +18,14 @@ from ..definition.describe import Described, Rows, some
 from .line import Line, uncovered
 from .plain import Setting, made_bifurcation
 from .searching import IN_A_SET, NOWHERE, Ends
-from .work import RESULT, Store, read_about, read_group, write_group
+from .work import RESULT, Store, read_result, write_group
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["Diagram", "Found", "read_diagram"]
 
-_TITLE = "pwsmooth diagram"
+TITLE = "pwsmooth diagram"
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,61 +211,9 @@ class Diagram(Described):
             Points of all branches along "point", their branch in `branch`; states over (point, turn); bifurcations
             along "bifurcation"; the orbit diagram over ("value", "start", "kept").
         """
-        import xarray
+        from .dataset import dataset_of
 
-        turns = max((branch.count for branch in self.branches), default=1)
-        stacked: dict[str, list[Any]] = {
-            key: [] for key in ("branch", "parameter", "points", "stable", "virtual", "size", "period")
-        }
-        for k, branch in enumerate(self.branches):
-            a = branch.arrays
-            points = np.full((len(branch.q), turns, len(self.states)), np.nan)
-            points[:, : branch.count] = a["points"]
-            ways = np.append(branch.stable, branch.stable[-1:])
-            parts = (
-                np.full(len(branch.q), k, np.int32),
-                branch.q,
-                points,
-                ways,
-                a["virtual"],
-                a["size"],
-                a["period"],
-            )
-            for values, part in zip(stacked.values(), parts):
-                values.append(part)
-        empty: dict[str, np.ndarray] = {
-            "branch": np.zeros(0, np.int32),
-            "points": np.zeros((0, turns, len(self.states))),
-        }
-        joined = {k: np.concatenate(v) if v else empty.get(k, np.zeros(0)) for k, v in stacked.items()}
-        points = joined.pop("points")
-        data: dict[str, Any] = {
-            self.parameter if key == "parameter" else key: (("point",), values)
-            for key, values in joined.items()
-        }
-        data |= {name: (("point", "turn"), points[:, :, k]) for k, name in enumerate(self.states)}
-        found = self.bifurcations
-        data["bifurcation_kind"] = ("bifurcation",), np.array([b.kind for b in found], dtype=object)
-        for key in ("parameter", "uncertainty", "branch"):
-            data[f"bifurcation_{key}"] = ("bifurcation",), np.array([getattr(b, key) for b in found])
-        if self.ends is not None:
-            ends = self.ends
-            data["value"] = ("value",), ends.values
-            data |= {
-                f"{name}_end": (("value", "start", "kept"), ends.points[..., k])
-                for k, name in enumerate(self.states)
-            }
-            data["cycle"], data["outcome"] = (
-                (("value", "start"), ends.cycle),
-                (("value", "start"), ends.outcome),
-            )
-            data["explained_by"] = ("value", "start"), self.explained
-        attrs = {
-            "title": _TITLE, "parameter": self.parameter, "range": list(self.range),
-            "origins": [branch.origin for branch in self.branches], "gaps": json.dumps(self.gaps),
-            "lost": list(self.lost), "not_followed": self.left,
-        }  # fmt: skip
-        return xarray.Dataset(data, attrs=attrs)
+        return dataset_of(self, TITLE)
 
     def save(self, path: Any) -> None:
         """Write it into a Zarr directory, which `read_diagram` reads.
@@ -277,7 +224,7 @@ class Diagram(Described):
             A new directory.
         """
         path = checks.path(path, "`path`")
-        Store(path, _TITLE, {"saved": self.parameter})
+        Store(path, TITLE, {"saved": self.parameter})
         self._write(path)
 
     def _write(self, path: Path) -> None:
@@ -378,19 +325,4 @@ def read_diagram(path: Any) -> Diagram:
     >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
     True
     """
-    return Diagram._of(read_result(checks.path(path, "`path`"), _TITLE))
-
-
-def read_result(path: Path, title: str) -> dict[str, Any]:
-    """The result in a store of this title."""
-    about = read_about(path)
-    if about["title"] != title:
-        raise ValueError(f"`path` {str(path)!r} holds a {about['title']}, not a {title}.")
-    if not (path / RESULT / "zarr.json").exists():
-        raise ValueError(
-            f"{str(path)!r} is not finished: make the call that began it again, with this `store`."
-        )
-    try:
-        return read_group(path / RESULT)
-    except Exception as error:  # zarr raises whatever its parsers raise
-        raise ValueError(f"{str(path)!r} is damaged: {error}; make the call that made it again.") from error
+    return Diagram._of(read_result(checks.path(path, "`path`"), TITLE))

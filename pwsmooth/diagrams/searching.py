@@ -6,7 +6,7 @@
 Branches are taken in one order, whoever follows them: processes work ahead on what comes next as it looks now, and what
 turns out to be known already is not used.
 
-Chain: tracing.py, line.py, work.py -> **searching** -> one_parameter.py.
+Chain: tracing.py, line.py, work.py -> **searching** -> looking.py.
 """
 
 from __future__ import annotations

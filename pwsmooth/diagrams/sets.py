@@ -15,8 +15,8 @@ import numpy as np
 from ..definition import checks
 from ..definition.describe import Described, Rows, some
 from .growing import Grown
-from .result import Diagram, read_result
-from .work import RESULT, Store, write_group
+from .result import Diagram
+from .work import RESULT, Store, read_result, write_group
 
 if TYPE_CHECKING:
     import xarray

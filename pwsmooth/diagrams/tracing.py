@@ -3,7 +3,7 @@
     start  ->  follow to either end of the range, around folds  ->  parameter, points once a period, stability and
     bifurcations, in order along the branch
 
-Chain: plain.py -> **tracing** -> one_parameter.py.
+Chain: plain.py -> **tracing** -> line.py, one_parameter.py.
 """
 
 from __future__ import annotations

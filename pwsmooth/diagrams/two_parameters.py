@@ -2,7 +2,7 @@
 
     diagrams along lines in the plane  ->  their bifurcations  ->  the curve of each that is on none yet
 
-Chain: one_parameter.py, growing.py, sets.py -> **two_parameters** -> study.py.
+Chain: looking.py, growing.py, sets.py -> **two_parameters** -> study.py.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from ..analysis.sections import LONGEST
 from ..definition import checks
 from .growing import KINDS, Grown, grown
-from .one_parameter import DOOR, SWEEPS, Starts, looking
+from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
 from .result import Diagram
 from .searching import bare

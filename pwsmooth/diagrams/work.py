@@ -156,6 +156,21 @@ def read_about(path: Path) -> dict[str, Any]:
     return about
 
 
+def read_result(path: Path, title: str) -> dict[str, Any]:
+    """The result in a store of this title."""
+    about = read_about(path)
+    if about["title"] != title:
+        raise ValueError(f"`path` {str(path)!r} holds a {about['title']}, not a {title}.")
+    if not (path / RESULT / "zarr.json").exists():
+        raise ValueError(
+            f"{str(path)!r} is not finished: make the call that began it again, with this `store`."
+        )
+    try:
+        return read_group(path / RESULT)
+    except Exception as error:  # zarr raises whatever its parsers raise
+        raise ValueError(f"{str(path)!r} is damaged: {error}; make the call that made it again.") from error
+
+
 def _differing(old: str, new: str) -> str:
     try:
         a, b = json.loads(old), json.loads(new)
