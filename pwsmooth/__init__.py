@@ -34,6 +34,8 @@ _HOME = {
     "follow_curve": "analysis.curves",
     "manifold": "analysis.manifolds",
     "sliding_portrait": "analysis.portraits",
+    "diagram": "diagrams.one_parameter",
+    "bifurcation_set": "diagrams.two_parameters",
     "lyapunov_exponents": "analysis.lyapunov",
     "basins": "sweep.basins",
     "orbit_diagram": "sweep.basins",

@@ -161,6 +161,65 @@ def sweep(
 
 
 @app.command()
+def diagram(
+    study: Annotated[Path, typer.Argument(help="TOML file: system, ranges, starts.")],
+    out: Annotated[
+        Path, typer.Option(help="Directory for the store, <STUDY>.zarr, and the picture, <STUDY>.png.")
+    ] = Path("."),
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; one a core without.")] = None,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Let the study run code: 'file.py:name', a file beside it.")
+    ] = False,
+) -> None:
+    r"""All branches over a parameter, or all curves over two, into a Zarr store that survives any kill.
+
+    One parameter in the ranges gives a diagram, two give a bifurcation set. The file is data, as that of a sweep:
+
+        period = "2*pi/omega"
+        starts = \[{ y = 0.5, v = 0.3 }, { y = -1, v = 1 }]
+        \[system]
+        scene = "friction_oscillator"
+        law = "HiddenStatic"
+        layered = { z = inf }
+        \[ranges]
+        omega = \[0.4, 3]
+        amplitude = \[0.5, 5]
+        \[lines]
+        omega = \[0.6, 1, 2]
+        \[symmetry]
+        y = "-y"
+        v = "-v"
+
+    Keys of the file:
+        title          what the study is called
+        starts         list of tables: where trajectories start
+        period         of the drive, a number or a formula in parameters
+        section        without a drive: a surface, as y; direction, longest_return
+        phase          part of the period at which orbits are seen
+        values         of a parameter in the orbit diagram; transient, keep: periods
+        longest        longest orbit, in periods
+        depth, most    of branches on branches, and their number
+        points, curves points of a branch, and the number of curves
+        step, longest_step, shortest_step   of the arc of a branch
+        virtual        whether virtual equilibria and curves are followed
+        rtol, atol, method, max_steps   of solve
+
+    Its tables:
+        \[system]      as of `pwsmooth sweep`: scene and law, or object
+        \[ranges]      one or two parameters: \[least, largest]
+        \[lines]       of two: values at which either is held
+        \[symmetry]    images of states under (x, t) -> (G x, t + T/2)
+        \[box]         states: \[least, largest], where equilibria are looked for
+    """
+    with _in_words("diagram", "interrupted; finished branches are kept, --resume goes on."):
+        from pwsmooth.diagrams.study import run_study
+
+        found, store = run_study(study, out, resume, workers, allow_code=allow_code)
+    typer.echo(f"{found}\n{store}")
+
+
+@app.command()
 def warmup() -> None:
     """Compile the whole numerical core now, on all cores, instead of each part when it is first needed.
 

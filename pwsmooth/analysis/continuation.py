@@ -48,6 +48,8 @@ class Branch(_Along):
         In the order in which they were found.
     end : str
         Why it ended, in words.
+    places : list of int
+        Of each bifurcation how many of the orbits come before it.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class Branch(_Along):
     orbits: list[PeriodicOrbit] = field(default_factory=list)
     bifurcations: list[Bifurcation] = field(default_factory=list)
     end: str = ""
+    places: list[int] = field(default_factory=list)
 
     _noun, _where = "orbits", " on the section"
 
@@ -98,7 +101,7 @@ class Branch(_Along):
     orbit=checks.instance(
         (PeriodicOrbit, Equilibrium), "a PeriodicOrbit or an Equilibrium, from find_orbit() or find_equilibrium()"
     ),
-    to=checks.number, virtual=checks.flag,
+    to=checks.number, virtual=checks.flag, back=checks.optional(checks.number),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive), most=checks.integer(1),
 )  # fmt: skip
 def follow(
@@ -106,6 +109,7 @@ def follow(
     parameter: Any,
     to: float,
     *,
+    back: float | None = None,
     virtual: bool = False,
     step: float = 0.02,
     longest_step: float = 0.1,
@@ -123,12 +127,15 @@ def follow(
     parameter : str or Symbol
         Of the orbit's system. For one of a set of equilibria (a stuck block's) a state: the set is followed along it.
     to : float, in the unit of the parameter
-        Where to stop; a branch that turns back also stops at the value at which it began.
+        Where to stop.
+    back : float, optional
+        Where a branch that turns back stops, in the unit of the parameter: by default the value at which it began.
     virtual : bool
         Whether a branch of equilibria goes on beyond the surface, the bound of lambda or the reaction 0 at which its
         equilibria become virtual, in the same mode; without it goes on in the mode beside. Orbits are never virtual.
     step, longest_step, shortest_step : float, in units of the arc
-        Of the arc in (x, q/abs(to - q0)); of equilibria x and multipliers count relative to 1 + what they are at first.
+        Of the arc in (x, q/abs(to - back)); of equilibria x and multipliers count relative to 1 + what they are at
+        first.
     most : int
         Largest number of orbits.
     max_steps, max_seconds : int, float (s), optional
@@ -143,7 +150,7 @@ def follow(
     ------
     ValueError, TypeError
         An orbit that did not converge, an unknown parameter, `to` not different from the present value; `virtual` with
-        an orbit; a parameter for one of a set of equilibria.
+        an orbit; a parameter for one of a set of equilibria; `back` on the side of `to`.
 
     Notes
     -----
@@ -188,13 +195,19 @@ def follow(
         )
     if begin == end:
         raise ValueError(f"`to` is {end:g}, where the orbit already is; give another value of {name}.")
+    if back is not None:
+        if (back - begin) * (end - begin) > 0:
+            raise ValueError(
+                f"`back` is {back:g}, on the same side as `to` from {begin:g}; give one on the other."
+            )
+        begin = back
     lengths = step, longest_step, shortest_step
     if isinstance(orbit, Equilibrium):
-        return follow_equilibrium(orbit, name, end, lengths, most, virtual, max_seconds)
+        return follow_equilibrium(orbit, name, (begin, end), lengths, most, virtual, max_seconds)
     bound = opened(max_steps, max_seconds)
     branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(end - begin))
     with within(Budget(_COUNTED)) as counted:
-        branch.end = _followed(
+        branch.end = followed(
             branch, walk, begin, end, lengths, most,
             lambda: _COUNTED - counted.left >= bound.left or bound.late(),
         )  # fmt: skip
@@ -219,8 +232,8 @@ def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
     return orbit
 
 
-def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
-    """Adds to a branch what there is up to its end; why it ends."""
+def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
+    """Adds to a branch what there is up to its end, or until it is `used_up()` (bool); why it ends."""
     (step, longest_step, shortest_step), name, (orbit,) = lengths, walk.name, branch.orbits
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
@@ -259,8 +272,11 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if shorter is not None:
             count, ends = shorter
             branch.bifurcations += ends
+            branch.places += [len(branch.orbits)] * len(ends)
             return _collapse_in_words(walk, here, there, count, ends)
+        there = _away(walk, here, there, found)
         branch.bifurcations += found
+        branch.places += [len(branch.orbits)] * len(found)
         branch.orbits.append(there.orbit)
         if past is not None:
             return f"reached {name} = {past:g}."
@@ -269,6 +285,18 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
+
+
+def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Point:
+    """The point, its tangent away from a corner on the way to it: beyond an acute one the old tangent tells nothing."""
+    corner = next((b.beyond for b in reversed(found) if b.beyond is not None), None)
+    if corner is None or there.tangent @ here.tangent >= 0.8:
+        return there
+    x = corner.x if corner.segments is None else corner.segments.nodes.ravel() / walk.weight
+    if len(x) + 1 != len(there.u):
+        return there
+    way = there.u - np.append(x, value_of(corner, walk.name) / walk.scale)
+    return replace(there, tangent=-there.tangent) if way @ there.tangent < 0 else there
 
 
 def _collapse_in_words(walk: Walk, here: Point, there: Point, count: int, ends: list[Bifurcation]) -> str:
@@ -295,12 +323,12 @@ def _passed(there: Point, here: Point, walk: Walk, begin: float, end: float) -> 
     bifurcation=checks.instance(Bifurcation, "one of a branch's `bifurcations`"), amplitude=checks.nonzero
 )
 def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrbit:
-    """An orbit on the branch that begins at a flip or where the symmetry breaks.
+    """An orbit on the branch that begins at a flip, where the symmetry breaks, or at a branch point.
 
     Parameters
     ----------
     bifurcation : Bifurcation
-        Of kind "flip" or "symmetry breaking".
+        Of kind "flip", "symmetry breaking" or "branch point".
     amplitude : float, in the units of the states
         Distance from the old orbit along the critical eigenvector, not 0; the parameter follows from it. The other
         sign is the other side: where the symmetry breaks, the mirror image.
@@ -308,7 +336,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     Returns
     -------
     PeriodicOrbit
-        Of the doubled map, at its own parameter value; `success` False if none was found.
+        Of the doubled map (at a branch point of the same), at its own parameter value; `success` False if none was
+        found.
 
     Raises
     ------
@@ -317,6 +346,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
 
     Notes
     -----
+    At a branch point at which both branches cross the plane across the eigenvector it may be one of the stem.
+
     Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the eigenvector as predictor.
 
     Examples
@@ -332,12 +363,12 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     >>> cycle.success, cycle.map.count, cycle.stable
     (True, 2, True)
     """
-    if bifurcation.kind not in ("flip", "symmetry breaking"):
+    if bifurcation.kind not in ("flip", "symmetry breaking", "branch point"):
         raise ValueError(
-            f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip or a symmetry breaking."
+            f"`bifurcation` is a {bifurcation.kind}; branches begin at a flip, a symmetry breaking or a branch point."
         )
-    old = bifurcation.orbit
-    doubled, x, direction = _doubled(old)
+    old, beside = bifurcation.orbit, bifurcation.kind == "branch point"
+    doubled, x, direction = _critical(old) if beside else _doubled(old)
     walk = Walk(doubled, bifurcation.name, 1.0)
     normal = np.append(direction / np.linalg.norm(direction), 0.0)
     guess = np.append((x + amplitude * direction) / walk.weight, bifurcation.parameter)
@@ -346,6 +377,8 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if point is None:
         return none_found(doubled.map, old.x, f"no orbit was found on the branch at this distance: {lost}")
     orbit = point.orbit
+    if beside:
+        return orbit
     if orbit.segments is None:
         once = old.map.with_parameters({bifurcation.name: value_of(orbit, bifurcation.name)})(orbit.x)
     else:
@@ -354,6 +387,16 @@ def branch_off(bifurcation: Bifurcation, amplitude: float = 1e-2) -> PeriodicOrb
     if np.linalg.norm(once - orbit.x) <= SAME * (1 + np.linalg.norm(orbit.x)):
         return replace(orbit, success=False, message=f"found was an orbit of the branch's own stem: {lost}")
     return orbit
+
+
+def _critical(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:
+    """An orbit, its points, and how these move along the eigenvector of the multiplier 1, 1 on the section."""
+    if old.segments is not None:
+        direction = old.segments.eigenvector(1.0)
+        return old, old.segments.nodes.ravel(), (direction / np.linalg.norm(direction[0])).ravel()
+    values, vectors = np.linalg.eig(old.jacobian)
+    direction = vectors[:, np.argmin(np.abs(values - 1))].real
+    return old, old.x, direction / np.linalg.norm(direction)
 
 
 def _doubled(old: PeriodicOrbit) -> tuple[PeriodicOrbit, np.ndarray, np.ndarray]:

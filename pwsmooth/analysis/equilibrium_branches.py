@@ -31,14 +31,13 @@ _MOST_MODES = 50  # of a branch: changes of mode
 
 
 def follow_equilibrium(
-    e: Equilibrium, name: str, to: float, lengths: tuple[float, float, float], most: int, virtual: bool,
-    max_seconds: float | None,
+    e: Equilibrium, name: str, bounds: tuple[float, float], lengths: tuple[float, float, float], most: int,
+    virtual: bool, max_seconds: float | None,
 ) -> EquilibriumBranch:  # fmt: skip
     """The branch of an equilibrium over a parameter, or of a set of them along a state (continuation.follow)."""
-    begin = value_at(e, name)
     late = math.inf if max_seconds is None else time.monotonic() + max_seconds
     branch = EquilibriumBranch(name, [e])
-    branch.end = _followed(branch, e, (begin, to), lengths, most, virtual, lambda: time.monotonic() > late)
+    branch.end = _followed(branch, e, bounds, lengths, most, virtual, lambda: time.monotonic() > late)
     return branch
 
 

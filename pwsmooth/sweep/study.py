@@ -27,11 +27,13 @@ class StudyError(ValueError):
     """A study file that cannot be run; the text names the file, the key and the remedy."""
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of a file: no key that it does not know, no value of another kind."""
+
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
-class Spaced(_Table):
+class Spaced(Table):
     """Equally spaced values, or equally spaced logarithms."""
 
     from_: float = Field(alias="from")
@@ -57,7 +59,7 @@ Values = Annotated[
 ]
 
 
-class SystemTable(_Table):
+class SystemTable(Table):
     """What is swept: a scene with a law, or an object that is registered or stands in a file."""
 
     object: str | None = None
@@ -76,7 +78,7 @@ class SystemTable(_Table):
         return self
 
 
-class Study(_Table):
+class Study(Table):
     """The whole file."""
 
     title: str = ""
@@ -101,13 +103,15 @@ class Study(_Table):
     max_steps: int | None = None
 
 
-def read_study(path: Any) -> Study:
-    """The checked study of a TOML file.
+def read_study(path: Any, kind: Any = Study) -> Any:
+    """The checked study of a TOML file, of this kind.
 
     StudyError for no such file, no TOML, an unknown or missing key, a value of the wrong kind: every one of them, with
     its key and line.
     """
     path = checks.path(path, "`path`")
+    if not (isinstance(kind, type) and issubclass(kind, Table)):
+        raise TypeError(f"`kind` is {checks.shown(kind)}; give Study, or another Table.")
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -115,7 +119,7 @@ def read_study(path: Any) -> Study:
     except UnicodeDecodeError as error:
         raise StudyError(f"{path}: no text in UTF-8: {error.reason} at byte {error.start}") from None
     try:
-        return Study.model_validate(tomllib.loads(text))
+        return kind.model_validate(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise StudyError(f"{path}: no TOML: {error}") from None
     except ValidationError as error:
@@ -125,7 +129,7 @@ def read_study(path: Any) -> Study:
             keys = [str(k) for k in item["loc"] if k not in ("<spaced>", "<list>", "float", "str")]
             known = ""
             if item["type"] == "extra_forbidden":
-                table = SystemTable if keys[0] == "system" else Spaced if len(keys) > 1 else Study
+                table = SystemTable if keys[0] == "system" else Spaced if len(keys) > 1 else kind
                 fields = (f.alias or n for n, f in table.model_fields.items())
                 known = f"; keys there are {', '.join(fields)}"
             value = "" if item["type"] in ("missing", "extra_forbidden") else f" (here: {item['input']!r})"
@@ -197,11 +201,11 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     """System (or scene) and keyword arguments of sweep(); StudyError for what does not exist or is of no use."""
     checks.instance(Study, "what read_study() gives")(study, "`study`")
     names = checks.optional(checks.instance(Names, "Names(...)"))(names, "`names`") or Names()
-    system = _system(study.system, names)
+    system = system_of(study.system, names)
     measures = [names.get(m, "measures") if ":" in m or m in names.registered else m for m in study.measures]
     arguments: dict[str, Any] = dict(
-        axes={name: _values(v) for name, v in study.axes.items()},
-        points={name: _values(v) for name, v in study.points.items()},
+        axes={name: values_of(v) for name, v in study.axes.items()},
+        points={name: values_of(v) for name, v in study.points.items()},
         start=study.start, measures=measures, period=study.period, transient=study.transient, periods=study.periods,
         t_span=study.t_span, measure_from=study.measure_from, units=study.units, section=study.section,
         direction=study.direction, longest_return=study.longest_return,
@@ -215,11 +219,13 @@ def arguments_of(study: Study, names: Names | None = None) -> tuple[Any, dict[st
     return system, arguments
 
 
-def _values(values: Any) -> Any:
+def values_of(values: Any) -> Any:
+    """Of a list, or of equally spaced ones."""
     return values.values() if isinstance(values, Spaced) else values
 
 
-def _system(table: SystemTable, names: Names) -> Any:
+def system_of(table: SystemTable, names: Names) -> Any:
+    """The System, or the scene, of a study; StudyError for what does not exist or is of no use."""
     if table.object is not None:
         system = names.get(table.object, "system.object")
         if callable(system) and not hasattr(system, "model"):
@@ -297,7 +303,7 @@ def run_study(
     path = checks.path(path, "`path`")
     names = checks.optional(checks.mapping)(names, "`names`")
     allow_code = checks.flag(allow_code, "`allow_code`")
-    study = read_study(path)
+    study: Study = read_study(path)
     store = checks.path(out, "`out`") / f"{path.stem}.zarr"
     if store.exists() and not checks.flag(resume, "`resume`"):
         raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")

@@ -56,6 +56,8 @@ NO_DOORS = (
 
 # Made by the package, or bases to derive from: their arguments come from inside, or are any names.
 INSIDE = {
+    "pwsmooth.diagrams.BifurcationSet", "pwsmooth.diagrams.Diagram", "pwsmooth.diagrams.Found",
+    "pwsmooth.diagrams.Meeting",
     "pwsmooth.Solution", "pwsmooth.analysis.bifurcations.bifurcations_between", "pwsmooth.results.records.EventLog",
     "pwsmooth.fit.Combination", "pwsmooth.fit.Comparison", "pwsmooth.fit.Fit", "pwsmooth.fit.Identifiability",
     "pwsmooth.fit.Iteration", "pwsmooth.fit.Profile", "pwsmooth.costs.Evaluation", "pwsmooth.costs.Gradient",
@@ -162,6 +164,7 @@ def subjects():
         System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump]), {x: 0.6}, period=1
     )
     (flip,) = pwsmooth.follow(logistic, k, 3.1).of_kind("flip")
+    mapped = System({x: 0 * x}, time=t, parameters={k: 2.9, z: 0}, events=[jump])
     pulled = System({x: k / 4 - Switch("lam", x)}, parameters={k: 1})
     wave = System({x: v, v: (k - x**2) * v - x}, parameters={k: -0.5})
     (hopf,) = pwsmooth.follow(pwsmooth.find_equilibrium(wave, {x: 0, v: 0}), k, 0.5).of_kind("Hopf")
@@ -181,6 +184,8 @@ def subjects():
     path = Path(out) / "study.toml"
     path.write_text("[system]\nscene = 'friction_oscillator'\nlaw = 'Coulomb'\n[axes]\nspring = [1.0]\n")
     loaded = study.read_study(path)
+    saved = str(Path(out) / "saved.zarr")
+    pwsmooth.diagram(mapped, k, (2.5, 2.9), {"x": 0.6}, 1, phase=0.5, values=2, points=20, store=saved)
     given = {
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
@@ -235,6 +240,33 @@ def subjects():
             keep=2,
             **short,
         ),
+        "diagram": dict(
+            system=mapped,
+            parameter=k,
+            range=(2.5, 2.9),
+            starts={"x": 0.6},
+            period=1,
+            phase=0.5,
+            values=2,
+            points=20,
+            symmetry=None,
+            orbits=[],
+            **short,
+        ),
+        "bifurcation_set": dict(
+            system=mapped,
+            parameters=(k, z),
+            ranges=((2.5, 2.9), (-0.1, 0.1)),
+            starts={"x": 0.6},
+            period=1,
+            phase=0.5,
+            values=2,
+            points=20,
+            lines={z: [0.0]},
+            **short,
+        ),
+        "read_diagram": dict(path=saved),
+        "read_set": dict(path=saved),
         "bifurcations_between": None,  # between points of a walk, which is made inside
         "capture_threshold": dict(rho=3.0, ratio=1.0),
         "critical_ratio": dict(rho=3.0),

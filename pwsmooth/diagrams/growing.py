@@ -1,0 +1,124 @@
+"""One curve of bifurcations in two parameters from one point, and whether another point lies on it.
+
+Chain: plain.py -> **growing** -> sets.py, two_parameters.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..analysis.curves import FOLLOWED, follow_curve
+from ..analysis.sections import Section, Stroboscopic
+from .plain import Setting, aligned, distance, made_bifurcation, points_of
+
+KINDS = FOLLOWED
+_BESIDE = 0.1  # of a step of the curve: its bend between two points is less
+_FLOOR = 1e-6  # of the ranges
+
+
+def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
+    """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
+    try:
+        bifurcation = made_bifurcation(task["bifurcation"], setting)
+        curve = follow_curve(
+            bifurcation, dict(task["ranges"]), virtual=task["virtual"], most=task["most"], **task["steps"]
+        )
+    except (
+        ArithmeticError,
+        np.linalg.LinAlgError,
+        ValueError,
+    ) as error:  # one that cannot be followed, as a rule
+        return {"arrays": {}, "about": {"lost": str(error)}}
+    if len(curve.orbits) < 2:
+        return {"arrays": {}, "about": {"lost": "; ".join(curve.ends)}}
+    n = len(setting.system.model.states)
+    pairs = [_points(orbit, setting, n) for orbit in curve.orbits]
+    count = max(len(points) for points, _ in pairs)
+    points, mirrored = (np.full((len(pairs), count, n), np.nan) for _ in range(2))
+    for k, (own, other) in enumerate(pairs):
+        shift = aligned(own, points[k - 1]) if k and own.shape == points[k - 1].shape else 0
+        points[k, : len(own)] = np.roll(own, shift, axis=0)
+        if other is not None:
+            mirrored[k, : len(other)] = np.roll(other, shift, axis=0)
+    arrays = {
+        "values": curve.values, "points": points, "mirrored": mirrored, "admissible": curve.admissible,
+        "size": np.array([np.abs(orbit.multipliers).max(initial=0.0) for orbit in curve.orbits]),
+        "period": np.array([orbit.period for orbit in curve.orbits]),
+        **{f"test {name}": values for name, values in curve.tests.items()},
+    }  # fmt: skip
+    about = {
+        "lost": "", "kind": curve.kind, "ends": list(curve.ends),
+        "points": [{"name": p.name, "at": list(p.values.values()), "note": p.note} for p in curve.points],
+    }  # fmt: skip
+    return {"arrays": arrays, "about": about}
+
+
+def _points(orbit: Any, setting: Setting, n: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points once a period (returns); nan of virtual orbits, and of maps that have no such points."""
+    map_ = getattr(orbit.map, "base", orbit.map)
+    if orbit.success and len(orbit.x) == n and isinstance(map_, (Stroboscopic, Section)):
+        return points_of(replace(orbit, map=map_), setting)
+    return np.full((1, n), np.nan), None
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """A curve of a bifurcation set.
+
+    `arrays`: values (2, K) of both parameters, points (K, count, n) once a period, admissible, size (the largest
+    multiplier), period, and test functions by "test " and their name. `about`: its kind, ends, points of codimension 2.
+    """
+
+    arrays: Mapping[str, np.ndarray]
+    about: Mapping[str, Any]
+    origin: str = ""
+
+    @property
+    def kind(self) -> str:
+        return self.about["kind"]
+
+    @property
+    def values(self) -> np.ndarray:
+        return self.arrays["values"]
+
+    @property
+    def admissible(self) -> np.ndarray:
+        return self.arrays["admissible"]
+
+    @property
+    def ends(self) -> list[str]:
+        return self.about["ends"]
+
+    def distance(self, at: np.ndarray, widths: np.ndarray) -> tuple[float, int, float]:
+        """How far a point of the plane is, in units of the ranges; the way nearest to it, and its part before."""
+        u, v = (self.values / widths[:, None]).T, at / widths
+        a, b = u[:-1], u[1:]
+        chord = b - a
+        length = np.maximum((chord**2).sum(axis=1), 1e-300)
+        part = np.clip(((v - a) * chord).sum(axis=1) / length, 0.0, 1.0)
+        off = np.linalg.norm(a + part[:, None] * chord - v, axis=1)
+        k = int(np.argmin(off))
+        return float(off[k]), k, float(part[k])
+
+    def holds(self, kind: str, at: np.ndarray, points: np.ndarray, widths: np.ndarray) -> bool:
+        """Whether a bifurcation of this kind, at a point of the plane and of an orbit of these points, lies on it."""
+        if kind != self.kind:
+            return False
+        off, k, part = self.distance(at, widths)
+        u = self.values / widths[:, None]
+        if off > _BESIDE * float(np.linalg.norm(u[:, k + 1] - u[:, k])) + _FLOOR:
+            return False
+        compared = False
+        for name in ("points", "mirrored"):
+            a, b = self.arrays[name][k : k + 2]
+            if np.isnan(a).any() or np.isnan(b).any() or np.isnan(points).any():
+                continue
+            compared = True
+            chord = float(np.abs((b - a) / (1 + np.abs(a))).max())
+            if distance(points, a + part * (b - a)) <= 0.5 * chord + 1e-3:
+                return True
+        return not compared

@@ -1,0 +1,240 @@
+"""How diagrams are looked for: the checked arguments of both calls, the orbit diagram, and the search that it begins.
+
+    sweep over values and starts  ->  ends  ->  branches through them, and those that begin on these  ->  Diagram
+
+Chain: sweep, searching.py, result.py -> **looking** -> one_parameter.py, two_parameters.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ..analysis.equilibria import Equilibrium, equilibria
+from ..analysis.orbits import PeriodicOrbit
+from ..analysis.sections import Stroboscopic, poincare_map
+from ..analysis.symmetry import symmetry_matrix
+from ..definition import checks
+from ..results.records import Outcome
+from ..sweep import Period, Points, sweep
+from ..sweep.identity import digest
+from .plain import Setting, told
+from .result import Diagram
+from .searching import Ends, Search
+from .work import Work
+
+_RTOL, _ATOL = 1e-9, 1e-12  # of the sweep
+_LONGER = 10  # transients, of a trajectory that does not repeat after one
+SWEEPS = "sweeps"  # folder in a store
+Starts = Mapping[Any, float] | Sequence[Mapping[Any, float]]
+
+
+@dataclass(frozen=True)
+class Looking:
+    """How a diagram is looked for, over whatever parameter: checked arguments of `diagram` and `bifurcation_set`."""
+
+    setting: Setting
+    given: Any  # period, section, direction, longest_return, for sweep
+    phase: float
+    starts: tuple[tuple[float, ...], ...]
+    orbits: tuple[dict[str, Any], ...]
+    box: Mapping[Any, Any] | None
+    values: int
+    transient: int
+    keep: int
+    longest: int
+    tol: float
+    depth: int
+    most: int
+    points: int
+    steps: Mapping[str, float]
+    options: Mapping[str, Any]
+
+    def identity(self) -> dict[str, str]:
+        """What a store must agree with."""
+        s = self.setting
+        return {
+            "system": digest(s.system), "map": digest([None if s.map is None else [
+                str(getattr(s.map, "period", "")), str(getattr(s.map, "surface", "")), self.given["direction"]]]),
+            "phase": str(self.phase), "symmetry": digest(s.symmetry), "virtual": str(s.virtual),
+            "starts": str(self.starts), "orbits": digest(list(self.orbits)),
+            "box": str(self.box), "sweep": str((self.values, self.transient, self.keep, self.longest, self.tol)),
+            "bounds": str((self.depth, self.most, self.points)), "steps": str(dict(self.steps)),
+            "options": str(dict(self.options)),
+        }  # fmt: skip
+
+    # ---- the orbit diagram
+
+    def ends(
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], store: Path | None
+    ) -> Any:
+        """Where trajectories end, by a sweep; None without starts."""
+        if not self.starts:
+            return None
+        grid = np.linspace(*bounds, self.values)
+        q = np.repeat(grid, len(self.starts))
+        first = np.tile(np.array(self.starts), (len(grid), 1))
+        folder = (lambda kind: None) if store is None else (lambda kind: store / f"{name}_{kind}.zarr")
+        at, cycle, outcome = self._led(name, values, q, first, self.transient, folder("ends"))
+        slow = np.flatnonzero((cycle == 0) & (outcome == Outcome.FINISHED))
+        if slow.size:  # they are led on
+            longer = _LONGER * self.transient
+            at[slow], cycle[slow], outcome[slow] = self._led(
+                name, values, q[slow], at[slow, -1], longer, folder("slow")
+            )
+        shape = len(grid), len(self.starts)
+        return Ends(
+            grid, at.reshape(*shape, *at.shape[1:]), cycle.reshape(shape), outcome.reshape(shape), self.tol
+        )
+
+    def _led(
+        self,
+        name: str,
+        values: Mapping[str, float],
+        q: np.ndarray,
+        first: np.ndarray,
+        transient: int,
+        store: Any,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The last points of trajectories, after how many they repeat, and how they ended."""
+        system = self.setting.system.with_parameters(dict(values))
+        states = [s.name for s in system.model.states]
+        points: dict[Any, Any] = {name: q.tolist(), **dict(zip(states, first.T.tolist()))}
+        if self.phase and self.setting.driven:
+            periods = [self.setting.at({**values, name: float(v)}).forcing_period for v in q]
+            points[system.model.time] = (self.phase * np.array(periods)).tolist()
+        kept = max(self.keep, self.longest)
+        found = sweep(
+            system, points=points, **self.given, transient=transient, periods=2 * kept,
+            measures=[Period(self.longest, self.tol), Points(*states, last=kept)], progress=False, store=store,
+            **self.options,
+        )  # fmt: skip
+        at = np.stack([found[f"{s}_points"].values for s in states], axis=-1)
+        return at, found["period"].values.copy(), found["outcome"].values.copy()
+
+    # ---- the whole
+
+    def diagram(
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Work, ahead: int, tell: Any,
+        sweeps: Path | None,
+    ) -> Diagram:  # fmt: skip
+        setting = self.setting
+        search = Search(
+            setting,
+            name,
+            bounds,
+            values,
+            self.steps,
+            self.most,
+            self.points,
+            self.depth,
+            self.longest,
+            work,
+            ahead,
+            tell,
+        )
+        for data in self.orbits:
+            # Those of another value of what is held are of another line.
+            if all(data["parameters"][p] == v for p, v in values.items() if p != name):
+                if bounds[0] <= data["parameters"][name] <= bounds[1]:
+                    search.tree(search._task(start=data), "given")
+        for e in self._at_rest(name, bounds, values):
+            task = search.from_orbit(e)
+            if not any(
+                line.holds(values, task["start"]["parameters"][name], e.x[None], setting)
+                for line in search.lines
+            ):
+                search.tree(task, f"equilibrium at {name} = {task['start']['parameters'][name]:.9g}")
+        tell(f"the orbit diagram over {name}")
+        ends = self.ends(name, bounds, values, sweeps)
+        explained = np.zeros((0, 0), np.int64)
+        if ends is not None:
+            search.from_ends(ends)
+            explained = np.array(
+                [[search.fate(ends, i, j) for j in range(len(self.starts))] for i in range(len(ends.values))]
+            )
+        states = tuple(s.name for s in setting.system.model.states)
+        strobed = "" if setting.map is None else "period" if setting.driven else "return"
+        return Diagram(
+            name,
+            bounds,
+            states,
+            search.lines,
+            ends,
+            explained,
+            tuple(search.lost),
+            search.left,
+            strobed,
+            setting,
+        )
+
+    def _at_rest(
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float]
+    ) -> list[Equilibrium]:
+        """Equilibria in the box at both ends of the range and in its middle."""
+        if self.box is None:
+            return []
+        found: list[Equilibrium] = []
+        for q in (*bounds, 0.5 * sum(bounds)):
+            system = self.setting.system.with_parameters({**values, name: q})
+            found += [e for e in equilibria(system, self.box) if e.success and e.isolated]
+        return found
+
+
+def looking(
+    system: Any, starts: Any, period: Any, section: Any, direction: int, longest_return: float, phase: float,
+    symmetry: Any, orbits: Sequence[Any], box: Any, values: int, transient: int, keep: int, longest: int, tol: float,
+    depth: int, most: int, points: int, steps: Mapping[str, float], virtual: bool, options: Mapping[str, Any],
+) -> Looking:  # fmt: skip
+    """Checked arguments."""
+    map_ = None
+    if period is not None or section is not None:
+        more = {} if section is not None else {"phase": phase}
+        map_ = poincare_map(system, period, section, direction, longest_return, options, **more)
+    if starts is not None and map_ is None:
+        raise ValueError(
+            "`starts` are trajectories, seen once a period or return; give `period` or `section` too."
+        )
+    single = () if starts is None else (starts,)
+    given = single if starts is None or isinstance(starts, Mapping) else checks.several(starts, "`starts`")
+    rows = tuple(tuple(map(float, system.initial_state(checks.mapping(s, "`starts`")))) for s in given)
+    G = None
+    if symmetry is not None:
+        if map_ is None or section is not None:
+            raise ValueError("`symmetry` belongs to forced systems, together with `period`; leave it out.")
+        G = symmetry_matrix(system, symmetry, cast(Stroboscopic, map_).forcing_period)
+    setting = Setting(system, map_, G, virtual)
+    kept = []
+    for orbit in checks.several(orbits, "`orbits`"):
+        if not isinstance(orbit, (PeriodicOrbit, Equilibrium)) or not orbit.success:
+            raise TypeError(
+                f"`orbits` contains {checks.shown(orbit)}; give orbits and equilibria that converged, of find_orbit() "
+                "and find_equilibrium()."
+            )
+        if isinstance(orbit, PeriodicOrbit) and map_ is None:
+            raise ValueError("`orbits` contains a periodic orbit; give its `period` or `section` too.")
+        if {p.name for p in orbit.system.parameters} != {p.name for p in system.parameters}:
+            raise ValueError("`orbits` contains one of another system; give orbits of `system`.")
+        kept.append(told(orbit, setting))
+    if not (given or kept or box):
+        raise ValueError("nothing to begin with: give `starts`, `orbits`, or a `box` of equilibria.")
+    strobe = {"period": period, "section": section, "direction": direction, "longest_return": longest_return}
+    return Looking(
+        setting, strobe, phase, rows, tuple(kept), box, values, transient, keep, longest, tol, depth, most, points,
+        steps, {"rtol": _RTOL, "atol": _ATOL, **options},
+    )  # fmt: skip
+
+
+STEPS = ("step", "longest_step", "shortest_step")
+DOOR: dict[str, Any] = dict(
+    system=checks.system, direction=checks.one_of(1, -1), longest_return=checks.positive, phase=checks.number,
+    symmetry=checks.optional(checks.mapping), box=checks.optional(checks.mapping), values=checks.integer(2, 10**6),
+    transient=checks.integer(0), keep=checks.integer(1, 10**6), longest=checks.integer(1, 10_000), tol=checks.positive,
+    depth=checks.integer(0, 1000), most=checks.integer(1, 10**6), points=checks.integer(2, 10**6), virtual=checks.flag,
+    workers=checks.optional(checks.integer(1, 10_000)), store=checks.optional(checks.path),
+    **dict.fromkeys(STEPS, checks.positive),
+)  # fmt: skip

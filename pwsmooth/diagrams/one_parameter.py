@@ -1,0 +1,156 @@
+"""A diagram by one call: `diagram(system, parameter, range, starts, period)`.
+
+Chain: looking.py, tracing.py, work.py -> **one_parameter** -> study.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from typing import Any
+
+from ..analysis.sections import LONGEST
+from ..definition import checks
+from .looking import DOOR, SWEEPS, Starts, looking
+from .plain import values_of
+from .result import Diagram
+from .tracing import traced
+from .work import Store, Work, processes, telling
+
+__all__ = ["diagram"]
+
+
+@checks.door(**DOOR)
+def diagram(
+    system: Any,
+    parameter: Any,
+    range: tuple[float, float],
+    starts: Starts | None = None,
+    period: Any = None,
+    *,
+    section: Any = None,
+    direction: int = 1,
+    longest_return: float = LONGEST,
+    phase: float = 0.0,
+    symmetry: Mapping[Any, Any] | None = None,
+    orbits: Sequence[Any] = (),
+    box: Mapping[Any, Any] | None = None,
+    values: int = 60,
+    transient: int = 200,
+    keep: int = 16,
+    longest: int = 8,
+    tol: float = 1e-6,
+    depth: int = 6,
+    most: int = 60,
+    points: int = 500,
+    step: float = 0.005,
+    longest_step: float = 0.03,
+    shortest_step: float = 1e-7,
+    virtual: bool = False,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    store: Any = None,
+    progress: bool | None = None,
+    **options: Any,
+) -> Diagram:
+    """Find and follow everything over a range of a parameter: attractors, their branches, and those that begin there.
+
+    Parameters
+    ----------
+    system : System
+        Driven with `period`, or autonomous with a `section`; for equilibria alone neither.
+    parameter : str or Symbol
+        Of the system.
+    range : (float, float), in the unit of the parameter
+        The least and the largest value.
+    starts : mapping of state to float, or sequence of such, optional
+        Where trajectories start at every value of the orbit diagram, in the units of the states.
+    period : float or Expr, in the unit of the model's time
+        Of the drive; or
+    section : Expr
+        A surface that an autonomous system crosses, as in `find_orbit`.
+    direction : {1, -1}
+        The section is crossed with its function rising or falling.
+    longest_return : float, in the unit of the model's time
+        How long a return is waited for.
+    phase : float, dimensionless
+        Orbits are seen at the times (k + phase)*period.
+    symmetry : mapping of state to Expr, optional
+        (x, t) -> (G x, t + T/2) of a driven system: symmetric orbits are followed as such, and of two branches that
+        are mirror images one.
+    orbits : sequence of PeriodicOrbit or Equilibrium, any length
+        More to begin with, at any value in the range.
+    box : mapping of state to (float, float), in the units of the states, optional
+        Of an autonomous system: equilibria in it are followed too, and the cycles from their Hopf points.
+    values : int
+        Of the parameter in the orbit diagram.
+    transient, keep : int
+        Periods or returns unseen, and then shown.
+    longest : int
+        Longest orbit that is looked for, in periods or returns.
+    tol : float, dimensionless
+        How near two points of a trajectory are that count as one, relative to 1 + abs(x).
+    depth : int
+        Of branches on branches on branches.
+    most, points : int
+        Largest number of branches, and of points on each.
+    step, longest_step, shortest_step : float, in units of the arc
+        As of `follow`.
+    virtual : bool
+        Whether branches of equilibria go on where they are virtual.
+    executor : concurrent.futures.Executor, optional
+        Processes that follow branches; it needs to import what the system is made of.
+    workers : int, optional
+        Processes of one's own; by default all is done in this one. No value depends on it.
+    store : path, optional
+        Zarr directory to which every branch is written as it finishes. The same call with the same store goes on where
+        it was stopped, also by a kill, and gives the same result; another call's store is refused.
+    progress : bool, optional
+        Whether it tells how far it is, by default on a terminal.
+    **options
+        For `solve`: rtol, atol, ... of all trajectories; those of the orbit diagram have rtol 1e-9 without.
+
+    Returns
+    -------
+    Diagram
+        Branches, bifurcations, the orbit diagram, and what is missing.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bad input; a store of another call.
+    RuntimeError
+        A worker process was lost.
+
+    Notes
+    -----
+    Ends of trajectories that no branch explains begin new ones, until all are explained or no orbit is found beside
+    them (chaos, long orbits, slow ones). Two branches are one if orbits of the one lie on the other.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, diagram
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=9)
+    >>> len(found.branches), found.gaps, found.unexplained.tolist()
+    (3, [], [])
+    """
+    name = checks.lookup(parameter, system.parameters, "`parameter`", "parameter").name
+    bounds = checks.interval(range, "`range`")
+    steps = {"step": step, "longest_step": longest_step, "shortest_step": shortest_step}
+    look = looking(
+        system, starts, period, section, direction, longest_return, phase, symmetry, orbits, box, values, transient,
+        keep, longest, tol, depth, most, points, steps, virtual, options,
+    )  # fmt: skip
+    kept = None
+    if store is not None:
+        kept = Store(store, "pwsmooth diagram", {**look.identity(), "parameter": name, "range": str(bounds)})
+    with processes(executor, workers) as (pool, ahead), telling(progress) as tell:
+        work = Work(traced, look.setting, pool, kept)
+        sweeps = None if kept is None else kept.path / SWEEPS
+        found = look.diagram(name, bounds, values_of(system), work, ahead, tell, sweeps)
+    if kept is not None:
+        found._write(kept.path)
+    return found

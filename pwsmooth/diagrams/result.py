@@ -1,0 +1,328 @@
+"""What `diagram` gives: branches, bifurcations, the orbit diagram, and what is missing, as data.
+
+Chain: searching.py, drawing.py -> **result** -> looking.py.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..definition import checks
+from ..definition.describe import Described, Rows, some
+from .line import Line, uncovered
+from .plain import Setting, made_bifurcation
+from .searching import IN_A_SET, NOWHERE, Ends
+from .work import RESULT, Store, read_result, write_group
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["Diagram", "Found", "read_diagram"]
+
+TITLE = "pwsmooth diagram"
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A bifurcation in a diagram.
+
+    Attributes
+    ----------
+    kind : str
+        As of `Bifurcation` or `EquilibriumBifurcation`.
+    parameter : float, in the unit of the parameter
+        Its value.
+    uncertainty : float, in the unit of the parameter
+        Half width of the bracket.
+    branch : int
+        Number of the first branch on which it was met.
+    points : ndarray, shape (count, n)
+        The orbit's points once a period (its returns), in the units of the states.
+    text : str
+        In words.
+    data : dict
+        What it is made of, for `Diagram.bifurcation`.
+
+    Examples
+    --------
+    >>> from pwsmooth.diagrams import Found
+    >>> import numpy as np
+    >>> print(Found("flip", 3.0, 1e-10, 0, np.array([[2 / 3]]), "flip at a = 3"))
+    flip at a = 3
+    """
+
+    kind: str
+    parameter: float
+    uncertainty: float
+    branch: int
+    points: np.ndarray
+    text: str
+    data: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(repr=False, eq=False)
+class Diagram(Described):
+    """All branches that were found over a parameter, and the orbit diagram with them.
+
+    Attributes
+    ----------
+    parameter : str
+        Its name.
+    range : tuple of (float, float), in the unit of the parameter
+        From the least to the largest value.
+    states : tuple of str
+        Names of the states.
+    branches : list of Line
+        In the order in which they were found, with `q`, `points`, `stable` and `origin`.
+    ends : Ends or None
+        The orbit diagram: where trajectories from the starts end.
+    explained : ndarray of int, shape (values, starts)
+        The number of the branch on which an end lies, -1 for none, -2 at an orbit that is not isolated (a set of
+        orbits, as of a block at rest); dimensionless.
+    lost : tuple of str
+        Where a branch was expected and none was found, in words.
+    left : int
+        Branches that were not followed, as the bounds on depth, number and length say.
+    strobed_by : str
+        What lies between two points of an orbit: a "period", a "return", or "" of equilibria.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, diagram
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> found = diagram(logistic, a, (2.8, 3.5), {x: 0.3}, 1, phase=0.5, values=8)
+    >>> [f"{b.kind} {b.parameter:.6f}" for b in found.bifurcations]
+    ['flip 3.000000', 'flip 3.449490']
+    """
+
+    parameter: str
+    range: tuple[float, float]
+    states: tuple[str, ...]
+    branches: list[Line]
+    ends: Ends | None
+    explained: np.ndarray
+    lost: tuple[str, ...] = ()
+    left: int = 0
+    strobed_by: str = "period"
+    _setting: Setting | None = None
+
+    @property
+    def bifurcations(self) -> list[Found]:
+        """All of them, each once, by the parameter."""
+        found = [
+            Found(b["kind"], b["parameter"], b["uncertainty"], k, np.asarray(b["points"]), b["text"], b)
+            for k, branch in enumerate(self.branches)
+            for b in branch.bifurcations
+            if b.get("first")
+        ]
+        return sorted(found, key=lambda b: b.parameter)
+
+    def bifurcation(self, found: Found) -> Any:
+        """A bifurcation as `branch_off`, `follow_curve` and `cycle_from` take it.
+
+        Parameters
+        ----------
+        found : Found
+            One of `bifurcations`.
+
+        Returns
+        -------
+        Bifurcation or EquilibriumBifurcation
+            With its orbit.
+
+        Raises
+        ------
+        ValueError
+            A diagram read from a file, which does not have the system.
+        """
+        if self._setting is None:
+            raise ValueError("a diagram that was read has no system: call diagram() with the same `store`.")
+        return made_bifurcation(found.data, self._setting)
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Intervals of the parameter over which no branch is stable and no set of orbits attracts, in its unit.
+
+        A set is taken to attract between two neighbouring values at which trajectories end in one. Gaps narrower than
+        1e-5 of the range are not told: branches may not be followed to their very end.
+        """
+        known = [interval for branch in self.branches for interval in branch.covered()]
+        if self.ends is not None:
+            q, resting = self.ends.values, (self.explained == IN_A_SET).any(axis=1)
+            known += [(float(a), float(b)) for a, b, x, y in zip(q, q[1:], resting, resting[1:]) if x and y]
+        return uncovered(known, *self.range)
+
+    @property
+    def unexplained(self) -> np.ndarray:
+        """Values of the parameter at which an end of a trajectory is on no branch, shape (number,), in its unit."""
+        return np.zeros(0) if self.ends is None else self.ends.values[(self.explained == NOWHERE).any(axis=1)]
+
+    def plot(self, name: Any = None, ax: Any = None) -> Any:
+        """A state over the parameter: stable solid, unstable dashed, virtual dotted, the orbit diagram behind.
+
+        Parameters
+        ----------
+        name : str or Symbol, optional
+            The state, by default the first one.
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+            The same.
+
+        Raises
+        ------
+        ValueError
+            No state of that name.
+        """
+        from ..plotting import axes_for, style
+        from .drawing import draw_diagram
+
+        name = self.states[0] if name is None else str(getattr(name, "name", name))
+        if name not in self.states:
+            raise ValueError(f"`name` is {name!r}; the states are {', '.join(self.states)}.")
+        with style():
+            (ax,) = axes_for(ax, 1, (7.2, 4.0), "one diagram; give one")
+            draw_diagram(self, self.states.index(name), ax)
+            ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return ax
+
+    # ---- as data
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Everything as a Dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Points of all branches along "point", their branch in `branch`; states over (point, turn); bifurcations
+            along "bifurcation"; the orbit diagram over ("value", "start", "kept").
+        """
+        from .dataset import dataset_of
+
+        return dataset_of(self, TITLE)
+
+    def save(self, path: Any) -> None:
+        """Write it into a Zarr directory, which `read_diagram` reads.
+
+        Parameters
+        ----------
+        path : str or Path
+            A new directory.
+        """
+        path = checks.path(path, "`path`")
+        Store(path, TITLE, {"saved": self.parameter})
+        self._write(path)
+
+    def _write(self, path: Path) -> None:
+        write_group(path, RESULT, self._item())
+
+    def _item(self) -> dict[str, Any]:
+        arrays: dict[str, np.ndarray] = {"explained": self.explained}
+        branches = []
+        for k, branch in enumerate(self.branches):
+            arrays |= {f"branch_{k}_{name}": values for name, values in branch.arrays.items()}
+            about = copy.deepcopy(branch.about)
+            for b in about["bifurcations"]:
+                b["points"] = np.asarray(b["points"]).tolist()
+                b["mirrored"] = None if b["mirrored"] is None else np.asarray(b["mirrored"]).tolist()
+            branches.append({"about": about, "origin": branch.origin, "depth": branch.depth})
+        if self.ends is not None:
+            ends = self.ends
+            arrays |= {f"ends_{key}": getattr(ends, key) for key in ("values", "points", "cycle", "outcome")}
+        about = {
+            "parameter": self.parameter, "range": list(self.range), "states": list(self.states), "branches": branches,
+            "lost": list(self.lost), "left": self.left, "strobed_by": self.strobed_by,
+            "tol": self.ends.tol if self.ends is not None else None,
+        }  # fmt: skip
+        return {"arrays": arrays, "about": about}
+
+    @staticmethod
+    def _of(item: dict[str, Any], setting: Setting | None = None) -> Diagram:
+        arrays, about = item["arrays"], item["about"]
+        branches = []
+        for k, branch in enumerate(about["branches"]):
+            head = f"branch_{k}_"
+            own = {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
+            branches.append(Line(own, branch["about"], branch["origin"], branch["depth"]))
+        ends = None
+        if "ends_values" in arrays:
+            values, points, cycle, outcome = (
+                arrays[f"ends_{key}"] for key in ("values", "points", "cycle", "outcome")
+            )
+            ends = Ends(values, points, cycle, outcome, about["tol"])
+        low, high = about["range"]
+        return Diagram(
+            about["parameter"], (low, high), tuple(about["states"]), branches, ends, arrays["explained"],
+            tuple(about["lost"]), about["left"], about["strobed_by"], setting,
+        )  # fmt: skip
+
+    def _described(self) -> tuple[str, Rows]:
+        low, high = self.range
+        kinds = Counter(b.kind for b in self.bifurcations)
+        rows: list[tuple[str, list[str]]] = [
+            ("bifurcations", some([f"{number} {kind}" for kind, number in kinds.items()])),
+            ("no attractor", some([f"{self.parameter} from {a:.9g} to {b:.9g}" for a, b in self.gaps])),
+        ]
+        if self.ends is not None:
+            count, starts = self.explained.shape
+            off, resting = (int(np.sum(self.explained == code)) for code in (NOWHERE, IN_A_SET))
+            told = f", {resting} in sets of orbits" if resting else ""
+            rows.append(("orbit diagram", [f"{count} values, {starts} starts; {off} ends on no branch{told}"]))
+        rows.append(("lost", some(list(self.lost))))
+        if self.left:
+            rows.append(
+                ("not followed", [f"{self.left} more branches, for the bounds `depth`, `most` and `longest`"])
+            )
+        return (
+            f"Diagram over {self.parameter} from {low:.9g} to {high:.9g}: {len(self.branches)} branches",
+            rows,
+        )
+
+
+def read_diagram(path: Any) -> Diagram:
+    """The diagram in a store, or in what `Diagram.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        Zarr directory.
+
+    Returns
+    -------
+    Diagram
+        Without the system.
+
+    Raises
+    ------
+    ValueError
+        No diagram there, an unfinished or a damaged one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, diagram
+    >>> from pwsmooth.diagrams import read_diagram
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> step = Event(every=1, update={x: a - x**2})
+    >>> folded = System({x: 0 * x}, time=t, parameters={a: 0.2}, events=[step])
+    >>> path = tempfile.mkdtemp() + "/folded.zarr"
+    >>> found = diagram(folded, a, (-0.5, 0.5), {x: 0.1}, 1, phase=0.5, values=5, store=path)
+    >>> [b.kind for b in read_diagram(path).bifurcations] == [b.kind for b in found.bifurcations]
+    True
+    """
+    return Diagram._of(read_result(checks.path(path, "`path`"), TITLE))

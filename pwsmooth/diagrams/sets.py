@@ -1,0 +1,291 @@
+"""What `bifurcation_set` gives: curves in the plane of two parameters and their points of codimension 2, as data.
+
+Chain: growing.py, result.py -> **sets** -> two_parameters.py.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..definition import checks
+from ..definition.describe import Described, Rows, some
+from .growing import Grown
+from .result import Diagram
+from .work import RESULT, Store, read_result, write_group
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["BifurcationSet", "Meeting", "read_set"]
+
+TITLE = "pwsmooth bifurcation set"
+_SAME = 1e-6  # of the ranges: points of codimension 2 nearer together, of one name, are one
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """A point of codimension 2 of a bifurcation set.
+
+    Attributes
+    ----------
+    name : str
+        As of `Codimension2`.
+    at : tuple of (float, float), in the units of the parameters
+        Its place.
+    curves : tuple of int
+        Numbers of the curves on which it was met.
+    note : str
+        What else is to be said.
+
+    Examples
+    --------
+    >>> from pwsmooth.diagrams import Meeting
+    >>> print(Meeting("cusp", (0.0, 1.0), (0,), ""))
+    cusp at (0, 1)
+    """
+
+    name: str
+    at: tuple[float, float]
+    curves: tuple[int, ...]
+    note: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} at ({self.at[0]:.9g}, {self.at[1]:.9g})" + (f": {self.note}" if self.note else "")
+
+
+@dataclass(repr=False, eq=False)
+class BifurcationSet(Described):
+    """Curves of bifurcations over two parameters, and the diagrams along lines in which they were found.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Their names.
+    ranges : tuple of ((float, float), (float, float)), in the units of the parameters
+        Of both.
+    curves : list of Grown
+        In the order in which they were found, with `kind`, `values`, `admissible` and `ends`.
+    diagrams : list of Diagram
+        Along the lines.
+    lines : tuple of (str, float), in the units of the parameters
+        Of each diagram the parameter that is held, and its value.
+    lost : tuple of str
+        What was found and has no curve, in words.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, bifurcation_set
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a - x**2 + b * x})
+    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    >>> found = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6)
+    >>> sorted({curve.kind for curve in found.curves})
+    ['flip', 'fold']
+    """
+
+    parameters: tuple[str, str]
+    ranges: tuple[tuple[float, float], tuple[float, float]]
+    curves: list[Grown]
+    diagrams: list[Diagram]
+    lines: tuple[tuple[str, float], ...]
+    lost: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> list[Meeting]:
+        """Points of codimension 2, each once."""
+        found: list[Meeting] = []
+        widths = np.ptp(np.array(self.ranges), axis=1)
+        for k, curve in enumerate(self.curves):
+            for p in curve.about["points"]:
+                at = np.array(p["at"])
+                for i, other in enumerate(found):
+                    near = np.abs((at - other.at) / widths).max() <= _SAME
+                    if near and sorted(p["name"].split(" + ")) == sorted(other.name.split(" + ")):
+                        found[i] = Meeting(other.name, other.at, (*other.curves, k), other.note)
+                        break
+                else:
+                    found.append(Meeting(p["name"], (float(at[0]), float(at[1])), (k,), p["note"]))
+        return found
+
+    def of_kind(self, kind: str) -> list[Grown]:
+        """Curves of one kind.
+
+        Parameters
+        ----------
+        kind : str
+            As of `Bifurcation`.
+
+        Returns
+        -------
+        list of Grown
+            In the order in which they were found.
+        """
+        return [curve for curve in self.curves if curve.kind == kind]
+
+    def distance(self, values: Any) -> float:
+        """How far a point of the plane is from the nearest curve.
+
+        Parameters
+        ----------
+        values : sequence of float, length 2
+            Of both parameters, in their units.
+
+        Returns
+        -------
+        float
+            Dimensionless, in parts of the ranges; inf without curves.
+        """
+        widths = np.ptp(np.array(self.ranges), axis=1)
+        at = checks.numbers(values, "`values`")
+        return min((curve.distance(np.array(at, float), widths)[0] for curve in self.curves), default=np.inf)
+
+    def plot(self, ax: Any = None) -> Any:
+        """The curves, a colour a kind, virtual ones dotted, and their points of codimension 2.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+
+        Returns
+        -------
+        Axes
+            The same.
+        """
+        from ..plotting import axes_for, style
+        from .drawing import draw_set
+
+        with style():
+            (ax,) = axes_for(ax, 1, (7.2, 4.4), "one set; give one")
+            draw_set(self, ax)
+            ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return ax
+
+    # ---- as data
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The curves as a Dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Points of all curves along "point", their curve in `curve`; kinds along "curves"; points of codimension 2
+            along "meeting". The diagrams have Datasets of their own.
+        """
+        import xarray
+
+        p, q = self.parameters
+        sizes = [curve.values.shape[1] for curve in self.curves]
+        values = np.concatenate([curve.values for curve in self.curves], axis=1) if sizes else np.zeros((2, 0))
+
+        def joined(name: str) -> np.ndarray:
+            return np.concatenate([curve.arrays[name] for curve in self.curves]) if sizes else np.zeros(0)
+
+        meetings = self.points
+        data = {
+            "curve": (("point",), np.repeat(np.arange(len(sizes)), sizes)), p: (("point",), values[0]),
+            q: (("point",), values[1]),
+            **{name: (("point",), joined(name)) for name in ("admissible", "size", "period")},
+            "kind": (("curves",), np.array([curve.kind for curve in self.curves], dtype=object)),
+            "meeting_name": (("meeting",), np.array([m.name for m in meetings], dtype=object)),
+            f"meeting_{p}": (("meeting",), np.array([m.at[0] for m in meetings])),
+            f"meeting_{q}": (("meeting",), np.array([m.at[1] for m in meetings])),
+        }  # fmt: skip
+        attrs = {
+            "title": TITLE, "ranges": json.dumps(self.ranges), "lines": json.dumps(self.lines), "lost": list(self.lost),
+            "ends": json.dumps([curve.ends for curve in self.curves]),
+        }  # fmt: skip
+        return xarray.Dataset(data, attrs=attrs)
+
+    def save(self, path: Any) -> None:
+        """Write it into a Zarr directory, which `read_set` reads.
+
+        Parameters
+        ----------
+        path : str or Path
+            A new directory.
+        """
+        path = checks.path(path, "`path`")
+        Store(path, TITLE, {"saved": " and ".join(self.parameters)})
+        write_group(path, RESULT, self._item())
+
+    def _item(self) -> dict[str, Any]:
+        arrays: dict[str, np.ndarray] = {}
+        for k, curve in enumerate(self.curves):
+            arrays |= {f"curve_{k}_{name}": values for name, values in curve.arrays.items()}
+        diagrams = []
+        for k, found in enumerate(self.diagrams):
+            item = found._item()
+            arrays |= {f"diagram_{k}_{name}": values for name, values in item["arrays"].items()}
+            diagrams.append(item["about"])
+        about = {
+            "parameters": list(self.parameters), "ranges": [list(r) for r in self.ranges], "diagrams": diagrams,
+            "curves": [{"about": dict(curve.about), "origin": curve.origin} for curve in self.curves],
+            "lines": [list(line) for line in self.lines], "lost": list(self.lost),
+        }  # fmt: skip
+        return {"arrays": arrays, "about": about}
+
+    def _described(self) -> tuple[str, Rows]:
+        spans = [f"{name} from {a:.9g} to {b:.9g}" for name, (a, b) in zip(self.parameters, self.ranges)]
+        kinds = Counter(curve.kind for curve in self.curves)
+        met = Counter(point.name for point in self.points)
+        return f"Bifurcation set over {' and '.join(spans)}: {len(self.curves)} curves", {
+            "curves": some([f"{number} {kind}" for kind, number in kinds.items()]),
+            "points": some([f"{number} {name}" for name, number in met.items()]),
+            "lines": some([f"{name} = {value:.9g}" for name, value in self.lines]),
+            "lost": some(list(self.lost)),
+        }.items()
+
+
+def read_set(path: Any) -> BifurcationSet:
+    """The bifurcation set in a store, or in what `BifurcationSet.save` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+        Zarr directory.
+
+    Returns
+    -------
+    BifurcationSet
+        Without the system.
+
+    Raises
+    ------
+    ValueError
+        No bifurcation set there, an unfinished or a damaged one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System, bifurcation_set
+    >>> from pwsmooth.diagrams import read_set
+    >>> t, x, a, b = sp.symbols("t x a b", real=True)
+    >>> step = Event(every=1, update={x: a - x**2 + b * x})
+    >>> quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    >>> path = tempfile.mkdtemp() + "/quadratic.zarr"
+    >>> _ = bifurcation_set(quadratic, (a, b), ((-1, 1), (-0.5, 0.5)), {x: 0.1}, 1, phase=0.5, values=6, store=path)
+    >>> len(read_set(path).curves)
+    2
+    """
+    item = read_result(checks.path(path, "`path`"), TITLE)
+    arrays, about = item["arrays"], item["about"]
+
+    def under(head: str) -> dict[str, np.ndarray]:
+        return {name.removeprefix(head): values for name, values in arrays.items() if name.startswith(head)}
+
+    curves = [Grown(under(f"curve_{k}_"), c["about"], c["origin"]) for k, c in enumerate(about["curves"])]
+    diagrams = [
+        Diagram._of({"arrays": under(f"diagram_{k}_"), "about": one}) for k, one in enumerate(about["diagrams"])
+    ]
+    p, q = about["parameters"]
+    (a, b), (c, d) = about["ranges"]
+    lines = tuple((name, value) for name, value in about["lines"])
+    return BifurcationSet((p, q), ((a, b), (c, d)), curves, diagrams, lines, tuple(about["lost"]))

@@ -1,0 +1,179 @@
+"""A diagram or a bifurcation set in a TOML file: `pwsmooth diagram STUDY.toml`, whose --help lists the keys.
+
+A study is data, as those of sweeps are (sweep/study.py), with the same table for the system and the same rule for code.
+
+Chain: sweep/study.py, one_parameter.py, two_parameters.py -> **study** -> cli.py.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from ..analysis.sections import LONGEST
+from ..codegen.machine.workers import cores
+from ..definition import checks
+from ..sweep.study import Names, StudyError, SystemTable, Table, Values, read_study, system_of, values_of
+from .one_parameter import diagram
+from .two_parameters import bifurcation_set
+
+Pair = Annotated[tuple[float, float], Field(strict=False)]  # TOML has lists
+
+
+class DiagramStudy(Table):
+    """The whole file: keys of `diagram` and `bifurcation_set`, the parameters among them in `ranges`, one or two."""
+
+    title: str = ""
+    system: SystemTable
+    ranges: dict[str, Pair]
+    lines: dict[str, Values] = {}
+    starts: list[dict[str, float]] = []
+    period: float | str | None = None
+    section: str | None = None
+    direction: Literal[1, -1] = 1
+    longest_return: float = LONGEST
+    phase: float = 0.0
+    symmetry: dict[str, str] | None = None
+    box: dict[str, Pair] | None = None
+    values: int = 60
+    transient: int = 200
+    keep: int = 16
+    longest: int = 8
+    tol: float = 1e-6
+    depth: int = 6
+    most: int = 60
+    points: int = 500
+    curves: int = 100
+    step: float | None = None
+    longest_step: float | None = None
+    shortest_step: float | None = None
+    virtual: bool = False
+    rtol: float | None = None
+    atol: float | list[float] | None = None
+    method: str | None = None
+    max_steps: int | None = None
+
+    @model_validator(mode="after")
+    def _has_one_or_two(self) -> DiagramStudy:
+        if len(self.ranges) not in (1, 2):
+            raise ValueError(
+                f"`ranges` names {len(self.ranges)} parameters; give one for a diagram, two for a set"
+            )
+        if self.lines and len(self.ranges) == 1:
+            raise ValueError(
+                "`lines` belong to two parameters; give a second one in `ranges`, or leave them out"
+            )
+        return self
+
+
+def run_study(
+    path: Any,
+    out: Any,
+    resume: bool = False,
+    workers: int | None = None,
+    progress: bool | None = None,
+    *,
+    names: Mapping[str, Any] | None = None,
+    allow_code: bool = False,
+) -> tuple[Any, Path]:
+    """Run a study into the store OUT/<name of the file>.zarr, and draw OUT/<name of the file>.png.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file.
+    out : str or Path
+        Directory for store and picture.
+    resume : bool
+        Whether to go on with a store that is there.
+    workers : int, optional
+        Processes; by default one a core.
+    progress : bool, optional
+        Whether it tells how far it is, by default on a terminal.
+    names : mapping of str to System, optional
+        What the study may name as `object`.
+    allow_code : bool
+        Whether it may name, and so run, code in files beside it.
+
+    Returns
+    -------
+    tuple of (Diagram or BifurcationSet, Path)
+        The result, and the store.
+
+    Raises
+    ------
+    StudyError
+        A file that is no study; a store that is there, without `resume`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import sympy as sp
+    >>> from pwsmooth import Event, System
+    >>> from pwsmooth.diagrams.study import run_study
+    >>> t, x, a = sp.symbols("t x a", real=True)
+    >>> logistic = System({x: 0 * x}, time=t, parameters={a: 3}, events=[Event(every=1, update={x: a * x * (1 - x)})])
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> text = "period = 1\\nphase = 0.5\\nvalues = 5\\nstarts = [{ x = 0.3 }]\\nranges = { a = [2.8, 3.4] }\\n"
+    >>> _ = (folder / "study.toml").write_text(text + "[system]\\nobject = 'logistic'\\n")
+    >>> found, store = run_study(folder / "study.toml", folder, workers=1, names={"logistic": logistic})
+    >>> [b.kind for b in found.bifurcations], store.name
+    (['flip'], 'study.zarr')
+    """
+    path = checks.path(path, "`path`")
+    names = checks.optional(checks.mapping)(names, "`names`")
+    allow_code = checks.flag(allow_code, "`allow_code`")
+    study = read_study(path, DiagramStudy)
+    store = checks.path(out, "`out`") / f"{path.stem}.zarr"
+    if store.exists() and not checks.flag(resume, "`resume`"):
+        raise StudyError(f"{store} exists; add --resume to go on with it, or give another --out.")
+    call, arguments = _call_of(study, Names(names or {}, path.parent if allow_code else None))
+    found = call(**arguments, store=store, workers=workers or cores(), progress=progress)
+    _draw(found, store.with_suffix(".png"))
+    return found, store
+
+
+def _call_of(study: DiagramStudy, names: Names) -> tuple[Any, dict[str, Any]]:
+    """`diagram` or `bifurcation_set`, and its arguments."""
+    system = system_of(study.system, names)
+    period, starts = study.period, study.starts or None
+    if hasattr(system, "system") and hasattr(system, "start"):  # a scene brings its own
+        period = getattr(system, "period", None) if period is None and study.section is None else period
+        own = {str(getattr(key, "name", key)): value for key, value in system.start.items()}
+        system = system.system
+        own = {s.name: own[s.name] for s in system.model.states if s.name in own}  # a view may have fewer
+        starts = [own | given for given in study.starts or [{}]]
+    call: Any = diagram if len(study.ranges) == 1 else bifurcation_set
+    given = study.model_dump(
+        exclude={"title", "system", "ranges", "lines", "starts", "period"}, exclude_none=True
+    )
+    known = inspect.signature(call).parameters
+    given = {
+        name: value
+        for name, value in given.items()
+        if name in known or name in ("rtol", "atol", "method", "max_steps")
+    }
+    given |= {"system": system, "starts": starts, "period": period}
+    if call is diagram:
+        ((parameter, bounds),) = study.ranges.items()
+        return call, {**given, "parameter": parameter, "range": bounds}
+    if study.lines:
+        given["lines"] = {name: values_of(values) for name, values in study.lines.items()}
+    return call, {**given, "parameters": tuple(study.ranges), "ranges": tuple(study.ranges.values())}
+
+
+def _draw(found: Any, path: Path) -> None:
+    from matplotlib import use
+
+    from ..plotting import new_figure, style
+
+    use("Agg")
+    with style():
+        figure = new_figure(9.0, 4.6)
+        found.plot(ax=figure.subplots())
+        figure.savefig(path)

@@ -1,0 +1,311 @@
+"""One branch from one start: both ways, around its folds, to the ends of the range. A task and its result are data.
+
+    start  ->  follow to either end of the range, around folds  ->  parameter, points once a period, stability and
+    bifurcations, in order along the branch
+
+Chain: plain.py -> **tracing** -> line.py, one_parameter.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..analysis.arclength import Walk, value_of
+from ..analysis.continuation import Branch, branch_off, follow, followed
+from ..analysis.equilibria import Equilibrium
+from ..analysis.equilibrium_branches import EquilibriumBifurcation, EquilibriumBranch
+from ..analysis.hopf import cycle_from
+from ..paths.budget import Budget, within
+from .plain import (
+    Setting,
+    aligned,
+    distance,
+    found_at,
+    made,
+    made_bifurcation,
+    points_of,
+    told_bifurcation,
+    values_of,
+)
+
+SWITCHED = ("flip", "symmetry breaking", "branch point", "Hopf", "sliding Hopf")  # where other branches begin
+_COUNTED = 2**62
+_STEPS = 1000  # of solve() for each of the points that a branch may have: long orbits have fewer points
+_SHRUNK = 0.1  # of its first size: a cycle so small, followed back to its Hopf point, has come to its beginning
+_NEAR = 0.02  # of the range: a branch that begins at a bifurcation begins so near to it
+_SAME = 1e-5  # relative to 1 + |x|: an orbit that is back at the branch's start
+CLOSED, MEETS = "it closes.", "meets its mirror image"
+UNDECIDED = -1  # stability at a bifurcation: that of the way to it counts
+
+
+class _Entry:
+    """A point of a branch: an orbit, or a bifurcation (its number) with the orbit there."""
+
+    def __init__(self, orbit: Any, setting: Setting, name: str, number: int = -1) -> None:
+        self.orbit, self.number = orbit, number
+        self.q = value_of(orbit, name)
+        self.points, self.mirrored = points_of(orbit, setting)
+        self.decided = number < 0
+
+    @property
+    def skew(self) -> np.ndarray | None:
+        """How far it is from its mirror image, at every point; None of its own mirror image, and without a symmetry."""
+        if self.mirrored is None:
+            return None
+        return self.points - np.roll(self.mirrored, aligned(self.mirrored, self.points), axis=0)
+
+    def shifted(self, before: _Entry) -> _Entry:
+        """With the points in the order of those of the entry before; one that is run through several times."""
+        times = len(before.points) // max(len(self.points), 1)
+        if times > 1 and times * len(self.points) == len(before.points):
+            self.points = np.tile(self.points, (times, 1))
+            self.mirrored = None if self.mirrored is None else np.tile(self.mirrored, (times, 1))
+        k = aligned(self.points, before.points)
+        self.points = np.roll(self.points, k, axis=0)
+        self.mirrored = None if self.mirrored is None else np.roll(self.mirrored, k, axis=0)
+        return self
+
+
+def begun(setting: Setting, task: Mapping[str, Any]) -> Any:
+    """The first orbit of a task: as given, or on the branch that begins at a bifurcation."""
+    if "off" not in task:
+        return made(task["start"], setting)
+    bifurcation = made_bifurcation(task["off"], setting)
+    at = bifurcation.equilibrium if "frequency" in task["off"] else bifurcation.orbit
+    size = 1 + float(np.abs(at.x).max())
+    low, high = task["range"]
+    found = None
+    for amplitude in task["amplitudes"]:
+        if isinstance(bifurcation, EquilibriumBifurcation):
+            found = cycle_from(bifurcation, abs(amplitude) * size)
+            found = _on_section(found, setting) if found.success else found
+        else:
+            found = branch_off(bifurcation, amplitude * size)
+        if not found.success:
+            continue
+        q = value_of(found, task["parameter"])
+        if low <= q <= high and abs(q - bifurcation.parameter) <= _NEAR * (high - low):
+            return found
+        words = f"what was found is at {task['parameter']} = {q:.9g}, too far off."
+        found = replace(found, success=False, message=words)
+    return found
+
+
+def _on_section(cycle: Any, setting: Setting) -> Any:
+    """A cycle by its returns to the section that was asked for, if it has one return there."""
+    if setting.map is None:
+        return cycle
+    times = np.linspace(0, cycle.period, 33)
+    run = cycle.map.over(cycle.x, cycle.period, t_eval=times)
+    values = values_of(cycle.system)
+    map_ = setting.at(values)
+    for x in run.x.T[::8]:
+        image = map_.image(x)
+        if image.success and (other := found_at(setting, values, image.x[None])) is not None:
+            if abs(other.period - cycle.period) <= 1e-6 * cycle.period:
+                return other
+    return cycle
+
+
+def traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
+    """The branch of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where nothing begins."""
+    try:
+        return _traced(setting, task)
+    except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:  # one branch costs no other
+        return {"arrays": {}, "about": {"lost": f"{type(error).__name__}: {error}"}}
+
+
+def _traced(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
+    name, (low, high) = task["parameter"], task["range"]
+    orbit = begun(setting, task)
+    if not orbit.success:
+        return {"arrays": {}, "about": {"lost": orbit.message}}
+    lengths, bifurcations = dict(task.get("steps", {})), list[dict[str, Any]]()
+    from_hopf = "frequency" in task.get("off", {})
+    ends: list[str] = []
+    sides: list[list[_Entry]] = []
+    for to in (low, high):
+        if sides and ends[0] == CLOSED:
+            break
+        entries, end = _one_way(
+            setting, orbit, name, to, (low, high), lengths, task["most"], bifurcations, from_hopf
+        )
+        sides.append(entries)
+        ends.append(end)
+    entries = sides[0][::-1] + (sides[1][1:] if len(sides) > 1 else [])
+    for before, entry in zip(entries, entries[1:]):
+        entry.shifted(before)
+    entries = _with_middles(entries, setting, name)
+    order = [entry.number for entry in entries if entry.number >= 0]
+    ranks = {number: rank for rank, number in enumerate(order)}
+    about = {
+        "lost": "", "equilibria": isinstance(orbit, Equilibrium), "symmetric": bool(getattr(orbit, "symmetric", False)),
+        "ends": ends, "bifurcations": [bifurcations[number] for number in order],
+    }  # fmt: skip
+    return {"arrays": _arrays(entries, ranks), "about": about}
+
+
+def _one_way(
+    setting, orbit, name, to, bounds, lengths, most, bifurcations, from_hopf
+) -> tuple[list[_Entry], str]:  # fmt: skip
+    """Entries from the start on, and why they end."""
+    q, back = value_of(orbit, name), bounds[int(to == bounds[0])]
+    if _at(q, to):
+        return [_Entry(orbit, setting, name)], f"began at {name} = {q:.10g}."
+    if isinstance(orbit, Equilibrium):
+        branch = follow(orbit, name, to, back=back, most=most, virtual=setting.virtual, **lengths)
+        return _entries_of(
+            branch, [_Entry(e, setting, name) for e in branch._points], setting, name, bifurcations
+        ), branch.end
+    branch, walk = Branch(name, [orbit]), Walk(orbit, name, abs(to - back))
+    entries = [_Entry(orbit, setting, name)]
+    told: list[str] = []
+    size = _size(orbit) if from_hopf else 0.0
+
+    budget = Budget(_COUNTED)
+
+    def over() -> bool:
+        if _COUNTED - budget.left > _STEPS * most:
+            told.append(
+                f"steps are used up at {name} = {value_of(branch.orbits[-1], name):.10g}: give more `points`."
+            )
+        for new in branch.orbits[len(entries) :]:
+            entries.append(_Entry(new, setting, name).shifted(entries[-1]))
+            told.extend(_over(entries, name))
+            if from_hopf and _size(new) < _SHRUNK * size:
+                told.append(f"shrinks onto the equilibrium at {name} = {entries[-1].q:.10g}.")
+        return bool(told)
+
+    steps = tuple(lengths[key] for key in ("step", "longest_step", "shortest_step"))
+    with within(budget):
+        end = followed(branch, walk, back, to, steps, most, over)
+    over()
+    if told and told[0] == CLOSED:
+        entries[-1] = entries[0]
+        return _entries_of(branch, entries, setting, name, bifurcations), CLOSED
+    placed = _entries_of(branch, entries, setting, name, bifurcations)
+    if told and told[0].startswith(MEETS) and placed[-1] is entries[-1]:
+        # What is past the mirror image is its own; a fold or branch point there is the symmetric branch's.
+        placed.pop()
+        if placed[-1].number >= 0:
+            placed[-1].number = -1
+    return placed, told[0] if told else end
+
+
+def _size(orbit: Any) -> float:
+    """The largest extent of an orbit in a state."""
+    return float(max(np.ptp(run.x, axis=1).max() for run in orbit.runs()))
+
+
+def _over(entries: list[_Entry], name: str) -> list[str]:
+    """Why nothing new comes after the last entry, in words: the branch closes, or goes on as its mirror image."""
+    first, a, b = entries[0], *entries[-2:]
+    one, other = a.skew, b.skew
+    if one is not None and other is not None and one.shape == other.shape:
+        size = np.abs(other / (1 + np.abs(b.points))).max()
+        if size <= _SAME or float((one * other).sum()) < 0:
+            return [f"{MEETS} at {name} = {a.q:.10g}, where a symmetric orbit is."]
+    if len(entries) > 3 and a.points.shape == b.points.shape == first.points.shape:
+        chord = distance(a.points, b.points)
+        if (a.q - first.q) * (b.q - first.q) <= 0 and a.q != b.q:
+            part = (first.q - a.q) / (b.q - a.q)
+            if distance(a.points + part * (b.points - a.points), first.points) <= 0.1 * chord + _SAME:
+                return [CLOSED]
+    return []
+
+
+def _at(q: float, bound: float) -> bool:
+    """Whether a parameter is a bound of the range, but for the rounding of its unit in the arc."""
+    return abs(q - bound) <= 1e-12 * (1 + abs(bound))
+
+
+def _entries_of(
+    branch: Any, entries: list[_Entry], setting: Setting, name: str, bifurcations: list[dict[str, Any]]
+) -> list[_Entry]:
+    """Orbits of a branch with its bifurcations between them."""
+    entries = list(entries)
+    placed: list[tuple[int, list[_Entry]]] = []
+    for place, b in zip(_places(branch, entries), branch.bifurcations):
+        these = [_Entry(branch._at(b), setting, name, len(bifurcations))]
+        bifurcations.append(told_bifurcation(b, setting))
+        if getattr(b, "beyond", None) is not None and not isinstance(b, EquilibriumBifurcation):
+            these.append(_Entry(b.beyond, setting, name))
+        placed.append((place - 1, these))
+    for where, these in reversed(placed):
+        entries[where + 1 : where + 1] = these
+    for before, entry in zip(entries, entries[1:]):
+        entry.shifted(before)
+    return entries
+
+
+def _places(branch: Any, entries: list[_Entry]) -> list[int]:
+    """Of each bifurcation how many of the points come before it; of equilibria where it is least out of the way."""
+    if not isinstance(branch, EquilibriumBranch):
+        return branch.places
+    scale = float(np.ptp(branch.values)) or 1.0
+    places: list[int] = []
+    for b in branch.bifurcations:
+        first = max(places[-1:] or [1])
+        at = _Place(b.equilibrium.x[None], b.parameter)
+        ways = [
+            _off(e, at, scale) + _off(at, f, scale) - _off(e, f, scale)
+            for e, f in zip(entries[first - 1 :], entries[first:])
+        ]
+        places.append(first + int(np.argmin(ways)) if ways else first)
+    return places
+
+
+class _Place(NamedTuple):
+    points: np.ndarray
+    q: float
+
+
+def _off(one: Any, other: Any, scale: float) -> float:
+    return distance(one.points, other.points) + abs(one.q - other.q) / scale
+
+
+def _with_middles(entries: list[_Entry], setting: Setting, name: str) -> list[_Entry]:
+    """With an orbit between two bifurcations that have none between them: it says whether the way is stable."""
+    found = entries[:1]
+    for before, entry in zip(entries, entries[1:]):
+        if (
+            before.number >= 0
+            and entry.number >= 0
+            and not isinstance(entry.orbit, Equilibrium)
+            and setting.map
+        ):
+            values = {**values_of(entry.orbit.system), name: 0.5 * (before.q + entry.q)}
+            if before.q != entry.q and before.points.shape == entry.points.shape:
+                middle = found_at(setting, values, 0.5 * (before.points + entry.points))
+                if middle is not None:
+                    found.append(_Entry(middle, setting, name).shifted(before))
+        found.append(entry)
+    return found
+
+
+def _arrays(entries: list[_Entry], ranks: Mapping[int, int]) -> dict[str, np.ndarray]:
+    count = max(len(entry.points) for entry in entries)
+    n = entries[0].points.shape[1]
+    points, mirrored = (np.full((len(entries), count, n), np.nan) for _ in range(2))
+    sizes = []
+    for k, entry in enumerate(entries):
+        points[k, : len(entry.points)] = entry.points
+        if entry.mirrored is not None:
+            mirrored[k, : len(entry.mirrored)] = entry.mirrored
+        orbit = entry.orbit
+        rates = orbit.eigenvalues.real if isinstance(orbit, Equilibrium) else np.abs(orbit.multipliers)
+        sizes.append(float(rates.max(initial=-np.inf)))
+    arrays = {
+        "parameter": np.array([entry.q for entry in entries]),
+        "points": points,
+        "stable": np.array([int(e.orbit.stable) if e.decided else UNDECIDED for e in entries], np.int8),
+        "virtual": np.array([bool(getattr(e.orbit, "virtual", "")) for e in entries]),
+        "size": np.array(sizes),
+        "period": np.array([getattr(e.orbit, "period", np.nan) for e in entries], float),
+        "located": np.array([ranks.get(e.number, -1) for e in entries], np.int32),
+    }
+    return arrays if np.isnan(mirrored).all() else arrays | {"mirrored": mirrored}

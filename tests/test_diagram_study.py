@@ -1,0 +1,99 @@
+"""`pwsmooth diagram STUDY.toml`: what a study says is what the calls get, and its errors name key and line."""
+
+import pytest
+import sympy as sp
+from typer.testing import CliRunner
+
+from pwsmooth import Event, System, diagram
+from pwsmooth.cli import app
+from pwsmooth.diagrams import read_diagram, read_set
+from pwsmooth.diagrams.study import DiagramStudy, run_study
+from pwsmooth.sweep.study import StudyError, read_study
+
+MODEL = """
+import sympy as sp
+from pwsmooth import Event, System
+
+t, x, a, b = sp.symbols("t x a b", real=True)
+step = Event(every=1, update={x: a - x**2 + b * x})
+quadratic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+"""
+STUDY = """
+period = 1
+phase = 0.5
+values = 5
+starts = [{ x = 0.1 }]
+
+[system]
+object = "model.py:quadratic"
+
+[ranges]
+a = [-0.5, 1]
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "model.py").write_text(MODEL)
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def command(*arguments):
+    return CliRunner().invoke(app, ["diagram", *map(str, arguments), "--workers", "1"])
+
+
+def test_one_parameter_makes_a_diagram_with_its_store_and_picture(study, tmp_path):
+    done = command(study, "--out", tmp_path, "--allow-code")
+    assert done.exit_code == 0 and "Diagram over a" in done.output, done.output
+    assert (tmp_path / "study.png").read_bytes().startswith(b"\x89PNG")
+    t, x, a, b = sp.symbols("t x a b", real=True)
+    step = Event(every=1, update={x: a - x**2 + b * x})
+    system = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 0}, events=[step])
+    found = diagram(system, a, (-0.5, 1), {x: 0.1}, 1, phase=0.5, values=5)
+    stored = read_diagram(tmp_path / "study.zarr")
+    assert [b.parameter for b in stored.bifurcations] == [b.parameter for b in found.bifurcations]
+
+
+def test_two_parameters_make_a_bifurcation_set(study, tmp_path):
+    study.write_text(STUDY + "b = [-0.5, 0.5]\n[lines]\nb = { from = -0.2, to = 0.2, count = 2 }\n")
+    done = command(study, "--out", tmp_path, "--allow-code")
+    assert done.exit_code == 0 and "Bifurcation set over a" in done.output, done.output
+    assert read_set(tmp_path / "study.zarr").lines == (("b", -0.2), ("b", 0.2))
+
+
+def test_a_store_that_is_there_is_gone_on_with_only_when_asked(study, tmp_path):
+    assert command(study, "--out", tmp_path, "--allow-code").exit_code == 0
+    again = command(study, "--out", tmp_path, "--allow-code")
+    assert again.exit_code == 2 and "--resume" in again.output
+    assert command(study, "--out", tmp_path, "--allow-code", "--resume").exit_code == 0
+
+
+def test_code_is_run_only_when_allowed(study, tmp_path):
+    done = command(study, "--out", tmp_path)
+    assert done.exit_code == 2 and "--allow-code" in done.output
+    assert not (tmp_path / "study.zarr").exists()
+
+
+def test_a_registered_system_needs_no_code(study, tmp_path):
+    x, a = sp.symbols("x a", real=True)
+    fold = System({x: a - x**2}, parameters={a: 1})
+    study.write_text("box = { x = [-2, 2] }\n[system]\nobject = 'fold'\n[ranges]\na = [-0.5, 1]\n")
+    found, _ = run_study(study, tmp_path, workers=1, names={"fold": fold})
+    assert [b.kind for b in found.bifurcations] == ["fold"]
+
+
+@pytest.mark.parametrize(
+    "more, words",
+    {
+        "dept = 3\n" + STUDY: "line 1: dept: no such key",
+        STUDY + "b = [0, 1]\nc = [0, 1]\n": "names 3 parameters",
+        STUDY + "[lines]\na = [0]\n": "`lines` belong to two parameters",
+        STUDY.replace("values = 5", "values = 'five'"): "line 4: values",
+    }.items(),
+)
+def test_mistakes_are_told_with_key_and_line(study, more, words):
+    study.write_text(more)
+    with pytest.raises(StudyError, match=words):
+        read_study(study, DiagramStudy)
