@@ -79,6 +79,7 @@ class Way:
         self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
         self.virtual = virtual
         self.points: list[Codimension2] = []
+        self.turns: list[Codimension2] = []
         self.closed = False
 
     def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
@@ -176,6 +177,7 @@ class Way:
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             if why and not (self.virtual and "virtual" in why):
                 return spot, f"{name} at {where(walk, spot)}: {why}."
+        self._turns(here, there)
         if there.twin and not here.twin:
             name = f"{walk.condition.kind} twice"
             spot = self._before_twins(here, there)
@@ -191,6 +193,15 @@ class Way:
                 self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
         return None
 
+    def _turns(self, here: Spot, there: Spot) -> None:
+        """Where the curve turns back in one of the parameters between two points."""
+        for k, name in enumerate(self.walk.names, self.walk.n):
+            if here.tangent[k] * there.tangent[k] < 0:
+                spot = zero_between(self.walk, here, there, _rate(k))
+                if spot is not None:
+                    turn = Codimension2(f"turns in {name}", self.walk.parameters(spot), spot.orbit)
+                    self.turns.append(turn)
+
     def _before_twins(self, here: Spot, there: Spot) -> Spot:
         """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
         ds = 0.5 * float(np.linalg.norm(there.u - here.u))
@@ -205,12 +216,18 @@ class Way:
         return here
 
     def _last(self, here: Spot, ds: float) -> Spot:
-        """The last point of the curve, no further than `ds` from here, by bisection."""
+        """The last point of the curve with its itinerary, no further than `ds` from here, by bisection.
+
+        Beside a change of itinerary Newton's method may settle a rounding beyond it, where slopes have no bound.
+        """
         low, high, last = 0.0, ds, here
         while high - low > _BRACKET:
             middle = 0.5 * (low + high)
             spot: Any = self.walk.step(here, middle)
-            low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
+            if spot is None or not same_itinerary(here.orbit, spot.orbit):
+                high = middle
+            else:
+                low, last = middle, spot
         return last
 
     def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
@@ -264,3 +281,7 @@ class Way:
 
 def _test(name: str) -> Callable[[Spot], float]:
     return lambda spot: spot.tests[name]
+
+
+def _rate(k: int) -> Callable[[Spot], float]:
+    return lambda spot: float(spot.tangent[k])

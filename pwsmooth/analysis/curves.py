@@ -66,6 +66,9 @@ class Curve(Described):
         Where a second condition holds, in order along the curve.
     ends : tuple of str
         Why it ended in either direction, in words; one of them where it closes.
+    turns : list of Codimension2
+        Where it turns back in one of the parameters, in order along the curve; no bifurcations, but the largest and
+        smallest values at which they exist.
     tests : dict of str to ndarray, each of shape (number of orbits,), dimensionless
         Functions along the curve that vanish at points of codimension 2, by their names.
 
@@ -94,6 +97,7 @@ class Curve(Described):
     orbits: list[PeriodicOrbit] = field(default_factory=list)
     points: list[Codimension2] = field(default_factory=list)
     ends: tuple[str, ...] = ()
+    turns: list[Codimension2] = field(default_factory=list)
     tests: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -183,6 +187,7 @@ class Curve(Described):
             "over": [f"{name} from {span}" for name, span in zip(self.parameters, spans)],
             "admissible": [] if self.admissible.all() else [f"{self.admissible.sum()} of {len(self.orbits)}"],
             "points": [str(point) for point in self.points],
+            "turns": [str(point) for point in self.turns],
             "ends": list(self.ends),
         }.items()
 
@@ -400,6 +405,7 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
     walk.framed(first)
     again = walk.correct(first.u, None, first.tangent)
     first = again or first
+    ways: list[Way] = []
     sides: list[tuple[list[Spot], list[Codimension2], str]] = []
     for sign in (-1.0, 1.0):
         side = copy.copy(walk)
@@ -407,6 +413,7 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
         here = copy.copy(first)
         object.__setattr__(here, "tangent", sign * first.tangent)
         way = Way(side, bounds, lengths, most, virtual, used_up)
+        ways.append(way)
         sides.append(way.followed(here))
         if way.closed:
             break
@@ -414,6 +421,7 @@ def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_
     spots = [*back[0][:0:-1], *on[0]]
     curve.orbits = [spot.orbit for spot in spots]
     curve.points = [*back[1][::-1], *on[1]]
+    curve.turns = [*ways[0].turns[::-1], *(ways[1].turns if len(ways) == 2 else [])]
     curve.ends = tuple(end for end in (back[2], on[2]) if end)
     curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
     return curve
