@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .arclength import Point, Walk
-from .conditions import factors, pairs
+from .conditions import factors, on_circle, pairs
 from .itineraries import Change, change_between, same_itinerary
 from .orbits import SAME, PeriodicOrbit, refined_to
 
@@ -317,7 +317,7 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's
         point = zero_between(walk, here, there, test)
-        if point is None or (kind == "torus" and not _has_pair(point.orbit)):
+        if point is None or (kind == "torus" and not on_circle(point.orbit.map_multipliers)):
             continue
         # Multipliers and tangents are known to some 1e-10; that over the slope of the test function.
         width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
@@ -349,8 +349,3 @@ def zero_between(walk: Walk, here: P, there: P, test: Callable[[P], float]) -> P
 
 class _Lost(Exception):
     """Newton's method found no orbit between two points of a branch."""
-
-
-def _has_pair(orbit: PeriodicOrbit) -> bool:
-    mu = orbit.map_multipliers
-    return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-3)))

@@ -16,11 +16,12 @@ from .bifurcations import change_enclosed, of_no_effect, zero_between
 from .curve_walk import CurveWalk, Spot, where
 from .itineraries import Change, change_between, same_itinerary
 from .orbits import PeriodicOrbit, refine
-from .windows import touching
+from .recutting import touched
 
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
 __all__ = ["Codimension2"]
@@ -96,6 +97,9 @@ class Way:
                 if ds > shortest:
                     ds *= 0.3
                     continue
+                if (other := walk.cut(here)) is not None:
+                    here, ds = other, min(step, longest)
+                    continue
                 here = self._last(here, ds)
                 spots.append(here)
                 why, change = self._lost(here)
@@ -169,7 +173,10 @@ class Way:
             if not a * b < 0:
                 continue
             spot = zero_between(walk, here, there, _test(name))
-            if spot is not None and abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
+            if spot is None or not abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
+                continue
+            place = walk.place_at(spot)
+            if place is not None and walk.condition.confirmed(name, place):
                 why = walk.condition.ends(name)
                 found.append((spot, name, why))
         chord = there.u - here.u
@@ -196,7 +203,8 @@ class Way:
     def _turns(self, here: Spot, there: Spot) -> None:
         """Where the curve turns back in one of the parameters between two points."""
         for k, name in enumerate(self.walk.names, self.walk.n):
-            if here.tangent[k] * there.tangent[k] < 0:
+            rates = here.tangent[k], there.tangent[k]
+            if rates[0] * rates[1] < 0 and max(np.abs(rates)) > _TURNS:
                 spot = zero_between(self.walk, here, there, _rate(k))
                 if spot is not None:
                     turn = Codimension2(f"turns in {name}", self.walk.parameters(spot), spot.orbit)
@@ -236,10 +244,10 @@ class Way:
             return None
         if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
             return None
-        window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)
-        if isinstance(window, str):
+        found = touched(here.orbit, change.after[0].switch, change.time)
+        if isinstance(found, str):
             return None
-        there = self.walk._turned(here, *window)
+        there = self.walk._turned(here, *found)
         return None if there is here else there
 
     def _lost(self, here: Spot) -> tuple[str, Change | None]:
@@ -266,14 +274,13 @@ class Way:
         """Whether the last step has passed the first point, along the same way."""
         if len(spots) < 5:
             return False
-        n, first, a, b = self.walk.n, spots[0], spots[-2], spots[-1]
-        pq = slice(n, n + 2)
-        chord, to = b.u[pq] - a.u[pq], first.u[pq] - a.u[pq]
+        first, a, b = spots[0], spots[-2], spots[-1]
+        chord, to = b.at - a.at, first.at - a.at
         length = float(chord @ chord)
         if length == 0 or not 0 <= to @ chord <= length:
             return False
         aside = np.linalg.norm(to - chord * (to @ chord) / length)
-        along = first.tangent[pq] @ chord > 0.8 * np.linalg.norm(first.tangent[pq]) * math.sqrt(length)
+        along = first.way @ chord > 0.8 * np.linalg.norm(first.way) * math.sqrt(length)
         one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
         same = np.allclose(one, other, rtol=0.1, atol=0.1)
         return bool(aside < 0.2 * math.sqrt(length) and along and same)

@@ -30,8 +30,9 @@ from .curve_walk import CurveWalk, Spot
 from .curve_ways import TOUCHES, Codimension2, Way
 from .impacts import from_impact
 from .orbits import PeriodicOrbit
+from .recutting import Cut, of_orbit, touched
 from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
-from .windows import PartedImage, Windowed, touching
+from .windows import PartedImage, Windowed
 
 if TYPE_CHECKING:
     import pandas
@@ -268,7 +269,7 @@ def follow_curve(
     >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
     True
     """
-    orbit, kind, name, map_, x, event = _given(start, kind, switch)
+    orbit, kind, name, first_of, event = _given(start, kind, switch)
     known = orbit.system.parameters
     names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
     if len(set(names)) != 2:
@@ -283,7 +284,7 @@ def follow_curve(
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            map_, x, condition_of(kind, name, both, event), both, bounds, lengths, most, virtual,
+            first_of, condition_of(kind, name, both, event), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 
@@ -305,8 +306,8 @@ def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Co
 
 def _given(
     start: Bifurcation | PeriodicOrbit, kind: str | None, switch: Any
-) -> tuple[PeriodicOrbit, str, str, Any, np.ndarray, Any]:
-    """The orbit, its kind, over which parameter it was found, the map, its point there, and the event that matters."""
+) -> tuple[PeriodicOrbit, str, str, Cut, Any]:
+    """The orbit, its kind, over which parameter it was found, the map with points, and the event that matters."""
     followed = ", ".join(FOLLOWED)
     if isinstance(start, Bifurcation):
         if kind is not None and kind != start.kind:
@@ -334,11 +335,12 @@ def _given(
         border = checks.expression(switch, "`switch`", known)
         if not border.free_symbols & set(model.states) or border.free_symbols - {*known.values()}:
             raise ValueError(f"`switch` is {border}; give a function of states {checks.listing(model.states)}.")
-        return orbit, kind, name, orbit.map, orbit.x, border
+        return orbit, kind, name, of_orbit(orbit, orbit.map), border
     if kind not in TOUCHES:
         # Beside a slow impact DP has no bound; the motion from impact to impact has.
-        found = from_impact(orbit.map, orbit.x) if kind in ("fold", "flip") else None
-        return orbit, kind, name, *(found or (orbit.map, orbit.x)), None
+        slow = kind in ("fold", "flip") and orbit.segments is None
+        found = from_impact(orbit.map, orbit.x) if slow else None
+        return orbit, kind, name, of_orbit(orbit, orbit.map) if found is None else (*found, False), None
     model = orbit.system.model
     names = [str(mu.symbol) for mu in model.multipliers if mu.surface is not None]
     names += [event.name for event in model.events if event.surface is not None and not event.singular]
@@ -351,41 +353,41 @@ def _given(
         raise ValueError(
             f"`start` is an {kind} of {switch}, whose hidden term has several roots; it is not followed."
         )
-    window = touching(orbit.map, orbit.x, str(switch), phase, kind == ADDING)
+    window = touched(orbit, str(switch), phase, kind == ADDING)
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
-    return orbit, kind, name, *window, None
+    return orbit, kind, name, window, None
 
 
-def _at_event(start: Bifurcation) -> tuple[Windowed, np.ndarray, tuple[str, int]]:
-    """The map in one piece, the point on its section, and the event at which the itinerary changes."""
+def _at_event(start: Bifurcation) -> tuple[Cut, tuple[str, int]]:
+    """The map without a window, the points on its section, and the event at which the itinerary changes."""
     orbit, change = start.orbit, start.change
     assert change is not None
     switch = change.before[0].switch
-    map_ = Windowed(orbit.map)
-    image = map_.image(orbit.x, ())
+    found = of_orbit(orbit, Windowed(orbit.map))
+    image = found[0].image(found[1], ())
     if not isinstance(image, PartedImage):
         raise ValueError(f"`start` is a {start.kind} of an orbit that is not run through: {image.reason}")
-    run = image.parts[0].run
-    if any(layer.ratio != sp.oo for layer in run.model.layer_states):
+    if any(layer.ratio != sp.oo for layer in orbit.system.model.layer_states):
         raise ValueError(
             f"`start` is a {start.kind} of a layered view, whose layer has states; these are not followed."
         )
     probe = (Arrival if start.kind in ARRIVALS else Exit)(start.kind, switch, 0)
     part = 0.5 if orbit.symmetric else 1.0
-    times = [(run.events[k].time - run.t[0]) / orbit.period for k in probe.events(run)]
+    times = [time / orbit.period for time in probe.times(image)]
     off = [abs((t - change.before[0].time + part / 2) % part - part / 2) for t in times]
     if not off or min(off) > 3 * TOGETHER:
         raise ValueError(
             f"`start` is a {start.kind} whose event is not found in its orbit; start from another one."
         )
-    return map_, orbit.x, (switch, int(np.argmin(off)))
+    return found, (switch, int(np.argmin(off)))
 
 
-def _both_sides(map_, x, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
+def _both_sides(first_of, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
+    map_, x, held = first_of
     curve, n = Curve(condition.kind, names), len(x)
     widths = bounds[:, 1] - bounds[:, 0]
-    walk = CurveWalk(map_, condition, names, widths, n)
+    walk = CurveWalk(map_, condition, names, widths, n, held)
     given = {p.name: value for p, value in map_.system.parameters.items()}
     w = np.append(x, [given[q] for q in names])
     place = walk.place(w)
