@@ -91,7 +91,9 @@ def test_den_hartogs_line_is_followed_beside_multipliers_of_1e11_and_more():
     curve = follow_curve(begins, {w: (0.52, 0.98), F: (0.01, 2)})
     assert len(curve.orbits) > 20
     assert np.abs(curve.values[1] - limit(curve.values[0])).max() < ON_CURVE
-    assert not curve.points  # a pair with the product 1 is no torus where it is real, as exp(4 T) and another one here
+    assert (
+        not curve.points
+    )  # a pair with the product 1 is no torus where it is real, as exp(4 T) and another one here
 
 
 @pytest.mark.parametrize(

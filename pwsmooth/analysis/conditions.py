@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .impacts import ImpactImage
+from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
 from .poincare import Word
 from .segments import Shooting
@@ -113,6 +114,10 @@ class Condition:
         """Whether a zero of a test function is what its name says: of a torus, no real pair with the product 1."""
         return not name.partition(" + ")[2].startswith("torus") or on_circle(place.multipliers)
 
+    def beyond(self, place: Place, extra: np.ndarray) -> bool:
+        """Whether a point is none of the bifurcation's, as on the other side of where its curve begins."""
+        return not self.admissible(place)
+
     def twin(self, place: Place) -> bool:
         """Whether it holds at two events at once."""
         return False
@@ -166,7 +171,7 @@ class Critical(Condition):
             # The pencil's leading coefficient has the speed as a factor.
             found = {
                 f"{self.kind} + grazing impact": image.speed,
-                double: float(w @ image.pencil[0] @ v) / image.speed,
+                double: float(w @ image.pencil[0] @ v) / (image.speed or np.nan),
             }
         else:
             found = {double: float(w[: place.n] @ v[: place.n])}
@@ -174,7 +179,10 @@ class Critical(Condition):
             flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
             found |= {"cusp": float(slopes[0, : len(v)] @ v), f"fold + {flip}": factors(rest, -1)}
         else:
-            found[f"fold + {self.kind}"] = factors(rest, 1)
+            found[f"{self.kind} + fold"] = factors(rest, 1)
+            if not isinstance(place.map, Shooting) and not isinstance(image, ImpactImage):
+                degenerate = flip_coefficient(place.map, image, place.x, v, w)
+                found[f"degenerate {self.kind}"] = degenerate
         return found | {f"{self.kind} + torus": pairs(rest)}
 
     def ends(self, name: str) -> str:
@@ -238,6 +246,9 @@ class Torus(Condition):
             **{name: kappa - at for name, at in names.items()},
             "torus + fold": factors(rest, 1), "torus + flip": factors(rest, -1),
         }  # fmt: skip
+
+    def beyond(self, place: Place, extra: np.ndarray) -> bool:
+        return bool(abs(extra[0]) > 1)
 
     def ends(self, name: str) -> str:
         if name in ("1:1 resonance", "1:2 resonance"):

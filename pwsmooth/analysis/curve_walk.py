@@ -28,6 +28,7 @@ from .windows import WIDEST, Windowed, recentred
 
 _MOST_NEWTON = 8
 _CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
+_SLOW = 1e-2  # of the last correction: what is not less takes new slopes
 _GROWS = 1e2  # of the map's slope: what segments make less
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 
@@ -110,15 +111,15 @@ class CurveWalk(Walk):
     def _corrected(
         self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
     ) -> Spot | None:
-        condition, n, u, last, slopes = self.condition, self.n, guess, math.inf, None
+        condition, n, u, last, slopes, slow = self.condition, self.n, guess, math.inf, None, False
         for steps in range(_MOST_NEWTON + 1):
             w = u * self.sizes
             place = self.place(w[: n + 2])
             if place is None:
                 return None
             extra = w[n + 2 :]
-            # From the second step on the slopes are near enough: each evaluation runs 2 (n + 2) orbits.
-            if steps < 2 or normal is None:
+            # From the second step on the slopes are near enough, as a rule: each evaluation runs 2 (n + 2) orbits.
+            if steps < 2 or normal is None or slow:
                 slopes = self.slopes(place, w)
             if slopes is None:
                 return None
@@ -157,7 +158,7 @@ class CurveWalk(Walk):
                 )
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
-            last = size
+            last, slow = size, size > _SLOW * last
             u = u + move
             weight = self.sizes[:n]
             u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])

@@ -7,68 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .bifurcations import change_enclosed, of_no_effect, zero_between
+from .codimension import Codimension2
+from .curve_starts import TOUCHES
 from .curve_walk import CurveWalk, Spot, where
+from .emanating import leads, leads_of_change
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import PeriodicOrbit, refine
+from .orbits import refine
 from .recutting import touched
 
-TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
-
-__all__ = ["Codimension2"]
-
-
-@dataclass(frozen=True)
-class Codimension2:
-    """A point of a curve at which a second condition holds.
-
-    Attributes
-    ----------
-    name : str
-        "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
-    values : dict of str to float, in the units of the parameters
-        Both parameters.
-    orbit : PeriodicOrbit
-        At the point, or the last one before it where the curve ends there.
-    note : str
-        What else is to be said.
-
-    Notes
-    -----
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
-    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a + b * x - x**3})
-    >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
-    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
-    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
-    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
-    >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
-    0.000000 1.000000
-    """
-
-    name: str
-    values: dict[str, float]
-    orbit: PeriodicOrbit
-    note: str = ""
-
-    def __str__(self) -> str:
-        where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())
-        return f"{self.name} at {where}" + (f": {self.note}" if self.note else "")
 
 
 class Way:
@@ -82,6 +38,7 @@ class Way:
         self.points: list[Codimension2] = []
         self.turns: list[Codimension2] = []
         self.closed = False
+        self.born: Spot | None = None  # a first point that is one of codimension 2 itself
 
     def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
         step, longest, shortest = self.lengths
@@ -170,7 +127,7 @@ class Way:
         walk, found = self.walk, []
         for name in here.tests:
             a, b = here.tests[name], there.tests.get(name, math.nan)
-            if not a * b < 0:
+            if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
             spot = zero_between(walk, here, there, _test(name))
             if spot is None or not abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
@@ -181,7 +138,9 @@ class Way:
                 found.append((spot, name, why))
         chord = there.u - here.u
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
-            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            self.points.append(
+                Codimension2(name, walk.parameters(spot), spot.orbit, why, leads(walk, spot, name))
+            )
             if why and not (self.virtual and "virtual" in why):
                 return spot, f"{name} at {where(walk, spot)}: {why}."
         self._turns(here, there)
@@ -191,13 +150,14 @@ class Way:
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             return spot, f"{name} at {where(walk, spot)}: {why}."
-        if not same_itinerary(here.orbit, there.orbit):
+        if here is not self.born and not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
             change = change_between(left.orbit, right.orbit)
             if not of_no_effect(change, left.orbit, right.orbit):
                 name = f"{walk.condition.kind} + {change.name}"
                 note = "it goes on with another itinerary"
-                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
+                begins = leads_of_change(change, left.orbit, right.orbit)
+                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note, begins))
         return None
 
     def _turns(self, here: Spot, there: Spot) -> None:
@@ -265,8 +225,9 @@ class Way:
                 continue
             change = change_between(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
-            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
-            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
+            begins = leads_of_change(change, here.orbit, beyond)
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change), begins))
+            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} was found beside."
             return f"{name} at {at}: {why}", change
         return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
 

@@ -18,21 +18,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 
 from ..definition import checks
 from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import value_of
 from .bifurcations import Bifurcation
-from .conditions import BranchPoint, Condition, Critical, Torus
-from .curve_walk import CurveWalk, Spot
-from .curve_ways import TOUCHES, Codimension2, Way
-from .impacts import from_impact
+from .codimension import Codimension2, Lead
+from .conditions import Condition
+from .curve_starts import BORDER, FOLLOWED, condition_of, given
+from .curve_walk import CurveWalk, Spot, where
+from .curve_ways import Way
 from .orbits import PeriodicOrbit
-from .recutting import Cut, of_orbit, touched
-from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
-from .windows import PartedImage, Windowed
 
 if TYPE_CHECKING:
     import pandas
@@ -40,15 +37,16 @@ if TYPE_CHECKING:
 __all__ = ["Codimension2", "Curve", "follow_curve"]
 
 _COUNTED = 2**62
-_FAR, _PARTS = (
-    0.1,
-    10,
-)  # of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead
-ADDING, BORDER = "adding-sliding", "border collision"
-EXITS = ("exit by a fold",)
-ARRIVALS = ("crossing-sliding", "switching-sliding")
-SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
-FOLLOWED = (*SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
+# Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
+_FAR, _PARTS = 0.1, 10
+_AMPLITUDES = (
+    0.02,
+    0.06,
+    0.2,
+    0.007,
+    0.002,
+)  # of the states' size: at which what is born at a point is looked for
+_ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
 @dataclass(repr=False)
@@ -194,13 +192,16 @@ class Curve(Described):
 
 
 @checks.door(
-    start=checks.instance((Bifurcation, PeriodicOrbit), "a Bifurcation of a branch, or a PeriodicOrbit near to one"),
+    start=checks.instance(
+        (Bifurcation, PeriodicOrbit, Codimension2),
+        "a Bifurcation of a branch, a PeriodicOrbit near to one, or a Codimension2 of a curve",
+    ),
     ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
-    kind=checks.optional(checks.one_of(*SMOOTH, *TOUCHES, BORDER)),
+    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
 def follow_curve(
-    start: Bifurcation | PeriodicOrbit,
+    start: Bifurcation | PeriodicOrbit | Codimension2,
     ranges: Mapping[Any, Any],
     *,
     kind: str | None = None,
@@ -217,14 +218,15 @@ def follow_curve(
 
     Parameters
     ----------
-    start : Bifurcation or PeriodicOrbit
-        One of a branch's `bifurcations`; or an orbit near to one, whose `kind` is given.
+    start : Bifurcation, PeriodicOrbit or Codimension2
+        One of a branch's `bifurcations`; an orbit near to one, whose `kind` is given; or one of a curve's `points`, at
+        which another curve `begins`.
     ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
         The two parameters, each with the least and the largest value.
     kind : str, optional
         Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
         it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding"; or
-        "border collision".
+        "border collision". Of a point of codimension 2: one of what it `begins`, if that is more than one.
     switch : Switch, Symbol, str or Expr, optional
         Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
         parameters, which is 0 at the orbit's point on its section.
@@ -269,7 +271,7 @@ def follow_curve(
     >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
     True
     """
-    orbit, kind, name, first_of, event = _given(start, kind, switch)
+    orbit, name, lead = given(start, kind, switch)
     known = orbit.system.parameters
     names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
     if len(set(names)) != 2:
@@ -284,129 +286,21 @@ def follow_curve(
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            first_of, condition_of(kind, name, both, event), both, bounds, lengths, most, virtual,
+            lead, condition_of(lead.kind, name, both, lead.event), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 
 
-def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
-    """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
-    if kind == BORDER:
-        return Border(event)
-    if event is not None:
-        return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
-    if kind == "torus":
-        return Torus()
-    if kind in TOUCHES:
-        return Touch(kind)
-    if kind == "branch point":
-        return BranchPoint(names.index(name) if name in names else 0)
-    return Critical(kind, 1 if kind == "fold" else -1)
-
-
-def _given(
-    start: Bifurcation | PeriodicOrbit, kind: str | None, switch: Any
-) -> tuple[PeriodicOrbit, str, str, Cut, Any]:
-    """The orbit, its kind, over which parameter it was found, the map with points, and the event that matters."""
-    followed = ", ".join(FOLLOWED)
-    if isinstance(start, Bifurcation):
-        if kind is not None and kind != start.kind:
-            raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
-        if start.kind not in FOLLOWED:
-            raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
-        orbit, kind, name, phase = start.orbit, start.kind, start.name, None
-        if start.change is not None and start.kind in (*ARRIVALS, *EXITS):
-            return orbit, kind, name, *_at_event(start)
-        if start.kind in TOUCHES and start.change is not None:
-            change, phase = start.change, start.change.time
-            letters = max(change.before, change.after, key=len)
-            switch = letters[0].switch
-            if len(change.before) > len(change.after) and start.beyond is not None:
-                orbit = start.beyond
-    else:
-        if not start.success:
-            raise ValueError(f"`start` did not converge: {start.message}")
-        if kind is None:
-            raise ValueError(f"`kind` is missing: `start` is an orbit; give one of {followed}.")
-        orbit, name, phase = start, "", None
-    if kind == BORDER:
-        model = orbit.system.model
-        known = {s.name: s for s in (*model.states, *orbit.system.parameters)}
-        border = checks.expression(switch, "`switch`", known)
-        if not border.free_symbols & set(model.states) or border.free_symbols - {*known.values()}:
-            raise ValueError(f"`switch` is {border}; give a function of states {checks.listing(model.states)}.")
-        return orbit, kind, name, of_orbit(orbit, orbit.map), border
-    if kind not in TOUCHES:
-        # Beside a slow impact DP has no bound; the motion from impact to impact has.
-        slow = kind in ("fold", "flip") and orbit.segments is None
-        found = from_impact(orbit.map, orbit.x) if slow else None
-        return orbit, kind, name, of_orbit(orbit, orbit.map) if found is None else (*found, False), None
-    model = orbit.system.model
-    names = [str(mu.symbol) for mu in model.multipliers if mu.surface is not None]
-    names += [event.name for event in model.events if event.surface is not None and not event.singular]
-    switch = names[0] if switch is None and len(names) == 1 else switch
-    if str(switch) not in names:
-        said = checks.shown(switch)
-        raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
-    hidden = {str(mu.symbol) for mu in model.multipliers if mu.hidden}
-    if kind == ADDING and str(switch) in hidden:
-        raise ValueError(
-            f"`start` is an {kind} of {switch}, whose hidden term has several roots; it is not followed."
-        )
-    window = touched(orbit, str(switch), phase, kind == ADDING)
-    if isinstance(window, str):
-        raise ValueError(f"`start` grazes nothing: {window}.")
-    return orbit, kind, name, window, None
-
-
-def _at_event(start: Bifurcation) -> tuple[Cut, tuple[str, int]]:
-    """The map without a window, the points on its section, and the event at which the itinerary changes."""
-    orbit, change = start.orbit, start.change
-    assert change is not None
-    switch = change.before[0].switch
-    found = of_orbit(orbit, Windowed(orbit.map))
-    image = found[0].image(found[1], ())
-    if not isinstance(image, PartedImage):
-        raise ValueError(f"`start` is a {start.kind} of an orbit that is not run through: {image.reason}")
-    if any(layer.ratio != sp.oo for layer in orbit.system.model.layer_states):
-        raise ValueError(
-            f"`start` is a {start.kind} of a layered view, whose layer has states; these are not followed."
-        )
-    probe = (Arrival if start.kind in ARRIVALS else Exit)(start.kind, switch, 0)
-    part = 0.5 if orbit.symmetric else 1.0
-    times = [time / orbit.period for time in probe.times(image)]
-    off = [abs((t - change.before[0].time + part / 2) % part - part / 2) for t in times]
-    if not off or min(off) > 3 * TOGETHER:
-        raise ValueError(
-            f"`start` is a {start.kind} whose event is not found in its orbit; start from another one."
-        )
-    return found, (switch, int(np.argmin(off)))
-
-
-def _both_sides(first_of, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
-    map_, x, held = first_of
-    curve, n = Curve(condition.kind, names), len(x)
-    widths = bounds[:, 1] - bounds[:, 0]
-    walk = CurveWalk(map_, condition, names, widths, n, held)
-    given = {p.name: value for p, value in map_.system.parameters.items()}
-    w = np.append(x, [given[q] for q in names])
-    place = walk.place(w)
-    if place is None:
-        curve.ends = ("no orbit was found at the start.",)
+def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
+    curve = Curve(condition.kind, names)
+    begun = _begun(lead, condition, names, bounds)
+    if isinstance(begun, str):
+        curve.ends = (begun,)
         return curve
-    u = np.append(w, condition.start(place)) / walk.sizes
-    # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
-    off = condition.value(place, u[n + 2 :])
-    tried = [_nearer(walk, u, normal, off) for normal in (None, *np.eye(len(u))[n : n + 2])]
-    middle = bounds.mean(axis=1) / widths
-    inside = [s for s in tried if s is not None and np.all(np.abs(s.u[n : n + 2] - middle) <= 0.5 + 1e-9)]
-    if not inside:
-        curve.ends = (f"no {condition.kind} was found near to the start.",)
-        return curve
-    first = min(inside, key=lambda spot: np.linalg.norm(spot.u[n : n + 2] - u[n : n + 2]))
+    walk, first = begun
     walk.framed(first)
-    again = walk.correct(first.u, None, first.tangent)
-    first = again or first
+    if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
+        first = walk.correct(first.u, None, first.tangent) or first
     ways: list[Way] = []
     sides: list[tuple[list[Spot], list[Codimension2], str]] = []
     for sign in (-1.0, 1.0):
@@ -416,7 +310,11 @@ def _both_sides(first_of, condition, names, bounds, lengths, most, virtual, used
         object.__setattr__(here, "tangent", sign * first.tangent)
         way = Way(side, bounds, lengths, most, virtual, used_up)
         ways.append(way)
-        sides.append(way.followed(here))
+        if lead.begins and (begins := _begins(side, here, lead, virtual)):
+            sides.append(([here], [], begins))
+        else:
+            way.born = here if lead.begins else None
+            sides.append(way.followed(here))
         if way.closed:
             break
     back, on = sides[0], sides[1] if len(sides) == 2 else ([first], [], "")
@@ -427,6 +325,48 @@ def _both_sides(first_of, condition, names, bounds, lengths, most, virtual, used
     curve.ends = tuple(end for end in (back[2], on[2]) if end)
     curve.tests = {name: np.array([spot.tests.get(name, math.nan) for spot in spots]) for name in first.tests}
     return curve
+
+
+def _begun(lead: Lead, condition: Condition, names: tuple[str, str], bounds: np.ndarray) -> Any:
+    """The walk of a curve and its first point; in words why there is none."""
+    map_, x, held = lead.cut
+    n, widths = len(x), bounds[:, 1] - bounds[:, 0]
+    given_ = {p.name: value for p, value in map_.system.parameters.items()}
+    middle = bounds.mean(axis=1) / widths
+    for amplitude in (0.0,) if lead.direction is None else _AMPLITUDES:
+        walk = CurveWalk(map_, condition, names, widths, n, held)
+        at = x if lead.direction is None else x + amplitude * (1 + np.abs(x).max()) * lead.direction
+        w = np.append(at, [given_[q] for q in names])
+        place = walk.place(w)
+        if place is None:
+            continue
+        extra = condition.start(place)
+        u = np.append(w, lead.extra or extra) / walk.sizes
+        # The nearest point, or that with one of the parameters as it is: Newton's method may lead far from a far start.
+        off, normals = condition.value(place, u[n + 2 :]), [None, *np.eye(len(u))[n : n + 2]]
+        if lead.direction is not None:
+            normals = [np.append(lead.direction, np.zeros(len(u) - n))]
+        tried = [_nearer(walk, u, normal, off) for normal in normals]
+        inside = [s for s in tried if s is not None and np.all(np.abs(s.at - middle) <= 0.5 + 1e-9)]
+        if inside:
+            return walk, min(inside, key=lambda spot: np.linalg.norm(spot.at - u[n : n + 2]))
+    return f"no {condition.kind} was found near to the start."
+
+
+def _begins(walk: CurveWalk, here: Spot, lead: Lead, virtual: bool) -> str:
+    """Whether a curve that begins at a point of codimension 2 begins at this end, in words; empty where it goes on."""
+    there: Any = walk.step(here, _ASIDE)
+    if there is None:
+        return ""
+    if lead.direction is not None:
+        grown = (
+            (there.orbit.x - here.orbit.x) @ lead.direction * ((here.orbit.x - lead.cut[1]) @ lead.direction)
+        )
+        return f"it begins near {where(walk, here)}." if grown < 0 else ""
+    place = walk.place_at(there)
+    if virtual or place is None or not walk.condition.beyond(place, there.extra):
+        return ""
+    return f"it begins at {where(walk, here)}."
 
 
 def _nearer(walk: CurveWalk, u: np.ndarray, normal: np.ndarray | None, off: np.ndarray) -> Spot | None:

@@ -27,7 +27,7 @@ from .segments import Shooting
 
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
 _ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
-_SIDES = {"below": -1.0, "above": 1.0}
+SIDES = {"below": -1.0, "above": 1.0}
 _TWIN = 1e-7
 _LAYER = 201  # places in [-1, 1] at which a layer is looked at
 
@@ -48,16 +48,17 @@ class Touch(Condition):
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         near, mu = place.image.approach, place.multipliers
+        flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
         found = {
-            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
+            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + {flip}": factors(mu, -1),
             f"{self.kind} + torus": pairs(mu), f"{self.kind} twice": near.others / (1 + near.others)
             if np.isfinite(near.others) else 1.0,
         }  # fmt: skip
         side = self.side_of_impacts(place)
         return found if side is None else {"degenerate grazing": side, **found}
 
-    def side_of_impacts(self, place: Place) -> float | None:
-        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+    def impacts(self, place: Place) -> tuple[FromImpact, np.ndarray] | None:
+        """The motion from contact to contact, and its point there; None where none is described."""
         map_, near, T = place.map, place.image.approach, 1.0
         if isinstance(map_, Shooting):
             return None
@@ -70,7 +71,12 @@ class Touch(Condition):
         at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
         behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
         contact = FromImpact(map_.base, map_.window.name, behind, before)
-        image = contact.image(np.append(near.x, near.place if map_.driven else D), ())
+        return contact, np.append(near.x, near.place if map_.driven else D)
+
+    def side_of_impacts(self, place: Place) -> float | None:
+        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+        found = self.impacts(place)
+        image = None if found is None else found[0].image(found[1], ())
         if not isinstance(image, ImpactImage):
             return None
         A, B = image.pencil
@@ -91,7 +97,7 @@ class TwoSided(Condition):
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         found: dict[str, float] = {}
         flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
-        for side in _SIDES:
+        for side in SIDES:
             mu = self._beside(place, slopes, side)
             if mu is None:
                 continue
@@ -114,7 +120,7 @@ class TwoSided(Condition):
         w = np.append(place.x, [_value(place.map, name) for name in place.names])
         near = []
         for aside in (_ASIDE, 2 * _ASIDE):
-            u = w + _SIDES[side] * aside * slopes[0] / (slopes[0] @ slopes[0])
+            u = w + SIDES[side] * aside * slopes[0] / (slopes[0] @ slopes[0])
             near.append(_slope_at(place, u))
         # To c = 0, along a line.
         slope = 2 * near[0] - near[1]
