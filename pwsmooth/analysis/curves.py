@@ -39,13 +39,8 @@ __all__ = ["Codimension2", "Curve", "follow_curve"]
 _COUNTED = 2**62
 # Of the scaled unknowns: Newton's method is not trusted so far from a start; the steps instead.
 _FAR, _PARTS = 0.1, 10
-_AMPLITUDES = (
-    0.02,
-    0.06,
-    0.2,
-    0.007,
-    0.002,
-)  # of the states' size: at which what is born at a point is looked for
+# Of the states' size, to both sides: at which what is born at a point is looked for.
+_AMPLITUDES = (0.02, -0.02, 0.06, -0.06, 0.2, -0.2)
 _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
