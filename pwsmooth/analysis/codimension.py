@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from .orbits import PeriodicOrbit
 from .recutting import Cut
 
 __all__ = ["Codimension2"]
@@ -42,7 +41,7 @@ class Codimension2:
         "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
     values : dict of str to float, in the units of the parameters
         Both parameters.
-    orbit : PeriodicOrbit
+    orbit : PeriodicOrbit or Equilibrium
         At the point, or the last one before it where the curve ends there.
     note : str
         What else is to be said.
@@ -70,7 +69,7 @@ class Codimension2:
 
     name: str
     values: dict[str, float]
-    orbit: PeriodicOrbit
+    orbit: Any
     note: str = ""
     leads: tuple[Lead, ...] = field(default=(), repr=False)
 
@@ -78,6 +77,34 @@ class Codimension2:
     def begins(self) -> tuple[str, ...]:
         """Kinds of the other curves that begin or pass there: `follow_curve(point, ranges, kind=...)` follows them."""
         return tuple(lead.kind for lead in self.leads)
+
+    def lead(self, kind: str | None) -> Lead:
+        """What a curve of a kind begins with there.
+
+        Parameters
+        ----------
+        kind : str or None
+            One of `begins`; None where that is the only one.
+
+        Returns
+        -------
+        Lead
+            For `follow_curve`.
+
+        Raises
+        ------
+        ValueError
+            Nothing of that kind begins there, or several kinds do and none is given.
+        """
+        if not self.leads:
+            raise ValueError(f"`start` is a {self.name}, at which no other curve begins that is followed.")
+        found = [lead for lead in self.leads if kind in (None, lead.kind)]
+        if not found or kind is None and len(found) > 1:
+            said = "missing" if kind is None else repr(kind)
+            raise ValueError(
+                f"`kind` is {said}; at this {self.name} begins {' or '.join(self.begins)}: give that."
+            )
+        return found[0]
 
     def __str__(self) -> str:
         where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())

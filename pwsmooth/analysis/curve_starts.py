@@ -51,7 +51,7 @@ def given(
     followed = ", ".join(FOLLOWED)
     name, phase = "", None
     if isinstance(start, Codimension2):
-        return start.orbit, name, _of_point(start, kind)
+        return start.orbit, name, start.lead(kind)
     if isinstance(start, Bifurcation):
         if kind is not None and kind != start.kind:
             raise ValueError(f"`kind` is {kind!r}, but `start` is a {start.kind}; leave `kind` out.")
@@ -105,18 +105,6 @@ def given(
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
     return orbit, name, Lead(kind, window, begins=False)
-
-
-def _of_point(start: Codimension2, kind: str | None) -> Lead:
-    if not start.leads:
-        raise ValueError(f"`start` is a {start.name}, at which no other curve begins that is followed.")
-    found = [lead for lead in start.leads if kind in (None, lead.kind)]
-    if not found or kind is None and len(found) > 1:
-        said = "missing" if kind is None else repr(kind)
-        raise ValueError(
-            f"`kind` is {said}; at this {start.name} begins {' or '.join(start.begins)}: give that."
-        )
-    return found[0]
 
 
 def at_event(orbit: PeriodicOrbit, kind: str, change: Change) -> tuple[Cut, tuple[str, int]]:

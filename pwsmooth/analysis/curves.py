@@ -11,28 +11,27 @@ Chain: curve_ways.py -> **curves**.
 from __future__ import annotations
 
 import copy
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..definition import checks
-from ..definition.describe import Described, Rows
 from ..paths.budget import MOST_STEPS, Budget, opened, within
-from .arclength import value_of
+from . import equilibrium_curves
 from .bifurcations import Bifurcation
 from .codimension import Codimension2, Lead
 from .conditions import Condition
 from .curve_starts import BORDER, FOLLOWED, condition_of, given
 from .curve_walk import CurveWalk, Spot, where
 from .curve_ways import Way
+from .equilibria import Equilibrium
+from .equilibrium_branches import EquilibriumBifurcation
+from .equilibrium_curves import EquilibriumCurve, follow_equilibria
 from .orbits import PeriodicOrbit
-
-if TYPE_CHECKING:
-    import pandas
+from .plane import InPlane
 
 __all__ = ["Codimension2", "Curve", "follow_curve"]
 
@@ -45,7 +44,7 @@ _ASIDE = 1e-4  # of the arc: so far along it is seen whether a curve begins
 
 
 @dataclass(repr=False)
-class Curve(Described):
+class Curve(InPlane):
     """A curve of bifurcations in two parameters.
 
     Attributes
@@ -86,117 +85,32 @@ class Curve(Described):
     True
     """
 
-    kind: str
-    parameters: tuple[str, str]
     orbits: list[PeriodicOrbit] = field(default_factory=list)
-    points: list[Codimension2] = field(default_factory=list)
-    ends: tuple[str, ...] = ()
-    turns: list[Codimension2] = field(default_factory=list)
-    tests: dict[str, np.ndarray] = field(default_factory=dict)
+
+    _noun = "orbits"
 
     @property
-    def values(self) -> np.ndarray:
-        """Both parameters along the curve, shape (2, number of orbits), in their units."""
-        return np.array([[value_of(orbit, name) for orbit in self.orbits] for name in self.parameters])
+    def _items(self) -> list[Any]:
+        return self.orbits
 
-    @property
-    def x(self) -> np.ndarray:
-        """Points on the section, shape (n, number of orbits), in the units of the states."""
-        return np.array([orbit.x for orbit in self.orbits]).T
-
-    @property
-    def admissible(self) -> np.ndarray:
-        """Whether each orbit is one of the exact system, which all are unless `virtual` ones were asked for."""
-        return np.array([orbit.success for orbit in self.orbits])
-
-    def of_kind(self, name: str) -> list[Codimension2]:
-        """Points of one name.
-
-        Parameters
-        ----------
-        name : str
-            As of `Codimension2`.
-
-        Returns
-        -------
-        list of Codimension2
-            In order along the curve.
-        """
-        return [point for point in self.points if point.name == name]
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """The orbits as a table.
-
-        Returns
-        -------
-        pandas.DataFrame
-            A row an orbit: both parameters, the point on the section, the period, the largest modulus of its
-            multipliers, and the test functions.
-        """
-        import pandas
-
-        names = [str(s) for s in self.orbits[0].system.states]
-        return pandas.DataFrame(
-            {
-                **dict(zip(self.parameters, self.values)),
-                **dict(zip(names, self.x)),
-                "period": [orbit.period for orbit in self.orbits],
-                "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
-                **self.tests,
-            }
-        )
-
-    def plot(self, ax: Any = None, **line: Any) -> Any:
-        """The curve in the plane of its parameters, points of codimension 2 marked.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where to draw; a new figure by default.
-        **line
-            For `Axes.plot`.
-
-        Returns
-        -------
-        Axes
-            The same.
-        """
-        from ..plotting import COLOUR, axes_for
-
-        (ax,) = axes_for(ax, 1, (5.5, 3.6), "one curve; give one")
-        known = np.where(self.admissible, self.values, np.nan)
-        ax.plot(*known, **{"color": COLOUR["exact"], "label": self.kind, **line})
-        if not self.admissible.all():
-            ax.plot(*self.values, **{"color": COLOUR["exact"], "linestyle": ":", "label": "virtual", **line})
-        for name, mark in zip(dict.fromkeys(p.name for p in self.points), itertools.cycle("osD^vP*X")):
-            at = [list(point.values.values()) for point in self.of_kind(name)]
-            ax.plot(*zip(*at), mark, color=COLOUR["left"], fillstyle="none", label=name)
-        ax.legend()
-        ax.set(xlabel=self.parameters[0], ylabel=self.parameters[1])
-        return ax
-
-    def _described(self) -> tuple[str, Rows]:
-        spans = [f"{q.min():.9g} to {q.max():.9g}" for q in self.values] if self.orbits else ["", ""]
-        return f"Curve of {self.kind}: {len(self.orbits)} orbits", {
-            "over": [f"{name} from {span}" for name, span in zip(self.parameters, spans)],
-            "admissible": [] if self.admissible.all() else [f"{self.admissible.sum()} of {len(self.orbits)}"],
-            "points": [str(point) for point in self.points],
-            "turns": [str(point) for point in self.turns],
-            "ends": list(self.ends),
-        }.items()
+    def _columns(self) -> dict[str, Any]:
+        return {
+            "period": [orbit.period for orbit in self.orbits],
+            "largest_multiplier": [abs(orbit.multipliers).max(initial=0.0) for orbit in self.orbits],
+        }
 
 
 @checks.door(
     start=checks.instance(
-        (Bifurcation, PeriodicOrbit, Codimension2),
-        "a Bifurcation of a branch, a PeriodicOrbit near to one, or a Codimension2 of a curve",
+        (Bifurcation, PeriodicOrbit, Codimension2, EquilibriumBifurcation, Equilibrium),
+        "a bifurcation of a branch, an orbit or equilibrium near to one, or a Codimension2 of a curve",
     ),
     ranges=checks.mapping, virtual=checks.flag, most=checks.integer(1),
-    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER)),
+    kind=checks.optional(checks.one_of(*FOLLOWED, BORDER, *equilibrium_curves.FOLLOWED)),
     **dict.fromkeys(("step", "longest_step", "shortest_step"), checks.positive),
 )  # fmt: skip
 def follow_curve(
-    start: Bifurcation | PeriodicOrbit | Codimension2,
+    start: Bifurcation | PeriodicOrbit | Codimension2 | EquilibriumBifurcation | Equilibrium,
     ranges: Mapping[Any, Any],
     *,
     kind: str | None = None,
@@ -208,20 +122,22 @@ def follow_curve(
     most: int = 500,
     max_steps: int = 10 * MOST_STEPS,
     max_seconds: float | None = None,
-) -> Curve:
+) -> Curve | EquilibriumCurve:
     """Follow a bifurcation over two parameters, to both sides.
 
     Parameters
     ----------
-    start : Bifurcation, PeriodicOrbit or Codimension2
-        One of a branch's `bifurcations`; an orbit near to one, whose `kind` is given; or one of a curve's `points`, at
-        which another curve `begins`.
+    start : Bifurcation, PeriodicOrbit, EquilibriumBifurcation, Equilibrium or Codimension2
+        One of a branch's `bifurcations`; an orbit or equilibrium near to one, whose `kind` is given; or one of the
+        `points` of a curve, at which another one `begins`.
     ranges : mapping of (str or Symbol) to (float, float), in the units of the parameters
         The two parameters, each with the least and the largest value.
     kind : str, optional
         Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
         it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding"; or
-        "border collision". Of a point of codimension 2: one of what it `begins`, if that is more than one.
+        "border collision". Of an equilibrium: "fold", "Hopf", "sliding Hopf", "hidden fold", "pseudo-Hopf",
+        "two-fold" or "boundary equilibrium" (of the switch or contact whose border is nearest). Of a point of
+        codimension 2: one of what it `begins`, if that is more than one.
     switch : Switch, Symbol, str or Expr, optional
         Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
         parameters, which is 0 at the orbit's point on its section.
@@ -237,8 +153,8 @@ def follow_curve(
 
     Returns
     -------
-    Curve
-        Orbits, points of codimension 2, and why it ended.
+    Curve or EquilibriumCurve
+        Orbits or equilibria, points of codimension 2, and why it ended.
 
     Raises
     ------
@@ -266,17 +182,14 @@ def follow_curve(
     >>> bool(abs(4 * p - 3 * (1 - q) ** 2).max() < 1e-8)
     True
     """
-    orbit, name, lead = given(start, kind, switch)
-    known = orbit.system.parameters
-    names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
-    if len(set(names)) != 2:
-        raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
-    both = (names[0], names[1])
-    bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
-    first = np.array([value_of(orbit, q) for q in names])
-    if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
-        at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
-        raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
+    still = start.orbit if isinstance(start, Codimension2) else getattr(start, "equilibrium", start)
+    if isinstance(still, Equilibrium):
+        both, bounds = _in_ranges(ranges, still.system)
+        return follow_equilibria(
+            start, kind, both, bounds, (step, longest_step, shortest_step), most, virtual, max_seconds
+        )
+    orbit, name, lead = given(start, kind, switch)  # type: ignore[arg-type]
+    both, bounds = _in_ranges(ranges, orbit.system)
     budget = opened(max_steps, max_seconds)
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
@@ -284,6 +197,20 @@ def follow_curve(
             lead, condition_of(lead.kind, name, both, lead.event), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
+
+
+def _in_ranges(ranges: Mapping[Any, Any], system: Any) -> tuple[tuple[str, str], np.ndarray]:
+    """The names of both parameters and the bounds, which hold the system's values."""
+    known = system.parameters
+    names = tuple(checks.lookup(key, known, "`ranges`", "parameter").name for key in ranges)
+    if len(set(names)) != 2:
+        raise ValueError(f"`ranges` names {', '.join(map(str, ranges)) or 'nothing'}; give two parameters.")
+    bounds = np.array([checks.interval(pair, f"`ranges` of {key}") for key, pair in ranges.items()])
+    first = np.array([next(float(v) for p, v in known.items() if p.name == q) for q in names])
+    if not np.all((bounds[:, 0] <= first) & (first <= bounds[:, 1])):
+        at = ", ".join(f"{q} = {value:.9g}" for q, value in zip(names, first))
+        raise ValueError(f"`ranges` leaves out the start, {at}; give ranges that hold it.")
+    return (names[0], names[1]), bounds
 
 
 def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up) -> Curve:
