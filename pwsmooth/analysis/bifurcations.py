@@ -4,21 +4,23 @@ Fold, flip, symmetry breaking, branch point and torus are zeros of test function
 tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
 itinerary is enclosed by bisection; itineraries.py says what it is.
 
-Chain: arclength.py, itineraries.py -> **bifurcations** -> continuation.py.
+Chain: arclength.py, itineraries.py, captures.py -> **bifurcations** -> continuation.py.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from .arclength import Point, Walk
+from .captures import CAPTURE, at_threshold, clearances
 from .conditions import factors, on_circle, pairs
 from .itineraries import Change, change_between, same_itinerary
-from .orbits import SAME, PeriodicOrbit, refined_to
+from .orbits import SAME, PeriodicOrbit, refine, refined_to
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -27,6 +29,10 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+_THRESHOLD, _LAYER = (
+    1e-10,
+    1e-6,
+)  # of the parameter: in which a capture is enclosed, and to which the layer is resolved
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -37,7 +43,8 @@ class Bifurcation:
     Attributes
     ----------
     kind : str
-        "fold", "flip", "symmetry breaking", "branch point", "torus", or the name of a change of itinerary.
+        "fold", "flip", "symmetry breaking", "branch point", "torus", the name of a change of itinerary, or "capture":
+        of a layered view with a finite ratio, whose contact is captured on one side of it and passes on the other.
     name : str
         The parameter's.
     parameter : float, in the unit of the parameter
@@ -137,11 +144,36 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         bifurcations += _smooth_all(walk, here, before)
         change = change_between(*(p.orbit for p in apart))
         if not of_no_effect(change, *(p.orbit for p in apart)):
+            if change.name == "jump of the orbit" and (found := _capture(walk, left, right)) is not None:
+                return [*bifurcations, replace(found, change=change, beyond=behind.orbit)]
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
             )
         here = behind
     return bifurcations
+
+
+def _capture(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
+    """Whether a jump is that of a contact which is just captured, or just not; located over the parameter.
+
+    The chord leads from one orbit to another there, and says little of where the first one ends.
+    """
+    if not clearances(left.orbit):
+        return None
+    last, first = left.orbit, left.orbit
+    low, high = walk.value(left), walk.value(right)
+    if left.tangent[-1] * (high - low) <= 0:
+        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
+    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
+        middle = 0.5 * (low + high)
+        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
+        if found.success and same_itinerary(first, found):
+            low, last = middle, found
+        else:
+            high = middle
+    if not at_threshold(last):
+        return None
+    return Bifurcation(CAPTURE, walk.name, low, abs(high - low) + _LAYER * (abs(low) + walk.scale), last)
 
 
 def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:

@@ -20,6 +20,7 @@ from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
 from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
+from .captures import CAPTURE
 from .equilibria import Equilibrium
 from .equilibrium_branches import EquilibriumBranch, coordinate, follow_equilibrium, value_at
 from .orbits import SAME, PeriodicOrbit, none_found, not_repeated
@@ -250,6 +251,11 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             branch.bifurcations += ends
             return _collapse_in_words(walk, here, there, count, ends)
         branch.bifurcations += found
+        if found and found[-1].kind == CAPTURE:
+            return (
+                f"no orbit beyond {name} = {found[-1].parameter:.10g}: there a contact is just captured, and the "
+                "Poincare map jumps."
+            )
         branch.orbits.append(there.orbit)
         if past is not None:
             return f"reached {name} = {past:g}."

@@ -12,6 +12,7 @@ import sympy as sp
 
 from ..definition import checks
 from .bifurcations import Bifurcation
+from .captures import CAPTURE, Capture, capture_cut
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
 from .impacts import from_impact
@@ -26,13 +27,16 @@ TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event"
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
-FOLLOWED = (*SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
+FOLLOWED = (CAPTURE, *SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
+_OF_ORBITS = (*SMOOTH, *TOUCHES, BORDER, CAPTURE)
 
 
 def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
     """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
     if kind == BORDER:
         return Border(event)
+    if kind == CAPTURE:
+        return Capture(*event)
     if event is not None:
         return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
     if kind == "torus":
@@ -70,12 +74,16 @@ def given(
     else:
         if not start.success:
             raise ValueError(f"`start` did not converge: {start.message}")
-        if kind not in (*SMOOTH, *TOUCHES, BORDER):
+        if kind not in _OF_ORBITS:
             said = f"`kind` is {'missing' if kind is None else repr(kind)}"
-            raise ValueError(
-                f"{said}: `start` is an orbit; give one of {', '.join((*SMOOTH, *TOUCHES, BORDER))}."
-            )
+            raise ValueError(f"{said}: `start` is an orbit; give one of {', '.join(_OF_ORBITS)}.")
         orbit = start
+    if kind == CAPTURE:
+        about = capture_cut(orbit, None if switch is None else str(switch))
+        if isinstance(about, str):
+            raise ValueError(f"`start` is at no capture threshold: {about}.")
+        cut, event = about
+        return orbit, name, Lead(kind, cut, event, begins=False)
     if kind == BORDER:
         model = orbit.system.model
         known = {s.name: s for s in (*model.states, *orbit.system.parameters)}

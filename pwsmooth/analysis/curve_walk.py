@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from . import captures
 from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
+from .captures import Capture
 from .conditions import Condition, Place, differences, place_of
 from .impacts import FromImpact, from_impact
 from .orbits import PINNED, TOLERANCE, PeriodicOrbit, onto_section, orbit_of, refine
@@ -188,6 +190,10 @@ class CurveWalk(Walk):
         told = np.linalg.norm(here.way) > 1e-3
         pieces = isinstance(self.map, Shooting)
         inner = self.map.map if pieces else self.map
+        if isinstance(self.condition, Capture):
+            place = self.place_at(here)
+            about = None if place is None or pieces else captures.recentred(self.condition, place)
+            return here if about is None else self._turned(here, *about)
         if isinstance(inner, Windowed) and inner.window is not None:
             return self._recentred(here)
         if not isinstance(here.orbit.map, Stroboscopic) or not told:

@@ -134,8 +134,8 @@ def follow_curve(
         The two parameters, each with the least and the largest value.
     kind : str, optional
         Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
-        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding"; or
-        "border collision". Of an equilibrium: "fold", "Hopf", "sliding Hopf", "hidden fold", "pseudo-Hopf",
+        it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding";
+        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf", "sliding Hopf", "hidden fold", "pseudo-Hopf",
         "two-fold" or "boundary equilibrium" (of the switch or contact whose border is nearest). Of a point of
         codimension 2: one of what it `begins`, if that is more than one.
     switch : Switch, Symbol, str or Expr, optional

@@ -50,7 +50,7 @@ def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
     if name == "degenerate grazing" and isinstance(condition, Touch):
         found = condition.impacts(place)
         return () if found is None else (Lead("fold", (*found, False)),)
-    if isinstance(condition, TwoSided):
+    if isinstance(condition, TwoSided) and second.endswith(tuple(SIDES)):
         return _of_one_side(walk, place, *second.split(", "))
     if second == "grazing impact" and isinstance(place.map, FromImpact):
         return _grazing(place, spot)

@@ -24,7 +24,7 @@ import sympy as sp
 from ..definition.model import Model
 from ..paths.linearised import linearise
 from ..results.solution import Solution
-from .parts import Part, functions_of, held, minima, one_sided, part_of, seeds_of, surface_of
+from .parts import Part, functions_of, held, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
 from .poincare import RETURN, Image, lost, why_stopped
 from .sections import Leg, Stroboscopic
 from .variations import chosen_parameters
@@ -66,6 +66,7 @@ class Window:
     end: float
     near: float  # the extreme of the last orbit, likewise
     held: bool = False  # the motion stays on the surface, and h = s - lambda instead
+    ratio: Any = None  # of the layer's states instead of their own, while the surface acts as it does
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class Windowed:
             if not (run.success and run.t[-1] == span[1]):
                 return lost(n, runs, why_stopped(run))
             wanted, approach = None, found.approach
-            if window is not None and (first, end) == (window.begin, window.end):
+            if window is not None and window.ratio is None and (first, end) == (window.begin, window.end):
                 wanted = nearest(run, self.surface, window, T, begins)
                 if wanted is None:
                     return lost(n, runs, "h has no extreme in the window.")
@@ -186,6 +187,10 @@ def _joined(one: Image, other: Image, part: Part | None = None) -> Image:
 
 
 def in_window(system: Any, window: Window) -> Any:
+    if window.ratio is not None:
+        other = copy.copy(system)
+        other.model = with_ratio(system.model, window.ratio)
+        return other
     if window.held:
         other = copy.copy(system)
         other.model = held(system.model, window.name)
