@@ -135,9 +135,9 @@ def follow_curve(
     kind : str, optional
         Of an orbit: "fold", "flip", "symmetry breaking", "torus" or "branch point"; or, on the side that does not touch
         it, "grazing impact", "grazing", "grazing-sliding", "grazing of an event" or "adding-sliding";
-        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf", "sliding Hopf", "hidden fold", "pseudo-Hopf",
-        "two-fold" or "boundary equilibrium" (of the switch or contact whose border is nearest). Of a point of
-        codimension 2: one of what it `begins`, if that is more than one.
+        "border collision"; or "capture", of a layered view with a finite ratio. Of an equilibrium: "fold", "Hopf",
+        "sliding Hopf", "hidden fold", "pseudo-Hopf", "two-fold" or "boundary equilibrium" (of the switch or contact
+        whose border is nearest). Of a point of codimension 2: one of what it `begins`, if that is more than one.
     switch : Switch, Symbol, str or Expr, optional
         Of an orbit that is about to graze: the switch, contact or event. Of a border collision: h(x), of states and
         parameters, which is 0 at the orbit's point on its section.
