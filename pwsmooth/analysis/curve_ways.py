@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from .bifurcations import change_enclosed, of_no_effect, zero_between
+from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
 from .curve_starts import TOUCHES
 from .curve_walk import CurveWalk, Spot, where
-from .emanating import leads, leads_of_change
-from .itineraries import Change, change_between, same_itinerary
+from .emanating import change_along, leads, leads_of_change, of_capture
+from .itineraries import Change, same_itinerary
 from .orbits import refine
 from .recutting import touched
 
@@ -152,7 +153,7 @@ class Way:
             return spot, f"{name} at {where(walk, spot)}: {why}."
         if here is not self.born and not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
-            change = change_between(left.orbit, right.orbit)
+            change = change_along(left.orbit, right.orbit)
             if not of_no_effect(change, left.orbit, right.orbit):
                 name = f"{walk.condition.kind} + {change.name}"
                 note = "it goes on with another itinerary"
@@ -223,12 +224,18 @@ class Way:
             beyond = refine(map_, here.orbit.x)
             if not beyond.success or same_itinerary(here.orbit, beyond):
                 continue
-            change = change_between(here.orbit, beyond)
+            change = change_along(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
             begins = leads_of_change(change, here.orbit, beyond)
             self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change), begins))
             why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} was found beside."
             return f"{name} at {at}: {why}", change
+        if at_threshold(here.orbit):
+            name = f"{walk.condition.kind} + {CAPTURE}"
+            why = "beyond it the contact is captured or passes, and the Poincare map jumps"
+            begins = of_capture(here.orbit)
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, why, begins))
+            return f"{name} at {at}: {why}.", None
         return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
 
     def _closes(self, spots: list[Spot]) -> bool:

@@ -15,16 +15,18 @@ Chain: codimension.py, curve_starts.py, curve_walk.py -> **emanating** -> curve_
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from .captures import CAPTURE, at_threshold, capture_cut
 from .codimension import Lead
 from .conditions import Critical, Place
 from .curve_starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
 from .curve_walk import CurveWalk, Spot
 from .impacts import FromImpact
-from .itineraries import Change
+from .itineraries import Change, change_between
 from .orbits import PeriodicOrbit, refine
 from .recutting import exact, of_orbit, touched
 from .segments import Shooting
@@ -111,8 +113,24 @@ def _of_one_side(walk: CurveWalk, place: Place, kind: str, side: str) -> tuple[L
     return (Lead(kind, of_orbit(orbit, orbit.map)),) if orbit.success else ()
 
 
+def change_along(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
+    """What happens between two orbits of a curve; a jump at the threshold of a layer is a capture."""
+    change = change_between(one, other)
+    if change.name == "jump of the orbit" and (at_threshold(one) or at_threshold(other)):
+        return replace(change, name=CAPTURE)
+    return change
+
+
+def of_capture(orbit: PeriodicOrbit) -> tuple[Lead, ...]:
+    """The curve of captures that passes at an orbit with one."""
+    about = capture_cut(orbit, None)
+    return () if isinstance(about, str) else (Lead(CAPTURE, *about),)
+
+
 def leads_of_change(change: Change, one: PeriodicOrbit, other: PeriodicOrbit | None) -> tuple[Lead, ...]:
     """What begins where the itinerary changes along a curve, between an orbit and the one beyond."""
+    if change.name == CAPTURE:
+        return of_capture(one)
     letters = max(change.before, change.after, key=len)
     if not letters:
         return ()

@@ -28,6 +28,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.pointwise import value
 from ..definition.regularity import total_derivative
+from .boundary_cycles import cycle_born
 from .branch import _Along
 from .equilibria import RANK, ROUNDING, Equilibrium, Statics, made
 from .equilibrium_stability import lyapunov_coefficient
@@ -69,6 +70,10 @@ class EquilibriumBifurcation:
     lyapunov : float or None
         First Lyapunov coefficient of a Hopf point of a smooth mode, in the units of the states: negative where the
         cycles are stable in their plane. None where it is not computed (on a sliding surface).
+    cycle : str or None
+        Of a boundary equilibrium: "attracting" or "repelling" where a cycle around a focus is born too, which slides on
+        the surface; "" where none is. None where that is not decided: it is for two states and one switch without
+        hidden terms.
 
     Notes
     -----
@@ -94,6 +99,7 @@ class EquilibriumBifurcation:
     what: str = ""
     frequency: float = math.nan
     lyapunov: float | None = None
+    cycle: str | None = None
 
     def __str__(self) -> str:
         at = 0.0 if abs(self.parameter) < self.uncertainty else self.parameter
@@ -104,6 +110,12 @@ class EquilibriumBifurcation:
         if self.lyapunov is not None:
             criticality = "super" if self.lyapunov < 0 else "sub"
             text += f", first Lyapunov coefficient {self.lyapunov:.6g} ({criticality}critical)"
+        if self.cycle is not None:
+            text += (
+                f", with {'an' if self.cycle[0] == 'a' else 'a'} {self.cycle} cycle"
+                if self.cycle
+                else ", without a cycle"
+            )
         return f"{text}\n    {self.what}" if self.what else text
 
 
@@ -614,7 +626,8 @@ def _boundary(
     mult[j] = new if mu.kind == "switch" and new else 0.0 if mu.kind == "contact" else side if not kink else new
     sides = (*e.sides[:j], new, *e.sides[j + 1 :])
     beside = replace(e, mult=mult, sides=sides, message="")
-    bifurcation = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e, None, what)
+    cycle = cycle_born(e, j) if walk.q is not None else None
+    bifurcation = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e, None, what, cycle=cycle)
     if walk.q is None:
         return bifurcation, None
     after = _Walk(beside, walk.name, scale)
