@@ -175,6 +175,13 @@ def _added(one, ratio: float, curves: list[dict], ranges, lost: Counter, config:
     same = [c for c in curves if c["kind"] == one.kind and c["called"] == _called(one.orbit)]
     if distance(at, same, config) < 5e-3 if same else False:
         return False
+    if one.kind == "crossing-sliding" and ratio > critical_ratio(3):
+        # The fold captures, and the layer's state says nothing: a line.
+        line = [[critical_ratio(3), config.ratios[1]], [one.parameter] * 2]
+        curves.append(
+            {"kind": one.kind, "called": _called(one.orbit), "values": line, "ends": [], "points": []}
+        )
+        return False
     try:
         curve = follow_curve(one, ranges, longest_step=0.03, max_seconds=60)
     except ValueError as error:

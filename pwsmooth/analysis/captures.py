@@ -155,9 +155,10 @@ def about(map_: Any, runs: Sequence[Solution], t: float, name: str, ratio: Any) 
 
     last = t + gap(t, 1) if ratio == sp.oo else t
     begin, end = t - 0.5 * gap(t, -1), last + 0.5 * gap(last, 1)
-    shift = math.ceil((first - begin) / D) * D
-    run = next(r for r in runs if r.t[0] <= begin + shift <= r.t[-1])
-    x = run.dense(np.array([begin + shift]))[0][:, 0]
+    shift = math.ceil((first - begin) / D - 1e-9) * D
+    at = min(max(begin + shift, first), float(runs[-1].t[-1]))  # it may be on the section already
+    run = next(r for r in runs if r.t[0] <= at <= r.t[-1])
+    x = run.dense(np.array([at]))[0][:, 0]
     if shift and map_.symmetry is not None:
         x = np.linalg.matrix_power(np.linalg.inv(map_.symmetry), abs(round(shift / D))) @ x
     window = Window(name, 1, 0.0, (end - begin) / T, (t - begin) / T, ratio=ratio)

@@ -24,6 +24,7 @@ from .recutting import touched
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
+_EXTRAPOLATED = 5  # points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
@@ -131,11 +132,13 @@ class Way:
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
             spot = zero_between(walk, here, there, _test(name))
+            why = walk.condition.ends(name)
+            if spot is None and why:
+                return self._short_of(here, there, name, why)
             if spot is None or not abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
                 continue
             place = walk.place_at(spot)
             if place is not None and walk.condition.confirmed(name, place):
-                why = walk.condition.ends(name)
                 found.append((spot, name, why))
         chord = there.u - here.u
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
@@ -147,7 +150,8 @@ class Way:
         self._turns(here, there)
         if there.twin and not here.twin:
             name = f"{walk.condition.kind} twice"
-            spot = self._before_twins(here, there)
+            # Chords lead from one curve to the other there.
+            spot = self._before(here, there, lambda spot: spot.twin)
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             return spot, f"{name} at {where(walk, spot)}: {why}."
@@ -171,18 +175,40 @@ class Way:
                     turn = Codimension2(f"turns in {name}", self.walk.parameters(spot), spot.orbit)
                     self.turns.append(turn)
 
-    def _before_twins(self, here: Spot, there: Spot) -> Spot:
-        """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
+    def _before(self, here: Spot, there: Spot, passed: Callable[[Spot], bool]) -> Spot:
+        """The last point before something has been passed, by ever shorter steps."""
         ds = 0.5 * float(np.linalg.norm(there.u - here.u))
         for _ in range(_MOST_HALVED):
             if ds <= _BRACKET:
                 break
             spot: Any = self.walk.step(here, ds)
-            if spot is None or spot.twin:
+            if spot is None or passed(spot):
                 ds *= 0.5
             else:
                 here = spot
         return here
+
+    def _short_of(self, here: Spot, there: Spot, name: str, why: str) -> tuple[Spot, str]:
+        """The end of a curve whose last part has no points to Newton's method: extrapolated in its test function."""
+        walk, spots = self.walk, [here]
+        last = self._before(here, there, lambda spot: not self._nearer(spots, spot, name))
+        e = np.array([spot.tests[name] for spot in spots[-_EXTRAPOLATED:]])
+        at = np.array([list(walk.parameters(spot).values()) for spot in spots[-_EXTRAPOLATED:]])
+        weights = [np.prod(np.delete(e, k) / (np.delete(e, k) - e[k])) for k in range(len(e))]
+        values = dict(zip(walk.names, map(float, weights @ at)))
+        where_ = ", ".join(f"{q} = {value:.7g}" for q, value in values.items())
+        self.points.append(Codimension2(name, values, last.orbit, f"{why} (extrapolated)"))
+        return last, f"{name} at {where_} (extrapolated): {why}."
+
+    @staticmethod
+    def _nearer(spots: list[Spot], spot: Spot, name: str) -> bool:
+        """Whether a test function is nearer to 0 than it was, which is kept; far enough apart to be extrapolated."""
+        a, b = spots[-1].tests[name], spot.tests.get(name, math.nan)
+        if not a * b > 0:
+            return False
+        if abs(b) < 0.9 * abs(a):
+            spots.append(spot)
+        return True
 
     def _last(self, here: Spot, ds: float) -> Spot:
         """The last point of the curve with its itinerary, no further than `ds` from here, by bisection.
