@@ -95,6 +95,20 @@ def test_the_sign_of_the_clearance_tells_who_is_captured(sticking, slipping):
     assert below < 0
 
 
+def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
+    orbit = symmetric(RATIO, {y: 0.78, v: -1.03}, sigma=2.8)
+    (broken,) = follow(orbit, sigma, to=3.2).of_kind("symmetry breaking")
+    curve = follow_curve(broken, {"ratio_z": (0.02, 1), "sigma": (0.5, 5)})
+    (end,) = curve.of_kind("symmetry breaking + capture")
+    assert np.ptp(curve.values[1]) < 1e-8  # the slow motion does not know of the ratio
+    run = solve(coulomb(sigma=end.values["sigma"]), (0, np.pi), list(broken.orbit.x), rtol=1e-12, atol=1e-14)
+    place = run.x[0, np.searchsorted(run.t, run.events[0].time)]
+    force = abs(end.values["sigma"] * np.sin(run.events[0].time) + 3.1 * place)
+    # The solver resolves the layer to some 1e-7 beside its threshold.
+    assert capture_threshold(3, end.values["ratio_z"]) == pytest.approx(force, abs=1e-6)
+    assert end.begins == ("capture",)
+
+
 def test_a_view_without_a_state_in_its_layer_has_no_threshold():
     slaved = hidden().layered({z: sp.oo})
     orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)

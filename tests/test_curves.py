@@ -312,7 +312,9 @@ def test_an_autonomous_cycle_grazes_where_its_branch_ends():
     )
     cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, section=y2, direction=-1, transient=300)
     branch = follow(cycle, q, to=6)
-    curve = follow_curve(cycle, {q: (6, 9), k: (1.25, 1.5)}, kind="grazing impact")
+    touch = branch.bifurcations[-1]
+    assert touch.kind == "grazing impact" and "grazing impact at q" in branch.end
+    curve = follow_curve(touch, {q: (6, 9), k: (1.25, 1.5)})
     assert "reached k = 1.25." in curve.ends
     at = curve.values[0, int(np.argmin(curve.values[1]))]
     assert at == pytest.approx(branch.values.min(), abs=1e-7 * 2.3)  # the branch ends within its shortest step

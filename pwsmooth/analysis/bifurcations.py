@@ -19,8 +19,10 @@ import numpy as np
 from .arclength import Point, Walk
 from .captures import CAPTURE, at_threshold, clearances
 from .conditions import factors, on_circle, pairs
-from .itineraries import Change, change_between, same_itinerary
+from .itineraries import Change, Letter, change_between, same_itinerary
 from .orbits import SAME, PeriodicOrbit, refine, refined_to
+from .recutting import touched
+from .sections import Stroboscopic
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -33,6 +35,7 @@ _THRESHOLD, _LAYER = (
     1e-10,
     1e-6,
 )  # of the parameter: in which a capture is enclosed, and to which the layer is resolved
+_GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -174,6 +177,31 @@ def _capture(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
     if not at_threshold(last):
         return None
     return Bifurcation(CAPTURE, walk.name, low, abs(high - low) + _LAYER * (abs(low) + walk.scale), last)
+
+
+def end_at(walk: Walk, here: Point, width: float) -> Bifurcation | None:
+    """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
+    if at_threshold(here.orbit):
+        return Bifurcation(CAPTURE, walk.name, walk.value(here), width, here.orbit)
+    model, best = here.orbit.system.model, None
+    kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
+    for event in model.events:
+        if event.surface is not None and not event.singular:
+            kinds[event.name] = ("grazing of an event", "reset")
+    for name in kinds:
+        found = touched(here.orbit, name)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and (best is None or near.h < best[1].h):
+            best = name, near, found[0]
+    if best is None or not best[1].h <= _GRAZED:
+        return None
+    name, near, _ = best
+    kind, letter = kinds[name]
+    first = here.orbit.map.start_time if isinstance(here.orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / here.orbit.period % 1.0)
+    change = Change(kind, (), (Letter(time, name, letter, 0, 0),), time)
+    return Bifurcation(kind, walk.name, walk.value(here), width, here.orbit, change)
 
 
 def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from ..definition import checks
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between, collapse_between
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between, end_at
 from .branch import _Along
 from .captures import CAPTURE
 from .equilibria import Equilibrium
@@ -236,7 +236,14 @@ def _followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                return walk.why_ended(here, ds)
+                last = end_at(walk, here, 100 * ds * walk.scale)
+                if last is None:
+                    return walk.why_ended(here, ds)
+                branch.bifurcations.append(last)
+                return (
+                    f"{last.kind} at {name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` "
+                    "follows it over two parameters."
+                )
         past = _passed(there, here, walk, begin, end)
         if past is not None:
             there = walk.at_parameter(here, past, there)
