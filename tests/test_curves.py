@@ -312,7 +312,9 @@ def test_an_autonomous_cycle_grazes_where_its_branch_ends():
     )
     cycle = find_orbit(valve, {y1: 2.6, y2: 0, y3: 12.5}, section=y2, direction=-1, transient=300)
     branch = follow(cycle, q, to=6)
-    curve = follow_curve(cycle, {q: (6, 9), k: (1.25, 1.5)}, kind="grazing impact")
+    touch = branch.bifurcations[-1]
+    assert touch.kind == "grazing impact" and "grazing impact at q" in branch.end
+    curve = follow_curve(touch, {q: (6, 9), k: (1.25, 1.5)})
     assert "reached k = 1.25." in curve.ends
     at = curve.values[0, int(np.argmin(curve.values[1]))]
     assert at == pytest.approx(branch.values.min(), abs=1e-7 * 2.3)  # the branch ends within its shortest step
@@ -438,12 +440,44 @@ def test_two_routes_lead_to_the_point_where_flips_begin_to_slide(slidecont):
     assert any(end.startswith("flip + grazing-sliding") for end in flips.ends)
 
 
-@pytest.mark.parametrize("amplitude, frequency", [(1.52127, 2.60775), (1.77224, 2.66918)])
-def test_published_flips_beyond_it_are_virtual(slidecont, amplitude, frequency):
+@pytest.fixture(scope="module")
+def virtual_flips(slidecont):
+    return follow_curve(slidecont[0], {A: (1, 3), w: (2.3, 2.9)}, kind="flip", virtual=True)
+
+
+@pytest.mark.parametrize(
+    "amplitude, fastest, frequency",
+    [
+        (1.52127, 1.08642, 2.60775), (1.77224, 1.20247, 2.66918), (2.03041, 1.33688, 2.71408),
+        (2.28608, 1.49759, 2.73420),
+    ],
+)  # fmt: skip
+def test_published_flips_beyond_it_are_virtual(virtual_flips, amplitude, fastest, frequency):
     # Printed in the guide of SlideCont (Dercole & Kuznetsov), with max y' > 1.
-    orbit, ranges = slidecont
-    curve = follow_curve(orbit, {**ranges, A: (1, amplitude)}, kind="flip", virtual=True)
+    curve = follow_curve(
+        virtual_flips.of_kind("flip + grazing-sliding")[0].orbit, {A: (1, amplitude), w: (2.3, 2.9)}, kind="flip",
+        virtual=True,
+    )  # fmt: skip
     k = int(np.argmax(curve.values[0]))
     assert curve.values[0, k] == amplitude and not curve.admissible[k]
     assert curve.values[1, k] == pytest.approx(frequency, abs=1e-5)
+    s = 1 - u  # the field on this side of the surface, which the orbit of the continuation crosses
+    smooth = System(
+        {x: u, u: sp.Rational(3, 2) * (1 - s) + sp.Rational(9, 20) * s**3 + A * sp.cos(w * t) - x}, time=t,
+        parameters={A: amplitude, w: curve.values[1, k]},
+    )  # fmt: skip
+    start = curve.orbits[k]
+    orbit = find_orbit(smooth, list(start.x), period=2 * sp.pi / w, count=2, phase=start.map.phase)
+    assert orbit.multipliers[0].real == pytest.approx(-1, abs=1e-8)
+    highest = orbit.solution().dense(np.linspace(*orbit.solution().t[[0, -1]], 20001))[0][1].max()
+    assert highest == pytest.approx(fastest, abs=1e-3)
     assert curve.admissible.any() and curve.orbits[k].message.startswith("virtual")
+
+
+def test_published_flips_turn_where_the_issue_says(virtual_flips):
+    # The issue has A = 2.5695654 at w = 2.6433344, the guide A = 2.56957. Independently (DOP853, rtol 1e-13,
+    # variational equations, A over nine w fitted by a polynomial): A = 2.569565389106, w = 2.643334808. As A is flat
+    # there, its roundings of 1e-12 are 4e-7 in w.
+    (turn,) = (p for p in virtual_flips.turns if p.name == "turns in A")
+    assert turn.values["A"] == pytest.approx(2.569565389106, abs=ON_CURVE)
+    assert turn.values["w"] == pytest.approx(2.6433348, abs=4e-7)

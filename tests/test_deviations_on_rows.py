@@ -1,4 +1,4 @@
-"""Deviations on the polynomials that a run has kept, by programs of columns, beside those that are made again (flow.py)."""
+"""Deviations on the polynomials that a run has kept, beside those whose series flow.py makes again."""
 
 import dataclasses
 

@@ -25,7 +25,7 @@ from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rota
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
-_NEAR = 0.03  # of the period: an event so near to the section moves it
+NEAR = 0.03  # of the period: an event so near to the section moves it
 
 
 def value_of(orbit: PeriodicOrbit, name: str) -> float:
@@ -155,7 +155,7 @@ class Walk:
     def _rephased_in_segments(self, here: Point) -> Point:
         segments, map_ = here.orbit.segments, here.orbit.map
         assert segments is not None and isinstance(map_, Stroboscopic)
-        near, first, last = _NEAR * map_.forcing_period, here.image.runs[0], here.image.runs[-1]
+        near, first, last = NEAR * map_.forcing_period, here.image.runs[0], here.image.runs[-1]
         edges = [e.time - first.t[0] for e in first.events] + [last.t[-1] - e.time for e in last.events]
         if min(edges, default=math.inf) > near:
             return here
@@ -288,14 +288,14 @@ def quiet_time(run: Solution, period: float) -> float | None:
     """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay."""
     times = np.array([e.time for e in run.events])
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
-    if edge > _NEAR * period:
+    if edge > NEAR * period:
         return None
     bounds = np.unique(np.concatenate([run.t[:1], times, run.t[-1:]]))
     middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
     column = np.searchsorted(run.t, middles, side="right") - 1
     lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
     best = int(np.argmax(lengths))
-    return float(middles[best]) if lengths[best] >= 4 * _NEAR * period else None
+    return float(middles[best]) if lengths[best] >= 4 * NEAR * period else None
 
 
 def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:

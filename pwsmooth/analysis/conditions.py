@@ -8,7 +8,7 @@
 g is as smooth as DP and vanishes with det(DP - mu), whose size it does not have (Govaerts, Numerical Methods for
 Bifurcations of Dynamical Equilibria, 2000); b and c follow the null vectors from point to point.
 
-Chain: impacts.py -> **conditions** -> tangencies.py, curve_walk.py.
+Chain: impacts.py, pieces.py -> **conditions** -> tangencies.py, curve_walk.py.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .impacts import ImpactImage
+from .normal_forms import flip_coefficient
+from .pieces import Pieces, critical, spectrum, square
 from .poincare import Word
+from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
@@ -39,12 +42,17 @@ class Place(NamedTuple):
     def DP(self) -> np.ndarray:
         return self.image.jacobian
 
+    @property
+    def n(self) -> int:
+        """Of the point on the section: of an orbit in segments the first ones of its unknowns."""
+        return len(self.x) // self.map.number if isinstance(self.map, Shooting) else len(self.x)
+
     def critical(self, root: int) -> np.ndarray:
         """DP - root; of a motion from an impact to the next one the pencil of its multipliers."""
         if isinstance(self.image, ImpactImage):
             A, B = self.image.pencil
             return B - root * A
-        return self.DP - root * np.eye(len(self.x))
+        return critical(self.map, self.DP, root)
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -56,7 +64,12 @@ class Place(NamedTuple):
             # One of them is no multiplier but the condition h = 0, and infinite; without speed another one is.
             mu = np.delete(mu, np.argmax(np.where(np.isfinite(mu), np.abs(mu), np.inf)))
             return mu[np.isfinite(mu)]
-        return np.linalg.eigvals(self.DP).astype(complex)
+        return spectrum(self.map, self.DP)
+
+
+def place_of(map_: Any, image: Any, x: np.ndarray, names: tuple[str, str]) -> Place:
+    DF = np.column_stack([image.jacobian - np.eye(len(x)), image.by_parameter])
+    return Place(map_, image, x, image.x - x, DF, names)
 
 
 class Condition:
@@ -96,6 +109,14 @@ class Condition:
     def ends(self, name: str) -> str:
         """Why the curve ends at such a point, or is virtual from there on; empty where it goes on."""
         return ""
+
+    def confirmed(self, name: str, place: Place) -> bool:
+        """Whether a zero of a test function is what its name says: of a torus, no real pair with the product 1."""
+        return not name.partition(" + ")[2].startswith("torus") or on_circle(place.multipliers)
+
+    def beyond(self, place: Place, extra: np.ndarray) -> bool:
+        """Whether a point is none of the bifurcation's, as on the other side of where its curve begins."""
+        return not self.admissible(place)
 
     def twin(self, place: Place) -> bool:
         """Whether it holds at two events at once."""
@@ -150,15 +171,18 @@ class Critical(Condition):
             # The pencil's leading coefficient has the speed as a factor.
             found = {
                 f"{self.kind} + grazing impact": image.speed,
-                double: float(w @ image.pencil[0] @ v) / image.speed,
+                double: float(w @ image.pencil[0] @ v) / (image.speed or np.nan),
             }
         else:
-            found = {double: float(w @ v)}
+            found = {double: float(w[: place.n] @ v[: place.n])}
         if self.root > 0:
             flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
             found |= {"cusp": float(slopes[0, : len(v)] @ v), f"fold + {flip}": factors(rest, -1)}
         else:
-            found[f"fold + {self.kind}"] = factors(rest, 1)
+            found[f"{self.kind} + fold"] = factors(rest, 1)
+            if not isinstance(place.map, Shooting) and not isinstance(image, ImpactImage):
+                degenerate = flip_coefficient(place.map, image, place.x, v, w)
+                found[f"degenerate {self.kind}"] = degenerate
         return found | {f"{self.kind} + torus": pairs(rest)}
 
     def ends(self, name: str) -> str:
@@ -180,28 +204,26 @@ class Torus(Condition):
     def __init__(self) -> None:
         self.b = self.c = self.mix = np.empty((0, 0))
 
-    def _matrix(self, place: Place, kappa: float) -> np.ndarray:
-        return place.DP @ place.DP - 2 * kappa * place.DP + np.eye(len(place.x))
-
     def start(self, place: Place) -> np.ndarray:
-        mu = np.linalg.eigvals(place.DP)
+        mu = place.multipliers
         mu = mu[np.abs(mu.imag) > 0]
         kappa = float(mu[np.argmin(np.abs(np.abs(mu) - 1))].real) if mu.size else 1.0
-        left, _, right = np.linalg.svd(self._matrix(place, kappa))
+        left, _, right = np.linalg.svd(square(place.map, place.DP, kappa))
         self.b, self.c = left[:, -2:], right[-2:].T
-        self._mixed(place, kappa)
+        self._mixed(place)
         return np.array([kappa])
 
-    def _mixed(self, place: Place, kappa: float) -> None:
+    def _mixed(self, place: Place) -> None:
         """The two of the four entries' combinations that move: with DP and the unit matrix in the plane of the pair."""
-        directions = (self.c.T @ place.DP @ self.c, np.eye(2))
-        moved = np.array([(self.b.T @ self.c @ d).ravel() for d in directions])
+        n, b, c = place.n, self.b, self.c
+        once = place.DP @ c if n == len(place.x) else c[len(place.x) : len(place.x) + n]
+        moved = np.array([(b[:n].T @ direction).ravel() for direction in (once, c[:n])])
         self.mix = np.linalg.svd(moved)[2][:2]
 
     def _solved(self, place: Place, kappa: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        n = len(place.x)
+        n = len(self.b)
         matrix = np.zeros((n + 2, n + 2))
-        matrix[:n, :n] = self._matrix(place, kappa)
+        matrix[:n, :n] = square(place.map, place.DP, kappa)
         matrix[:n, n:], matrix[n:, :n] = self.b, self.c.T
         last = np.vstack([np.zeros((n, 2)), np.eye(2)])
         right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
@@ -210,7 +232,7 @@ class Torus(Condition):
     def frame(self, place: Place, extra: np.ndarray) -> None:
         v, w, _ = self._solved(place, float(extra[0]))
         self.b, self.c = np.linalg.qr(w)[0], np.linalg.qr(v)[0]
-        self._mixed(place, float(extra[0]))
+        self._mixed(place)
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         return self.mix @ self._solved(place, float(extra[0]))[2].ravel()
@@ -224,6 +246,9 @@ class Torus(Condition):
             **{name: kappa - at for name, at in names.items()},
             "torus + fold": factors(rest, 1), "torus + flip": factors(rest, -1),
         }  # fmt: skip
+
+    def beyond(self, place: Place, extra: np.ndarray) -> bool:
+        return bool(abs(extra[0]) > 1)
 
     def ends(self, name: str) -> str:
         if name in ("1:1 resonance", "1:2 resonance"):
@@ -279,13 +304,22 @@ def pairs(mu: np.ndarray) -> float:
     return float(np.prod(products / (1 + np.abs(products))).real) if products.size else 1.0
 
 
+def on_circle(mu: np.ndarray) -> bool:
+    """Whether a pair that is not real lies on the unit circle."""
+    return bool(np.any((np.abs(mu.imag) > 1e-6) & (np.abs(np.abs(mu) - 1) < 1e-3)))
+
+
 def differences(
     at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray]
 ) -> np.ndarray | None:
     """Slopes of `value` by the entries of u = (x, p, q), (c, n + 2), within the itinerary of `place`; None without."""
-    columns = []
-    middle = value(place)
-    for j in range(len(u)):
+    columns, middle, first = [], value(place), 0
+    if isinstance(place.map, Pieces):
+        found = _by_points(place, value)
+        if found is None:
+            return None
+        columns, first = found, len(place.x)
+    for j in range(first, len(u)):
         h = _STEP * (1 + abs(u[j]))
         sides = []
         for step in (h, -h):
@@ -294,13 +328,35 @@ def differences(
             beside = at(moved)
             same = beside is not None and beside.image.word == place.image.word
             sides.append(value(beside) if same and beside is not None else None)
-        above, below = sides
-        if above is not None and below is not None:
-            columns.append((above - below) / (2 * h))
-        elif above is not None:
-            columns.append((above - middle) / h)
-        elif below is not None:
-            columns.append((middle - below) / h)
-        else:
+        if (slope := _slope(sides[0], sides[1], middle, h)) is None:
             return None
+        columns.append(slope)
     return np.array(columns).T
+
+
+def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray | None:
+    """From both sides, or from that which has the itinerary."""
+    if above is not None and below is not None:
+        return (above - below) / (2 * h)
+    if above is not None:
+        return (above - middle) / h
+    return None if below is None else (middle - below) / h
+
+
+def _by_points(place: Place, value: Callable[[Place], np.ndarray]) -> list[np.ndarray] | None:
+    """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
+    pieces, X, n = place.map, place.x, place.n
+    middle, columns = value(place), {}
+    sizes = _STEP * (1 + np.abs(X.reshape(-1, n)))
+    for i in range(n):
+        steps = sizes * np.eye(n)[i]
+        sides = [list(pieces.varied(X, place.image, sign * steps, place.names)) for sign in (1, -1)]
+        for k, pair in enumerate(zip(*sides)):
+            values = [
+                None if there is None else value(place_of(pieces, there, X, place.names)) for there in pair
+            ]
+            slope = _slope(values[0], values[1], middle, sizes[k, i])
+            if slope is None:
+                return None
+            columns[k * n + i] = slope
+    return [columns[j] for j in range(len(X))]

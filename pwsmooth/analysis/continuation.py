@@ -18,8 +18,9 @@ import numpy as np
 from ..definition import checks
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between, collapse_between
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between, end_at
 from .branch import _Along
+from .captures import CAPTURE
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBranch
 from .equilibrium_branches import coordinate, follow_equilibrium, value_at
@@ -259,7 +260,14 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                return walk.why_ended(here, ds)
+                last = end_at(walk, here, 100 * ds * walk.scale)
+                if last is None:
+                    return walk.why_ended(here, ds)
+                branch.bifurcations.append(last)
+                return (
+                    f"{last.kind} at {name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` "
+                    "follows it over two parameters."
+                )
         past = _passed(there, here, walk, begin, end)
         if past is not None:
             there = walk.at_parameter(here, past, there)
@@ -277,6 +285,11 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         there = _away(walk, here, there, found)
         branch.bifurcations += found
         branch.places += [len(branch.orbits)] * len(found)
+        if found and found[-1].kind == CAPTURE:
+            return (
+                f"no orbit beyond {name} = {found[-1].parameter:.10g}: there a contact is just captured, and the "
+                "Poincare map jumps."
+            )
         branch.orbits.append(there.orbit)
         if past is not None:
             return f"reached {name} = {past:g}."

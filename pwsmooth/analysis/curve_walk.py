@@ -16,18 +16,24 @@ from typing import Any
 
 import numpy as np
 
-from .arclength import Point, Walk, only_way, quiet_time, value_of
-from .conditions import Condition, Place, differences
-from .fixed_points import TOLERANCE, onto_section
+from . import captures
+from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
+from .captures import Capture
+from .conditions import Condition, Place, differences, place_of
+from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
 from .impacts import FromImpact, from_impact
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
-from .sections import Section, Stroboscopic
+from .recutting import anew, at_section, exact, narrowed
+from .sections import Stroboscopic
+from .segments import Shooting, best_place
 from .tangencies import AtEvent
-from .windows import Windowed, recentred
+from .windows import WIDEST, Windowed, recentred
 
 _MOST_NEWTON = 8
 _CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
+_SLOW = 1e-2  # of the last correction: what is not less takes new slopes
+_GROWS = 1e2  # of the map's slope: what segments make less
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 
 
@@ -39,18 +45,34 @@ class Spot(Point):
     tests: Mapping[str, float] = field(default_factory=dict)
     twin: bool = False
 
+    @property
+    def at(self) -> np.ndarray:
+        """Both parameters, scaled."""
+        return self.u[len(self.u) - len(self.extra) - 2 :][:2]
+
+    @property
+    def way(self) -> np.ndarray:
+        """How they move along the curve."""
+        return self.tangent[len(self.u) - len(self.extra) - 2 :][:2]
+
 
 class CurveWalk(Walk):
     """Predictor and corrector in the space of states, two parameters and the condition's own unknowns."""
 
     def __init__(
-        self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int
+        self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int, held: bool
     ) -> None:
-        self.map: Any = map_
-        self.segments, self.weight, self.must = None, 1.0, False
-        self.condition, self.names, self.n = condition, names, n
-        self.sizes = np.concatenate([np.ones(n), scales, np.ones(condition.extras)])
+        self.must = False  # whether segments stay where multipliers alone do not ask for them
+        self.condition, self.names, self.scales = condition, names, scales
         self.offset: Any = 0.0  # what c is, on the way to a first point
+        self.take(map_, n, held)
+
+    def take(self, map_: Any, n: int, held: bool) -> None:
+        """From now on with this map, of n unknowns: those of segments are counted as in arclength.py."""
+        self.map: Any = map_
+        self.n, self.held = n, held
+        weight = math.sqrt(map_.number) if isinstance(map_, Shooting) else 1.0
+        self.sizes = np.concatenate([np.full(n, weight), self.scales, np.ones(self.condition.extras)])
 
     def place(self, w: np.ndarray) -> Place | None:
         """F and its slopes at w = (x, p, q), not scaled; None where the trajectory does not return."""
@@ -62,8 +84,8 @@ class CurveWalk(Walk):
         image = here.image(x, self.names)
         if not image.success:
             return None
-        DF = np.column_stack([image.jacobian - np.eye(n), image.by_parameter])
-        return Place(here, image, x, image.x - x, DF, self.names) if np.isfinite(DF).all() else None
+        place = place_of(here, image, x, self.names)
+        return place if np.isfinite(place.DF).all() else None
 
     def slopes(self, place: Place, w: np.ndarray) -> np.ndarray | None:
         """Of the condition by (x, p, q, e), not scaled."""
@@ -93,15 +115,15 @@ class CurveWalk(Walk):
     def _corrected(
         self, guess: np.ndarray, normal: np.ndarray | None, direction: np.ndarray | None
     ) -> Spot | None:
-        condition, n, u, last, slopes = self.condition, self.n, guess, math.inf, None
+        condition, n, u, last, slopes, slow = self.condition, self.n, guess, math.inf, None, False
         for steps in range(_MOST_NEWTON + 1):
             w = u * self.sizes
             place = self.place(w[: n + 2])
             if place is None:
                 return None
             extra = w[n + 2 :]
-            # From the second step on the slopes are near enough: each evaluation runs 2 (n + 2) orbits.
-            if steps < 2 or normal is None:
+            # From the second step on the slopes are near enough, as a rule: each evaluation runs 2 (n + 2) orbits.
+            if steps < 2 or normal is None or slow:
                 slopes = self.slopes(place, w)
             if slopes is None:
                 return None
@@ -115,13 +137,16 @@ class CurveWalk(Walk):
             if not (np.isfinite(rows).all() and np.isfinite(right).all()):
                 return None
             move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
+            if self.held:
+                # As in orbits.py: v = 0 of a segment that begins in a stick.
+                move[:n][(place.F == 0) & (np.abs(place.DP).max(axis=1) <= PINNED)] = 0.0
             off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
             size = float(np.abs(move / (1 + np.abs(u))).max())
             if not np.isfinite(size):
                 return None
             stands = size > 0.3 * last and size <= _ROUNDED  # roundings are all that moves it
             if off <= TOLERANCE and (size <= _CONVERGED or stands):
-                orbit = _orbit(condition, place, off, steps)
+                orbit = _orbit(condition, place, off, steps, self.held)
                 tangent, alone = only_way(DG, np.ones(len(u)) if direction is None else direction)
                 tests = condition.tests(place, extra, slopes)
                 return Spot(
@@ -137,15 +162,15 @@ class CurveWalk(Walk):
                 )
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
-            last = size
+            last, slow = size, size > _SLOW * last
             u = u + move
-            if isinstance(_exact(place.map), Section):
-                u = np.concatenate([onto_section(_exact(place.map), u[:n]), u[n:]])
+            weight = self.sizes[:n]
+            u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
         return None
 
     def framed(self, here: Spot) -> None:
         """Lets the condition follow to a point that has been reached."""
-        place = self.place((here.u * self.sizes)[: self.n + 2])
+        place = self.place_at(here)
         if place is not None:
             self.condition.frame(place, here.extra)
 
@@ -153,75 +178,127 @@ class CurveWalk(Walk):
         return {name: value_of(here.orbit, name) for name in self.names}
 
     def rephased(self, here: Any) -> Any:
-        """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it."""
-        if isinstance(self.condition, AtEvent):
-            return self._retimed(here)
-        if isinstance(self.map, Windowed):
-            return self._recentred(here)
+        """The same orbit on a section at which it slips, where its own one sticks or an event has come near to it.
+
+        In segments where deviations grow too much on the way, in others where they have changed.
+        """
+        here = self.segmented(here)
         if isinstance(self.map, FromImpact):
             found = from_impact(here.orbit.map, here.orbit.x)
             if found is not None:
                 self.map = dataclasses.replace(self.map, behind=found[0].behind, before=found[0].before)
             return here
-        map_ = here.orbit.map
         # The way on is told from the parameters, which a cusp has not.
-        told = np.linalg.norm(here.tangent[self.n : self.n + 2]) > 1e-3
-        time = quiet_time(here.run, map_.forcing_period) if isinstance(map_, Stroboscopic) and told else None
+        told = np.linalg.norm(here.way) > 1e-3
+        pieces = isinstance(self.map, Shooting)
+        inner = self.map.map if pieces else self.map
+        if isinstance(self.condition, Capture):
+            place = self.place_at(here)
+            about = None if place is None or pieces else captures.recentred(self.condition, place)
+            return here if about is None else self._turned(here, *about)
+        if isinstance(inner, Windowed) and inner.window is not None:
+            return self._recentred(here)
+        if not isinstance(here.orbit.map, Stroboscopic) or not told:
+            return here
+        return self._in_pieces_rephased(here) if pieces else self._in_one_rephased(here)
+
+    def _in_one_rephased(self, here: Spot) -> Spot:
+        map_: Any = here.orbit.map
+        time = quiet_time(here.run, map_.forcing_period)
         if time is None:
             return here
         part = map_.solved(here.orbit.x, time, map_.system)
-        orbit = refine(map_.at_phase(time / map_.forcing_period), part.x[:, -1])
+        there, x = map_.at_phase(time / map_.forcing_period), part.x[:, -1]
+        if isinstance(self.condition, AtEvent):
+            return self._turned(here, Windowed(there), x, passed=time - map_.start_time)
+        orbit = refine(there, x)
         return self._turned(here, orbit.map, orbit.x) if orbit.success else here
 
-    def _retimed(self, here: Spot) -> Spot:
-        """The same orbit on a section far from events, and the number of the one that matters counted from there."""
-        map_, run = here.orbit.map, here.run
-        if not isinstance(map_, Stroboscopic):
+    def _in_pieces_rephased(self, here: Spot) -> Spot:
+        map_: Any = here.orbit.map
+        place = self.place_at(here)
+        if place is None:
             return here
-        time = quiet_time(run, map_.forcing_period)
-        if time is None:
+        near, first, last = NEAR * map_.forcing_period, place.image.runs[0], place.image.runs[-1]
+        edges = [e.time - first.t[0] for e in first.events] + [last.t[-1] - e.time for e in last.events]
+        if min(edges, default=math.inf) > near:
             return here
-        condition = self.condition
-        assert isinstance(condition, AtEvent)
-        old = condition.ordinal
-        count = len(condition.events(run))
-        before = sum(run.events[k].time < time for k in condition.events(run))
-        there = map_.solved(here.orbit.x, time, map_.system)
-        condition.ordinal = (old - before) % count
-        found = self._turned(here, Windowed(map_.at_phase(time / map_.forcing_period)), there.x[:, -1])
-        if found is here:
-            condition.ordinal = old
-        return found
+        at, distance = best_place(place.map, place.image)
+        if not 0 < at < 1 or distance * map_.beat < 2 * near:
+            return here
+        turned = map_.at_phase(map_.phase + at * map_.beat / map_.forcing_period)
+        inner = Windowed(turned) if isinstance(place.map.map, Windowed) else turned
+        found = at_section(place.map, place.x, place.image, inner)
+        return here if found is None else self._turned(here, *found, passed=at * map_.beat)
+
+    def segmented(self, here: Any) -> Any:
+        """The same orbit in segments, in others or in none any more, as its multipliers ask for."""
+        place, largest = self.place_at(here), float(np.abs(here.orbit.map_multipliers).max(initial=0.0))
+        if place is None or not np.linalg.norm(here.way) > 1e-3:
+            return here
+        found = anew(place.map, place.x, place.image, largest, self.held, self.must)
+        if found is None:
+            return here
+        map_, x, held = found
+        return self._turned(here, map_, x, held)
+
+    def cut(self, here: Any) -> Any:
+        """The same orbit in segments to stay; None where it is in segments or deviations do not grow on the way."""
+        grown = np.abs(here.orbit.jacobian).max(initial=0.0)
+        if self.must or isinstance(self.map, (Shooting, FromImpact)) or not grown > _GROWS:
+            return None
+        self.must = True
+        there = self.segmented(here)
+        return None if there is here else there
 
     def _recentred(self, here: Spot) -> Spot:
         """The same orbit with the window about its own approach."""
-        place = self.place((here.u * self.sizes)[: self.n + 2])
-        if place is None or place.map.window is None:
+        place = self.place_at(here)
+        if place is None:
             return here
-        map_, window, near = place.map, place.map.window, place.image.approach
+        pieces = isinstance(place.map, Shooting)
+        map_, near = place.map.map if pieces else place.map, place.image.approach
+        window = map_.window
         T, begins = (map_.forcing_period, map_.start_time) if map_.driven else (1.0, 0.0)
         part = ((near.place - begins) / T - window.begin) / (window.end - window.begin)
         if map_.driven and 0.3 < part < 0.7:
-            self.map = dataclasses.replace(
-                self.map, window=dataclasses.replace(window, near=(near.place - begins) / T)
+            moved = dataclasses.replace(
+                map_, window=dataclasses.replace(window, near=(near.place - begins) / T)
             )
+            self.map = dataclasses.replace(self.map, map=moved) if pieces else moved
             return here
-        return self._turned(here, *recentred(map_, place.image.runs, near.place, window, T, begins))
+        widest = narrowed(place.map.number) if pieces else WIDEST
+        inner, x = recentred(map_, place.image.runs, near.place, window, T, begins, widest)
+        if not pieces:
+            return self._turned(here, inner, x)
+        if not map_.driven:
+            return here
+        found = at_section(place.map, place.x, place.image, inner)
+        return here if found is None else self._turned(here, *found)
 
-    def _turned(self, here: Spot, map_: Any, x: np.ndarray) -> Spot:
-        """The same point with another map and its point there."""
+    def place_at(self, here: Any) -> Place | None:
+        """The map at a point that has been reached."""
+        return self.place((here.u * self.sizes)[: self.n + 2])
+
+    def _turned(self, here: Spot, map_: Any, x: np.ndarray, held: bool = False, passed: float = 0.0) -> Spot:
+        """The same point with another map and its points there, on a section which the orbit comes to after a time."""
         turned = copy.copy(self)
-        turned.map = map_
         turned.condition = copy.deepcopy(self.condition)
-        u = np.concatenate([x, here.u[self.n :]])
-        place = turned.place((u * self.sizes)[: self.n + 2])
+        condition = turned.condition
+        if isinstance(condition, AtEvent) and passed and (old := self.place_at(here)) is not None:
+            times = condition.times(old.image)
+            condition.ordinal = (condition.ordinal - sum(time < passed for time in times)) % len(times)
+        turned.take(map_, len(x), held)
+        u = np.concatenate([x / turned.sizes[: len(x)], here.u[self.n :]])
+        place = turned.place((u * turned.sizes)[: turned.n + 2])
         if place is None:
             return here
-        turned.condition.start(place)
-        there = turned.correct(u, None, np.concatenate([np.zeros(self.n), here.tangent[self.n :]]))
+        condition.start(place)
+        there = turned.correct(u, None, np.concatenate([np.zeros(len(x)), here.tangent[self.n :]]))
         if there is None:
             return here
-        self.map, self.condition = turned.map, turned.condition
+        self.condition = condition
+        self.take(map_, len(x), held)
         return there
 
     def at(self, near: Spot, other: Spot, index: int, value: float) -> Spot | None:
@@ -234,25 +311,20 @@ class CurveWalk(Walk):
         return self.correct(guess, normal, near.tangent)
 
 
-def _exact(map_: Any) -> Any:
-    return map_.base if isinstance(map_, (Windowed, FromImpact)) else map_
-
-
-def _orbit(condition: Condition, place: Place, off: float, steps: int) -> PeriodicOrbit:
+def _orbit(condition: Condition, place: Place, off: float, steps: int, held: bool) -> PeriodicOrbit:
     """The orbit at a point of a curve, as one of the exact map."""
-    map_, x, image, word = _exact(place.map), place.x, place.image, condition.word(place)
+    map_, x, image, word = exact(place.map), place.x, place.image, condition.word(place)
     if isinstance(place.map, FromImpact):
         map_, x = place.map.exact(x, image)
-        exact = map_.image(x, ())
+        there = map_.image(x, ())
         # Of an impact without speed there is no exact map: what it was made from has the multipliers.
-        if exact.success:
-            image, off = exact, float(np.abs((exact.x - x) / (1 + np.abs(x))).max())
+        if there.success:
+            image, off = there, float(np.abs((there.x - x) / (1 + np.abs(x))).max())
             word = image.word
     found = off <= _REPEATED and condition.admissible(place)
     message = "continued" if found else "virtual: it is none of the exact system"
-    return PeriodicOrbit(
-        map_, x, off, image.jacobian, word, image.time, steps, found, message, image.degenerate
-    )
+    orbit = orbit_of(map_, x, image, off, steps, found, message, (False, held))
+    return dataclasses.replace(orbit, word=word)
 
 
 def where(walk: CurveWalk, here: Spot) -> str:

@@ -7,68 +7,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .bifurcations import change_enclosed, of_no_effect, zero_between
+from .captures import CAPTURE, at_threshold
+from .codimension import Codimension2
+from .curve_starts import TOUCHES
 from .curve_walk import CurveWalk, Spot, where
-from .itineraries import Change, change_between, same_itinerary
+from .emanating import change_along, leads, leads_of_change, of_capture
+from .itineraries import Change, same_itinerary
 from .orbits import refine
-from .periodic_orbit import PeriodicOrbit
-from .windows import touching
+from .recutting import touched
 
-TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
+_EXTRAPOLATED = 5  # points
+_TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
-
-__all__ = ["Codimension2"]
-
-
-@dataclass(frozen=True)
-class Codimension2:
-    """A point of a curve at which a second condition holds.
-
-    Attributes
-    ----------
-    name : str
-        "cusp", "1:1 resonance" to "1:4 resonance", "fold + flip", or two conditions that meet.
-    values : dict of str to float, in the units of the parameters
-        Both parameters.
-    orbit : PeriodicOrbit
-        At the point, or the last one before it where the curve ends there.
-    note : str
-        What else is to be said.
-
-    Notes
-    -----
-    Source: Kuznetsov, Elements of Applied Bifurcation Theory, for the smooth ones; di Bernardo, Budd, Champneys,
-    Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, for the others.
-
-    Examples
-    --------
-    >>> import sympy as sp
-    >>> from pwsmooth import Event, System, find_orbit, follow, follow_curve
-    >>> t, x, a, b = sp.symbols("t x a b", real=True)
-    >>> step = Event(every=1, update={x: a + b * x - x**3})
-    >>> cubic = System({x: 0 * x}, time=t, parameters={a: 0.5, b: 1.8}, events=[step])
-    >>> orbit = find_orbit(cubic, {x: 1.2}, period=1, phase=0.5)
-    >>> fold = follow(orbit, a, to=-1).of_kind("fold")[0]
-    >>> (cusp,) = follow_curve(fold, {a: (-1, 1), b: (0, 2)}).of_kind("cusp")
-    >>> print(f"{abs(cusp.values['a']):.6f} {cusp.values['b']:.6f}")
-    0.000000 1.000000
-    """
-
-    name: str
-    values: dict[str, float]
-    orbit: PeriodicOrbit
-    note: str = ""
-
-    def __str__(self) -> str:
-        where = ", ".join(f"{name} = {value:.10g}" for name, value in self.values.items())
-        return f"{self.name} at {where}" + (f": {self.note}" if self.note else "")
 
 
 class Way:
@@ -80,7 +38,9 @@ class Way:
         self.walk, self.bounds, self.lengths, self.most, self.used_up = walk, bounds, lengths, most, used_up
         self.virtual = virtual
         self.points: list[Codimension2] = []
+        self.turns: list[Codimension2] = []
         self.closed = False
+        self.born: Spot | None = None  # a first point that is one of codimension 2 itself
 
     def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
         step, longest, shortest = self.lengths
@@ -95,6 +55,9 @@ class Way:
             if there is None:
                 if ds > shortest:
                     ds *= 0.3
+                    continue
+                if (other := walk.cut(here)) is not None:
+                    here, ds = other, min(step, longest)
                     continue
                 here = self._last(here, ds)
                 spots.append(here)
@@ -166,52 +129,100 @@ class Way:
         walk, found = self.walk, []
         for name in here.tests:
             a, b = here.tests[name], there.tests.get(name, math.nan)
-            if not a * b < 0:
+            if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
             spot = zero_between(walk, here, there, _test(name))
-            if spot is not None and abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
-                why = walk.condition.ends(name)
+            why = walk.condition.ends(name)
+            if spot is None and why:
+                return self._short_of(here, there, name, why)
+            if spot is None or not abs(spot.tests[name]) <= 0.01 * (abs(a) + abs(b)):
+                continue
+            place = walk.place_at(spot)
+            if place is not None and walk.condition.confirmed(name, place):
                 found.append((spot, name, why))
         chord = there.u - here.u
         for spot, name, why in sorted(found, key=lambda f: (f[0].u - here.u) @ chord):
-            self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
+            self.points.append(
+                Codimension2(name, walk.parameters(spot), spot.orbit, why, leads(walk, spot, name))
+            )
             if why and not (self.virtual and "virtual" in why):
                 return spot, f"{name} at {where(walk, spot)}: {why}."
+        self._turns(here, there)
         if there.twin and not here.twin:
             name = f"{walk.condition.kind} twice"
-            spot = self._before_twins(here, there)
+            # Chords lead from one curve to the other there.
+            spot = self._before(here, there, lambda spot: spot.twin)
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             return spot, f"{name} at {where(walk, spot)}: {why}."
-        if not same_itinerary(here.orbit, there.orbit):
+        if here is not self.born and not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
-            change = change_between(left.orbit, right.orbit)
+            change = change_along(left.orbit, right.orbit)
             if not of_no_effect(change, left.orbit, right.orbit):
                 name = f"{walk.condition.kind} + {change.name}"
                 note = "it goes on with another itinerary"
-                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note))
+                begins = leads_of_change(change, left.orbit, right.orbit)
+                self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note, begins))
         return None
 
-    def _before_twins(self, here: Spot, there: Spot) -> Spot:
-        """The last point at which it holds at one event alone: chords lead from one curve to the other there."""
+    def _turns(self, here: Spot, there: Spot) -> None:
+        """Where the curve turns back in one of the parameters between two points."""
+        for k, name in enumerate(self.walk.names, self.walk.n):
+            rates = here.tangent[k], there.tangent[k]
+            if rates[0] * rates[1] < 0 and max(np.abs(rates)) > _TURNS:
+                spot = zero_between(self.walk, here, there, _rate(k))
+                if spot is not None:
+                    turn = Codimension2(f"turns in {name}", self.walk.parameters(spot), spot.orbit)
+                    self.turns.append(turn)
+
+    def _before(self, here: Spot, there: Spot, passed: Callable[[Spot], bool]) -> Spot:
+        """The last point before something has been passed, by ever shorter steps."""
         ds = 0.5 * float(np.linalg.norm(there.u - here.u))
         for _ in range(_MOST_HALVED):
             if ds <= _BRACKET:
                 break
             spot: Any = self.walk.step(here, ds)
-            if spot is None or spot.twin:
+            if spot is None or passed(spot):
                 ds *= 0.5
             else:
                 here = spot
         return here
 
+    def _short_of(self, here: Spot, there: Spot, name: str, why: str) -> tuple[Spot, str]:
+        """The end of a curve whose last part has no points to Newton's method: extrapolated in its test function."""
+        walk, spots = self.walk, [here]
+        last = self._before(here, there, lambda spot: not self._nearer(spots, spot, name))
+        e = np.array([spot.tests[name] for spot in spots[-_EXTRAPOLATED:]])
+        at = np.array([list(walk.parameters(spot).values()) for spot in spots[-_EXTRAPOLATED:]])
+        weights = [np.prod(np.delete(e, k) / (np.delete(e, k) - e[k])) for k in range(len(e))]
+        values = dict(zip(walk.names, map(float, weights @ at)))
+        where_ = ", ".join(f"{q} = {value:.7g}" for q, value in values.items())
+        self.points.append(Codimension2(name, values, last.orbit, f"{why} (extrapolated)"))
+        return last, f"{name} at {where_} (extrapolated): {why}."
+
+    @staticmethod
+    def _nearer(spots: list[Spot], spot: Spot, name: str) -> bool:
+        """Whether a test function is nearer to 0 than it was, which is kept; far enough apart to be extrapolated."""
+        a, b = spots[-1].tests[name], spot.tests.get(name, math.nan)
+        if not a * b > 0:
+            return False
+        if abs(b) < 0.9 * abs(a):
+            spots.append(spot)
+        return True
+
     def _last(self, here: Spot, ds: float) -> Spot:
-        """The last point of the curve, no further than `ds` from here, by bisection."""
+        """The last point of the curve with its itinerary, no further than `ds` from here, by bisection.
+
+        Beside a change of itinerary Newton's method may settle a rounding beyond it, where slopes have no bound.
+        """
         low, high, last = 0.0, ds, here
         while high - low > _BRACKET:
             middle = 0.5 * (low + high)
             spot: Any = self.walk.step(here, middle)
-            low, high, last = (low, middle, last) if spot is None else (middle, high, spot)
+            if spot is None or not same_itinerary(here.orbit, spot.orbit):
+                high = middle
+            else:
+                low, last = middle, spot
         return last
 
     def _beyond(self, here: Spot, change: Change | None) -> Spot | None:
@@ -220,10 +231,10 @@ class Way:
             return None
         if change is None or change.name not in TOUCHES or len(change.before) > len(change.after):
             return None
-        window = touching(here.orbit.map, here.orbit.x, change.after[0].switch, change.time)
-        if isinstance(window, str):
+        found = touched(here.orbit, change.after[0].switch, change.time)
+        if isinstance(found, str):
             return None
-        there = self.walk._turned(here, *window)
+        there = self.walk._turned(here, *found)
         return None if there is here else there
 
     def _lost(self, here: Spot) -> tuple[str, Change | None]:
@@ -239,25 +250,31 @@ class Way:
             beyond = refine(map_, here.orbit.x)
             if not beyond.success or same_itinerary(here.orbit, beyond):
                 continue
-            change = change_between(here.orbit, beyond)
+            change = change_along(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
-            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change)))
-            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} beside."
+            begins = leads_of_change(change, here.orbit, beyond)
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, str(change), begins))
+            why = f"beyond it the orbit has another itinerary, and no {walk.condition.kind} was found beside."
             return f"{name} at {at}: {why}", change
+        if at_threshold(here.orbit):
+            name = f"{walk.condition.kind} + {CAPTURE}"
+            why = "beyond it the contact is captured or passes, and the Poincare map jumps"
+            begins = of_capture(here.orbit)
+            self.points.append(Codimension2(name, walk.parameters(here), here.orbit, why, begins))
+            return f"{name} at {at}: {why}.", None
         return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
 
     def _closes(self, spots: list[Spot]) -> bool:
         """Whether the last step has passed the first point, along the same way."""
         if len(spots) < 5:
             return False
-        n, first, a, b = self.walk.n, spots[0], spots[-2], spots[-1]
-        pq = slice(n, n + 2)
-        chord, to = b.u[pq] - a.u[pq], first.u[pq] - a.u[pq]
+        first, a, b = spots[0], spots[-2], spots[-1]
+        chord, to = b.at - a.at, first.at - a.at
         length = float(chord @ chord)
         if length == 0 or not 0 <= to @ chord <= length:
             return False
         aside = np.linalg.norm(to - chord * (to @ chord) / length)
-        along = first.tangent[pq] @ chord > 0.8 * np.linalg.norm(first.tangent[pq]) * math.sqrt(length)
+        along = first.way @ chord > 0.8 * np.linalg.norm(first.way) * math.sqrt(length)
         one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
         same = np.allclose(one, other, rtol=0.1, atol=0.1)
         return bool(aside < 0.2 * math.sqrt(length) and along and same)
@@ -265,3 +282,7 @@ class Way:
 
 def _test(name: str) -> Callable[[Spot], float]:
     return lambda spot: spot.tests[name]
+
+
+def _rate(k: int) -> Callable[[Spot], float]:
+    return lambda spot: float(spot.tangent[k])

@@ -46,6 +46,10 @@ class EquilibriumBifurcation:
     lyapunov : float or None
         First Lyapunov coefficient of a Hopf point of a smooth mode, in the units of the states: negative where the
         cycles are stable in their plane. None where it is not computed (on a sliding surface).
+    cycle : str or None
+        Of a boundary equilibrium: "attracting" or "repelling" where a cycle around a focus is born too, which slides on
+        the surface; "" where none is. None where that is not decided: it is for two states and one switch without
+        hidden terms.
 
     Notes
     -----
@@ -71,6 +75,7 @@ class EquilibriumBifurcation:
     what: str = ""
     frequency: float = math.nan
     lyapunov: float | None = None
+    cycle: str | None = None
 
     def __str__(self) -> str:
         at = 0.0 if abs(self.parameter) < self.uncertainty else self.parameter
@@ -81,6 +86,12 @@ class EquilibriumBifurcation:
         if self.lyapunov is not None:
             criticality = "super" if self.lyapunov < 0 else "sub"
             text += f", first Lyapunov coefficient {self.lyapunov:.6g} ({criticality}critical)"
+        if self.cycle is not None:
+            text += (
+                f", with {'an' if self.cycle[0] == 'a' else 'a'} {self.cycle} cycle"
+                if self.cycle
+                else ", without a cycle"
+            )
         return f"{text}\n    {self.what}" if self.what else text
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..definition import checks
+from .boundary_cycles import cycle_born
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation, EquilibriumBranch
 from .equilibrium_tests import between
@@ -183,7 +184,8 @@ def _boundary(
     mult[j] = new if mu.kind == "switch" and new else 0.0 if mu.kind == "contact" else side if not kink else new
     sides = (*e.sides[:j], new, *e.sides[j + 1 :])
     beside = replace(e, mult=mult, sides=sides, message="")
-    bifurcation = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e, None, what)
+    cycle = cycle_born(e, j) if walk.q is not None else None
+    bifurcation = EquilibriumBifurcation(kind, walk.name, walk.value(point), width, e, None, what, cycle=cycle)
     if walk.q is None:
         return bifurcation, None
     after = Walk(beside, walk.name, scale)

@@ -173,7 +173,7 @@ def _layer(
     if not S:
         return np.zeros((0, 0))
     K = [j for j in J if j not in S]
-    slope = _slope(model.sigmoid)
+    slope = sigmoid_slope(model.sigmoid)
     # Beyond [-1, 1], where an equilibrium is virtual, no sigmoid has a slope: there its sign is all that is asked for.
     speed = np.array([(slope(mult[j]) if abs(mult[j]) < 1 else 1.0) / model.eps_ratio[j] for j in S])
     finite = [z for z in model.layer_states if z.ratio != sp.oo]
@@ -214,7 +214,7 @@ def _layered(model: Model) -> Any:
 
 
 @functools.lru_cache(maxsize=8)
-def _slope(name: str) -> Any:
+def sigmoid_slope(name: str) -> Any:
     lam = sp.Symbol("lam", real=True)
     return sp.lambdify(lam, sigmoid(name).slope(lam), modules=["scipy", "numpy"])
 

@@ -111,6 +111,12 @@ def held(model: Model, name: str) -> Model:
     return replace(model, multipliers=(*model.multipliers[:index], free, *model.multipliers[index + 1 :]))
 
 
+@functools.lru_cache(maxsize=64)
+def with_ratio(model: Model, ratio: sp.Expr) -> Model:
+    """The model whose layer has states of another ratio: slaved, or in two stages."""
+    return replace(model, layer_states=tuple(replace(state, ratio=ratio) for state in model.layer_states))
+
+
 def surface_of(model: Model, name: str) -> sp.Expr:
     found: list[Any] = [mu.surface for mu in model.multipliers if str(mu.symbol) == name]
     found += [event.surface for event in model.events if event.name == name]

@@ -76,6 +76,11 @@ class Image:
         return self.runs[-1]
 
     @property
+    def by_legs(self) -> tuple[tuple[Solution, ...], ...]:
+        """The runs of each leg: one, unless a leg is run through in several."""
+        return tuple((run,) for run in self.runs)
+
+    @property
     def word(self) -> Word:
         """The events on the way: (switch, kind, "from to to") of each."""
         return tuple(letter for run in self.runs for letter in word_of(run))

@@ -126,19 +126,26 @@ class Shooting:
 
     def image(self, X: np.ndarray, parameters: Sequence[Any] | None = None) -> Image:
         """Ends of the segments, each in the place of the point that it should be, and their derivatives."""
-        N, n = self.number, len(X) // self.number
+        return self.joined(self.ends(X, parameters), parameters is not None)
+
+    def ends(self, X: np.ndarray, parameters: Sequence[Any] | None = None) -> list[Image]:
+        """Ends of the segments in the order in which these begin, up to the first one that does not end."""
         images: list[Image] = []
-        for x, leg in zip(X.reshape(N, n), self.legs):
-            image = self.map.leg(x, leg, parameters)
-            if not image.success:
-                runs = tuple(run for one in (*images, image) for run in one.runs)
-                return Image(np.full(N * n, np.nan), math.nan, runs, reason=image.reason)
-            images.append(image)
+        for x, leg in zip(X.reshape(self.number, -1), self.legs):
+            images.append(self.map.leg(x, leg, parameters))
+            if not images[-1].success:
+                return images
         images[-1] = self.map.closed(images[-1])
+        return images
+
+    def joined(self, images: Sequence[Image], derivatives: bool) -> Image:
+        """The image of all points, from the ends of the segments."""
+        runs, n, N = tuple(run for one in images for run in one.runs), len(images[0].x), self.number
+        if not images[-1].success:
+            return Image(np.full(N * n, np.nan), math.nan, runs, reason=images[-1].reason)
         shifted = [images[-1], *images[:-1]]
         x, time = np.concatenate([one.x for one in shifted]), sum(one.time for one in images)
-        runs = tuple(run for one in images for run in one.runs)
-        if parameters is None:
+        if not derivatives:
             return Image(x, time, runs)
         matrix = np.zeros((N, n, N, n))
         for k, one in enumerate(images):
@@ -164,18 +171,23 @@ def restless(shooting: Shooting, image: Image, held: bool) -> bool:
     if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
         return True
     near = _CLOSE * image.time / shooting.map.turns
-    for run, (_, begin, end) in zip(image.runs, shooting.legs):
-        times = np.array([e.time for e in run.events])
-        times = times[(times > run.t[0]) & (times < run.t[-1])]
-        first, last = run.t[0], run.t[-1]
-        if begin > 0 and (not held and sticks_at_start(run) or np.any(times < first + near)):
+    for runs, (_, begin, end) in zip(image.by_legs, shooting.legs):
+        early, late = runs[0], runs[-1]
+        if begin > 0 and (not held and sticks_at_start(early) or np.any(_inner(early) < early.t[0] + near)):
             return True
-        if end != shooting.map.end and np.any(times > last - near):
+        if end != shooting.map.end and np.any(_inner(late) > late.t[-1] - near):
             return True
         # The next return must not come within the last segment but one.
-        if end == math.inf and begin > _LATEST * (begin + last - first):
+        time = sum(run.t[-1] - run.t[0] for run in runs)
+        if end == math.inf and begin > _LATEST * (begin + time):
             return True
     return False
+
+
+def _inner(run: Solution) -> np.ndarray:
+    """Times of a run's events, without its ends."""
+    times = np.array([e.time for e in run.events])
+    return times[(times > run.t[0]) & (times < run.t[-1])]
 
 
 def growth(matrix: np.ndarray, size: np.ndarray) -> float:
@@ -240,10 +252,15 @@ def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_P
     wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(_GROWTH)))
     parameters = () if name is None else (name,)
     pieces = []
-    for j, ((k, first, last), run) in enumerate(zip(shooting.legs, image.runs)):
-        free = [float(first + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
+    barred = getattr(map_, "barred", lambda k, place: False)
+    for j, ((k, first, last), runs) in enumerate(zip(shooting.legs, image.by_legs)):
+        free, begin = [], first
+        for run in runs:
+            free += [float(begin + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
+            begin += float(run.t[-1] - run.t[0]) / map_.beat
+        free = [place for place in free if not barred(k, place)]
         if last == math.inf:
-            free = [place for place in free if place < _LAST * (first + run.t[-1] - run.t[0])]
+            free = [place for place in free if place < _LAST * begin]
         if also is not None and first < also < min(last, 1.0):
             free = sorted({*free, also})
         x, moving = X[j * n : (j + 1) * n], way[j * n : (j + 1) * n]
@@ -260,10 +277,7 @@ def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_P
 
 def _free(run: Solution, time: float, spacing: float, held: bool) -> list[float]:
     """Times of a run at which nothing slides (or something may) and no event is near, about so far apart."""
-    events = np.array([e.time for e in run.events])
-    bounds = np.unique(
-        np.concatenate([run.t[:1], events[(events > run.t[0]) & (events < run.t[-1])], run.t[-1:]])
-    )
+    bounds = np.unique(np.concatenate([run.t[:1], _inner(run), run.t[-1:]]))
     column = np.searchsorted(run.t, (bounds[1:] + bounds[:-1]) / 2, side="right") - 1
     slips = np.all(run.status[:, column] != 0, axis=0) | held
     found: list[float] = []
@@ -303,18 +317,22 @@ def _even(
 def rotated(
     shooting: Shooting, X: np.ndarray, way: np.ndarray, place: float
 ) -> tuple[Shooting, np.ndarray, np.ndarray]:
-    """The shift map on the section that stands at a place in every application, where segments begin."""
+    """The shift map on the section that stands at a place in every application, where segments begin.
+
+    A place beyond 1 is that in one of the next applications.
+    """
     map_, n = shooting.map, len(X) // shooting.number
     G = np.eye(n) if map_.symmetry is None else map_.symmetry
-    found = []
+    found: list[Any] = []
+    turns, phase = int(place // 1), map_.phase + place * map_.beat / map_.forcing_period
+    place -= turns
     for (k, first, _), x, moving in zip(shooting.legs, X.reshape(-1, n), way.reshape(-1, n)):
         passed = first < place
-        turned = G if passed and k == 0 else np.eye(n)
-        at = ((k - passed) % map_.turns, first - place + passed)
+        turned = np.linalg.matrix_power(G, turns + (passed and k == 0))
+        at = ((k - turns - passed) % map_.turns, first - place + passed)
         found.append((at, turned @ x, turned @ moving))
     found.sort(key=lambda one: one[0])
     cuts = tuple(tuple(at for (k, at), *_ in found if k == turn and at > 0) for turn in range(map_.turns))
-    phase = map_.phase + place * map_.beat / map_.forcing_period
     nodes, ways = (np.concatenate([one[k] for one in found]) for k in (1, 2))
     return Shooting(map_.at_phase(phase), cuts), nodes, ways
 
@@ -322,11 +340,16 @@ def rotated(
 def best_place(shooting: Shooting, image: Image) -> tuple[float, float]:
     """The place farthest from all events and slides of all applications, and how far it is from them."""
     places, slides = [], []
-    for run, (_, first, _) in zip(image.runs, shooting.legs):
-        at = first + (run.t - run.t[0]) / shooting.map.beat
-        places += [first + (e.time - run.t[0]) / shooting.map.beat for e in run.events if e.time > run.t[0]]
-        stuck = np.any(run.status[:, :-1] == 0, axis=0) if len(run.status) else np.zeros(len(run.t) - 1, bool)
-        slides += [(a, b) for a, b in zip(at[:-1][stuck], at[1:][stuck]) if b > a]
+    for runs, (_, first, _) in zip(image.by_legs, shooting.legs):
+        for run in runs:
+            at = first + (run.t - runs[0].t[0]) / shooting.map.beat
+            places += [
+                first + (e.time - runs[0].t[0]) / shooting.map.beat for e in run.events if e.time > run.t[0]
+            ]
+            stuck = (
+                np.any(run.status[:, :-1] == 0, axis=0) if len(run.status) else np.zeros(len(run.t) - 1, bool)
+            )
+            slides += [(a, b) for a, b in zip(at[:-1][stuck], at[1:][stuck]) if b > a]
     marks = np.unique(np.array(places) % 1.0)
     if not marks.size:
         return 0.0, 1.0

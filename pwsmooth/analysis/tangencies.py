@@ -18,13 +18,16 @@ from typing import Any
 import numpy as np
 
 from ..paths.linearised import linearise
-from .conditions import Condition, Place, factors, pairs
+from .conditions import Condition, Place, factors, on_circle, pairs
 from .impacts import FromImpact, ImpactImage
 from .parts import function_of
+from .pieces import spectrum, spread
 from .poincare import RETURN, Word, after_start
+from .segments import Shooting
 
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
 _ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
+SIDES = {"below": -1.0, "above": 1.0}
 _TWIN = 1e-7
 _LAYER = 201  # places in [-1, 1] at which a layer is looked at
 
@@ -45,17 +48,20 @@ class Touch(Condition):
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         near, mu = place.image.approach, place.multipliers
+        flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
         found = {
-            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + flip": factors(mu, -1),
+            f"{self.kind} + fold": factors(mu, 1), f"{self.kind} + {flip}": factors(mu, -1),
             f"{self.kind} + torus": pairs(mu), f"{self.kind} twice": near.others / (1 + near.others)
             if np.isfinite(near.others) else 1.0,
         }  # fmt: skip
         side = self.side_of_impacts(place)
         return found if side is None else {"degenerate grazing": side, **found}
 
-    def side_of_impacts(self, place: Place) -> float | None:
-        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+    def impacts(self, place: Place) -> tuple[FromImpact, np.ndarray] | None:
+        """The motion from contact to contact, and its point there; None where none is described."""
         map_, near, T = place.map, place.image.approach, 1.0
+        if isinstance(map_, Shooting):
+            return None
         contacts = [str(mu.symbol) for mu in map_.system.model.multipliers if mu.kind == "contact"]
         if map_.window.name not in contacts or getattr(map_.base, "symmetry", None) is not None:
             return None
@@ -65,7 +71,12 @@ class Touch(Condition):
         at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
         behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
         contact = FromImpact(map_.base, map_.window.name, behind, before)
-        image = contact.image(np.append(near.x, near.place if map_.driven else D), ())
+        return contact, np.append(near.x, near.place if map_.driven else D)
+
+    def side_of_impacts(self, place: Place) -> float | None:
+        """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
+        found = self.impacts(place)
+        image = None if found is None else found[0].image(found[1], ())
         if not isinstance(image, ImpactImage):
             return None
         A, B = image.pencil
@@ -86,22 +97,34 @@ class TwoSided(Condition):
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         found: dict[str, float] = {}
         flip = "symmetry breaking" if getattr(place.map, "symmetry", None) is not None else "flip"
-        w = np.append(place.x, [_value(place.map, name) for name in place.names])
-        for side, sign in (("below", -1.0), ("above", 1.0)):
-            near = []
-            for aside in (_ASIDE, 2 * _ASIDE):
-                u = w + sign * aside * slopes[0] / (slopes[0] @ slopes[0])
-                near.append(_slope_at(place, u))
-            # To c = 0, along a line.
-            slope = 2 * near[0] - near[1]
-            if not np.isfinite(slope).all():
+        for side in SIDES:
+            mu = self._beside(place, slopes, side)
+            if mu is None:
                 continue
-            mu = np.linalg.eigvals(slope).astype(complex)
             found |= {
                 f"{self.kind} + fold, {side}": factors(mu, 1), f"{self.kind} + {flip}, {side}": factors(mu, -1),
                 f"{self.kind} + torus, {side}": pairs(mu),
             }  # fmt: skip
         return found
+
+    def confirmed(self, name: str, place: Place) -> bool:
+        if "torus" not in name:
+            return True
+        slopes = self.slopes(place, np.empty(0))
+        mu = None if slopes is None else self._beside(place, slopes, name.rpartition(", ")[2])
+        return mu is not None and on_circle(mu)
+
+    @staticmethod
+    def _beside(place: Place, slopes: np.ndarray, side: str) -> np.ndarray | None:
+        """Multipliers on a side, from slopes at two distances to it."""
+        w = np.append(place.x, [_value(place.map, name) for name in place.names])
+        near = []
+        for aside in (_ASIDE, 2 * _ASIDE):
+            u = w + SIDES[side] * aside * slopes[0] / (slopes[0] @ slopes[0])
+            near.append(_slope_at(place, u))
+        # To c = 0, along a line.
+        slope = 2 * near[0] - near[1]
+        return spectrum(place.map, slope) if np.isfinite(slope).all() else None
 
 
 class Border(TwoSided):
@@ -118,8 +141,10 @@ class Border(TwoSided):
         chosen = tuple(p for name in place.names for p in system.parameters if p.name == name)
         mult, values = np.zeros(len(model.multipliers)), np.array(system.parameter_values, float)
         t = getattr(place.map, "start_time", 0.0)
-        h = function_of(model, self.surface)(np.array([t]), place.x[:, None], mult[:, None], values)[0]
-        return float(h), linearise(model, chosen).gradient(self.surface, t, place.x, mult, values)[0]
+        x, number = place.x[: place.n], len(place.x) // place.n
+        h = function_of(model, self.surface)(np.array([t]), x[:, None], mult[:, None], values)[0]
+        slopes = linearise(model, chosen).gradient(self.surface, t, x, mult, values)[0]
+        return float(h), spread(slopes, 0, number, place.n)
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         return np.array([self._row(place)[0]])
@@ -139,58 +164,68 @@ class AtEvent(TwoSided):
     def __init__(self, kind: str, switch: str, ordinal: int) -> None:
         self.kind, self.switch, self.ordinal = kind, switch, ordinal
 
-    def events(self, run: Any) -> list[int]:
-        """Places of the events that are counted, among all of a run."""
-        begin = after_start(run)
+    def events(self, image: Any) -> list[tuple[int, int]]:
+        """The events that are counted: in which part of the orbit, and their places among all of its run."""
         return [
-            k for k, e in enumerate(run.events)
-            if e.switch == self.switch and e.time > begin and (e.kind in ("crossing", "stick")) == self.arrives
+            (i, k)
+            for i, part in enumerate(image.parts)
+            for k, e in enumerate(part.run.events)
+            if e.switch == self.switch and e.time > after_start(part.run)
+            and (e.kind in ("crossing", "stick")) == self.arrives
             and (self.arrives or e.kind.startswith("slip by"))
         ]  # fmt: skip
 
-    def place_of(self, image: Any) -> int | None:
+    def times(self, image: Any) -> list[float]:
+        """Their times, since the section."""
+        begins = np.cumsum([0.0, *(float(part.run.t[-1] - part.run.t[0]) for part in image.parts)])
+        runs = [part.run for part in image.parts]
+        return [begins[i] + runs[i].events[k].time - runs[i].t[0] for i, k in self.events(image)]
+
+    def place_of(self, image: Any) -> tuple[int, int] | None:
         """Of the event itself; None where the orbit does not have it."""
-        found = self.events(image.parts[0].run)
+        found = self.events(image)
         return found[self.ordinal] if self.ordinal < len(found) else None
 
     def word(self, place: Place) -> Word:
         """Without a slip that follows at once, which comes and goes along the curve."""
-        run, k = place.image.parts[0].run, self.place_of(place.image)
-        begin = after_start(run)
+        parts, own = place.image.parts, self.place_of(place.image)
+        near = TOGETHER * place.image.time
         letters = []
-        events = run.events
-        at = events[k].time if k is not None else np.nan
-        near = TOGETHER * float(run.t[-1] - run.t[0])
-        for i, e in enumerate(events):
-            if not e.time > begin or e.switch == RETURN:
-                continue
-            if e.switch == self.switch and abs(e.time - at) <= near:
-                if i == k:
-                    letters.append((e.switch, "arrival" if self.arrives else "slip", e.note.split(" to ")[0]))
-                continue
-            letters.append((e.switch, e.kind, e.note))
+        for i, part in enumerate(parts):
+            at = parts[own[0]].run.events[own[1]].time if own is not None and own[0] == i else np.nan
+            for k, e in enumerate(part.run.events):
+                if not e.time > after_start(part.run) or e.switch == RETURN:
+                    continue
+                if e.switch == self.switch and abs(e.time - at) <= near:
+                    if (i, k) == own:
+                        sort = "arrival" if self.arrives else "slip"
+                        letters.append((e.switch, sort, e.note.split(" to ")[0]))
+                    continue
+                letters.append((e.switch, e.kind, e.note))
         return tuple(letters)
 
     def state(
-        self, place: Place, k: int | None = None
-    ) -> tuple[Any, int, float, np.ndarray, np.ndarray, int] | None:
+        self, place: Place, own: tuple[int, int] | None = None
+    ) -> tuple[int, int, float, np.ndarray, np.ndarray, int] | None:
         """Of the event: part, instant, time, state and multipliers before it, and the side it comes from or goes to."""
-        k, part = self.place_of(place.image) if k is None else k, place.image.parts[0]
-        if k is None or not len(part.instant_t):
+        own = self.place_of(place.image) if own is None else own
+        if own is None or not len(place.image.parts[own[0]].instant_t):
             return None
-        run, event = part.run, part.run.events[k]
+        part = place.image.parts[own[0]]
+        run, event = part.run, part.run.events[own[1]]
         column = int(np.searchsorted(run.t, event.time, side="left"))
         sides = event.note.split(" to ")
         side = int(sides[0] if self.arrives else sides[1])
         instant = int(np.argmin(np.abs(part.instant_t - event.time)))
-        return part, instant, event.time, run.x[:, column], run.mult[:, column].copy(), side
+        return own[0], instant, event.time, run.x[:, column], run.mult[:, column].copy(), side
 
-    def measured(self, place: Place, k: int | None = None) -> tuple[float, np.ndarray] | None:
-        """c and its slopes by the point on the section and the parameters, (n + 2,)."""
-        found = self.state(place, k)
+    def measured(self, place: Place, own: tuple[int, int] | None = None) -> tuple[float, np.ndarray] | None:
+        """c and its slopes by the point on the section (those of segments) and the parameters, (n + 2,)."""
+        found = self.state(place, own)
         if found is None:
             return None
-        part, instant, t, x, mult, side = found
+        i, instant, t, x, mult, side = found
+        part = place.image.parts[i]
         model, n = part.run.model, len(x)
         chosen = tuple(p for name in place.names for p in part.run.system.parameters if p.name == name)
         line, p = linearise(model, chosen), part.run.tape.p
@@ -199,7 +234,8 @@ class AtEvent(TwoSided):
         w, by_time, _ = line.gradient(e, t, x, mult, p)
         slopes = w[:n] @ part.instant_w[instant, :n] + by_time * part.instant_dt[instant]
         slopes[n:] += w[n:]
-        return value, slopes
+        nodes = getattr(place.image, "nodes", None)
+        return value, slopes if nodes is None else spread(slopes, nodes[i], len(place.x) // n, n)
 
     def quantity(
         self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
@@ -209,8 +245,8 @@ class AtEvent(TwoSided):
 
     def twin(self, place: Place) -> bool:
         """Whether the same holds at another event too, as it does all along a curve of symmetric orbits."""
-        own, run = self.place_of(place.image), place.image.parts[0].run
-        found = [self.measured(place, k) for k in self.events(run) if k != own]
+        own = self.place_of(place.image)
+        found = [self.measured(place, k) for k in self.events(place.image) if k != own]
         return any(abs(other[0]) < _TWIN for other in found if other is not None)
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ Chain: sections.py, parts.py -> **windows** -> tangencies.py.
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,9 +24,9 @@ import sympy as sp
 from ..definition.model import Model
 from ..paths.linearised import linearise
 from ..results.solution import Solution
-from .parts import Part, functions_of, held, minima, one_sided, part_of, seeds_of, surface_of
+from .parts import Part, functions_of, held, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
 from .poincare import RETURN, Image, lost, why_stopped
-from .sections import Stroboscopic
+from .sections import Leg, Stroboscopic
 from .variations import chosen_parameters
 
 WIDEST = 0.25  # of one application of the map: a window to either side of what it is about
@@ -65,6 +66,7 @@ class Window:
     end: float
     near: float  # the extreme of the last orbit, likewise
     held: bool = False  # the motion stays on the surface, and h = s - lambda instead
+    ratio: Any = None  # of the layer's states instead of their own, while the surface acts as it does
 
 
 @dataclass(frozen=True)
@@ -95,75 +97,100 @@ class Windowed:
         return approached(self.base.system.model, self.window)
 
     def image(self, x: Any, parameters: Sequence[Any] | None = None) -> Image:
-        base, names = self.base, tuple(parameters or ())
-        n, system = len(x), base.system
-        chosen = chosen_parameters(system, names)
-        W = np.eye(n, n + len(chosen))
-        at, parts, runs = np.asarray(x, float), [], []
-        approach = None
-        T, begins = (base.forcing_period, base.start_time) if self.driven else (1.0, 0.0)
-        fixed, slope = np.zeros(n + len(chosen)), np.zeros(n + len(chosen))
         if self.driven:
+            return self.closed(self.leg(x, (0, 0.0, float(self.turns)), parameters))
+        image = self.leg(x, (0, 0.0, math.inf), parameters)
+        for k in range(1, self.turns):
+            if image.success:
+                image = _joined(image, self.base.leg(image.x, (k, 0.0, math.inf), tuple(parameters or ())))
+        return image
+
+    def leg(self, x: Any, leg: Leg, parameters: Sequence[Any] | None = None) -> Image:
+        """The flow over a leg, as of the map that it is made of; with the approach where the window is within it."""
+        base, names, n = self.base, tuple(parameters or ()), len(x)
+        chosen = chosen_parameters(base.system, names)
+        columns = n + len(chosen)
+        slope = np.zeros(columns)
+        T, begins, phase = 1.0, 0.0, 0.0
+        if self.driven:
+            T, begins, phase = base.forcing_period, base.start_time, base.phase
             slope[n:] = [base._period_slope(q) for q in chosen]
-        seeds = seeds_of(system.model, chosen, n)
-        phase = base.phase if self.driven else 0.0
-        window = self.window
-        cuts: list[tuple[float, float, bool]] = []  # from and to, in periods, and whether it is the window
-        if window is not None:
-            cuts += [(0.0, window.begin, False)] if window.begin > 0 else []
-            cuts += [(window.begin, window.end, True)]
-        if self.driven:
-            last = cuts[-1][1] if cuts else 0.0
-            cuts += [(last, base.duration / T, False)]
-        for first, end, inside in cuts:
-            there = system
-            if inside:
-                assert window is not None
-                there = in_window(system, window)
+        seeds = seeds_of(base.system.model, chosen, n)
+        found = PartedImage(np.asarray(x, float), 0.0, (), np.eye(n), np.zeros((n, len(chosen))))
+        for first, end, window in self._spans(leg):
+            W = np.hstack([found.jacobian, found.by_parameter])
+            if end == math.inf:
+                rest = base.leg(found.x, (leg[0], first, end), names)
+                part = part_of(rest.runs[0], chosen, W, seeds, (slope, slope)) if rest.success else None
+                if rest.success and part is None:
+                    return lost(n, (*found.runs, *rest.runs), _NO_SERIES)
+                return _joined(found, rest, part)
+            there = base.system if window is None else in_window(base.system, window)
             span = (begins + first * T, begins + end * T)
-            run = base._solve(there, span, at, True)
-            runs.append(run)
+            run = base._solve(there, span, found.x, True)
+            runs = (*found.runs, run)
             if not (run.success and run.t[-1] == span[1]):
-                return lost(n, tuple(runs), why_stopped(run))
-            wanted = None
-            if inside and window is not None:
+                return lost(n, runs, why_stopped(run))
+            wanted, approach = None, found.approach
+            if window is not None and window.ratio is None and (first, end) == (window.begin, window.end):
                 wanted = nearest(run, self.surface, window, T, begins)
                 if wanted is None:
-                    return lost(n, tuple(runs), "h has no extreme in the window.")
-            moves = (fixed + slope * (phase + first), fixed + slope * (phase + end))
+                    return lost(n, runs, "h has no extreme in the window.")
+            moves = (slope * (phase + first), slope * (phase + end))
             part = part_of(run, chosen, W, seeds, moves, None if wanted is None else np.array([wanted[0]]))
             if part is None:
-                return lost(n, tuple(runs), "a step has no Taylor series.")
+                return lost(n, runs, _NO_SERIES)
             if wanted is not None:
                 approach = _approach(run, chosen, self.surface, window, wanted, part.sample)
-            parts.append(part)
-            at, W = run.x[:, -1], part.W
-        time = sum(float(run.t[-1] - run.t[0]) for run in runs)
-        degenerate = tuple(text for part in parts for text in part.degenerate)
+            found = PartedImage(
+                run.x[:, -1], found.time + float(run.t[-1] - run.t[0]), runs, part.W[:, :n], part.W[:, n:],
+                (*found.degenerate, *part.degenerate), parts=(*found.parts, part), approach=approach,
+            )  # fmt: skip
+        return found
+
+    def barred(self, k: int, place: float) -> bool:
+        """Whether no leg may begin at a place of an application: within the window."""
+        (begin, _, _), *_ = self._spans((k, place, math.inf))
+        window = self.window
+        return window is not None and (self.driven or k == 0) and window.begin < begin < window.end
+
+    def _spans(self, leg: Leg) -> list[tuple[float, float, Window | None]]:
+        """Pieces of a leg, from and to in periods (of autonomous systems in time since the return), and the window."""
+        k, first, last = leg
         if self.driven:
-            back = np.eye(n) if base.symmetry is None else np.linalg.inv(base.symmetry)
-            at, W = back @ at, back @ W
-        else:
-            rest = base.image(at, names)
-            if not rest.success:
-                return rest
-            if window is None:
-                moves = (fixed, fixed)
-                done = part_of(rest.runs[0], chosen, W, seeds, moves)
-                if done is None:
-                    return lost(n, tuple(rest.runs), "a step has no Taylor series.")
-                parts.append(done)
-            runs += rest.runs
-            B = rest.by_parameter
-            W = rest.jacobian @ W
-            W[:, n:] += B
-            at, time, degenerate = rest.x, time + rest.time, degenerate + rest.degenerate
-        return PartedImage(
-            at, time, tuple(runs), W[:, :n], W[:, n:], degenerate, parts=tuple(parts), approach=approach
-        )
+            unit = self.base.beat / self.base.forcing_period
+            first, last = (k + first) * unit, (k + last) * unit
+        window = self.window
+        if window is None or k and not self.driven:
+            return [(first, last, None)]
+        a, b = max(first, window.begin), min(last, window.end)
+        if not a < b:
+            return [(first, last, None)]
+        pieces = [(first, a, None), (a, b, window), (b, last, None)]
+        return [(begin, end, inside) for begin, end, inside in pieces if begin < end]
+
+
+_NO_SERIES = "a step has no Taylor series."
+
+
+def _joined(one: Image, other: Image, part: Part | None = None) -> Image:
+    """Of a point the image of its image."""
+    runs = (*one.runs, *other.runs)
+    if not other.success:
+        return lost(len(one.x), runs, other.reason)
+    parts = getattr(one, "parts", ()) + (() if part is None else (part,))
+    return PartedImage(
+        other.x, one.time + other.time, runs, other.jacobian @ one.jacobian,
+        other.jacobian @ one.by_parameter + other.by_parameter, (*one.degenerate, *other.degenerate), parts=parts,
+        approach=getattr(one, "approach", None),
+    )  # fmt: skip
 
 
 def in_window(system: Any, window: Window) -> Any:
+    if window.ratio is not None:
+        other = copy.copy(system)
+        other.model = with_ratio(system.model, window.ratio)
+        return other
     if window.held:
         other = copy.copy(system)
         other.model = held(system.model, window.name)
@@ -213,27 +240,26 @@ def _approach(
 
 
 def touching(
-    map_: Any, x: np.ndarray, name: str, phase: float | None = None, stays: bool = False
+    map_: Any,
+    runs: Sequence[Solution],
+    name: str,
+    phase: float | None = None,
+    stays: bool = False,
+    widest: float = WIDEST,
 ) -> tuple[Windowed, np.ndarray] | str:
     """A map with a window about the nearest approach to a surface, that of a phase of the period, and x on its section.
 
-    Why there is none, in words.
+    Of the runs of an orbit over one application of the map. Why there is none, in words.
     """
     whole = Windowed(getattr(map_, "base", map_))
-    base = whole.base
+    base, model = whole.base, runs[0].model
     T = base.forcing_period if whole.driven else 1.0
     begins = base.start_time if whole.driven else 0.0
-    if whole.driven:
-        run = base.solved(x, begins + base.duration, base.system)
-    else:
-        run = base._solve(base.system, (0.0, base.image(x).time), x, True)
-    if not run.success:
-        return f"the orbit was not run through: {why_stopped(run)}"
-    symbols = [str(mu.symbol) for mu in run.model.multipliers]
+    symbols = [str(mu.symbol) for mu in model.multipliers]
     found = []
-    for side in (1, -1):
+    for side, run in itertools.product((1, -1), runs):
         window = Window(name, side, 0.0, 1.0, 0.0, stays)
-        surface = approached(run.model, window)
+        surface = approached(model, window)
         h, _ = functions_of(run.model, surface)
         for t in minima(run, surface, side):
             states, mult = run.dense(np.array([t]))
@@ -247,8 +273,8 @@ def touching(
             if distance >= -TOUCHED:
                 found.append((distance, t, window))
     if not found:
-        return f"{surface_of(run.model, name)} has no extreme along the orbit on a side of {name}"
-    duration = float(run.t[-1] - run.t[0])
+        return f"{surface_of(model, name)} has no extreme along the orbit on a side of {name}"
+    duration = sum(float(run.t[-1] - run.t[0]) for run in runs)
     if phase is not None:
         period = duration * (2 if getattr(base, "symmetry", None) is not None else 1)
 
@@ -259,13 +285,22 @@ def touching(
         _, t, window = min(found, key=lambda f: off(f[1]))
     else:
         _, t, window = min(found, key=lambda f: f[0])
-    return recentred(whole, [run], t, window, T, begins)
+    return recentred(whole, runs, t, window, T, begins, widest)
 
 
 def recentred(
-    map_: Windowed, runs: Sequence[Solution], t: float, window: Window, T: float, begins: float
+    map_: Windowed,
+    runs: Sequence[Solution],
+    t: float,
+    window: Window,
+    T: float,
+    begins: float,
+    widest: float = WIDEST,
 ) -> tuple[Windowed, np.ndarray]:
-    """The map with a window about the time t of an orbit, whose runs over one application of the map are given."""
+    """The map with a window about the time t of an orbit, whose runs over one application of the map are given.
+
+    `widest` is how wide it may be, to either side, as a part of that.
+    """
     base = map_.base
     first = end = float(runs[0].t[0])
     found: list[float] = []
@@ -278,7 +313,7 @@ def recentred(
     sections = not map_.driven or window.held  # a section in a stick is none
     if sections:
         back, on = min(back, 2 * (t - first)), min(on, 2 * (first + duration - t))
-    before, after = min(WIDEST * duration, back / 2), min(WIDEST * duration, on / 2)
+    before, after = min(widest * duration, back / 2), min(widest * duration, on / 2)
     a = t - before
     if sections:
         about = replace(window, begin=(a - first) / T, end=(t + after - first) / T, near=(t - first) / T)

@@ -24,7 +24,7 @@ def grown(setting: Setting, task: Mapping[str, Any]) -> dict[str, Any]:
     """The curve of a task: {"arrays": ..., "about": ...}; only "about" with "lost" in words where there is none."""
     try:
         bifurcation = made_bifurcation(task["bifurcation"], setting)
-        curve = follow_curve(
+        curve: Any = follow_curve(
             bifurcation, dict(task["ranges"]), virtual=task["virtual"], most=task["most"], **task["steps"]
         )
     except (

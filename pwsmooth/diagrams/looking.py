@@ -14,8 +14,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..analysis.equilibria import Equilibrium, equilibria
-from ..analysis.orbits import PeriodicOrbit
+from ..analysis.equilibria import equilibria
+from ..analysis.equilibrium import Equilibrium
+from ..analysis.periodic_orbit import PeriodicOrbit
 from ..analysis.sections import Stroboscopic, poincare_map
 from ..analysis.symmetry import symmetry_matrix
 from ..definition import checks

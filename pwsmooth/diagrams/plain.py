@@ -20,10 +20,13 @@ import numpy as np
 import sympy as sp
 
 from ..analysis.bifurcations import Bifurcation
-from ..analysis.equilibria import Equilibrium, find_equilibrium
-from ..analysis.equilibrium_branches import EquilibriumBifurcation
+from ..analysis.equilibria import find_equilibrium
+from ..analysis.equilibrium import Equilibrium
+from ..analysis.equilibrium_branch import EquilibriumBifurcation
+from ..analysis.fixed_points import orbit_of, relative
 from ..analysis.itineraries import Change, Letter
-from ..analysis.orbits import PeriodicOrbit, orbit_of, refine, relative
+from ..analysis.orbits import refine
+from ..analysis.periodic_orbit import PeriodicOrbit
 from ..analysis.sections import Section, Stroboscopic
 from ..analysis.segments import Shooting
 from ..definition import checks

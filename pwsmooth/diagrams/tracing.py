@@ -16,8 +16,8 @@ import numpy as np
 
 from ..analysis.arclength import Walk, value_of
 from ..analysis.continuation import Branch, branch_off, follow, followed
-from ..analysis.equilibria import Equilibrium
-from ..analysis.equilibrium_branches import EquilibriumBifurcation, EquilibriumBranch
+from ..analysis.equilibrium import Equilibrium
+from ..analysis.equilibrium_branch import EquilibriumBifurcation, EquilibriumBranch
 from ..analysis.hopf import cycle_from
 from ..paths.budget import Budget, within
 from .plain import (

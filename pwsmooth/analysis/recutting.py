@@ -1,0 +1,124 @@
+"""Segments of the orbits of a curve: begun, cut anew, given up, and turned to another section.
+
+Chain: pieces.py -> **recutting** -> curve_walk.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .impacts import FromImpact, ImpactImage
+from .periodic_orbit import PeriodicOrbit
+from .pieces import Pieces
+from .poincare import why_stopped
+from .sections import Stroboscopic
+from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes
+from .windows import WIDEST, Windowed, touching
+
+Cut = tuple[Any, np.ndarray, bool]  # a map, the points of its segments, and whether some may begin in a slide
+
+
+def exact(map_: Any) -> Any:
+    """The map of the system itself, without what a curve has put into it."""
+    if isinstance(map_, Shooting):
+        return Shooting(exact(map_.map), map_.cuts)
+    return map_.base if isinstance(map_, (Windowed, FromImpact)) else map_
+
+
+def begun(inner: Any, x: np.ndarray) -> tuple[Pieces, np.ndarray, Any] | None:
+    """A map of one piece as that of its periods (returns), one a segment, their points and images."""
+    pieces, X = Pieces(inner, ((),) * inner.turns), x
+    for k in range(1, inner.turns):
+        X = np.append(X, inner.leg(X[-len(x) :], (k - 1, 0.0, inner.end)).x)
+    image = pieces.image(X, ()) if np.isfinite(X).all() else None
+    return (pieces, X, image) if image is not None and image.success else None
+
+
+def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must: bool) -> Cut | None:
+    """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not."""
+    new: Any
+    if isinstance(map_, FromImpact):
+        # What a slow impact makes large no segments make less.
+        if not (
+            isinstance(image, ImpactImage) and growth(image.pencil[1][:-1, :-1], sizes(image.runs)) > TOO_LONG
+        ):
+            return None
+        inner, x = map_.exact(x, image)
+        new = begun(inner, x)
+    elif isinstance(map_, Shooting):
+        if largest < SHORT and not must:
+            return map_.map, x[: len(x) // map_.number], False
+        if not restless(map_, image, held):
+            return None
+        new = (map_, x, image)
+    else:
+        if not (largest > TOO_LONG or must):
+            return None
+        new = begun(map_, x)
+    if new is None or (found := cut(*new)) is None:
+        return None
+    cuts, X, _, held = found
+    pieces, X = without_barred(new[0].map, cuts, X)
+    return (pieces, X, held) if pieces.number > new[0].number or isinstance(map_, Shooting) else None
+
+
+def at_section(pieces: Shooting, X: np.ndarray, image: Any, inner: Any) -> Cut | None:
+    """The segments of an orbit turned to the section of another map of the same orbit."""
+    old: Any = pieces.map
+    place = (inner.phase - old.phase) * old.forcing_period / old.beat
+    also = place % 1.0
+    found = cut(pieces, X, image, also=also)
+    if found is None:
+        return None
+    cuts, X, _, held = found
+    turned, X, _ = rotated(Shooting(exact(old), cuts), X, np.zeros_like(X), place)
+    there, X = without_barred(inner, turned.cuts, X)
+    return there, X, held
+
+
+def without_barred(inner: Any, cuts: Any, X: np.ndarray) -> tuple[Pieces, np.ndarray]:
+    """Segments that do not begin within a window."""
+    if not isinstance(inner, Windowed):
+        return Pieces(inner, cuts), X
+    pieces = Pieces(inner, cuts)
+    keep = [not inner.barred(k, first) for k, first, _ in pieces.legs]
+    left = tuple(tuple(place for place in own if not inner.barred(k, place)) for k, own in enumerate(cuts))
+    return replace(pieces, cuts=left), X.reshape(pieces.number, -1)[keep].ravel()
+
+
+def narrowed(number: int) -> float:
+    """How wide a window is to either side: of an orbit in segments not much more than one of them."""
+    return min(WIDEST, 0.5 / number)
+
+
+def of_orbit(orbit: PeriodicOrbit, inner: Any) -> Cut:
+    """The segments of an orbit, of its map or of that with a window; its one piece."""
+    if orbit.segments is None:
+        return inner, orbit.x, False
+    return Pieces(inner, orbit.segments.cuts), orbit.segments.nodes.ravel(), orbit.segments.held
+
+
+def touched(orbit: PeriodicOrbit, name: str, phase: float | None = None, stays: bool = False) -> Cut | str:
+    """The map with a window about the orbit's approach to a surface, and its points; why there is none, in words."""
+    map_: Any = orbit.map
+    driven = isinstance(map_, Stroboscopic)
+    if orbit.segments is None:
+        span = (map_.start_time, map_.start_time + map_.duration) if driven else (0.0, orbit.time)
+        runs: tuple[Any, ...] = (map_._solve(map_.system, span, orbit.x, True),)
+        if not runs[0].success:
+            return f"the orbit was not run through: {why_stopped(runs[0])}"
+        found = touching(map_, runs, name, phase, stays)
+        return found if isinstance(found, str) else (*found, False)
+    if not driven:
+        return "it is shot over in segments, which an autonomous orbit beside grazing is not yet"
+    pieces, X, _ = of_orbit(orbit, map_)
+    image = pieces.image(X, ())
+    if not image.success:
+        return f"the orbit was not run through: {image.reason}"
+    found = touching(map_, image.runs, name, phase, stays, narrowed(pieces.number))
+    if isinstance(found, str):
+        return found
+    return at_section(pieces, X, image, found[0]) or "its segments are not cut anew"

@@ -1,0 +1,116 @@
+"""Capture thresholds of a layered view with a finite ratio: as ends of branches, and as curves in two parameters."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from friction_oscillator import coulomb, hidden, sigma, v, y, z
+from scipy.optimize import brentq
+
+from pwsmooth import find_orbit, follow, follow_curve, solve
+from pwsmooth.analysis.capture import capture_threshold, critical_ratio
+from pwsmooth.analysis.captures import clearances
+from pwsmooth.analysis.separatrix import frozen
+
+RANGES = {"ratio_z": (1e-3, 2), "sigma": (0.5, 6)}
+RATIO = 0.3
+
+
+def symmetric(ratio, start, **values):
+    """The orbit through a start, of the friction oscillator at rho = 3 and a ratio r = eps/beta."""
+    layered = hidden().layered({z: ratio}).with_parameters(values)
+    return find_orbit(layered, start, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+
+
+@pytest.fixture(scope="module")
+def sticking():
+    return symmetric(RATIO, {y: 0.78, v: -1.03}, sigma=3.5)
+
+
+@pytest.fixture(scope="module")
+def slipping():
+    return symmetric(RATIO, {y: 0.3, v: -1.9}, sigma=4.5)
+
+
+@pytest.fixture(scope="module")
+def thresholds(sticking, slipping):
+    near = follow(slipping, sigma, to=3.8).orbits[-1]  # with a saddle in the layer at its arrivals
+    return [follow_curve(orbit, RANGES, kind="capture") for orbit in (sticking, near)]
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.6])
+def test_the_clearance_of_any_layer_vanishes_at_the_threshold_of_the_friction_law(ratio):
+    # capture.py computes the same separatrix with the force as an unknown; its own test compares it with trajectories.
+    model = hidden().layered({z: ratio}).model
+    p = np.array(hidden().layered({z: ratio}).parameter_values, float)
+
+    def clearance(force):
+        layer = frozen(model, 0, 0.0, np.array([-force / 3.1, 0.0]), np.zeros(1), p, -1)
+        return layer.clearance(layer.saddle())
+
+    exact = capture_threshold(3, ratio)
+    assert brentq(clearance, exact - 1e-3, exact + 5e-4, xtol=1e-13) == pytest.approx(exact, abs=1e-10)
+
+
+def test_along_a_curve_of_captures_the_contact_arrives_with_the_threshold(thresholds):
+    for curve in thresholds:
+        assert len(curve.orbits) > 20
+        for orbit, (ratio, drive) in list(zip(curve.orbits, curve.values.T))[::6]:
+            # Of the arriving slip alone, which does not know of the layer: Coulomb friction has the same.
+            first = orbit.map.start_time
+            run = solve(coulomb(sigma=drive), (first, first + np.pi), list(orbit.x), rtol=1e-12, atol=1e-14)
+            at = run.events[0].time
+            place = run.x[0, np.searchsorted(run.t, at)]
+            force = abs(drive * np.sin(at) + 3.1 * place)
+            assert force == pytest.approx(capture_threshold(3, ratio), abs=1e-9)
+
+
+def test_both_curves_end_where_the_ratio_lets_the_fold_capture(thresholds):
+    ends = [curve.of_kind("capture + crossing-sliding")[0].values for curve in thresholds]
+    for end in ends:
+        assert end["ratio_z"] == pytest.approx(critical_ratio(3), abs=1e-8)
+    assert ends[0]["sigma"] == pytest.approx(ends[1]["sigma"], abs=1e-7)
+    # There is the crossing-sliding of the slaved view, which captures up to the fold.
+    slaved = hidden().layered({z: sp.oo}).with_parameters({"sigma": 3.5})
+    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    (crossing,) = follow(orbit, sigma, to=4.2).of_kind("crossing-sliding")
+    assert ends[0]["sigma"] == pytest.approx(crossing.parameter, abs=1e-7)
+
+
+def test_branches_end_at_captures_on_the_curves(sticking, slipping, thresholds):
+    for orbit, to, curve in ((sticking, 4.0, thresholds[0]), (slipping, 3.0, thresholds[1])):
+        branch = follow(orbit, sigma, to=to)
+        found = branch.bifurcations[-1]
+        assert found.kind == "capture" and "just captured" in branch.end
+        at = follow_curve(found, {"ratio_z": (RATIO, 0.4), "sigma": (2, 5)}).values
+        assert at[0].min() == pytest.approx(RATIO, abs=1e-9)
+        assert curve.values[1].min() < found.parameter < curve.values[1].max()
+        assert found.parameter == pytest.approx(at[1, np.argmin(at[0])], abs=2 * found.uncertainty)
+
+
+def test_the_sign_of_the_clearance_tells_who_is_captured(sticking, slipping):
+    ((_, _, above),) = clearances(sticking)
+    assert above > 0
+    near = follow(slipping, sigma, to=3.76).orbits[-1]
+    ((_, _, below),) = clearances(near)
+    assert below < 0
+
+
+def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
+    orbit = symmetric(RATIO, {y: 0.78, v: -1.03}, sigma=2.8)
+    (broken,) = follow(orbit, sigma, to=3.2).of_kind("symmetry breaking")
+    curve = follow_curve(broken, {"ratio_z": (0.02, 1), "sigma": (0.5, 5)})
+    (end,) = curve.of_kind("symmetry breaking + capture")
+    assert np.ptp(curve.values[1]) < 1e-8  # the slow motion does not know of the ratio
+    run = solve(coulomb(sigma=end.values["sigma"]), (0, np.pi), list(broken.orbit.x), rtol=1e-12, atol=1e-14)
+    place = run.x[0, np.searchsorted(run.t, run.events[0].time)]
+    force = abs(end.values["sigma"] * np.sin(run.events[0].time) + 3.1 * place)
+    # The solver resolves the layer to some 1e-7 beside its threshold.
+    assert capture_threshold(3, end.values["ratio_z"]) == pytest.approx(force, abs=1e-6)
+    assert end.begins == ("capture",)
+
+
+def test_a_view_without_a_state_in_its_layer_has_no_threshold():
+    slaved = hidden().layered({z: sp.oo})
+    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+    with pytest.raises(ValueError, match="at no capture threshold"):
+        follow_curve(orbit, {"rho": (0, 5), "sigma": (1, 6)}, kind="capture")
