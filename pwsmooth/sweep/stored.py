@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..definition import checks
 from .axes import Axes
 from .contract import NOT_RUN
 
@@ -42,8 +43,8 @@ def read_store(path: Any) -> xarray.Dataset:
 
     Raises
     ------
-    ValueError
-        No store of a sweep, or one whose description is damaged.
+    ValueError, TypeError
+        No path, no store of a sweep, or one whose description is damaged.
 
     Warns
     -----
@@ -65,7 +66,7 @@ def read_store(path: Any) -> xarray.Dataset:
     """
     import xarray
 
-    path = Path(path)
+    path = checks.path(path, "`path`")
     group, about = opened(path, "r")
     if "sha256" not in about:
         warnings.warn(

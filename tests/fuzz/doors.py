@@ -186,6 +186,10 @@ def subjects():
     loaded = study.read_study(path)
     saved = str(Path(out) / "saved.zarr")
     pwsmooth.diagram(mapped, k, (2.5, 2.9), {"x": 0.6}, 1, phase=0.5, values=2, points=20, store=saved)
+    saddle = pwsmooth.find_equilibrium(System({x: v, v: x}), {x: 0, v: 0})
+    through = System({x: 1, v: -x, z: -v - Switch("lam", z)})
+    stored = str(Path(out) / "stored.zarr")
+    pwsmooth.sweep(system, {"k": [1.0]}, start=start, t_span=(0, 1), measures=["counts"], store=stored)
     given = {
         "System": dict(
             rates={x: v, v: -k * x}, time=t, parameters={k: 1}, outputs={"a": x}, events=[Event(x - 9)]
@@ -219,6 +223,12 @@ def subjects():
         "follow": dict(orbit=orbit, parameter=k, to=1.01, most=5),
         "find_equilibrium": dict(system=pulled, x0={"x": 0.2}, sides={"lam": 0}),
         "equilibria": dict(system=pulled, box={"x": (-1.0, 1.0)}, sides={"lam": 0}, starts=8),
+        "manifold": dict(saddle=saddle, kind="stable", length=0.5, box={x: (-2, 2), v: (-2, 2)}, most=50),
+        "sliding_portrait": dict(
+            system=through, switch="lam", box={x: (-1.0, 1.0), v: (-1.0, 1.0)}, at={}, points=5
+        ),
+        "sweep.Cost": dict(name="J", cost=costs.final(x), unit="m"),
+        "sweep.read_store": dict(path=stored),
         "cycle_from": dict(hopf=hopf, amplitude=0.05, **short),
         "lyapunov_exponents": dict(system=system, x0=start, time=5.0, rtol=1e-9, **short),
         "basins": dict(
