@@ -172,9 +172,14 @@ def checked(name: str, found, config: Config) -> dict:
         failures = []
         for orbit in orbits:
             for kind, place, words in borders(orbit, names, ranges):
-                if kind == "border":
+                there = np.array([place[n] for n in names])
+                # A parameter that is not negative cannot be followed to 0 itself.
+                if (
+                    kind == "border"
+                    or (np.minimum(there - low, high - there) / (high - low)).min() < config.near
+                ):
                     continue
-                distance = found.distance([place[n] for n in names])
+                distance = found.distance(there)
                 if distance >= config.near:
                     where = ", ".join(f"{n} = {place[n]:.6g}" for n in names)
                     failures.append(f"{kind} at {where}, {distance:.2g} from any curve: {words[:160]}")
@@ -292,14 +297,14 @@ def _drawn(name: str, one: dict, ax) -> None:
     ax.set(
         xlim=ranges[0], ylim=ranges[1], xlabel=greek[first], ylabel=greek[second], title=name.split(" over")[0]
     )
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=1, fontsize=7)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=7)
 
 
 def draw(data: dict):
     figures = {}
     for key, label in (("omega", ""), ("rho", "rho")):
         names = [name for name in data if f"({key}" in name]
-        fig = new_figure(7.6, 6.6)
+        fig = new_figure(7.4 * len(names), 5.4)
         for name, ax in zip(names, fig.subplots(1, len(names), squeeze=False)[0]):
             _drawn(name, data[name], ax)
         figures[label] = fig

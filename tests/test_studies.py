@@ -37,8 +37,8 @@ def test_a_study_finds_what_it_expects(name, tmp_path):
     assert (tmp_path / "chart.png").stat().st_size > 10_000
 
 
-# Gradients are measured beside peers that the tests do without.
-@pytest.mark.parametrize("name", [*STUDIES, "gradients"])
+# Gradients are measured beside peers that the tests do without; bifurcation sets take minutes, in the fast form too.
+@pytest.mark.parametrize("name", [*STUDIES, "bifurcation_sets", "gradients"])
 def test_the_kept_results_are_those_of_the_present_configuration(name):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
