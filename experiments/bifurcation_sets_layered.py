@@ -123,7 +123,17 @@ def _symmetric(orbit):
     if orbit.map.count != 1:
         return orbit
     half = find_orbit(orbit.system, list(orbit.x), period=DRIVE, symmetry=MIRROR)
-    return half if half.success and np.abs(half.x - orbit.x).max() < 1e-6 else orbit
+    orbit = half if half.success and np.abs(half.x - orbit.x).max() < 1e-6 else orbit
+    # A section in a stick has several states of the layer to begin with; one in the longest slip has not.
+    run = orbit.map.over(orbit.x, orbit.period)
+    times = np.unique([run.t[0], *(e.time for e in run.events), run.t[-1]])
+    middles = (times[1:] + times[:-1]) / 2
+    slips = np.diff(times) * (run.status[0, np.searchsorted(run.t, middles) - 1] != 0)
+    if orbit.x[1] != 0 or not slips.any():
+        return orbit
+    at = float(middles[np.argmax(slips)])
+    turned = refine(orbit.map.at_phase(at / (2 * np.pi)), orbit.map.solved(orbit.x, at, orbit.system).x[:, -1])
+    return turned if turned.success else orbit
 
 
 def the_set(config: Config) -> dict:
@@ -236,6 +246,8 @@ def borders(orbit, config: Config) -> list[tuple[str, tuple[float, float], str]]
             kind = ends[-1].kind if ends else "end"
             at = ends[-1].parameter if ends else float(end)
             place = {**values, name: float(at)}
+            if not bounds[0] <= at <= bounds[1]:
+                continue  # a step beyond the border of the plane
             found.append((kind, (place["ratio_z"], place["sigma"]), branch.end))
     return found
 
