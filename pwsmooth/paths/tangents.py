@@ -286,9 +286,14 @@ class Tape:
         instant_t, why = np.empty(instants), np.empty((instants, 2), np.int64)
         instant_dt, instant_w = np.empty((instants, columns)), np.empty((instants, 2 * n, columns))
         asked = self.arrays | dict(
-            t_eval=times, at_point=at_point, at_sample=at_sample, instant_t=instant_t, instant_why=why,
-            instant_dt=instant_dt, instant_w=instant_w,
-        )  # fmt: skip
+            instant_t=instant_t, instant_why=why, instant_dt=instant_dt, instant_w=instant_w
+        )
+        # A Tangent at rest is asked for nothing.
+        asked |= {
+            name: a
+            for name, a in (("at_point", at_point), ("at_sample", at_sample), ("t_eval", times))
+            if len(a)
+        }
         if len(self.clock):
             clock = asked["clock"] = np.zeros((len(self.clock), columns + 8))
             for j, slopes in self.ticks(np.flatnonzero(seeds.any(axis=1))):
