@@ -16,6 +16,11 @@ orbits: slaved, it needs |F| < N mu_s; these ends are counted apart, and so are 
 Expected: rest, two sticks (symmetric), slip only, and asymmetric orbits between; every border of what attracts is a
 curve of the set; slaved within 10 minutes on two cores.
 
+New, as these planes were not drawn before: the curve on which the symmetric orbit sticks less (crossing-sliding)
+carries the others. From (omega, sigma) = (1.174944, 2.493826) on its symmetry breaks; folds leave it at omega =
+0.909187, 1.906970 and 2.103362, and one has a cusp at (2.078333, 1.530048). At omega = 1 the curve of broken symmetry
+begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction.
+
 Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.json]
 """
 

@@ -15,6 +15,9 @@ parameter until it is stable no more, must be so up to a curve of the set or the
 Expected: two sticks, one stick and slip only exist side by side between their captures; all curves of captures of an
 itinerary that ends at r* = 0.6453 (capture.critical_ratio) meet the crossing-sliding of the slaved block there.
 
+New: the plane was not drawn before. For r < r* sticking ends by capture, below r = 0.105 before the symmetry breaks;
+and at one drive several of two sticks, one stick and slip only attract beside each other.
+
 Usage: python experiments/bifurcation_sets_layered.py [--fast] [--out DIR] [--draw FILE.json]
 """
 
