@@ -35,7 +35,7 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
-from studytools import Claim, Study, claim, command
+from studytools import Claim, Study, claim, command, draw_set
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
@@ -44,7 +44,7 @@ from friction_oscillator import hidden, omega, v, y, z
 from pwsmooth import bifurcation_set, follow, sweep
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.analysis.sections import Stroboscopic
-from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.plotting import new_figure
 from pwsmooth.sweep import Period, Points
 
 DRIVE = 2 * sp.pi / omega
@@ -258,44 +258,8 @@ def claims(data: dict) -> list[Claim]:
 
 
 def _drawn(name: str, one: dict, ax) -> None:
-    keys = sorted({called(curve) for curve in one["curves"]})
-    colours = [
-        "left",
-        "right",
-        "stick",
-        "fast",
-        "approximation",
-        "velocity",
-        "smoothed",
-        "CVODE",
-        "numbalsoda",
-        "mark",
-    ]
-    styles = ["-", (0, (5, 1.5)), (0, (1.5, 1))]
-    shown = {
-        key: {"color": COLOUR[colours[k % 10]], "linestyle": styles[k // 10 % 3]} for k, key in enumerate(keys)
-    }
-    labelled: set[str] = set()
-    for curve in one["curves"]:
-        key = called(curve)
-        ax.plot(*np.array(curve["values"]), label=None if key in labelled else key, linewidth=1.1, **shown[key])
-        labelled.add(key)
-    if one["points"]:
-        ax.plot(
-            *np.array([p["at"] for p in one["points"]]).T, "o", color=COLOUR["mark"], markersize=3, fillstyle="none",
-            label="codimension 2", zorder=3,
-        )  # fmt: skip
-    for good, mark, label in ((True, ".", "checked: admitted"), (False, "x", "checked: not admitted")):
-        at = [row["at"] for row in one["check"]["points"] if (not row["failures"]) == good]
-        if at:
-            ax.plot(
-                *np.array(at).T,
-                mark,
-                color="#BBBBBB" if good else "#CC0000",
-                markersize=4,
-                label=label,
-                zorder=1,
-            )
+    curves = [(called(curve), curve["values"]) for curve in one["curves"]]
+    draw_set(ax, curves, [p["at"] for p in one["points"]], one["check"]["points"])
     _, parameters, ranges, _ = SETS[name]
     greek = {"omega": "drive frequency ω", "sigma": "drive amplitude σ", "rho": "static friction ρ"}
     first, second = parameters.split()

@@ -31,7 +31,7 @@ from pathlib import Path
 
 import numpy as np
 import sympy as sp
-from studytools import Claim, Study, claim, command
+from studytools import Claim, Study, claim, command, draw_set
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
@@ -42,7 +42,7 @@ from pwsmooth.analysis.capture import critical_ratio
 from pwsmooth.analysis.continuation import branch_off
 from pwsmooth.analysis.orbits import refine
 from pwsmooth.analysis.sections import Stroboscopic
-from pwsmooth.plotting import COLOUR, new_figure
+from pwsmooth.plotting import new_figure
 from pwsmooth.sweep import Period, Points
 
 DRIVE = 2 * sp.pi
@@ -290,12 +290,15 @@ def claims(data: dict) -> list[Claim]:
     rows = data["check"]["points"]
     bad = [row for row in rows if row["failures"]]
     number = sum(len(row["kinds"]) for row in rows)
+    # Points that a run had failed at, and that were looked at again when the check itself had been mended.
+    redone = len(data["check"].get("redone", []))
+    again = f"; {redone} of the points failed first, by a check that was mended for them" if redone else ""
     meets = [p["at"] for c in data["curves"] for p in c["points"] if p["name"] == "capture + crossing-sliding"]
     off = max((abs(at[0] - critical_ratio(3)) for at in meets), default=np.nan)
     return [
         claim(
             "What attracts is bounded by curves of the set", "at every point",
-            f"{len(rows) - len(bad)} of {len(rows)} points, {number} attracting orbits", not bad,
+            f"{len(rows) - len(bad)} of {len(rows)} points, {number} attracting orbits{again}", not bad,
             "; ".join(text for row in bad for text in row["failures"])[:400],
         ),
         claim(
@@ -315,50 +318,8 @@ def claims(data: dict) -> list[Claim]:
 def draw(data: dict):
     fig = new_figure(6.2, 5.2)
     ax = fig.subplots()
-    keys = sorted({(c["kind"], c["called"]) for c in data["curves"]})
-    colours = [
-        "left",
-        "right",
-        "stick",
-        "fast",
-        "approximation",
-        "velocity",
-        "smoothed",
-        "CVODE",
-        "numbalsoda",
-        "mark",
-    ]
-    shown: set = set()
-    for curve in data["curves"]:
-        key = (curve["kind"], curve["called"])
-        k = keys.index(key)
-        line = ["-", (0, (5, 1.5)), (0, (1.5, 1))][k // 10 % 3]
-        ax.plot(
-            *np.array(curve["values"]), color=COLOUR[colours[k % 10]], linestyle=line, linewidth=1.2,
-            label=None if key in shown else f"{key[0]} ({key[1]})",
-        )  # fmt: skip
-        shown.add(key)
-    meets = [p["at"] for c in data["curves"] for p in c["points"]]
-    if meets:
-        ax.plot(
-            *np.array(meets).T,
-            "o",
-            color=COLOUR["mark"],
-            markersize=3.5,
-            fillstyle="none",
-            label="codimension 2",
-        )
-    for good, mark, label in ((True, ".", "checked: admitted"), (False, "x", "checked: not admitted")):
-        at = [row["at"] for row in data["check"]["points"] if (not row["failures"]) == good]
-        if at:
-            ax.plot(
-                *np.array(at).T,
-                mark,
-                color="#BBBBBB" if good else "#CC0000",
-                markersize=4,
-                label=label,
-                zorder=1,
-            )
+    curves = [(f"{c['kind']} ({c['called']})", c["values"]) for c in data["curves"]]
+    draw_set(ax, curves, [p["at"] for c in data["curves"] for p in c["points"]], data["check"]["points"])
     ax.axvline(critical_ratio(3), color="#888888", linewidth=0.8, linestyle=":")
     ax.set(xscale="log", xlabel="ratio r = ε/β of the layer", ylabel="drive amplitude σ")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, fontsize=6.5)

@@ -51,6 +51,27 @@ def claim(statement: str, source: str, ours: str, holds: bool, otherwise: str) -
     return Claim(statement, source, ours, bool(holds), "" if holds else otherwise)
 
 
+def draw_set(ax: Any, curves: list[tuple[str, Any]], meets: list[Any], rows: list[Any]) -> None:
+    """A bifurcation set: curves (name, values (2, K)), points of codimension 2, points of its check."""
+    names = "left right stick fast approximation velocity smoothed CVODE numbalsoda mark".split()
+    keys, shown = sorted({name for name, _ in curves}), set()
+    for name, values in curves:
+        k = keys.index(name)
+        ax.plot(
+            *np.array(values), color=plotting.COLOUR[names[k % 10]], linewidth=1.2,
+            linestyle=["-", (0, (5, 1.5)), (0, (1.5, 1))][k // 10 % 3], label=None if name in shown else name,
+        )  # fmt: skip
+        shown.add(name)
+    if meets:
+        look = dict(color=plotting.COLOUR["mark"], markersize=3.5, fillstyle="none", zorder=3)
+        ax.plot(*np.array(meets).T, "o", label="codimension 2", **look)
+    for good, mark, label in ((True, ".", "checked: admitted"), (False, "x", "checked: not admitted")):
+        at = [row["at"] for row in rows if (not row["failures"]) == good]
+        if at:
+            colour = "#BBBBBB" if good else "#CC0000"
+            ax.plot(*np.array(at).T, mark, color=colour, markersize=4, label=label, zorder=1)
+
+
 def plain(value: Any) -> Any:
     """Arrays and numpy numbers as lists and numbers; nan and infinities as None, which JSON has."""
     if isinstance(value, dict):

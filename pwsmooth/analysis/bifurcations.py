@@ -10,13 +10,13 @@ Chain: arclength.py, itineraries.py, captures.py -> **bifurcations** -> continua
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from .arclength import Point, Walk
+from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold, clearances
 from .conditions import factors, on_circle, pairs
 from .itineraries import Change, Letter, change_between, same_itinerary
@@ -388,29 +388,3 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
         width = 1e-10 * max(abs(walk.value(there) - walk.value(here)) / abs(b - a), 1.0)
         bifurcations.append(Bifurcation(kind, walk.name, walk.value(point), width, point.orbit))
     return sorted(bifurcations, key=lambda b: np.linalg.norm(b.orbit.x - here.orbit.x))
-
-
-def zero_between(walk: Walk, here: P, there: P, test: Callable[[P], float]) -> P | None:
-    """The point at which a test function with different signs at two points vanishes."""
-    from scipy.optimize import brentq
-
-    points = {0.0: here, 1.0: there}
-
-    def at(part: float) -> float:
-        if part not in points:
-            point: Any = walk.along(here, there, part)
-            if point is None:
-                raise _Lost
-            points[part] = point
-        return test(points[part])
-
-    try:
-        zero = float(brentq(at, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
-        at(zero)
-    except _Lost:
-        return None
-    return points[zero]
-
-
-class _Lost(Exception):
-    """Newton's method found no orbit between two points of a branch."""

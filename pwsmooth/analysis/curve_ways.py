@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from .bifurcations import change_enclosed, of_no_effect, zero_between
+from .bifurcations import change_enclosed, of_no_effect
+from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
 from .curve_starts import TOUCHES

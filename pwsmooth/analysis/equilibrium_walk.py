@@ -8,7 +8,6 @@ Chain: equilibrium_conditions.py -> **equilibrium_walk** -> equilibrium_ways.py.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -124,30 +123,5 @@ class Walk2:
         chord = there.u - here.u
         return self.correct(here.u + part * chord, chord / np.linalg.norm(chord), here.tangent)
 
-    def zero(self, here: Point, there: Point, test: Callable[[Point], float]) -> Point | None:
-        """Where a test function of opposite signs at two points is zero."""
-        from scipy.optimize import brentq
-
-        points = {0.0: here, 1.0: there}
-
-        def at(part: float) -> float:
-            if part not in points:
-                point = self.along(here, there, part)
-                if point is None:
-                    raise _Lost
-                points[part] = point
-            return test(points[part])
-
-        try:
-            zero = float(brentq(at, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
-            at(zero)
-        except (_Lost, ValueError):
-            return None
-        return points[zero]
-
     def values(self, point: Point) -> dict[str, float]:
         return dict(zip(self.names, map(float, point.spot.u[self.size :])))
-
-
-class _Lost(Exception):
-    """Newton's method found nothing between two points of a curve."""

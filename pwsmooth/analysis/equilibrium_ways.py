@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .bracketing import zero_between
 from .codimension import Codimension2, Lead
 from .equilibrium import Equilibrium, made
 from .equilibrium_conditions import BOUNDARY, Boundary, Hopf
@@ -137,13 +138,13 @@ class EquilibriumWay:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or born and abs(a) < 1e-6 * abs(b):
                 continue
-            at = walk.zero(here, there, _test(name))
+            at = zero_between(walk, here, there, _test(name))
             if at is not None and abs(at.tests[name]) <= 0.01 * (abs(a) + abs(b)) and self._is(name, at):
                 found.append((at, name, condition.ends(name), self._leads(name, at, None)))
         for j, (a, b) in enumerate(zip(here.margins, there.margins)):
             if j == self._own() or not a * b < 0 or born and abs(a) < _INSIDE:
                 continue
-            at = walk.zero(here, there, _margin(j))
+            at = zero_between(walk, here, there, _margin(j))
             if at is not None:
                 name = f"{condition.kind} + {BOUNDARY}" if condition.kind != BOUNDARY else f"{BOUNDARY} twice"
                 why = "beyond it the equilibrium is virtual" if a > 0 and not self.virtual else ""
@@ -191,7 +192,7 @@ class EquilibriumWay:
         for k, name in enumerate(self.walk.names, self.walk.size):
             rates = here.tangent[k], there.tangent[k]
             if rates[0] * rates[1] < 0 and max(np.abs(rates)) > _TURNS:
-                at = self.walk.zero(here, there, _rate(k))
+                at = zero_between(self.walk, here, there, _rate(k))
                 if at is not None:
                     self.turns.append(Codimension2(f"turns in {name}", self.walk.values(at), at.equilibrium))
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from .bracketing import zero_between
 from .equilibrium import Equilibrium, made
 from .statics import RANK, ROUNDING, Statics
 
@@ -136,27 +137,9 @@ class Walk:
 
     def zero(self, here: Point, there: Point, test: Callable[[Point], float]) -> tuple[Point, float] | None:
         """Where a test function of opposite signs at two points is zero, and how well the parameter is known there."""
-        from scipy.optimize import brentq
-
-        points = {0.0: here, 1.0: there}
-
-        def at(part: float) -> float:
-            if part not in points:
-                point = self.along(here, there, part)
-                if point is None:
-                    raise _Lost
-                points[part] = point
-            return test(points[part])
-
-        try:
-            zero = float(brentq(at, 0.0, 1.0, xtol=1e-15, rtol=1e-14))
-            at(zero)
-        except _Lost:
+        point = zero_between(self, here, there, test, 1e-15)
+        if point is None:
             return None
         span = abs(self.value(there) - self.value(here))
         slope = abs(test(there) - test(here))
-        return points[zero], 1e-12 * max(abs(self.value(points[zero])), 1.0) + 1e-10 * min(span / slope, 1.0)
-
-
-class _Lost(Exception):
-    """Newton's method found nothing between two points of a branch."""
+        return point, 1e-12 * max(abs(self.value(point)), 1.0) + 1e-10 * min(span / slope, 1.0)
