@@ -188,7 +188,10 @@ def problems(
         CORNER: "several surfaces are met at once, in an order that any change may turn",
         NO_SERIES: "a step has no Taylor series",
     }
+    undecided = {ambiguity.time for ambiguity in solution.ambiguities}
     for why, cause, t in marked:
+        if why not in reasons and t in undecided:
+            continue  # the ambiguity says it better
         reason = reasons.get(why, "the motion begins there anew by a rule that has no derivative")
         found.append(NoDerivative(float(t), names[cause] if 0 <= cause < len(names) else "", reason))
     for ambiguity in solution.ambiguities:

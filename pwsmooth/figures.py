@@ -10,13 +10,11 @@ from __future__ import annotations
 import importlib
 import io
 import json
-import multiprocessing
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Generator, Iterable, Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +22,7 @@ from types import ModuleType
 from typing import Any
 
 from .codegen.machine.workers import cores
+from .paths.interrupts import processes, result
 from .paths.warmup import warm_up
 from .results.files import PARTIAL, write_whole
 
@@ -294,27 +293,19 @@ def _attempts(
         for module in modules.values():
             yield _attempt(module, out, fast)
         return
-    # Not forked: this process has threads.
-    context = multiprocessing.get_context("spawn")
-    others = {*context.active_children()}
     sharing: dict[str, list[str]] = {}
     for name, module in modules.items():
         sharing.setdefault(getattr(module, "SHARES", name), []).append(name)
-    with ProcessPoolExecutor(jobs, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+    with processes(jobs) as (pool, look):
         futures: dict[str, Future[dict[str, _Attempt]]] = {}
         for names in sorted(sharing.values(), key=len, reverse=True):  # what may take longest begins first
             futures |= dict.fromkeys(names, pool.submit(_attempts_of, names, out, fast))
         pool.submit(int)  # only from now on does the pool surely notice the end of the process that began last
-        try:
-            for name in modules:
-                try:
-                    yield futures[name].result()[name]
-                except BrokenExecutor as error:  # killed, as where memory is short: the pool has ended with it
-                    yield [], f"{error}\n", 0.0
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in {*context.active_children()} - others:  # by Ctrl-C they are in the midst of a figure
-                process.terminate()
+        for name in modules:
+            try:
+                yield result(futures[name], look)[name]
+            except BrokenExecutor as error:  # killed, as where memory is short: the pool has ended with it
+                yield [], f"{error}\n", 0.0
 
 
 def _attempts_of(names: list[str], out: Path, fast: bool) -> dict[str, _Attempt]:

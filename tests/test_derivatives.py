@@ -1,5 +1,8 @@
 """Derivatives of runs by parameters, initial values, instants of time and the start: closed forms, differences."""
 
+import itertools
+
+import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
@@ -131,6 +134,47 @@ def test_after_an_accumulation_nothing_of_the_fall_is_left():
     ball = System({x: v, v: -g + ground.reaction}, parameters={g: 9.8, e: 0.6})
     d = solve(ball, (0, 30), {x: 1, v: 0}, with_respect_to=["x", "v", g, e], **TIGHT).derivatives
     assert d.end == pytest.approx(np.zeros((2, 4)), abs=1e-12)
+
+
+def end_of_chatter(amplitude, rate, restitution, gravity, height, speed, nearby):
+    """When a ball comes to rest on a table A sin(rate t), thrown on it at t = 0; bounces are near to those given."""
+    begun, position, late = mp.mpf(0), height, mp.mpf(0)
+    for guess in itertools.chain(nearby, itertools.repeat(None)):
+        late = late if guess is None else mp.mpf(guess)
+        for _ in range(8):  # Newton's
+            flown = late - begun
+            gap = position + speed * flown - gravity * flown**2 / 2 - amplitude * mp.sin(rate * late)
+            late -= gap / (speed - gravity * flown - amplitude * rate * mp.cos(rate * late))
+        if late - begun < mp.mpf(10) ** -30:
+            return late
+        table = amplitude * rate * mp.cos(rate * late)
+        left = restitution * (table - speed + gravity * (late - begun))
+        begun, position, speed = late, amplitude * mp.sin(rate * late), table + left
+        late += 2 * left / (gravity - amplitude * rate**2 * mp.sin(rate * late))
+
+
+@pytest.mark.parametrize("values", [
+    (0.2639314, 2.2016707, 0.1095417, 0.7627777, 0.9439428, 0.1842316),
+    (0.4758376, 2.2768698, 0.5174117, 1.587898, 0.8294604, -0.1082620),
+    (0.3, 1.7, 0.2, 2.5, 0.8, 0),
+])  # fmt: skip
+def test_a_chatter_on_a_shaken_table_moves_as_bounces_in_60_digits_do(values):
+    ground = Unilateral(x - a * sp.sin(omega * t), restitution=e, name="R")
+    values = dict(zip((a, omega, e, g, x, v), values))
+    ball = System({x: v, v: -g + ground.reaction}, time=t, parameters={q: values[q] for q in (a, omega, e, g)})
+    run = solve(ball, (0, 12), {x: values[x], v: values[v]}, with_respect_to=list(values), **TIGHT)
+    met = run.event_times("impact")
+    met = met[met < run.event_times("accumulation")[0]][:-4]
+    with mp.workdps(60):
+        step, exact = mp.mpf(10) ** -12, []
+        for k, value in enumerate(values.values()):
+            beside = [[mp.mpf(float(q)) for q in values.values()] for _ in range(2)]
+            beside[0][k], beside[1][k] = value + step, value - step
+            exact.append(
+                float((end_of_chatter(*beside[0], met) - end_of_chatter(*beside[1], met)) / (2 * step))
+            )
+    found = run.derivatives.event_times("accumulation")[0]
+    assert found == pytest.approx(exact, abs=3e-10 * max(map(abs, exact)))
 
 
 def test_a_chatter_moves_with_its_table():

@@ -120,7 +120,7 @@ class Looking:
     # ---- the whole
 
     def diagram(
-        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Work, ahead: int, tell: Any,
+        self, name: str, bounds: tuple[float, float], values: Mapping[str, float], work: Work, tell: Any,
         sweeps: Path | None,
     ) -> Diagram:  # fmt: skip
         setting = self.setting
@@ -135,7 +135,6 @@ class Looking:
             self.depth,
             self.longest,
             work,
-            ahead,
             tell,
         )
         for data in self.orbits:

@@ -15,7 +15,7 @@ from .looking import DOOR, SWEEPS, Starts, looking
 from .plain import values_of
 from .result import Diagram
 from .tracing import traced
-from .work import Store, Work, processes, telling
+from .work import Store, Work, telling, working
 
 __all__ = ["diagram"]
 
@@ -147,10 +147,10 @@ def diagram(
     kept = None
     if store is not None:
         kept = Store(store, "pwsmooth diagram", {**look.identity(), "parameter": name, "range": str(bounds)})
-    with processes(executor, workers) as (pool, ahead), telling(progress) as tell:
-        work = Work(traced, look.setting, pool, kept)
+    with working(executor, workers) as hands, telling(progress) as tell:
+        work = Work(traced, look.setting, hands, kept)
         sweeps = None if kept is None else kept.path / SWEEPS
-        found = look.diagram(name, bounds, values_of(system), work, ahead, tell, sweeps)
+        found = look.diagram(name, bounds, values_of(system), work, tell, sweeps)
     if kept is not None:
         found._write(kept.path)
     return found

@@ -71,7 +71,6 @@ class Search:
     depth: int
     longest: int  # periods or returns of an orbit
     work: Work
-    ahead: int = 1
     tell: Callable[[str], None] = lambda words: None
     lines: list[Line] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
@@ -130,9 +129,9 @@ class Search:
             if len(self.lines) >= self.most:
                 self.left += len(queue)
                 return
-            if self.ahead > 1:
-                coming = [task for _, _, task, _ in itertools.islice(queue, self.ahead)]
-                self.work.ask([*coming, *itertools.islice(more, max(0, self.ahead - len(coming)))])
+            ahead = self.work.workers.ahead
+            coming = [task for _, _, task, _ in itertools.islice(queue, ahead)]
+            self.work.ask([*coming, *itertools.islice(more, max(0, ahead - len(coming)))])
             origin, depth, task, root = queue.popleft()
             if depth > self.depth:
                 self.left += 1

@@ -24,7 +24,7 @@ from .result import Diagram
 from .searching import bare
 from .sets import TITLE, BifurcationSet
 from .tracing import traced
-from .work import RESULT, Store, Task, Work, processes, telling, write_group
+from .work import RESULT, Store, Task, Work, telling, working, write_group
 
 __all__ = ["bifurcation_set"]
 
@@ -176,17 +176,15 @@ def bifurcation_set(
     if store is not None:
         about = {"parameters": str(names), "ranges": str(bounds), "lines": str(held), "curves": str(curves)}
         kept = Store(store, TITLE, {**look.identity(), **about})
-    with processes(executor, workers) as (pool, ahead), telling(progress) as tell:
+    with working(executor, workers) as hands, telling(progress) as tell:
         diagrams = []
         for number, (name, value) in enumerate(held):
             other = names[1 - names.index(name)]
-            work = Work(traced, look.setting, pool, kept)
+            work = Work(traced, look.setting, hands, kept)
             sweeps = None if kept is None else kept.path / SWEEPS / str(number)
             at = {**values_of(system), name: value}
-            diagrams.append(look.diagram(other, bounds[names.index(other)], at, work, ahead, tell, sweeps))
-        growing = _Growing(
-            Work(grown, look.setting, pool, kept), names, bounds, points, virtual, curves, ahead, tell
-        )
+            diagrams.append(look.diagram(other, bounds[names.index(other)], at, work, tell, sweeps))
+        growing = _Growing(Work(grown, look.setting, hands, kept), names, bounds, points, virtual, curves, tell)
         growing.grow(diagrams, held)
     (p, q), (first, second) = names, bounds
     found = BifurcationSet((p, q), (first, second), growing.found, diagrams, tuple(held), tuple(growing.lost))
@@ -219,8 +217,8 @@ def _lines(lines: Any, names: list[str], bounds: list[Any]) -> list[tuple[str, f
 class _Growing:
     """Curves from the bifurcations of diagrams, in their order."""
 
-    def __init__(self, work: Work, names, bounds, points, virtual, most, ahead, tell) -> None:
-        self.work, self.names, self.most, self.ahead, self.tell = work, names, most, ahead, tell
+    def __init__(self, work: Work, names, bounds, points, virtual, most, tell) -> None:
+        self.work, self.names, self.most, self.tell = work, names, most, tell
         self.widths = np.array([high - low for low, high in bounds])
         self.common = {
             "ranges": dict(zip(names, map(list, bounds))), "most": points, "virtual": virtual, "steps": _CURVE,
@@ -243,7 +241,7 @@ class _Growing:
             if len(self.found) >= self.most:
                 self.lost.append(f"{len(starts) - number} more bifurcations: `curves` ends the search.")
                 return
-            self.work.ask(itertools.islice(self.tasks(starts[number:]), self.ahead) if self.ahead > 1 else ())
+            self.work.ask(itertools.islice(self.tasks(starts[number:]), self.work.workers.ahead))
             b, *_ = start
             item = self.work.result(self.task(b))
             at = self.at(*start)

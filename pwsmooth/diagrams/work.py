@@ -12,19 +12,20 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import multiprocessing
 import os
 import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..definition import checks
+from ..paths import interrupts
 from ..sweep import stored
 from ..sweep.dataset import version_items
 
@@ -41,17 +42,20 @@ class Work:
     """Results of tasks by `function(setting, task)`: from the store, from processes, or computed here."""
 
     def __init__(
-        self, function: Callable[[Any, Task], Item], setting: Any, pool: Executor | None, store: Store | None
+        self, function: Callable[[Any, Task], Item], setting: Any, workers: Workers, store: Store | None
     ) -> None:
-        self.function, self.setting, self.pool, self.store = function, setting, pool, store
+        self.function, self.setting, self.workers, self.store = function, setting, workers, store
         self.running: dict[str, Future[Item]] = {}
 
     def ask(self, tasks: Iterable[Task]) -> None:
         """Begin with tasks that will be wanted as it looks now; without processes nothing."""
-        for task in tasks if self.pool is not None else ():
+        pool = self.workers.pool
+        if pool is None:
+            return
+        for task in tasks:
             key = key_of(task)
             if key not in self.running and not (self.store is not None and self.store.has(key)):
-                self.running[key] = self.pool.submit(self.function, self.setting, task)  # type: ignore[union-attr]
+                self.running[key] = pool.submit(self.function, self.setting, task)
 
     def result(self, task: Task) -> Item:
         """The result of a task; what other tasks have finished in the meantime is stored too."""
@@ -63,7 +67,7 @@ class Work:
             item = self.function(self.setting, task)
         else:
             try:
-                item = self.running[key].result()
+                item = interrupts.result(self.running[key], self.workers.look)
             except Exception as error:
                 raise RuntimeError(
                     f"a worker was lost: {type(error).__name__}: {error}. What had finished is in the store, if there "
@@ -77,20 +81,26 @@ class Work:
         return item
 
 
+@dataclass(frozen=True)
+class Workers:
+    """Where tasks run, how many at a time, and what hears Ctrl-C meanwhile; without a pool they run in this process."""
+
+    pool: Executor | None = None
+    ahead: int = 1
+    look: interrupts.Look = lambda: None
+
+
 @contextlib.contextmanager
-def processes(executor: Executor | None, workers: int | None) -> Iterator[tuple[Executor | None, int]]:
-    """Where tasks run, and how many at a time: the executor that is given, processes of one's own, or this process."""
+def working(executor: Executor | None, workers: int | None) -> Iterator[Workers]:
+    """The executor that is given, processes of one's own, or this process."""
     if executor is not None:
-        yield executor, getattr(executor, "_max_workers", None) or 8
+        with interrupts.noted() as look:
+            yield Workers(executor, getattr(executor, "_max_workers", None) or 8, look)
     elif workers is None or workers == 1:
-        yield None, 1
+        yield Workers()
     else:
-        # Not forked: compiled code has threads.
-        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
-        try:
-            yield pool, workers
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+        with interrupts.processes(workers) as (pool, look):
+            yield Workers(pool, workers, look)
 
 
 class Store:

@@ -17,8 +17,7 @@ import numpy as np
 _EVERY = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # which instants are taken: for a ratio near 1 not each
 _MOST = 6  # powers that are taken away
 _ROUNDING = 4e-16
-_LARGE = 1e3  # coefficients of the powers: a first bounce may be as long as what the forces vary in
-_NEAR = 0.3  # of the ratio
+_LARGE = 1e3  # by which the slopes of what is left over may exceed it
 _LATE = 1e-6  # of the first interval: there the ratio is nearly that of the limit, and still told
 
 
@@ -39,13 +38,8 @@ def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np
         return np.array([len(times) - 1]), np.ones(1)
     intervals = intervals[first:]
     late = min(int(np.argmax(intervals < _LATE * intervals[0])) or len(intervals), len(intervals) - 3)
-    two = intervals[late + 2] / intervals[late]
-    # From where on their ratio is near to that of the limit: before, the powers tell little.
-    strange = np.abs(intervals[2 : late + 3] / intervals[: late + 1] - two) > _NEAR * two
-    begun = min(int(np.flatnonzero(strange)[-1]) + 1, late) if strange.any() else 0
-    far = limit - times[first]
-    first, late, intervals = first + begun, late - begun, intervals[begun:]
-    left = (limit - times[first:]) / far
+    two = intervals[late + 2] / intervals[late]  # their ratio in the limit
+    left = (limit - times[first:]) / (limit - times[first])
     alternates = abs(intervals[late + 1] ** 2 / (intervals[late] * intervals[late + 2]) - 1.0) > 1e-3
     best, chosen, weights = np.inf, np.array([len(left) - 1]), np.ones(1)
     for every in _EVERY[1::2] if alternates else _EVERY:
@@ -58,7 +52,9 @@ def towards(times: np.ndarray, limit: float, begin: float = -np.inf) -> tuple[np
             if not begins.size:
                 break
             at = begins[:, None] + every * np.arange(2 * powers + 1)
-            error = _LARGE * left[begins] ** (powers + 1) * q ** (powers * (powers + 1))
+            # As far as the powers left over tell, and as the times themselves do, whose limit is known.
+            error = left[begins] ** (powers + 1) * q ** (powers * (powers + 1))
+            error = np.maximum(error, _LARGE * np.abs(left[at] @ taken))
             error = error + _ROUNDING * (np.abs(taken) / left[at]).sum(axis=1)
             if error.min() < best:
                 best, chosen, weights = error.min(), at[error.argmin()], taken

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..codegen.machine.workers import cores
 from ..paths.budget import Stop
+from ..paths.interrupts import SECONDS, noted, result
 from .axes import Axes
 from .chunk import run_chunk
 from .plan import Plan
@@ -43,10 +44,9 @@ def chunk_target(plan: Plan, axes: Axes, workers: int, deadline: float = math.in
 def _apart(plan: Plan, columns: dict[str, np.ndarray], deadline: float) -> None:
     """A chunk in a thread of its own: in this one Ctrl-C would be heard only at its end."""
     stop = Stop()
-    with ThreadPoolExecutor(1) as pool:
-        future = pool.submit(run_chunk, plan, columns, deadline, stop)
+    with noted() as look, ThreadPoolExecutor(1) as pool:
         try:
-            future.result()
+            result(pool.submit(run_chunk, plan, columns, deadline, stop), look)
         except BaseException:
             stop.set()
             raise
@@ -77,15 +77,15 @@ def run_chunks(
     waiting = iter(todo)
     running: dict[Any, tuple[int, int]] = {}
     try:
-        with _bar(progress, todo) as advance:
+        with noted() as look, _bar(progress, todo) as advance:
             while True:
                 # A few more than there are workers, so that none is idle; not all, so that memory stays bounded.
                 while len(running) < 2 * workers and (chunk := next(waiting, None)) is not None:
                     running[pool.submit(run_chunk, plan, axes.columns(*chunk), deadline, stop)] = chunk
                 if not running:
                     break
-                # Wait with a time limit, so that Ctrl-C takes effect.
-                done, _ = wait(running, timeout=1.0, return_when=FIRST_COMPLETED)
+                done, _ = wait(running, SECONDS, FIRST_COMPLETED)
+                look()
                 for future in done:
                     chunk = running.pop(future)
                     try:

@@ -1,0 +1,115 @@
+"""Ctrl-C while pools work: it is heard at looks and at the end of the block alone, and no process is left."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import threading
+import time
+
+import pytest
+import sympy as sp
+
+from pwsmooth import Event, System, diagram
+from pwsmooth.paths.interrupts import noted, processes, result
+
+
+def press():
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_it_is_raised_at_a_look_and_nowhere_before():
+    done = []
+    with pytest.raises(KeyboardInterrupt), noted() as look:
+        press()
+        done.append("the work after it")
+        look()
+        done.append("the work after the look")
+    assert done == ["the work after it"]
+
+
+def test_it_is_raised_at_the_end_of_the_block_if_nobody_looked():
+    done = []
+    with pytest.raises(KeyboardInterrupt), noted():
+        press()
+        done.append("the rest of the block")
+    assert done == ["the rest of the block"]
+
+
+def test_an_interrupt_outlives_the_error_that_comes_of_it():
+    with pytest.raises(KeyboardInterrupt), noted():
+        press()
+        raise RuntimeError("a worker was lost")
+
+
+def test_the_handler_of_before_is_there_again():
+    before = signal.getsignal(signal.SIGINT)
+    with noted():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_block_within_a_block_raises_at_its_own_looks():
+    done = []
+    with pytest.raises(KeyboardInterrupt), noted(), noted() as look:
+        press()
+        done.append("the work after it")
+        look()
+        done.append("the work after the look")
+    assert done == ["the work after it"]
+
+
+def test_who_ignores_it_is_not_interrupted():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with noted() as look:
+            press()
+            look()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_other_threads_leave_the_handler_alone():
+    seen = []
+
+    def inside():
+        with noted() as look:
+            seen.append(signal.getsignal(signal.SIGINT))
+            look()
+
+    before = signal.getsignal(signal.SIGINT)
+    thread = threading.Thread(target=inside)
+    thread.start()
+    thread.join()
+    assert seen == [before]
+
+
+def test_a_result_is_waited_for_until_ctrl_c_and_no_process_is_left():
+    others = {*multiprocessing.active_children()}
+    with pytest.raises(KeyboardInterrupt), processes(2) as (pool, look):
+        assert result(pool.submit(abs, -3), look) == 3
+        endless = pool.submit(time.sleep, 600)
+        threading.Timer(0.3, press).start()
+        result(endless, look)
+    assert {*multiprocessing.active_children()} == others
+
+
+def test_processes_do_not_hear_it():
+    with processes(1) as (pool, look):
+        assert result(pool.submit(press), look) is None
+
+
+def test_a_diagram_through_processes_is_interrupted_and_taken_up_again(tmp_path):
+    t, x, a = sp.symbols("t x a", real=True)
+    logistic = System(
+        {x: 0 * x}, time=t, parameters={a: 3.2}, events=[Event(every=1, update={x: a * x * (1 - x)})]
+    )
+
+    def made(**options):
+        return diagram(logistic, a, (2.5, 3.5), {x: 0.3}, 1, phase=0.5, values=40, **options)
+
+    timer = threading.Timer(0.5, press)  # while its processes begin
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        made(workers=2, store=tmp_path / "store")
+    assert str(made(store=tmp_path / "store")) == str(made())
