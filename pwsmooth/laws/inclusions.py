@@ -62,8 +62,7 @@ def sat_of_sgn(x, limit, sigma):
 
     Notes
     -----
-    Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem Sgn
-    -> sat).
+    Source: Kikuuwe and Xiong; proof on the page "Friction and contact as inclusions" of the documentation.
 
     Examples
     --------
@@ -93,8 +92,7 @@ def max_of_dio(A, B, c):
 
     Notes
     -----
-    Source: Kikuuwe and Xiong; restated and checked at random points (spec of friction and contact, theorem dio
-    -> max).
+    Source: Kikuuwe and Xiong; proof on the page "Friction and contact as inclusions" of the documentation.
 
     Examples
     --------
