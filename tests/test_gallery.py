@@ -14,6 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
+from scipy.special import expit
 
 GALLERY = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
@@ -523,3 +524,86 @@ def test_the_storey_moves_as_dop853_says_and_its_energy_balances():
     # Its kinks are crossed in steps that are short instead of located.
     _, y, _ = until(rates, [0, 0, 0], 0, 20, max_step=4e-3)
     assert np.abs(y - end[:3]).max() < 1e-6 * np.abs(storey["sol"].x[:3]).max()
+
+
+def test_a_rate_and_state_slider_loses_creep_where_its_jacobian_does():
+    found = page("rate_and_state")["found"]
+    a, b, m = 0.01, 0.016, 0.002  # L = V = 1
+
+    def growth(k):
+        rates = [[0, -1, 0], [k / m, -a / m, -b / m], [0, -1, -1]]
+        return np.linalg.eigvals(rates).real.max()
+
+    expected = brentq(growth, 0.005, 0.01, xtol=1e-14)
+    assert set(found) == {"aging", "slip"}
+    for hopf in found.values():
+        assert hopf.kind == "Hopf" and abs(hopf.parameter - expected) < 1e-11
+
+
+def test_genes_settle_where_steep_hill_functions_do():
+    sol = page("gene_network")["sol"]
+    found = np.array([sol["Z1"][-1], sol["Z2"][-1]])
+    assert np.abs([found.sum() - 2 * found.prod() - 0.6, 1 - found.prod() - 0.9]).max() < 1e-10
+
+    def rates(_, x):
+        above = expit(4000 * np.log(x))  # x^n/(1 + x^n)
+        return [above.sum() - 2 * above.prod() - 0.6 * x[0], 1 - above.prod() - 0.9 * x[1]]
+
+    run = solve_ivp(rates, (0, 40), [0.3, 0.2], method="Radau", rtol=1e-8, atol=1e-10)
+    assert np.abs(expit(4000 * np.log(run.y[:, -1])) - found).max() < 1e-3
+
+
+def test_a_decision_is_taken_at_the_largest_value_of_the_relay_and_changed_as_without_hidden_terms():
+    runs, decided = (page("decision")[name] for name in ("runs", "decided"))
+    for rho, run in runs.items():
+        top = -minimize_scalar(
+            lambda q, rho=rho: -q * (1 + rho * (1 - q * q)),
+            bounds=(0, 1),
+            method="bounded",
+            options={"xatol": 1e-12},
+        ).fun
+        assert abs(2.5 * np.sin(decided[rho] / 20) - max(top, 1.0)) < 1e-9
+
+        def rates(t, x):
+            return [2 * (-x[0] + 2.5 * np.sin(t / 20) - 1)]
+
+        begin = decided[rho] + 1  # past the zero from which it starts
+        x = solve_ivp(rates, (decided[rho], begin), [0.0], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        back, _, _ = until(rates, x, begin, 100, (lambda t, x: x[0], -1))
+        hesitates = [s.start for s in run.segments if s.status[0] == 0][1]
+        assert abs(hesitates - back) < 1e-8
+
+
+def test_an_adhering_block_slips_and_stops_where_two_loops_say():
+    names = page("adhesion")
+
+    def hold(t, adhesion):
+        return 0.5 * max(0.0, 1 + 1.2 * np.sin(2 * t) + adhesion)
+
+    slip = names["run"].segments[1]
+    begins = brentq(lambda t: hold(t, 0.3) - 0.3, 1.0, 2.3, xtol=1e-14)
+
+    def gained(t):
+        return 0.3 * (t - begins) - 0.5 * (1.3 * (t - begins) - 0.6 * (np.cos(2 * t) - np.cos(2 * begins)))
+
+    stops = brentq(gained, begins + 0.5, begins + 2.5, xtol=1e-14)
+    assert abs(slip.start - begins) < 1e-11 and abs(slip.end - stops) < 1e-11
+    assert abs(names["holds"] - 0.8) < 1e-12  # mu (N_0 (1 - q) + N_a) = P
+    moved = names["far"][names["adhesions"] < 0.79]
+    assert np.all(moved > 0) and np.all(names["far"][names["adhesions"] > 0.8] == 0)
+
+
+def test_a_tip_jumps_late_by_the_power_of_a_passed_fold():
+    names = page("afm_tip")
+    assert abs(names["exponent"] - 2 / 3) < 0.002
+
+    def rates(t, x):
+        return [x[1], 1e-2 * t - x[0] - 3 * np.sin(x[0]) - 4 * x[1]]
+
+    t, x = 0.0, [0.0, 0.0]
+    for jump in range(3):
+        t, x, _ = until(
+            rates, x, t, 2000, (lambda t, x, top=np.pi * (2 * jump + 1): x[0] - top, 1), max_step=1.0
+        )
+    fold = np.arccos(-1 / 3) + np.sqrt(8.0)
+    assert abs(1e-2 * t - fold - 4 * np.pi - names["late"][-1]) < 1e-8
