@@ -12,7 +12,8 @@ potential has the period :math:`2\pi`, by a spring that moves at the speed :math
 **When does smooth creep become stick-slip, and when does the tip jump?** For :math:`\eta < 1` it follows. For
 :math:`\eta > 1` it stays behind until the well in which it sits vanishes, in a fold: slowly drawn it jumps from
 :math:`\cos x_* = -1/\eta`, past the largest force :math:`\eta`, when the support is at
-:math:`x_* + \sqrt{\eta^2 - 1}`. Drawn faster it jumps late, and by :math:`V^{2/3}`: the passage of a fold, as in the layer of static friction.
+:math:`x_* + \sqrt{\eta^2 - 1}`. Drawn faster it jumps late, and by :math:`V^{2/3}`: the passage of a fold, as in
+the layer of static friction.
 """
 
 # %%
