@@ -30,7 +30,9 @@ from .definition.drives import drive
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
+from .definition.mechanics import mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
+from .definition.primitives import Unilateral
 from .definition.reading import read
 from .definition.regularity import Surface
 from .definition.reversal import backward
@@ -191,6 +193,90 @@ class System(DescribedSystem):
         self._check_values()
         self._notes: tuple[str, ...] = ()
         self._cache: dict = {}  # of views: their fields and models; what their initial states are read by
+
+    @classmethod
+    def from_mechanics(cls, method, *, friction=None, contacts=(), parameters=None, outputs=None, **arguments):
+        """The System of a mechanism that is written with `sympy.physics.mechanics`.
+
+        Parameters
+        ----------
+        method : KanesMethod, LagrangesMethod or System of sympy.physics.mechanics
+            With its equations formed; a System forms them itself. Coordinates and speeds keep their names; those of
+            Lagrange's equations are named after the coordinates, `theta_dot` for theta.
+        friction : mapping, optional
+            Velocity -> law of `pwsmooth.laws`, or (law, normal load). A velocity is a joint's or a speed's name, or an
+            expression of speeds, such as a slip velocity. The law opposes it, in newtons or newton metres.
+        contacts : sequence of Unilateral
+            Gaps as expressions of the coordinates; their reactions act along the gaps.
+        parameters : mapping of Symbol to float, in the units of the model
+            Of the mechanism. Laws bring their own.
+        outputs : mapping of str to Expr, optional
+            Beside "friction ...", the force or moment of each law.
+        **arguments
+            More of a System: `events`, `algebraic`, `drives`.
+
+        Returns
+        -------
+        System
+            With the mass matrix unsolved; the multipliers of Lagrange's constraints are unknowns of it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            No equations yet, a velocity that is none, a singular mass matrix, no law.
+
+        Notes
+        -----
+        A force along a velocity v adds force * dv/du to the generalized forces (partial velocities). Constraints are
+        kept by their derivatives: start on them; they drift with the tolerance.
+
+        Source: Kane and Levinson, Dynamics: Theory and Applications, 1985.
+
+        Examples
+        --------
+        A pendulum with dry friction in its joint:
+
+        >>> import sympy as sp
+        >>> from sympy.physics import mechanics as me
+        >>> from pwsmooth import System, solve
+        >>> from pwsmooth.laws.friction import Coulomb
+        >>> theta = me.dynamicsymbols("theta")
+        >>> lagrange = me.LagrangesMethod(theta.diff()**2/2 + 9.81*sp.cos(theta), [theta])
+        >>> _ = lagrange.form_lagranges_equations()
+        >>> pendulum = System.from_mechanics(lagrange, friction={"theta": Coulomb(F_c=1.0)})
+        >>> swing = solve(pendulum, (0, 20), {"theta": 1.5, "theta_dot": 0})
+        >>> swing.itinerary[-1]
+        'stick (lam_theta sliding)'
+        """
+        found = mechanism(method)
+        values, shown, laws = (
+            dict(checks.mapping({} if given is None else given, f"`{name}`"))
+            for name, given in (("parameters", parameters), ("outputs", outputs), ("friction", friction))
+        )
+        found.check_inertia(values)
+        parts = {name: list(arguments.pop(name, ())) for name in ("events", "algebraic")}
+        parts["contacts"] = list(checks.all_of_kind("contacts", contacts, Unilateral))
+        forcing, rates = found.F, {}  # type: ignore[var-annotated]
+        for contact in parts["contacts"]:
+            forcing += found.along(found.rate(contact.gap), contact.reaction)
+        for key, law in laws.items():
+            law, normal = law if isinstance(law, tuple) else (law, None)
+            if not hasattr(law, "attach"):
+                raise TypeError(
+                    f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws, or (law, load)."
+                )
+            name, v = found.velocity(key)
+            there = found.positions.get(v)
+            pieces = law.attach(velocity=v, position=there, normal=normal, time=found.time, name=name)
+            forcing += found.along(v, -pieces.force)
+            for mine, theirs in ((rates, pieces.rates), (values, pieces.parameters), (shown, pieces.outputs)):
+                mine.update(theirs)
+            shown[f"friction {name}".strip()] = pieces.force
+            for kind, items in parts.items():
+                items += getattr(pieces, kind)
+        own, unknowns = found.solved(forcing)
+        parts["algebraic"] = [*unknowns, *parts["algebraic"]]
+        return cls(own | rates, time=found.time, parameters=values, outputs=shown, **parts, **arguments)
 
     # ---- what a system knows
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import sympy as sp
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 from sympy.core.function import AppliedUndef
 
 from . import checks
@@ -46,13 +48,7 @@ def rate_of(key):
 def named_rows(rates, forcing):
     """(rates, forcing) of what was given; a column of forces belongs to the states that `rates` lists."""
     if hasattr(rates, "mass_matrix_full"):
-        write = "System([*K.q, *K.u], mass_matrix=K.mass_matrix_full, forcing=K.forcing_full)"
-        if sp.Matrix(rates.u).has(sp.Derivative):  # LagrangesMethod
-            write = (
-                "System([*K.q, *u], mass_matrix=K.mass_matrix_full.subs(r), forcing=K.forcing_full.subs(r)) with "
-                "u = dynamicsymbols(...) for the velocities and r = dict(zip(K.u, u))"
-            )
-        raise TypeError(f"`rates` is a {type(rates).__name__} K; write {write}.")
+        raise TypeError(f"`rates` is a {type(rates).__name__} K; write System.from_mechanics(K).")
     if not isinstance(forcing, sp.MatrixBase):
         return rates, forcing
     states = () if isinstance(rates, Mapping) else checks.several(rates, "`rates`")
@@ -89,32 +85,35 @@ def solved_for_rates(rates, algebraic, mass_matrix, forcing):
             f"`mass_matrix` has the shape {M.shape}, and `forcing` {n} states; give one row and one column for each."
         )
     M = M.applyfunc(lambda e: checks.expression(e, "`mass_matrix`"))
-    known = {states[i]: forces[i] / M[i, i] for i in range(n) if _alone(M, i)}
-    unknown = {
-        x: sp.Symbol(f"d{x.name}/dt", real=True)
-        if isinstance(x, sp.Symbol)
-        else sp.Symbol(f"d{x}/dt", real=True)
-        for x in states
-        if x not in known
-    }
-    found = known | unknown
+    for i in range(n):
+        if M[i, i] == 0:
+            raise ValueError(
+                f"row {i + 1} of `mass_matrix` has no entry in its own column; order the rows of `mass_matrix` and "
+                "`forcing` as the states, so that each has its own rate."
+            )
+    found, residuals = solved_rows(M, forces, [rate_symbol(x) for x in states])
+    return (*rates, *zip(states, found)), (*residuals, *algebraic)
+
+
+def rate_symbol(x):
+    """The unknown that is the rate of a state."""
+    return sp.Symbol(f"d{getattr(x, 'name', x)}/dt", real=True)
+
+
+def solved_rows(M, forces, unknowns):
+    """(y, algebraic) of M y = F; a row with one entry gives its unknown at once, others as an Algebraic."""
+    alone = [M[i, i] != 0 and all(M[i, j] == 0 for j in range(M.cols) if j != i) for i in range(M.rows)]
+    y = [forces[i] / M[i, i] if alone[i] else x for i, x in enumerate(unknowns)]
+    # They are solved together; each is written with a row in which it stands, which that of a constraint has not.
+    stands = csr_array([[int(e != 0) for e in M.row(i)] for i in range(M.rows)])
+    own = all(M[i, i] != 0 for i in range(M.rows))
+    rows = range(M.rows) if own else maximum_bipartite_matching(stands, perm_type="row").tolist()
     residuals = [
-        Algebraic(unknown[x], sp.Add(*(M[i, j] * found[y] for j, y in enumerate(states))) - forces[i])
-        for i, x in enumerate(states)
-        if x in unknown
+        Algebraic(x, sp.Add(*(M[rows[j], k] * e for k, e in enumerate(y))) - forces[rows[j]])
+        for j, x in enumerate(unknowns)
+        if not alone[j]
     ]
-    return (*rates, *found.items()), (*residuals, *algebraic)
-
-
-def _alone(M, i):
-    """Whether row i gives the rate of its own state; a row of zeros, or one without it, is an error."""
-    entries = [j for j in range(M.cols) if M[i, j] != 0]
-    if i not in entries:
-        raise ValueError(
-            f"row {i + 1} of `mass_matrix` has no entry in its own column; order the rows of `mass_matrix` and "
-            "`forcing` as the states, so that each has its own rate."
-        )
-    return entries == [i]
+    return y, residuals
 
 
 # ---- impulses

@@ -1,0 +1,195 @@
+"""Mechanisms of sympy.physics.mechanics with dry joints, slips and stops: against equations written by hand."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+from sympy.physics import mechanics as me
+
+from pwsmooth import System, Unilateral, solve
+from pwsmooth.laws.friction import Coulomb, LuGre
+
+TIGHT = {"rtol": 1e-11, "atol": 1e-13}
+t = me.dynamicsymbols._t
+
+
+def two_links():
+    """Two links as a System of joints, and its angles and speeds: rods of length 1 and mass 1, hanging."""
+    wall, upper, lower = (me.RigidBody(name) for name in ("wall", "upper", "lower"))
+    for body in (upper, lower):
+        body.mass = sp.Integer(1)
+        body.inertia = me.inertia(body.frame, 0, 0, sp.Rational(1, 12)), body.masscenter
+    system = me.System.from_newtonian(wall)
+    q1, q2, u1, u2 = me.dynamicsymbols("q1 q2 u1 u2")
+    system.add_joints(
+        me.PinJoint("shoulder", wall, upper, q1, u1, child_point=-upper.x / 2, joint_axis=wall.z),
+        me.PinJoint("elbow", upper, lower, q2, u2, parent_point=upper.x / 2, child_point=-lower.x / 2,
+                    joint_axis=upper.z),
+    )  # fmt: skip
+    system.apply_uniform_gravity(sp.Rational(981, 100) * wall.x)
+    return system
+
+
+def test_dry_joints_are_as_torques_written_by_hand():
+    start = {"q1": 1.2, "q2": 0.3, "u1": 0, "u2": 0}
+    arm = System.from_mechanics(two_links(), friction={"shoulder": Coulomb(F_c=0.4), "elbow": Coulomb(F_c=0.2)})
+    q1, q2, u1, u2 = sp.symbols("q1 q2 u1 u2", real=True)
+    # Of the angle q1 + q2 of the second link; inertia of a rod about its end is 1/3.
+    c, s, g = sp.cos(q2), sp.sin(q2), sp.Rational(981, 100)
+    M = sp.Matrix(
+        [[sp.Rational(5, 3) + c, sp.Rational(1, 3) + c / 2], [sp.Rational(1, 3) + c / 2, sp.Rational(1, 3)]]
+    )
+    pull = g * sp.sin(q1 + q2) / 2
+    F = [
+        s * (u1 * u2 + u2**2 / 2) - sp.Rational(3, 2) * g * sp.sin(q1) - pull - sp.Rational(2, 5) * sp.sign(u1),
+        -s * u1**2 / 2 - pull - sp.sign(u2) / 5,
+    ]
+    hand = System({q1: u1, q2: u2}, mass_matrix=M, forcing=dict(zip((u1, u2), F)))
+    ends = [solve(system, (0, 6), start, t_eval=[6.0], **TIGHT) for system in (arm, hand)]
+    assert np.allclose(ends[0].x, ends[1].x, atol=1e-9)
+    assert len(ends[0].events) == len(ends[1].events) > 10
+
+
+def test_the_energy_of_dry_joints_balances():
+    q1, q2, u1, u2 = sp.symbols("q1 q2 u1 u2", real=True)
+    arm = System.from_mechanics(
+        two_links(), friction={"shoulder": Coulomb(F_c=0.4), "elbow": LuGre(sigma0=50, F_c=0.2, F_s=0.3)},
+        outputs={"energy": u1**2 * (sp.Rational(5, 3) + sp.cos(q2)) / 2
+                 + u1 * u2 * (sp.Rational(1, 3) + sp.cos(q2) / 2) + u2**2 / 6
+                 - 9.81 * (1.5 * sp.cos(q1) + sp.cos(q1 + q2) / 2)},
+    )  # fmt: skip
+    run = solve(arm, (0, 4), {"q1": 1.2, "q2": 0.3, "u1": 0, "u2": 0, "z_elbow": 0}, dense_output=True, **TIGHT)
+
+    def lost(a, b):
+        nodes, weights = np.polynomial.legendre.leggauss(20)
+        at = (a + b) / 2 + (b - a) / 2 * nodes
+        power = run(at, "friction shoulder") * run(at, "u1") + run(at, "friction elbow") * run(at, "u2")
+        return (b - a) / 2 * power @ weights
+
+    times = np.unique(np.concatenate([run.t, *(np.linspace(s.start, s.end, 40) for s in run.segments)]))
+    work = sum(lost(a, b) for a, b in zip(times, times[1:]) if b > a)
+    assert work > 0.5
+    assert abs(run["energy"][0] - run["energy"][-1] - work) < 1e-8
+
+
+def test_constraints_of_lagrange_are_multipliers():
+    """A pendulum in Cartesian coordinates with a dry pivot: slip along it is the angle's rate."""
+    x, y = me.dynamicsymbols("x y")
+    L = (x.diff() ** 2 + y.diff() ** 2) / 2 - 9.81 * y
+    lagrange = me.LagrangesMethod(L, [x, y], hol_coneqs=[x**2 + y**2 - 1])
+    lagrange.form_lagranges_equations()
+    turn = x * y.diff() - y * x.diff()
+    free = System.from_mechanics(lagrange, friction={turn: Coulomb(F_c=0.5)})
+    theta, w = sp.symbols("theta w", real=True)
+    hand = System({theta: w, w: -sp.Rational(981, 100) * sp.sin(theta) - sp.sign(w) / 2})
+    start = {"x": np.sin(1.0), "y": -np.cos(1.0), "x_dot": 0, "y_dot": 0}
+    ours = solve(free, (0, 14), start, **TIGHT)
+    theirs = solve(hand, (0, 14), {theta: 1.0, w: 0}, **TIGHT)
+    assert np.arctan2(ours["x"][-1], -ours["y"][-1]) == pytest.approx(theirs["theta"][-1], abs=1e-8)
+    assert ours.events[-1].kind == "stick"
+    assert ours.events[-1].time == pytest.approx(theirs.events[-1].time, abs=1e-8)
+    # At rest the rod bears the weight's part along it.
+    assert abs(ours["lam1"][-1]) == pytest.approx(9.81 * np.cos(theirs["theta"][-1]) / 2, abs=1e-8)
+
+
+def test_a_wheel_that_rolls_has_a_dependent_speed():
+    """Kane's equations with x' = R w: rolling resistance and a pull, by hand (m + J/R^2) x'' = P - M_r/R."""
+    x, phi, v, w = me.dynamicsymbols("x phi v w")
+    m, J, R, P = sp.symbols("m J R P", positive=True)
+    frame, centre = me.ReferenceFrame("N"), me.Point("C")
+    centre.set_vel(frame, v * frame.x)
+    wheel = frame.orientnew("W", "axis", [phi, frame.z])
+    wheel.set_ang_vel(frame, w * frame.z)
+    body = me.RigidBody("wheel", centre, wheel, m, (me.inertia(wheel, 0, 0, J), centre))
+    for independent, dependent in ((v, w), (w, v)):
+        kane = me.KanesMethod(
+            frame, q_ind=[x, phi], u_ind=[independent], u_dependent=[dependent],
+            kd_eqs=[x.diff() - v, phi.diff() - w], velocity_constraints=[v - R * w],
+        )  # fmt: skip
+        kane.kanes_equations([body], [(centre, P * frame.x)])
+        values = {m: 2, J: 0.3, R: 0.5, P: 1.5}
+        rolls = System.from_mechanics(kane, friction={"w": Coulomb(F_c=0.2)}, parameters=values)
+        run = solve(rolls, (0, 2), {"x": 0, "phi": 0, "v": 0, "w": 0}, **TIGHT)
+        a = (1.5 - 0.2 / 0.5) / (2 + 0.3 / 0.25)
+        assert run["x"][-1] == pytest.approx(2 * a, rel=1e-10), str(dependent)
+        assert run["phi"][-1] == pytest.approx(4 * a, rel=1e-10)
+
+
+def falling_block():
+    x, y = me.dynamicsymbols("x y")
+    g = sp.Symbol("g", positive=True)
+    lagrange = me.LagrangesMethod((x.diff() ** 2 + y.diff() ** 2) / 2 - g * y, [x, y])
+    lagrange.form_lagranges_equations()
+    return lagrange, x, y, g
+
+
+def test_a_block_that_lands_slides_under_the_load_of_its_contact():
+    lagrange, x, y, g = falling_block()
+    floor = Unilateral(y, name="floor")
+    block = System.from_mechanics(
+        lagrange,
+        contacts=[floor],
+        friction={x.diff(): (Coulomb(F_c=0.3), floor.reaction)},
+        parameters={g: 9.81},
+    )
+    run = solve(block, (0, 3), {"x": 0, "y": 1, "x_dot": 2, "y_dot": 0}, **TIGHT)
+    lands = np.sqrt(2 / 9.81)
+    left = 2 - 0.3 * 9.81 * lands  # what friction takes of the speed at the impact
+    assert run.event_times("stick")[-1] == pytest.approx(lands + left / (0.3 * 9.81), abs=1e-9)
+    assert run["x"][-1] == pytest.approx(2 * lands + left**2 / (2 * 0.3 * 9.81), abs=1e-9)
+
+
+def test_a_four_bar_linkage_with_a_dry_joint_agrees_with_scipy():
+    """Cranks of length 1 and 2, a coupler of 2 between their tips (its inertia lumped there), ground 2."""
+    a, b = me.dynamicsymbols("a b")
+    L = (a.diff() ** 2 + 4 * b.diff() ** 2) / 2 - 3 * (sp.sin(a) + sp.sin(b))
+    closes = (2 + 2 * sp.cos(b) - sp.cos(a)) ** 2 + (2 * sp.sin(b) - sp.sin(a)) ** 2 - 4
+    lagrange = me.LagrangesMethod(L, [a, b], hol_coneqs=[closes])
+    lagrange.form_lagranges_equations()
+    bars = System.from_mechanics(lagrange, friction={"a": Coulomb(F_c=0.3)})
+    A, B, p, q = sp.symbols("A B p q", real=True)
+    G = closes.subs({a: A, b: B})
+    Ga, Gb = G.diff(A), G.diff(B)
+    drift = sp.hessian(G, (A, B))
+    bend = (sp.Matrix([[p, q]]) * drift * sp.Matrix([p, q]))[0]
+    first, second = -3 * sp.cos(A), -3 * sp.cos(B)
+    numbers = sp.lambdify((A, B, p, q), [Ga, Gb, bend, first, second])
+
+    def rates(_, s):
+        ga, gb, c, one, two = numbers(*s)
+        one -= 0.3 * np.sign(s[2])
+        lam = -(ga * one + gb * two / 4 + c) / (ga**2 + gb**2 / 4)
+        return [s[2], s[3], one + lam * ga, (two + lam * gb) / 4]
+
+    begin = np.array([1.0, float(sp.nsolve(G.subs(A, 1.0), B, 1.2))])
+    ga, gb, *_ = numbers(*begin, 0, 0)
+    start = [*begin, 1.5, -1.5 * ga / gb]
+    run = solve(bars, (0, 0.6), dict(zip(("a", "b", "a_dot", "b_dot"), start)), **TIGHT)
+    reference = solve_ivp(rates, (0, 0.6), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    assert np.abs(reference.y[2]).min() > 0.05  # nothing switches on the way
+    assert np.allclose(run.x[:4, -1], reference.y[:, -1], atol=1e-9)
+
+
+def test_what_is_no_mechanism_or_no_velocity_is_refused():
+    lagrange, x, _, g = falling_block()
+    with pytest.raises(TypeError, match="give a KanesMethod"):
+        System.from_mechanics("pendulum")
+    fresh = me.LagrangesMethod(x.diff() ** 2 / 2, [x])
+    with pytest.raises(ValueError, match=r"call its form_lagranges_equations\(\) first"):
+        System.from_mechanics(fresh)
+    for key, match in (
+        ("hinge", "no joint, coordinate or speed; there are x, y"),
+        (x, "no velocity: none of the speeds"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            System.from_mechanics(lagrange, friction={key: Coulomb()}, parameters={g: 9.81})
+    with pytest.raises(TypeError, match="give a law"):
+        System.from_mechanics(lagrange, friction={"x": 0.3}, parameters={g: 9.81})
+
+
+def test_what_has_no_inertia_is_refused():
+    x, y = me.dynamicsymbols("x y")
+    lagrange = me.LagrangesMethod((x.diff() + y.diff()) ** 2 / 2 - y**2, [x, y])
+    lagrange.form_lagranges_equations()
+    with pytest.raises(ValueError, match="singular mass matrix, of rank 1 for 2 unknowns"):
+        System.from_mechanics(lagrange)
