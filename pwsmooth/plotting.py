@@ -346,10 +346,10 @@ def plot_solution(sol: _Run, names: Sequence[Any] | None = None, axes: Any = Non
     panels = axes_for(
         axes, len(wanted), (7.0, 0.6 + 1.5 * len(wanted)), f"{len(wanted)} names; give one for each"
     )
-    solved = [s for s in sol.segments if any(v == 0 for v in s.status)]
+    held = [s for s in sol.segments if sol._holds(s.status)]
     t, curves = _curves(sol, wanted)
     for ax, name, curve in zip(panels, wanted, curves):
-        for segment in solved:
+        for segment in held:
             ax.axvspan(segment.start, segment.end, color=LINEAR_SHADE, alpha=0.5, linewidth=0, zorder=0)
         ax.plot(t, curve, color=COLOUR["exact"], **_line(sol))
         ax.set_ylabel(str(name))

@@ -193,3 +193,18 @@ def test_what_has_no_inertia_is_refused():
     lagrange.form_lagranges_equations()
     with pytest.raises(ValueError, match="singular mass matrix, of rank 1 for 2 unknowns"):
         System.from_mechanics(lagrange)
+
+
+def test_accelerations_that_are_unknowns_are_no_sticks():
+    """The same block by a mass matrix and by hand: shaded where it sticks alone."""
+    x, y, v, w, F = sp.symbols("x y v w F", real=True)
+    f = [F * sp.sin(t) - 2 * x + y - sp.sign(v) - v / 5, x - 2 * y - w / 5]
+    M = sp.Matrix([[2, sp.Rational(1, 2)], [sp.Rational(1, 2), 1]])
+    a = M.LUsolve(sp.Matrix(f))
+    pair = [
+        System({x: v, y: w}, mass_matrix=M, forcing={v: f[0], w: f[1]}, time=t, parameters={F: 2.5}),
+        System({x: v, y: w, v: a[0], w: a[1]}, time=t, parameters={F: 2.5}),
+    ]
+    runs = [solve(system, (0, 20), [0, 0, 0, 0], dense_output=True, **TIGHT) for system in pair]
+    shades = [len(run.plot(["x"])[0].patches) for run in runs]
+    assert shades == [3, 3]

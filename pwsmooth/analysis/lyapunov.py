@@ -345,8 +345,8 @@ def _by_chunks(system, options, x, count, t, first, last) -> tuple[_Frame, float
 
 
 def _free_column(run: Solution) -> int:
-    """The last column between events at which no multiplier is solved; the last one of all if there is none."""
-    free = np.all(run.status != 0, axis=0)
+    """The last column between events at which nothing is held; the last one of all if there is none."""
+    free = ~run._holds(run.status)
     free[0] = False
     alone = np.diff(run.t, prepend=-np.inf, append=np.inf)
     free &= (alone[:-1] > 0) & (alone[1:] > 0)

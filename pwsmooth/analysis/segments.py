@@ -279,7 +279,7 @@ def _free(run: Solution, time: float, spacing: float, held: bool) -> list[float]
     """Times of a run at which nothing slides (or something may) and no event is near, about so far apart."""
     bounds = np.unique(np.concatenate([run.t[:1], _inner(run), run.t[-1:]]))
     column = np.searchsorted(run.t, (bounds[1:] + bounds[:-1]) / 2, side="right") - 1
-    slips = np.all(run.status[:, column] != 0, axis=0) | held
+    slips = ~run._holds(run.status[:, column]) | held
     found: list[float] = []
     for begin, end, slipping in zip(bounds, bounds[1:], slips):
         if slipping and end - begin > 2 * _MARGIN * time:
@@ -346,9 +346,7 @@ def best_place(shooting: Shooting, image: Image) -> tuple[float, float]:
             places += [
                 first + (e.time - runs[0].t[0]) / shooting.map.beat for e in run.events if e.time > run.t[0]
             ]
-            stuck = (
-                np.any(run.status[:, :-1] == 0, axis=0) if len(run.status) else np.zeros(len(run.t) - 1, bool)
-            )
+            stuck = run._holds(run.status[:, :-1])
             slides += [(a, b) for a, b in zip(at[:-1][stuck], at[1:][stuck]) if b > a]
     marks = np.unique(np.array(places) % 1.0)
     if not marks.size:

@@ -188,7 +188,7 @@ def _begin(solution: Solution) -> tuple[float, np.ndarray, np.ndarray, np.ndarra
 
 
 def sticks_at_start(solution: Solution) -> bool:
-    return 0 in _begin(solution)[3]
+    return bool(solution._holds(_begin(solution)[3]))
 
 
 def without_derivative(solution: Solution, times: np.ndarray, why: np.ndarray) -> list[str]:

@@ -321,6 +321,11 @@ class Solution(Described):
         ]
         return Segment(start, end, ", ".join(names) or "smooth", status, *columns)
 
+    def _holds(self, status: Any) -> Any:
+        """Whether a surface or a contact is held, of a status (m,) or of several (m, n); unknowns always are solved."""
+        rows = [j for j, mu in enumerate(self.model.multipliers) if mu.kind != "algebraic"]
+        return np.any(np.asarray(status)[rows] == 0, axis=0)
+
     @property
     def itinerary(self) -> tuple[str, ...]:
         """Names of the segments in order."""
