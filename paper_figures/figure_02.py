@@ -12,6 +12,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.special import erf, wofz
 
+from paper_figures.sources import IDENTITY, solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -126,14 +127,22 @@ def claims():
             f"{contact_coefficient(2.0):.9f})",
             False,
             "(3) as printed tends to exp(-rho^2/2)/2, not to 1: the normalisation is left to N",
+            **solid_friction("(3), (37)"),
         ),
-        Claim.number("peak lies at v = pi eps/(2 rho), rho = 3/2: v/eps", exact_peak, found_peak, 1e-4),
+        Claim.number(
+            "peak lies at v = pi eps/(2 rho), rho = 3/2: v/eps",
+            exact_peak,
+            found_peak,
+            1e-4,
+            **solid_friction("appendix A"),
+        ),
         Claim.number(
             "height of the peak at rho = 3/2",
             printed_height,
             height,
             5e-6,
             reason="it takes the first asymptotic term at v/eps = 1.05, where that does not apply",
+            **solid_friction("section 2 and appendix A"),
         ),
         Claim(
             "the peak's height does not depend on eps",
@@ -141,6 +150,7 @@ def claims():
             ", ".join(f"{h:.5f}" for h in heights) + " at eps = 0.1, 0.01, 0.001",
             max(heights) - min(heights) < 1e-4,
             "differs between eps",
+            **IDENTITY,
         ),
         Claim(
             "other envelopes and mixed phases tend to the same kind of curve, with a peak",
@@ -148,6 +158,7 @@ def claims():
             "heights " + ", ".join(f"{height:.3f} ({name})" for name, height in others.items()),
             min(others.values()) > 1.01,
             "a mixed phase this slow leaves no peak: the phase has to turn within the envelope",
+            **solid_friction("appendix A"),
         ),
         Claim(
             "C_nm of (37): (-1)^n (2n-1)!! (2n+1)!/((2n+1-m)! m!)",
@@ -156,6 +167,7 @@ def claims():
             f"1 - mu, with the printed ones by {remainder['printed']:.1e}",
             False,
             "1/(v/eps - i rho)^(2n+1) expands with binom(2n+m, m); the printed ones belong to a positive power",
+            **solid_friction("(37)"),
         ),
         Claim(
             "(38): Lambda_eps = sign(v) - sum b_n/(i v/eps)^(2n), b_1 = sign(v)/2",
@@ -163,6 +175,7 @@ def claims():
             f"1 - {sigmoid_tail:.3f} eps^2/(2 v^2) at v/eps = 10",
             False,
             "the sign of the sum is wrong: a sigmoid below 1 cannot have a tail above it",
+            **solid_friction("(38)"),
         ),
     ]
 

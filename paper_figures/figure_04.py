@@ -6,6 +6,7 @@ The attracting branch d mu/d lam > 0 ends in folds at lam = +-lam_s if rho > 1/2
 import numpy as np
 import sympy as sp
 
+from paper_figures.sources import solid_friction
 from pwsmooth.analysis.sticking import fold
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, LINEAR_SHADE, NONLINEAR_SHADE, new_figure
@@ -44,6 +45,7 @@ def claims():
             str(three.lam_s),
             three.lam_s == sp.Rational(2, 3),
             "-",
+            **solid_friction("section 5, (16)"),
         ),
         Claim(
             "mu_s = 2 rho ((1 + rho)/(3 rho))^(3/2) for rho > 1/2, else 1; at rho = 3",
@@ -51,6 +53,7 @@ def claims():
             f"{three.mu_s} (largest mu on a grid: {mu.max():.6f})",
             bool(same) and three.mu_s == sp.Rational(16, 9),
             "the closed form differs",
+            **solid_friction("section 5, (17)"),
         ),
         Claim(
             "(17): mu_s = -rho (d gamma/dv) lam_s^2",
@@ -58,6 +61,7 @@ def claims():
             f"derivative by lam: {-3 * slope * three.lam_s**2}",
             False,
             "d gamma/dv is infinite on v = 0; with d gamma/d lam the formula is the fold's height",
+            **solid_friction("(17)"),
         ),
         Claim(
             "for rho <= 1/2 the extreme values lie at lam = +-1",
@@ -65,6 +69,7 @@ def claims():
             f"mu_s = {fold(GAMMA, LAM, sp.Rational(2, 5)).mu_s} at rho = 0.4",
             fold(GAMMA, LAM, sp.Rational(2, 5)).mu_s == 1,
             "a fold lies inside",
+            **solid_friction("section 5, (17)"),
         ),
         Claim(
             "appendix B: attracting for |zeta| < max(1, lam_s)",
@@ -72,6 +77,7 @@ def claims():
             "min(1, lam_s)",
             False,
             "the source's own proof gives min: for lam_s < 1 the branch beyond the fold is of saddle type",
+            **solid_friction("appendix B, proposition 5"),
         ),
     ]
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from paper_figures import oscillator as osc
 from paper_figures.drawing import layer_visits, three_panels
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
@@ -36,6 +37,7 @@ def claims(orbit, relaxing):
             False,
             f"eps = beta gives the symmetric orbit; eps -> 0 at beta = 0.1 gives {len(one)} stick a period, "
             f"of {one[0].duration:.3f}, and a direct crossing",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "it sticks for a time interval of about pi/2",
@@ -43,6 +45,7 @@ def claims(orbit, relaxing):
             f"{visits[0][1]:.3f} (|v| <= eps)",
             abs(visits[0][1] - np.pi / 2) < 0.1,
             f"neither kind of orbit does: {one[0].duration:.4f} is the longest stick, at eps -> 0",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "a stick-slip oscillation: sticking in the nonlinear region",
@@ -50,6 +53,7 @@ def claims(orbit, relaxing):
             f"the orbit is in |v| <= eps while |k y - q''| reaches {_largest_force(orbit):.4f} N",
             1 < _largest_force(orbit),
             "it stays inside the linear region",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "beta is fast enough for spikes of static friction",
@@ -57,6 +61,7 @@ def claims(orbit, relaxing):
             f"|mu| reaches {np.abs(mu).max():.4f}; |v| reaches {np.abs(v).max():.3f}",
             bool(np.abs(mu).max() > 1.2),
             "no spikes are seen",
+            **solid_friction("section 8, figure 8"),
         ),
     ]
 

@@ -5,6 +5,7 @@ import numpy as np
 from paper_figures import kicked
 from paper_figures import oscillator as osc
 from paper_figures.drawing import smoothed_status
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, by_phase, new_figure
 
@@ -55,6 +56,7 @@ def claims(small, large):
                 f"largest |mu| while stuck, a half period: {text}; above 1.6, nine tenths of mu_s, in {shares}",
                 bool(good),
                 "they are missed now and then" if exhibits else "now and then a stick still lasts up to a peak",
+                **solid_friction("section 8, figure 13"),
             )
         )
     return result

@@ -3,6 +3,7 @@
 import sympy as sp
 
 from paper_figures.contact import COLOUR, contact_curves
+from paper_figures.sources import IDENTITY, friction_thesis
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import HuntCrossley, KelvinVoigt, LinearResidual, ResidualIndentation
 from pwsmooth.plotting import direction_arrows, new_figure
@@ -47,6 +48,7 @@ def claims(found):
             f"F(0+) = {first['b']:.4g} N = K b1 v0",
             bool(abs(first["b"] - 20) < 1e-6),
             "the jump differs from K b1 v0 = 20 N",
+            **IDENTITY,
         ),
         Claim(
             "(b) and a sticky force before release",
@@ -54,6 +56,7 @@ def claims(found):
             f"min F = {low['b']:.4g} N",
             bool(low["b"] < -1),
             "none",
+            **friction_thesis("section 5.1, (5.1)"),
         ),
         Claim(
             "(c) Hunt-Crossley: continuous, and force and indentation vanish together",
@@ -61,6 +64,7 @@ def claims(found):
             f"F(0) = {first['c']:.2g} N; p = {left['c']:.1e} m at the end",
             bool(first["c"] == 0 and abs(left["c"]) < 1e-9),
             "it does not",
+            **friction_thesis("chapter 5 and figure 5.1 (c)"),
         ),
         Claim(
             "(c) with an external pull a sticky force appears",
@@ -68,6 +72,7 @@ def claims(found):
             f"free: min F = {low['c']:.2g} N; pulled: {low['pulled']:.3g} N",
             bool(low["c"] >= 0 and low["pulled"] < -0.02 * found["c"][1].max()),
             "it does not",
+            **friction_thesis("figure 5.1 (c)"),
         ),
         Claim(
             "(d) the linear law: continuous, never sticky, non-zero indentation when the force is lost",
@@ -75,6 +80,7 @@ def claims(found):
             f"F(0) = {first['d']:.2g}, min F = {low['d']:.1g} N, p* = {left['d']:.5f} m",
             bool(first["d"] == 0 and low["d"] > -1e-9 and left["d"] > 1e-3),
             "it differs",
+            **friction_thesis("section 5.1, (5.4)"),
         ),
         Claim(
             "(a) typical data: continuous, Hertz-like, non-zero indentation when the force is lost",
@@ -82,6 +88,7 @@ def claims(found):
             f"R1: F(0) = {first['a']:.2g}, p* = {left['a']:.5f} m = {left['a'] / deepest['a']:.2f} of the largest",
             bool(first["a"] == 0 and left["a"] > 1e-3),
             "it differs",
+            **friction_thesis("figure 5.1 (a)", origin="reconstruction"),
         ),
     ]
 

@@ -1,6 +1,7 @@
 """Contact figure 4: force-indentation and velocity-indentation curves of the laws with a restitution."""
 
 from paper_figures.contact import COLOUR, contact_curves
+from paper_figures.sources import IDENTITY, clearance_joint, closed_form
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
     BaiImpact,
@@ -60,12 +61,14 @@ def claims(found):
             f"c_r = 0.3, 0.5, 0.9: {show}",
             all(off["Wang-Liu-Ma", c] < off[law, c] for c in RESTITUTIONS),
             "it is not",
+            **clearance_joint("Tables 1 and 2"),
         ),
         Claim.number(
             "largest indentation of Lankarani-Nikravesh, c_r = 0.5, against the closed form (um)",
             1e6 * depth,
             1e6 * float(found[law, 0.5][0].max()),
             1e-5 * 1e6 * depth,
+            **closed_form(),
         ),
         Claim(
             "damping force is zero at both ends: force and indentation vanish together",
@@ -73,6 +76,7 @@ def claims(found):
             f"largest end force {max(abs(f[[0, -1]]).max() for _, _, f in found.values()):.1e} N",
             max(abs(f[[0, -1]]).max() / f.max() for _, _, f in found.values()) < 1e-6,
             "they do not",
+            **IDENTITY,
         ),
     ]
 

@@ -3,6 +3,7 @@
 import numpy as np
 import sympy as sp
 
+from paper_figures.sources import EXPECTED, IDENTITY, closed_form
 from pwsmooth.figures import Claim
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
@@ -87,17 +88,29 @@ def claims(curves):
     X = 4e-5
     dahl = 4 * X - 4e-5 * np.tanh(4)
     return [
-        Claim("no law gives energy in a slow cycle", "loss >= 0", "all losses >= 0", dissipate, "one gives energy"),
+        Claim(
+            "no law gives energy in a slow cycle",
+            "loss >= 0",
+            "all losses >= 0",
+            dissipate,
+            "one gives energy",
+            **EXPECTED,
+        ),
         Claim(
             "laws with a spring or bristle have a presliding regime: at 5 um less than half of Coulomb's loss",
             "all of them",
             f"{len(springs & presliding)} of {len(springs)}",
             springs <= presliding,
             "not " + ", ".join(sorted(springs - presliding)),
+            **EXPECTED,
         ),
-        Claim.number("loss of Dahl's loop at 40 um (J, closed form)", dahl, loss["Dahl"][X], 1e-3 * dahl),
-        Claim.number("loss of Coulomb's loop at 40 um, 4 F_c A (J)", 4 * X, loss["Coulomb"][X], 1e-3 * X),
-    ]  # fmt: skip
+        Claim.number(
+            "loss of Dahl's loop at 40 um (J, closed form)", dahl, loss["Dahl"][X], 1e-3 * dahl, **closed_form()
+        ),
+        Claim.number(
+            "loss of Coulomb's loop at 40 um, 4 F_c A (J)", 4 * X, loss["Coulomb"][X], 1e-3 * X, **IDENTITY
+        ),
+    ]
 
 
 def draw(fast):

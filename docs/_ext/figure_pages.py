@@ -24,6 +24,8 @@ from page import (
     write,
 )
 
+from pwsmooth.claims import ORIGINS, counted, tally
+
 GALLERY = AUTO / "figures"
 
 
@@ -104,24 +106,26 @@ def _write_helpers(helpers: list[Path]) -> None:
     write(GALLERY / "shared.md", "\n".join(parts))
 
 
-def counts(claims: list[dict[str, str]]) -> tuple[int, int]:
-    """How many claims are reproduced, how many differ."""
-    good = sum(c["verdict"] == "reproduced" for c in claims)
-    return good, len(claims) - good
-
-
 def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> None:
-    total = counts([c for entry in found.values() for c in entry["claims"]])
+    every = [c for entry in found.values() for c in entry["claims"]]
     rows = [
-        (Raw(f"[{plain(name)}](figures/{stems[name]}.md)"), entry["title"], *counts(entry["claims"]))
+        (Raw(f"[{plain(name)}](figures/{stems[name]}.md)"), entry["title"], counted(entry["claims"]))
         for name, entry in found.items()
     ]
     parts = [
         "# Replication report\n",
-        f"**{total[0]} claims of the sources are reproduced, {total[1]} differ**; where one differs, the reason stands "
-        "beside it. The table is made from `claims.json`, which `pwsmooth figures` writes: statement, the source's "
-        f"value or words, ours, verdict.\n{note}",
-        table(("figure", "title", "reproduced", "differ"), rows),
+        "What the figures claim, held against what the sources print, against closed forms and against other "
+        "programs: evidence of different worth, counted apart. Where one does not hold, the reason stands beside it. "
+        "The report is made from `claims.json`, which `pwsmooth figures` writes. All statements of the sources, "
+        f"section by section: [what the sources say](statements.md).\n{note}",
+        table(
+            ("origin", "what it is", "hold", "do not", "verdict"),
+            (
+                (origin, ORIGINS[origin].meaning, good, bad, f"{ORIGINS[origin].good}; {ORIGINS[origin].bad}")
+                for origin, (good, bad) in tally(every).items()
+            ),
+        ),
+        table(("figure", "title", "claims that hold"), rows),
     ]
     for name, entry in found.items():
         if entry["claims"]:
