@@ -27,6 +27,7 @@ def claims(orbit, relaxing):
     visits, one = layer_visits(orbit, EPS), osc.sticks(relaxing)
     times = np.linspace(0, osc.PERIOD, 4001)
     y, v, mu = orbit(times, "y"), orbit(times, "v"), orbit(times, "mu")
+    reached = _forces(orbit)
     symmetric = np.abs(y[:2001] + y[2000:]).max()
     return [
         Claim(
@@ -49,10 +50,10 @@ def claims(orbit, relaxing):
         ),
         Claim(
             "a stick-slip oscillation: sticking in the nonlinear region",
-            "outside the linear one",
-            f"the orbit is in |v| <= eps while |k y - q''| reaches {_largest_force(orbit):.4f} N",
-            1 < _largest_force(orbit),
-            "it stays inside the linear region",
+            "N < |k y - q''| <= N mu_s = 1.7778 while it sticks",
+            f"while |v| <= eps |k y - q''| is {reached[0]:.4f} to {reached[1]:.4f} N",
+            1 < reached[0] and reached[1] <= osc.MU_S,
+            "it begins in the nonlinear region and ends beyond it: in a layer as wide as eps = 0.1 slip begins inside",
             **solid_friction("section 8, figure 8"),
         ),
         Claim(
@@ -66,10 +67,12 @@ def claims(orbit, relaxing):
     ]
 
 
-def _largest_force(orbit):
+def _forces(orbit):
+    """(least, largest) force on the friction while |v| <= eps."""
     times = np.linspace(0, osc.PERIOD, 20001)
     inside = np.abs(orbit(times, "v")) <= EPS
-    return np.abs(3.1 * orbit(times, "y") + 2.4 * np.sin(times))[inside].max()
+    force = np.abs(3.1 * orbit(times, "y") + 2.4 * np.sin(times))[inside]
+    return float(force.min()), float(force.max())
 
 
 def draw(fast):

@@ -18,26 +18,26 @@ all at once at v = 0, those of the multistate law one by one before it. {fr.NOTE
 """
 SIGMAS = (0.001, 0.01, 0.03)
 WINDOW = (0.2, 0.4)
-# Fixed step 0.1 ms: force range of GMS, instants at which the count changes in the window.
-RANGE = {0.001: 1.893, 0.01: 1.949, 0.03: 2.240}
-GMS_TIMES = (0.2500, 0.3187, 0.3458, 0.3663, 0.3837, 0.3993)
+# tests/reference/presliding.py: largest force of GMS, instants at which the count changes in the window.
+RANGE = {0.001: 1.893227, 0.01: 1.949153, 0.03: 2.239645}
+GMS_TIMES = (0.25000, 0.31868, 0.34575, 0.36629, 0.38368, 0.39923)
 NEW_TIMES = (
-    0.2181,
-    0.2213,
-    0.2247,
-    0.2282,
-    0.2319,
-    0.2357,
-    0.2394,
-    0.2429,
-    0.2459,
-    0.2483,
-    0.3163,
-    0.3405,
-    0.3579,
-    0.3717,
-    0.3834,
-    0.3936,
+    0.21808,
+    0.22134,
+    0.22471,
+    0.22824,
+    0.23191,
+    0.23568,
+    0.23941,
+    0.24289,
+    0.24592,
+    0.24832,
+    0.31632,
+    0.34055,
+    0.35787,
+    0.37171,
+    0.38339,
+    0.39358,
 )
 TIMES = np.linspace(0.2, 1.2, 40001)
 
@@ -60,8 +60,8 @@ def claims(gms, new):
                 f"largest force of GMS, sigma_i = {sigma} (N; reconstruction)",
                 RANGE[sigma],
                 largest,
-                0.005 * RANGE[sigma],
-                **computed("fixed step, 0.1 ms"),
+                1e-4 * RANGE[sigma],
+                **computed("tests/reference/presliding.py"),
             )
         )
     for sigma in SIGMAS:
@@ -91,15 +91,15 @@ def claims(gms, new):
     for name, run, listed in (("GMS", gms[0.01], GMS_TIMES), ("multistate law", new[0.01], NEW_TIMES)):
         times, counts = fr.events_between(run, *WINDOW)
         text = ", ".join(f"{x:.4f}" for x in times)
-        close = len(times) == len(listed) and bool(np.all(np.abs(times - listed) < 2e-3))
+        close = len(times) == len(listed) and bool(np.all(np.abs(times - listed) < 2e-5))
         found.append(
             Claim(
-                f"instants at which the number in presliding changes, {name} (s; reconstruction, 2 ms)",
+                f"instants at which the number in presliding changes, {name} (s; reconstruction, 0.02 ms)",
                 ", ".join(map(str, listed)),
                 text,
                 close,
                 "they lie elsewhere",
-                **computed("fixed step, 0.1 ms"),
+                **computed("tests/reference/presliding.py"),
             )
         )
         back = counts[times <= 0.2501]
