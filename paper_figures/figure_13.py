@@ -66,8 +66,8 @@ def claims(small, large):
                 bool(good),
                 "they are missed now and then"
                 if exhibits
-                else "it depends on when one looks: a kick inside the layer raises |mu| to as much as 1 + 3 z, and only "
-                f"just before the next one are the peaks missed ({100 * max(sampled.values()):.0f} % at most)",
+                else "it depends on when one looks: a kick in the layer raises |mu| to as much as 1 + 3 z, and only"
+                f" just before the next one are the peaks missed ({100 * max(sampled.values()):.0f} % at most)",
                 **solid_friction("section 8, figure 13"),
             )
         )
