@@ -150,8 +150,8 @@ def least_error():
         Claim(
             "the new law has the least error for C_r <= 1, of the laws that the source lists",
             "least",
-            "no larger than Hunt-Crossley's, Lankarani-Nikravesh's, Bai's (the same factor) and that of Wang and Liu 2015 "
-            "(Lankarani-Nikravesh's factor) at c_r = 0.02 to 0.99",
+            "no larger than Hunt-Crossley's, Lankarani-Nikravesh's, Bai's (the same factor) and that of Wang and Liu "
+            "2015 (Lankarani-Nikravesh's factor) at c_r = 0.02 to 0.99",
             listed,
             "one of them errs less somewhere",
             **clearance_joint("section 7"),
