@@ -201,10 +201,11 @@ def claims(data):
               f"a block on a spring pulled at 0.1 m/s slips every {periods[-1]:.4f} s, up to {data['fastest']:.3f} m/s",
               len(periods) >= 3 and np.ptp(periods[-2:]) < 1e-3, "it does not"),
         shown("hysteresis with non-local memory: after an inner loop the outer branch goes on", "the same force",
-              f"{without:.6f} N without, {inner:.6f} N with an inner loop, which is left {abs(gap):.1e} N from its begin",
+              f"{without:.6f} N without, {inner:.6f} N with an inner loop, left {abs(gap):.1e} N from its begin",
               abs(without - inner) < 1e-6, "the force remembers the inner loop"),
         shown("the loop is independent of the rate", "equal loops",
-              ", ".join(f"{100 * share:.2f} % at {rate:g} Hz" for rate, share in off.items()) + " from that at 0.025 Hz",
+              ", ".join(f"{100 * share:.2f} % at {rate:g} Hz" for rate, share in off.items())
+              + " from that at 0.025 Hz",
               max(off.values()) < 0.01,
               "as long as micro-damping sigma_i v is small: it is rate-independent for slow motion only"),
         claim("more micro-damping: more loss (N um, A = 0.5 um, 0.25 Hz)", "rises with sigma_i", listed(data["sigma"]),
@@ -257,7 +258,7 @@ def draw(data):
 
 STUDY = Study(
     name="statements_friction_contact",
-    question="Which properties do the texts on friction and contact models name, beside their figures, and are they there?",
+    question="Which properties do the texts on friction and contact models name, beside their figures, and are they so?",
     expected="All of them; rate independence for slow motion only.",
     full=Config(),
     fast=Config(cycles=5),
