@@ -258,7 +258,7 @@ def draw(data):
 
 STUDY = Study(
     name="statements_friction_contact",
-    question="Which properties do the texts on friction and contact models name, beside their figures, and are they so?",
+    question="Which properties do the texts on friction and contact models name beside their figures? Are they so?",
     expected="All of them; rate independence for slow motion only.",
     full=Config(),
     fast=Config(cycles=5),

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from paper_figures import statements
 from pwsmooth import figures
 from pwsmooth.claims import ORIGINS, Claim, counted, tally
 from pwsmooth.figures import FiguresError
@@ -200,12 +201,17 @@ def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path
     entries = json.loads((tmp_path / "claims.json").read_text())
     assert len(list(tmp_path.glob("figure_*.png"))) == len(list(tmp_path.glob("figure_*.pdf"))) == len(entries)
     differ = {name: sum(not c["holds"] for c in entry["claims"]) for name, entry in entries.items()}
-    known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1, "11": 0, "12": 2, "13": 0}
+    known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 3, "9": 1, "10": 1, "11": 0, "12": 2, "13": 1}
     known |= {"4.8": 1, "4.9": 0, "4.10": 0, "4.11": 0, "laws": 0, "lugre": 0}
-    known |= {"5.1": 0, "c1": 1, "c2": 0, "c3": 1, "c4": 0, "c5": 0}
+    known |= {"5.1": 0, "c1": 1, "c2": 0, "c3": 3, "c4": 0, "c5": 0}
     assert differ == known
     last = entries["6"]["claims"][-1]
     assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
+    assert all(c["origin"] != "printed" or c["where"] for entry in entries.values() for c in entry["claims"])
+    # The counts that the README tells.
+    told = " ".join((Path(figures.__file__).parent.parent / "README.md").read_text(encoding="utf-8").split())
+    assert statements.sentence(statements.records(entries)) in told
+    assert f"({counted(c for entry in entries.values() for c in entry['claims'])})" in told
 
 
 def test_several_at_a_time_leave_the_same_files(tmp_path, capsys):

@@ -13,6 +13,7 @@ from page import (
     card,
     claims_table,
     code,
+    coloured,
     grid,
     headline,
     picture,
@@ -24,6 +25,7 @@ from page import (
     write,
 )
 
+from paper_figures import statements
 from pwsmooth.claims import ORIGINS, counted, tally
 
 GALLERY = AUTO / "figures"
@@ -74,6 +76,7 @@ def write_pages(figures: Path) -> None:
         + toctree([*stems.values(), "shared"]),
     )  # fmt: skip
     _write_report(found, stems, note)
+    _write_statements(found, stems, note)
 
 
 def _write_figure(figures: Path, name: str, stem: str, entry: dict) -> None:
@@ -135,3 +138,34 @@ def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> N
                 f"[Figure and code](figures/{stems[name]}.md)\n",
             ]
     write(AUTO / "replication.md", "\n".join(parts))
+
+
+def _write_statements(found: dict[str, dict], stems: dict[str, str], note: str) -> None:
+    """Every statement of the sources, with links to what tests it."""
+    known = statements.records(found)
+    parts = [
+        "# What the sources say\n",
+        f"**{statements.sentence(known)}** A statement is held against the claims of figures and studies that test it, "
+        "and counts as reproduced if all of these hold; where none tests it, the reason stands in its place. "
+        f"The claims with their values: [replication report](replication.md).\n{note}",
+        table(
+            ("source", "verdicts"),
+            (
+                (statements.SOURCES[source], ", ".join(f"{number} {word}" for word, number in words.items()))
+                for source, words in statements.counts(known).items()
+            ),
+        ),
+    ]
+    for source, title in statements.SOURCES.items():
+        rows = []
+        for one in statements.statements(source):
+            word, good, why = statements.verdict(one, known)
+            names = dict.fromkeys(name for name, _ in statements.claims_of(one, known))
+            tested = ", ".join(
+                f"[figure {plain(name)}](figures/{stems[name]}.md)" if name in stems
+                else f"[{plain(name.replace('_', ' '))}](experiments/{name}.md)"
+                for name in names
+            )  # fmt: skip
+            rows.append((one.where, one.says, Raw(tested or "–"), coloured(word, good, why)))
+        parts += [f"## {plain(title)}\n", table(("place", "statement", "tested by", "verdict"), rows)]
+    write(AUTO / "statements.md", "\n".join(parts))

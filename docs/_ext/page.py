@@ -160,8 +160,13 @@ def origin_of(claim: dict[str, Any]) -> str:
 
 def verdict_of(claim: dict[str, Any]) -> Raw:
     """The verdict in its colour, and the reason where a claim does not hold."""
-    verdict = f"[{claim['verdict']}]{{.verdict-{'good' if claim['holds'] else 'bad'}}}"
-    return Raw(verdict if claim["holds"] else f"{verdict}: {shown(claim['reason'])}")
+    return coloured(claim["verdict"], claim["holds"], claim["reason"])
+
+
+def coloured(word: str, good: bool | None, why: str) -> Raw:
+    """A verdict in the colour of good or bad, or of neither, and why it is not good."""
+    shade = {True: "{.verdict-good}", False: "{.verdict-bad}"}.get(good, "")
+    return Raw((f"[{word}]{shade}" if shade else word) + ("" if good else f": {shown(why)}"))
 
 
 def provenance_text(record: dict[str, Any]) -> str:
