@@ -12,7 +12,7 @@ COLOUR = {
     "Lankarani-Nikravesh": "#56B4E9",
     "Wang-Liu-Ma": "#000000",
     "Hertz": "#999999",
-    "Wang-Liu 2015": "#F0E442",
+    "Wang-Liu 2015": "#B2182B",
     "Flores": "#7A5195",
     "Bai": "#8C6D31",
     "rigid": "#555555",

@@ -42,6 +42,13 @@ def test_a_statement_that_differs_says_why_and_one_that_is_not_tested_too():
     assert statements.verdict(untested, FOUND) == ("not tested", None, "no data")
 
 
+def test_of_the_chapter_without_equations_nothing_counts_as_reproduced():
+    assert (
+        statements.verdict(Statement("chapter 4, figure 4.8", "a loop", ("1: the peak is high",)), FOUND)[0]
+        == "shown"
+    )
+
+
 @pytest.mark.parametrize("pointer", ["1: the peak", "1: nothing", "2: the peak is high"])
 def test_a_pointer_to_no_claim_or_to_several_is_an_error(pointer):
     with pytest.raises(LookupError, match="leads to"):
