@@ -23,14 +23,12 @@ class Origin(NamedTuple):
 
 
 ORIGINS = {
-    "printed": Origin("printed in a source", "reproduced", "differs"),
+    "printed": Origin("in a source, with section or equation", "reproduced", "differs"),
     "derived": Origin("in closed form from the equations", "follows", "does not follow"),
-    "independent": Origin("computed independently", "agrees", "disagrees"),
-    "reconstruction": Origin(
-        "a source's words on equations that had to be reconstructed", "shown", "not shown"
-    ),
-    "expected": Origin("expected by us, before the computation", "holds", "does not hold"),
-    "identity": Origin("an identity: a check of the code, no claim", "passes", "is broken"),
+    "independent": Origin("computed by another program", "agrees", "disagrees"),
+    "reconstruction": Origin("a source's words on equations that were not available", "shown", "not shown"),
+    "expected": Origin("by us, before the computation", "holds", "does not hold"),
+    "identity": Origin("a check of the code, no claim", "passes", "is broken"),
 }
 
 

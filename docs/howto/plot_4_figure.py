@@ -80,8 +80,9 @@ def draw(fast):
     # 1e-8: ten times the relative tolerance of a run.
     claims = [
         Claim.number(
-            f"amplitude at w = {omega:.3g}", closed(omega), a, 1e-8, digits=10
-        )
+            f"amplitude at w = {omega:.3g}", closed(omega), a, 1e-8, digits=10,
+            origin="printed", where="Den Hartog 1931",
+        )  # fmt: skip
         for omega, a in zip(omegas, amplitudes)
     ]
     return figure, claims
