@@ -7,7 +7,7 @@ eps, beta -> 0 at fixed r (event-driven, layer resolved) and the smoothed oscill
 on the two-stick orbit (that of r = oo) and one on the one-stick orbit (that of r = 0.003).
 
 Expected: at eps = 0 one stick a period for small beta, whose length tends to that of the two-stage limit,
-0.778356050 (specification, section 4), by a power of beta: during capture z has to grow from nearly 0 under a force
+0.778356050 (computed apart), by a power of beta: during capture z has to grow from nearly 0 under a force
 nearly N, as at the passage of a fold, which suggests beta^(2/3). For beta of the drive's order z is too slow to grow
 within a stick and the sticks vanish. Part 2: in the limit both orbits do not depend on r, but exist only while the
 layer decides as they need: two sticks while the force on arrival is below the capture threshold F_c(r), one stick
@@ -36,7 +36,7 @@ from pwsmooth.plotting import COLOUR, new_figure
 from pwsmooth.sweep import Function, Points
 
 DRIVE = 2 * sp.pi / omega
-LIMIT = 0.778356050  # the two-stage limit's stick, specification, section 4
+LIMIT = 0.778356050  # the two-stage limit's stick, computed apart
 # A stay in |v| <= 5 eps is a stick when it is longer than this and z, which vanishes in slip, grows beyond that: where
 # |F| is near N a crossing is slow too.
 LEAST, GROWN = 0.2, 0.5

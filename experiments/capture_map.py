@@ -192,14 +192,15 @@ def claims(data):
             "separatrix and bisection on trajectories give one threshold", "< 1e-6", f"off by {off:.1e}", off < 1e-6,
             "they differ",
         ),
-        Claim.number(f"exponent of F_c - 1 in r at r = {r[0]:.0e}, algebraic", 2 / 3, power, 0.01, digits=4),
+        Claim.number(f"exponent of F_c - 1 in r at r = {r[0]:.0e}, algebraic",
+                     2 / 3, power, 0.01, digits=4, origin="derived"),
         claim(
             "tanh: (F_c - 1)/(r log 1/r) varies slowly", "bounded, no power",
             f"{scaled.min():.2f} to {scaled.max():.2f} over r = {r[0]:.0e} to 1e-3",
             scaled.max() / scaled.min() < 2, "it is no such law",
         ),
         claim(
-            "both kinds attract at eps = 0.001, beta = 0.01 (spec, section 4)", "both",
+            "both kinds attract at eps = 0.001, beta = 0.01", "both",
             " and ".join(KINDS[k] for k in corner), {0, 1} <= set(corner), "one of them was not found",
         ),
         claim(

@@ -36,7 +36,7 @@ from pwsmooth.paths.linearised import linearise
 from pwsmooth.plotting import COLOUR, new_figure
 
 MU_S, LAM_S = 16 / 9, 2 / 3
-# A stick of the slaved orbit (spec, section 4): y, and a time inside it.
+# A stick of the slaved orbit (computed apart): y, and a time inside it.
 Y, BEGIN, END = -1.17358823, 1.9, 2.6
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 FINE = {"rtol": 1e-9, "atol": 1e-13}

@@ -27,7 +27,7 @@ FOUND = {
         (("1: the peak is high",), "reproduced", True),
         (("1: the peak is high", "1: the peak is broad"), "differs", False),
         (("drive: it", "1: the peak is high"), "shown", True),
-        (("1: 1 = 1",), "passes", True),
+        (("1: 1 = 1",), "plain from the formula", True),
         (("1: 1 = 1", "1: the peak is high"), "reproduced", True),
     ],
 )
