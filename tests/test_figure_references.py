@@ -114,7 +114,7 @@ def test_the_ends_of_rest(beta, monkeypatch):
 @pytest.mark.parametrize("law", ["uniform", "normal"])
 def test_large_kicks_miss_the_static_peaks_only_just_before_the_next(law):
     always, before = kicked.largest_mu(5e-3, law)
-    # 160 half periods; over 500 it is 97 % and 89 % at all times.
+    # 120 half periods; over 500 it is 97 % and 89 % at all times.
     assert np.mean(always > 1.6) > 0.8 and np.mean(before > 1.6) < 0.1
 
 

@@ -10,7 +10,7 @@ import numpy as np
 EPS = 1e-3
 
 
-def largest_mu(kappa, law, *, seeds=40, periods=3, steps=64, seed=0):
+def largest_mu(kappa, law, *, seeds=60, periods=2, steps=64, seed=0):
     """Largest |mu| while |v| <= 2 eps in each half period but the first two: (at all steps, just before kicks).
 
     `steps` between kicks, of a fifth of eps: the layer's fastest rate is 4/eps.
