@@ -83,6 +83,16 @@ def loss(rate=0.25, size=0.5, **parameters):
     return float(np.trapezoid(force, p))
 
 
+def steady(speeds=(1.0, 4.0, 8.0, 20.0, 80.0)):
+    """Force (N) that settles at each constant speed (um/s), from rest bristles, and the Stribeck curve there."""
+    found = []
+    for speed in speeds:
+        span = (0, 1 + 3 / speed)  # 1 um of travel bends every bristle to its strength
+        run = finished(prescribed_motion(MultistateXKY(), velocity=speed, t_span=span).solve())
+        found.append((speed, float(run["force"][-1]), float(1 + np.exp(-((speed / 8) ** 2)))))
+    return found
+
+
 def memory():
     """Force at 0.6 um on the way up, without and with an inner loop from 0.5 um back to 0.3 um and up again."""
     slow = 0.1  # um/s
@@ -144,6 +154,7 @@ def run(config):
         "drift": {"multistate": drift(MultistateXKY(**SI), config.cycles), "LuGre": drift(LuGre(), config.cycles)},
         "starts": starts,
         "fastest": fastest,
+        "steady": steady(),
         "memory": memory(),
         "rates": {str(rate): float(np.abs(loop(rate)[1] - reference[1]).max()) for rate in (0.05, 0.25, 2.5)},
         "largest": float(np.abs(reference[1]).max()),
@@ -197,6 +208,11 @@ def claims(data):
         shown("the multistate law does not drift under a small cyclic force", "no drift",
               f"{np.abs(steps['multistate']).max():.1e} m a cycle after the first; LuGre {steps['LuGre'].mean():.3e} m",
               np.abs(steps["multistate"]).max() < 1e-10, "it drifts"),
+        shown("the multistate law has the Stribeck effect: its steady force falls with the speed", "on g(v)",
+              ", ".join(f"{force:.6f} N at {speed:g} um/s" for speed, force, _ in data["steady"])
+              + f"; off g(v) by {max(abs(force - g) for _, force, g in data['steady']):.1e} N",
+              all(abs(force - g) < 1e-5 for _, force, g in data["steady"])
+              and all(np.diff([force for _, force, _ in data["steady"]]) < 0), "it does not fall"),
         shown("the multistate law shows stick-slip oscillation", "stick-slip",
               f"a block on a spring pulled at 0.1 m/s slips every {periods[-1]:.4f} s, up to {data['fastest']:.3f} m/s",
               len(periods) >= 3 and np.ptp(periods[-2:]) < 1e-3, "it does not"),
