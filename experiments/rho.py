@@ -115,7 +115,8 @@ def claims(data: dict) -> list[Claim]:
     appears = int(np.argmax(longest > 0))
     return [
         claim("Slaved: nonlinear sticking is born where N mu_s reaches the force at the crossings", f"{predicted:.7f}",
-              f"between {low:.7f} and {high:.7f}", low - 1e-6 <= predicted <= high + 1e-6, "born elsewhere"),
+              f"between {low:.7f} and {high:.7f}", low - 1e-6 <= predicted <= high + 1e-6, "born elsewhere",
+              origin="derived"),
         claim(
             "Slaved: it is born with length zero",
             "0",
@@ -130,8 +131,10 @@ def claims(data: dict) -> list[Claim]:
               "born of length zero"),
         claim("Relaxing: one stick a period", "S R L or S L R, where it sticks", ", ".join(sorted(set(words.ravel()))),
               set(words.ravel()) <= {"R L", "S R L", "S L R", "S"}, "other orbits were met"),
-        claim("At rho = 3 the relaxing stick is the specification's", "1.179049648", f"{longest[at_3]:.9f}",
-              abs(longest[at_3] - 1.179049648) < 1e-8, "another length"),
+        claim("At rho = 3 the relaxing stick has the length that another program finds", "1.179049648",
+              f"{longest[at_3]:.9f}",
+              abs(longest[at_3] - 1.179049648) < 1e-8, "another length", origin="independent",
+              where="tests/reference/relaxing.py"),
     ]  # fmt: skip
 
 

@@ -24,9 +24,10 @@ from benchtools import provenance, write_json
 from studytools import RESULTS, claim
 
 from pwsmooth import plotting
+from pwsmooth.claims import counted
 from pwsmooth.compare.hazards import HAZARDS, StabilityMap, stability
 from pwsmooth.compare.hazards.charts import page
-from pwsmooth.figures import write_whole
+from pwsmooth.results.files import write_whole
 
 QUESTION = "Where does each method break on nonsmooth systems, and how?"
 EXPECTED = (
@@ -115,12 +116,9 @@ def main():
     write_json(target, content)
     write_charts(content["data"]["maps"], target.parent)
     for one in content["claims"]:
-        if one["verdict"] != "reproduced":
+        if not one["holds"]:
             print(f"- {one['claim']} found {one['ours']}: {one['verdict']}")
-    good = sum(one["verdict"] == "reproduced" for one in content["claims"])
-    print(
-        f"{good} of {len(content['claims'])} claims hold; {content['cpu_seconds']} s; written to {target.parent}"
-    )
+    print(f"{counted(content['claims'])}; {content['cpu_seconds']} s; written to {target.parent}")
 
 
 if __name__ == "__main__":

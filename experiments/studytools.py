@@ -21,7 +21,8 @@ import numpy as np
 from benchtools import provenance, write_json
 
 from pwsmooth import plotting
-from pwsmooth.figures import Claim, write_whole
+from pwsmooth.claims import Claim, counted
+from pwsmooth.results.files import write_whole
 
 __all__ = ["Claim", "Study", "claim", "command"]
 
@@ -46,9 +47,18 @@ class Study:
     draw: Callable[[dict], Any]
 
 
-def claim(statement: str, source: str, ours: str, holds: bool, otherwise: str) -> Claim:
+def claim(
+    statement: str,
+    source: str,
+    ours: str,
+    holds: bool,
+    otherwise: str,
+    *,
+    origin: str = "expected",
+    where: str = "",
+) -> Claim:
     """A Claim whose reason stands only where it does not hold."""
-    return Claim(statement, source, ours, bool(holds), "" if holds else otherwise)
+    return Claim(statement, source, ours, bool(holds), "" if holds else otherwise, origin, where)
 
 
 def draw_set(ax: Any, curves: list[tuple[str, Any]], meets: list[Any], rows: list[Any]) -> None:
@@ -138,4 +148,4 @@ def command(study: Study) -> None:
         print(
             f"- {claim['claim']}\n    expected {claim['source']}; found {claim['ours']}: {claim['verdict']}{reason}"
         )
-    print(f"written to {folder}; {content['cpu_seconds']} s")
+    print(f"{counted(content['claims'])}; written to {folder}; {content['cpu_seconds']} s")

@@ -117,7 +117,9 @@ def claims(data):
             2.4 < at < 2.5 and spread < 1e-4,
             "outside, or not located to 1e-4",
         ),
-        Claim.number("asymmetry grows as a power of sigma - sigma*", 0.5, power, 0.03, digits=3),
+        Claim.number(
+            "asymmetry grows as a power of sigma - sigma*", 0.5, power, 0.03, digits=3, origin="derived"
+        ),
         claim(
             "the pair is stable where it begins: the pitchfork is supercritical",
             "stable",

@@ -11,6 +11,8 @@ COLOUR = {
     "R2": "#CC79A7",
     "Lankarani-Nikravesh": "#56B4E9",
     "Wang-Liu-Ma": "#000000",
+    "Hertz": "#999999",
+    "Wang-Liu 2015": "#B2182B",
     "Flores": "#7A5195",
     "Bai": "#8C6D31",
     "rigid": "#555555",

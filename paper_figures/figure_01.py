@@ -6,6 +6,7 @@ import numpy as np
 import sympy as sp
 
 from paper_figures import oscillator as osc
+from paper_figures.sources import solid_friction
 from pwsmooth import System, solve
 from pwsmooth.analysis.sticking import fold
 from pwsmooth.figures import Claim
@@ -56,6 +57,7 @@ def claims():
             False,
             "the limits do not commute: the passage takes eps/|v'|; the peak is mu_s only if beta << eps, 1 if "
             "beta >> eps, and between these it is higher than mu_s, for z lags behind lam",
+            **solid_friction("figure 1, caption"),
         ),
         Claim(
             "(i) is regained as mu_s -> mu_k",
@@ -64,6 +66,7 @@ def claims():
             f"{float(fold(osc.GAMMA, osc.lam, sp.Rational(6, 10)).mu_s):.4f} at rho = 0.6",
             fold(osc.GAMMA, osc.lam, sp.Rational(1, 2)).mu_s == 1,
             "the fold does not vanish",
+            **solid_friction("figure 1, caption"),
         ),
     ]
 

@@ -10,8 +10,10 @@ import math
 
 import numpy as np
 from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.special import erf, wofz
 
+from paper_figures.sources import IDENTITY, solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -20,8 +22,10 @@ TITLE = "The contact coefficient of a continuum of oscillating forces"
 CAPTION = """
 (i) Exact integral for a Gaussian envelope and linear phase 3k/2 (full curve) and the first term of its
 asymptotic form (dotted), which leaves the frame near v = 0. (ii) The same for smaller eps: a step whose
-spikes keep their height. (iii) Other envelopes and a mixed phase named by the source, each tending to 1. Not
-reproduced: the printed peak height, the coefficients C_nm of (37), the sign in (38), see the claims.
+spikes keep their height. (iii) Other envelopes and the mixed phases that the source names, each tending to 1. (iv) How
+far the curves of the mixed phases cos(r1 k) cos(r2 k) and cos(r1 k) sin(r2 k)/k rise above 1, Gaussian envelope: below
+a line their peak is lower than that; slow phases have none. Not reproduced: the printed peak height, the coefficients
+C_nm of (37), the sign in (38), peaks of slow mixed phases, see the claims.
 """
 RHO = 1.5
 
@@ -68,6 +72,7 @@ def _double_factorial(n):
     return math.prod(range(n, 0, -2))
 
 
+MIXED = (1.0, 0.75)
 # Integrand, and its integral to infinity.
 ENVELOPES = {
     r"$e^{-k^2/2}\,\cos\frac{3}{2}k$": (
@@ -82,11 +87,36 @@ ENVELOPES = {
         lambda k: np.cos(1.5 * k) / np.cosh(k) ** 2,
         0.75 * math.pi / math.sinh(0.75 * math.pi),
     ),
-    r"$e^{-k^2/2}\cos k\,\cos\frac{3}{4}k$": (
-        lambda k: np.exp(-k * k / 2) * np.cos(k) * np.cos(0.75 * k),
-        math.sqrt(math.pi / 2) * (math.exp(-(1.75**2) / 2) + math.exp(-(0.25**2) / 2)) / 2,
-    ),
 }
+
+
+def mixed_phase(kind, rates, u):
+    """mu of a = exp(-k**2/2) with cos(r1 k) cos(r2 k) ("cos") or cos(r1 k) sin(r2 k)/k ("sin").
+
+    The first is half the sum of the phases r1 - r2 and r1 + r2, the second half their integral over the rates between.
+    """
+    low, high = rates[0] - rates[1], rates[0] + rates[1]
+    if kind == "cos":
+        nodes, weights = np.array([low, high]), np.ones(2)
+    else:
+        nodes, weights = np.polynomial.legendre.leggauss(40)
+        nodes = low + (high - low) * (nodes + 1) / 2
+    weights = weights * np.exp(-(nodes**2) / 2)
+    return contact_coefficient(np.asarray(u, float)[..., None], nodes) @ (weights / weights.sum())
+
+
+def peak_of_mixed(kind, rates):
+    """The largest mu: it lies at a zero of the integrand."""
+    zeros = [np.pi * (np.arange(40) + 0.5) / rates[0]]
+    zeros.append(np.pi * (np.arange(40) + (0.5 if kind == "cos" else 1)) / rates[1])
+    u = np.concatenate(zeros)
+    return float(mixed_phase(kind, rates, u[u < 12]).max())  # beyond, what is missing to 1 is below 1e-31
+
+
+def border(kind, r2, height):
+    """The rate r1 at which the peak of a mixed phase is as high (of the symmetric one that above r2)."""
+    low = max(r2, 0.3) if kind == "cos" else 0.3
+    return brentq(lambda r1: peak_of_mixed(kind, (r1, r2)) - height, low, 8, xtol=1e-8)
 
 
 def normalised_integral(integrand, whole, u):
@@ -113,11 +143,18 @@ def claims():
     }
     sigmoid_tail = (1 - 10 / math.sqrt(101)) * 2 * 100
     heights = [contact_coefficient(np.linspace(0, 1, 200001) / eps).max() for eps in (0.1, 0.01, 0.001)]
-    others = {}
-    grid = np.linspace(0, 6, 61)
-    plain = ("1/(1+k^2)", "sech^2 k", "cos k cos 3k/4")
-    for name, (integrand, whole) in zip(plain, list(ENVELOPES.values())[1:]):
-        others[name] = normalised_integral(integrand, whole, grid).max()
+    others, far_off = {}, {}
+    tail = np.linspace(8, 24, 161)
+    for name, (integrand, whole) in zip(("1/(1+k^2)", "sech^2 k"), list(ENVELOPES.values())[1:]):
+        # cos 3k/2 changes its sign at k = pi/3: there the integral is largest.
+        others[name] = normalised_integral(integrand, whole, np.array([0, exact_peak]))[-1]
+        far_off[name] = normalised_integral(integrand, whole, np.concatenate([[0], tail]))[1:] - 1
+    phases = {"cos cos": "cos", "cos sin/k": "sin"}
+    far_off |= {name: mixed_phase(kind, MIXED, tail) - 1 for name, kind in phases.items()}
+    decay = {name: float((tail * np.abs(off)).max()) for name, off in far_off.items()}
+    rates = ((1, 0.75), (1.5, 0.75), (2, 1), (1.5, 0.25))
+    risen = {kind: [peak_of_mixed(kind, pair) for pair in rates] for kind in phases.values()}
+    edges = ", ".join(f"{border('cos', r2, 1.01):.3f} (r2 = {r2:g})" for r2 in (0.25, 0.5, 0.75, 1))
     return [
         Claim(
             "(3) equals Re Erf((v/eps - i rho)/sqrt 2), (37)",
@@ -126,14 +163,22 @@ def claims():
             f"{contact_coefficient(2.0):.9f})",
             False,
             "(3) as printed tends to exp(-rho^2/2)/2, not to 1: the normalisation is left to N",
+            **solid_friction("(3), (37)"),
         ),
-        Claim.number("peak lies at v = pi eps/(2 rho), rho = 3/2: v/eps", exact_peak, found_peak, 1e-4),
+        Claim.number(
+            "peak lies at v = pi eps/(2 rho), rho = 3/2: v/eps",
+            exact_peak,
+            found_peak,
+            1e-4,
+            **solid_friction("appendix A"),
+        ),
         Claim.number(
             "height of the peak at rho = 3/2",
             printed_height,
             height,
             5e-6,
             reason="it takes the first asymptotic term at v/eps = 1.05, where that does not apply",
+            **solid_friction("section 2 and appendix A"),
         ),
         Claim(
             "the peak's height does not depend on eps",
@@ -141,13 +186,37 @@ def claims():
             ", ".join(f"{h:.5f}" for h in heights) + " at eps = 0.1, 0.01, 0.001",
             max(heights) - min(heights) < 1e-4,
             "differs between eps",
+            **IDENTITY,
         ),
         Claim(
-            "other envelopes and mixed phases tend to the same kind of curve, with a peak",
+            "other envelopes and mixed phases have the same asymptotic form (2): sign(v) + O(eps/v)",
+            "O(eps/v)",
+            "|mu - 1| v/eps is at most "
+            + ", ".join(f"{size:.2g} ({name})" for name, size in decay.items())
+            + " for 8 < v/eps < 24",
+            max(decay.values()) < 1,
+            "it decays more slowly",
+            **solid_friction("appendix A"),
+        ),
+        Claim(
+            "other envelopes tend to a curve with peaks mu_s",
             "peak above 1",
-            "heights " + ", ".join(f"{height:.3f} ({name})" for name, height in others.items()),
+            "heights " + ", ".join(f"{height:.5f} ({name})" for name, height in others.items()),
             min(others.values()) > 1.01,
-            "a mixed phase this slow leaves no peak: the phase has to turn within the envelope",
+            "one has none",
+            **solid_friction("appendix A"),
+        ),
+        Claim(
+            "mixed phases tend to a curve with peaks mu_s",
+            "peak above 1",
+            f"(r1, r2) = {', '.join(map(str, rates))}: cos cos "
+            + ", ".join(f"{height:.4f}" for height in risen["cos"])
+            + "; cos sin/k "
+            + ", ".join(f"{height:.4f}" for height in risen["sin"]),
+            min(map(min, risen.values())) > 1.01,
+            "only fast phases do: the phase has to turn within the envelope. The peak of cos cos is 1 % high at r1 = "
+            + edges,
+            **solid_friction("appendix A"),
         ),
         Claim(
             "C_nm of (37): (-1)^n (2n-1)!! (2n+1)!/((2n+1-m)! m!)",
@@ -156,6 +225,7 @@ def claims():
             f"1 - mu, with the printed ones by {remainder['printed']:.1e}",
             False,
             "1/(v/eps - i rho)^(2n+1) expands with binom(2n+m, m); the printed ones belong to a positive power",
+            **solid_friction("(37)"),
         ),
         Claim(
             "(38): Lambda_eps = sign(v) - sum b_n/(i v/eps)^(2n), b_1 = sign(v)/2",
@@ -163,14 +233,22 @@ def claims():
             f"1 - {sigmoid_tail:.3f} eps^2/(2 v^2) at v/eps = 10",
             False,
             "the sign of the sum is wrong: a sigmoid below 1 cannot have a tail above it",
+            **solid_friction("(38)"),
         ),
     ]
 
 
+WORDS = {
+    "cos": r"$e^{-k^2/2}\cos k\,\cos\frac{3}{4}k$",
+    "sin": r"$e^{-k^2/2}\cos k\,\sin(\frac{3}{4}k)/k$",
+}
+PHASES = {"cos": r"$\cos r_1k\,\cos r_2k$", "sin": r"$\cos r_1k\,\sin(r_2k)/k$"}
+
+
 def draw(fast):
-    """The three panels."""
-    figure = new_figure(9.6, 3.2)
-    left, middle, right = figure.subplots(1, 3)
+    """The four panels."""
+    figure = new_figure(9.6, 6.2)
+    (left, middle), (right, plane) = figure.subplots(2, 2)
     u = np.linspace(-6, 6, 1201)
     left.plot(u, contact_coefficient(u), color=COLOUR["exact"], label="exact integral")
     for side in (u[u < -0.3], u[u > 0.3]):
@@ -199,14 +277,27 @@ def draw(fast):
     middle.legend(loc="lower right", handlelength=1.6)
 
     half = np.linspace(0, 8, 81 if fast else 321)
-    for (name, (integrand, whole)), dash in zip(ENVELOPES.items(), ("-", "--", "-.", ":")):
+    for (name, (integrand, whole)), dash in zip(ENVELOPES.items(), ("-", "--", "-.")):
         values = normalised_integral(integrand, whole, half)
         both = np.concatenate([-values[:0:-1], values])
         right.plot(
             np.concatenate([-half[:0:-1], half]), both, dash, color=COLOUR["exact"], linewidth=1.1, label=name
         )
+    for kind, colour in (("cos", COLOUR["left"]), ("sin", COLOUR["right"])):
+        u = np.linspace(-8, 8, 641)
+        right.plot(u, mixed_phase(kind, MIXED, u), color=colour, linewidth=1.1, label=WORDS[kind])
     right.axhline(0, color=COLOUR["mark"], linewidth=0.5, zorder=0)
     right.set(xlim=(-8, 8), ylim=(-1.9, 2.6), xlabel=r"$v/\varepsilon$", ylabel=r"$\mu$, normalised")
     right.set_title("(iii) other envelopes and phases")
     right.legend(loc="upper left", handlelength=2.0, fontsize=7, borderaxespad=0)
+
+    r2 = np.linspace(0.1, 1.5, 8 if fast else 29)
+    for kind, colour in (("cos", COLOUR["left"]), ("sin", COLOUR["right"])):
+        for height, dash in ((1.01, "-"), (1.1, "--")):
+            edge = [border(kind, x, height) for x in r2]
+            plane.plot(r2, edge, dash, color=colour, label=f"{PHASES[kind]}: height {height:g}")
+    plane.plot(MIXED[1], MIXED[0], "o", markersize=4, color=COLOUR["mark"], label="phases of (iii)")
+    plane.set(xlabel=r"$r_2$", ylabel=r"$r_1$", xlim=(0, 1.5), ylim=(0, 2.6))
+    plane.set_title("(iv) where the mixed phases have a peak")
+    plane.legend(loc="lower right", fontsize=7)
     return figure, claims()

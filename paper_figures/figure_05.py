@@ -5,6 +5,7 @@ import sympy as sp
 
 from paper_figures import oscillator as osc
 from paper_figures.blown_up import SPEED_SCALE, dress, fibre, head, manifold, slip_planes
+from paper_figures.sources import solid_friction
 from pwsmooth import System, solve
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
@@ -45,6 +46,7 @@ def claims():
             "turning points at " + ", ".join(f"{x:+.4f}" for x in change),
             bool(len(change) == 2 and np.allclose(np.abs(change), 2 / 3, atol=2e-5)),
             "turning points lie elsewhere",
+            **solid_friction("section 6"),
         ),
         Claim(
             "inside the region (19) the fast system collapses to B, outside it switches between lam = +-1",
@@ -53,6 +55,7 @@ def claims():
             f"and {sides[1]:.6f} N (from v > 0)",
             max(abs(force - osc.MU_S) for force in sides.values()) < 1e-5,
             "capture stops elsewhere",
+            **solid_friction("section 6, (19)"),
         ),
     ]
 

@@ -5,6 +5,7 @@ import sympy as sp
 
 from paper_figures import oscillator as osc
 from paper_figures.blown_up import dress, manifold, orbit_in_layer, slip_planes
+from paper_figures.sources import solid_friction
 from pwsmooth import solve
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
@@ -43,6 +44,7 @@ def claims(crossing, sticking):
             f"crosses at |k y - q''| = {force:.5f}",
             bool(force > osc.MU_S),
             "it crosses inside the region",
+            **solid_friction("section 6, figure 6"),
         ),
         Claim(
             "trajectory (ii): inside (19) the fast system collapses to B and sticking ensues",
@@ -50,6 +52,7 @@ def claims(crossing, sticking):
             f"sticks from |k y - q''| = {arrival:.5f}",
             bool(arrival <= osc.MU_S),
             "it sticks outside the region",
+            **solid_friction("section 6, figure 6"),
         ),
         Claim(
             "sticking continues while (19) is satisfied, to the extremum of B",
@@ -57,6 +60,7 @@ def claims(crossing, sticking):
             f"leaves at |k y - q''| = {end:.9f}, lam = {at_end:.6f}",
             bool(abs(end - osc.MU_S) < 1e-9 and abs(abs(at_end) - 2 / 3) < 1e-4),
             "it leaves elsewhere",
+            **solid_friction("section 6, figure 6"),
         ),
     ]
 

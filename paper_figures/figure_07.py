@@ -4,6 +4,7 @@ import numpy as np
 
 from paper_figures import oscillator as osc
 from paper_figures.drawing import event_driven_characteristic, pieces
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, direction_arrows, new_figure, phase
 
@@ -34,6 +35,7 @@ def claims(orbit):
             f"{during.max():.5f}, reached at lam = {orbit(stick.end - 1e-12, 'lam'):.4f}",
             False,
             "at frozen z there is no fold: sticking ends at lam = 1, after z has run away within O(beta)",
+            **solid_friction("section 6, figure 7"),
         ),
         Claim(
             "entering stick or reversing slip, mu goes directly between its kinetic values",
@@ -41,6 +43,7 @@ def claims(orbit):
             f"arrives at mu = {first:.5f} in sticking; |mu| <= {max(slipping):.6f} in left slip",
             abs(first) <= 1 and max(slipping) < 1.0001,
             "an overshoot is seen",
+            **solid_friction("section 6, figure 7"),
         ),
         Claim(
             "the static friction response is hysteretic",
@@ -48,6 +51,7 @@ def claims(orbit):
             f"mu leaves at {during[-1]:.5f}, enters at {first:.5f}",
             during[-1] > 1.5 and abs(first) <= 1,
             "no hysteresis is seen",
+            **solid_friction("section 6, figure 7"),
         ),
         Claim(
             "the characteristic has peaks at both ends (sketch)",
@@ -55,6 +59,7 @@ def claims(orbit):
             f"{len(osc.sticks(orbit))} stick a period, {len(orbit.event_times('crossing'))} crossing",
             False,
             "for eps << beta it sticks once a period and crosses directly once; the mirror image coexists",
+            **solid_friction("section 6, figure 7"),
         ),
     ]
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from paper_figures import oscillator as osc
 from paper_figures.drawing import layer_visits, three_panels
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
@@ -26,6 +27,7 @@ def claims(orbit, relaxing):
     visits, one = layer_visits(orbit, EPS), osc.sticks(relaxing)
     times = np.linspace(0, osc.PERIOD, 4001)
     y, v, mu = orbit(times, "y"), orbit(times, "v"), orbit(times, "mu")
+    reached = _forces(orbit)
     symmetric = np.abs(y[:2001] + y[2000:]).max()
     return [
         Claim(
@@ -36,6 +38,7 @@ def claims(orbit, relaxing):
             False,
             f"eps = beta gives the symmetric orbit; eps -> 0 at beta = 0.1 gives {len(one)} stick a period, "
             f"of {one[0].duration:.3f}, and a direct crossing",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "it sticks for a time interval of about pi/2",
@@ -43,13 +46,15 @@ def claims(orbit, relaxing):
             f"{visits[0][1]:.3f} (|v| <= eps)",
             abs(visits[0][1] - np.pi / 2) < 0.1,
             f"neither kind of orbit does: {one[0].duration:.4f} is the longest stick, at eps -> 0",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "a stick-slip oscillation: sticking in the nonlinear region",
-            "outside the linear one",
-            f"the orbit is in |v| <= eps while |k y - q''| reaches {_largest_force(orbit):.4f} N",
-            1 < _largest_force(orbit),
-            "it stays inside the linear region",
+            "N < |k y - q''| <= N mu_s = 1.7778 while it sticks",
+            f"while |v| <= eps |k y - q''| is {reached[0]:.4f} to {reached[1]:.4f} N",
+            1 < reached[0] and reached[1] <= osc.MU_S,
+            "it begins in the nonlinear region and ends beyond it: in a layer as wide as eps = 0.1 slip begins inside",
+            **solid_friction("section 8, figure 8"),
         ),
         Claim(
             "beta is fast enough for spikes of static friction",
@@ -57,14 +62,17 @@ def claims(orbit, relaxing):
             f"|mu| reaches {np.abs(mu).max():.4f}; |v| reaches {np.abs(v).max():.3f}",
             bool(np.abs(mu).max() > 1.2),
             "no spikes are seen",
+            **solid_friction("section 8, figure 8"),
         ),
     ]
 
 
-def _largest_force(orbit):
+def _forces(orbit):
+    """(least, largest) force on the friction while |v| <= eps."""
     times = np.linspace(0, osc.PERIOD, 20001)
     inside = np.abs(orbit(times, "v")) <= EPS
-    return np.abs(3.1 * orbit(times, "y") + 2.4 * np.sin(times))[inside].max()
+    force = np.abs(3.1 * orbit(times, "y") + 2.4 * np.sin(times))[inside]
+    return float(force.min()), float(force.max())
 
 
 def draw(fast):

@@ -4,6 +4,7 @@ import numpy as np
 
 from paper_figures import oscillator as osc
 from paper_figures.drawing import layer_visits, smoothed_characteristic
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -39,6 +40,7 @@ def claims(orbits):
             f"{first[0]:.4f} and {first[1]:.4f}",
             min(first) > 1.5 and max(first) < 1.1 * osc.MU_S,
             "a spike is missing or far off mu_s",
+            **solid_friction("section 8, figure 9"),
         ),
         Claim(
             "(ii): with beta slower than eps one spike shrinks",
@@ -46,6 +48,7 @@ def claims(orbits):
             f"{max(second):.4f} and {min(second):.4f}",
             min(second) < 0.8 * min(first),
             "both spikes remain",
+            **solid_friction("section 8, figure 9"),
         ),
         Claim(
             "(ii): the spike from stick to slip is unaffected",
@@ -53,6 +56,7 @@ def claims(orbits):
             f"{max(first):.4f} in (i), {max(second):.4f} in (ii)",
             abs(max(first) - max(second)) < 0.02,
             "z runs away while lam goes to 1, since eps << beta has no fold: the spike grows",
+            **solid_friction("section 8, figure 9"),
         ),
         Claim(
             "(ii) crosses directly once a period",
@@ -61,6 +65,7 @@ def claims(orbits):
             + " and ".join(f"{d:.4f}" for _, d in sorted(visits[1], key=lambda v: v[1])),
             min(d for _, d in visits[1]) < 0.1 * max(d for _, d in visits[1]),
             "both stays are long",
+            **solid_friction("section 8, figure 9"),
         ),
     ]
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from paper_figures import oscillator as osc
 from paper_figures.drawing import layer_visits, three_panels
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
@@ -36,6 +37,7 @@ def claims(orbit, exact):
             f"{len(limit)} crossings, {len(osc.sticks(exact))} sticks",
             bool(acceleration > 0.3 and not osc.sticks(exact)),
             "it rests in the layer",
+            **solid_friction("section 8, figure 10"),
         ),
         Claim(
             "it pierces the nonlinear sticking region without sticking",
@@ -44,6 +46,7 @@ def claims(orbit, exact):
             bool(np.all((crossing > 1) & (crossing <= osc.MU_S))),
             "at eps = 0.1 it passes v = 0 just inside the linear region, in a layer too wide to rest in; the "
             "limit eps -> 0 passes through the nonlinear region as said",
+            **solid_friction("section 8, figure 10"),
         ),
         Claim(
             "rho changes the global dynamics: stick with rho = 3, none with rho = 0",
@@ -51,6 +54,7 @@ def claims(orbit, exact):
             f"max y = {y.max():.4f} here, 1.2808 in figure 8",
             abs(y.max() - 1.2808) > 0.01,
             "the orbits are the same",
+            **solid_friction("section 8, figure 10"),
         ),
     ]
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from paper_figures import kicked
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
@@ -32,6 +33,7 @@ def claims(orbit, noisy, found):
             f"nonlinear stick time a half period: {text}; the shortest of all {shortest:.3f}",
             bool(min(ratios.values()) > 0.95 and shortest > 0.5 * found[None][:, 0].mean()),
             "the time is shortened",
+            **solid_friction("section 8, figure 11"),
         ),
         Claim(
             "the noisy and noise-less trajectories closely coincide",
@@ -41,6 +43,7 @@ def claims(orbit, noisy, found):
             # The oscillator's own response to a random walk of that size: a few times as much.
             bool(distance < 5 * KAPPA * np.sqrt(500 / 3)),
             "they are farther apart than the kicks add up to",
+            **solid_friction("section 8, figure 11"),
         ),
     ]
 

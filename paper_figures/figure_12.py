@@ -3,6 +3,7 @@
 import numpy as np
 
 from paper_figures import kicked
+from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import new_figure
 
@@ -34,6 +35,7 @@ def claims(orbit, slip_only, found):
             bool(max(ratios.values()) < LOST),
             "it is reduced and not removed: after most kicks out of it the layer captures the state again as long as "
             "the force is not far beyond N",
+            **solid_friction("section 8, figure 12"),
         ),
         Claim(
             "with sufficient noise the system behaves as if rho = 0",
@@ -41,6 +43,7 @@ def claims(orbit, slip_only, found):
             f"rho = 0 without noise: nonlinear stick time {slip_only[:, 0].mean():.4f}; rho = 3 at 5 eps: {total}",
             bool(max(ratios.values()) < LOST),
             "at 5 eps it is on the way there: the time stuck beyond N falls further with larger kicks (study E5)",
+            **solid_friction("section 8, figure 12"),
         ),
     ]
 

@@ -4,6 +4,7 @@ import numpy as np
 import sympy as sp
 
 from paper_figures import friction as fr
+from paper_figures.sources import EXPECTED, IDENTITY, closed_form, computed
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -17,11 +18,27 @@ all at once at v = 0, those of the multistate law one by one before it. {fr.NOTE
 """
 SIGMAS = (0.001, 0.01, 0.03)
 WINDOW = (0.2, 0.4)
-# Fixed step 0.1 ms: force range of GMS, instants at which the count changes in the window.
-RANGE = {0.001: 1.893, 0.01: 1.949, 0.03: 2.240}
-GMS_TIMES = (0.2500, 0.3187, 0.3458, 0.3663, 0.3837, 0.3993)
-NEW_TIMES = (0.2181, 0.2213, 0.2247, 0.2282, 0.2319, 0.2357, 0.2394, 0.2429, 0.2459, 0.2483,
-             0.3163, 0.3405, 0.3579, 0.3717, 0.3834, 0.3936)  # fmt: skip
+# tests/reference/presliding.py: largest force of GMS, instants at which the count changes in the window.
+RANGE = {0.001: 1.893227, 0.01: 1.949153, 0.03: 2.239645}
+GMS_TIMES = (0.25000, 0.31868, 0.34575, 0.36629, 0.38368, 0.39923)
+NEW_TIMES = (
+    0.21808,
+    0.22134,
+    0.22471,
+    0.22824,
+    0.23191,
+    0.23568,
+    0.23941,
+    0.24289,
+    0.24592,
+    0.24832,
+    0.31632,
+    0.34055,
+    0.35787,
+    0.37171,
+    0.38339,
+    0.39358,
+)
 TIMES = np.linspace(0.2, 1.2, 40001)
 
 
@@ -38,29 +55,65 @@ def claims(gms, new):
     found = []
     for sigma in SIGMAS:
         largest = float(np.abs(gms[sigma]["force"][gms[sigma].t > 0.2]).max())
-        found.append(Claim.number(f"largest force of GMS, sigma_i = {sigma} (N; reconstruction)", RANGE[sigma], largest,
-                                  0.005 * RANGE[sigma]))  # fmt: skip
+        found.append(
+            Claim.number(
+                f"largest force of GMS, sigma_i = {sigma} (N; reconstruction)",
+                RANGE[sigma],
+                largest,
+                1e-4 * RANGE[sigma],
+                **computed("tests/reference/presliding.py"),
+            )
+        )
     for sigma in SIGMAS:
         at, size = jumps(gms[sigma], "slip")
         defect = float(np.abs(size - sigma * np.abs(10 * np.cos(2 * np.pi * at))).max())
-        found.append(Claim(f"the force of GMS jumps by sigma_i |v| where an element slips, sigma_i = {sigma}",
-                           "sigma_i |v|", f"up to {size.max():.4f} N; off by at most {defect:.1e} N", defect < 1e-6,
-                           "the jump has another size"))  # fmt: skip
+        found.append(
+            Claim(
+                f"the force of GMS jumps by sigma_i |v| where an element slips, sigma_i = {sigma}",
+                "sigma_i |v|",
+                f"up to {size.max():.4f} N; off by at most {defect:.1e} N",
+                defect < 1e-6,
+                "the jump has another size",
+                **closed_form(),
+            )
+        )
         _, size = jumps(new[sigma])
-        found.append(Claim(f"the force of the multistate law is continuous, sigma_i = {sigma}", "no jump",
-                           f"largest jump {size.max():.1e} N", size.max() < 1e-6, "it jumps"))  # fmt: skip
+        found.append(
+            Claim(
+                f"the force of the multistate law is continuous, sigma_i = {sigma}",
+                "no jump",
+                f"largest jump {size.max():.1e} N",
+                size.max() < 1e-6,
+                "it jumps",
+                **IDENTITY,
+            )
+        )
     for name, run, listed in (("GMS", gms[0.01], GMS_TIMES), ("multistate law", new[0.01], NEW_TIMES)):
         times, counts = fr.events_between(run, *WINDOW)
         text = ", ".join(f"{x:.4f}" for x in times)
-        close = len(times) == len(listed) and bool(np.all(np.abs(times - listed) < 2e-3))
-        found.append(Claim(f"instants at which the number in presliding changes, {name} (s; reconstruction, 2 ms)",
-                           ", ".join(map(str, listed)), text, close, "they lie elsewhere"))  # fmt: skip
+        close = len(times) == len(listed) and bool(np.all(np.abs(times - listed) < 2e-5))
+        found.append(
+            Claim(
+                f"instants at which the number in presliding changes, {name} (s; reconstruction, 0.02 ms)",
+                ", ".join(map(str, listed)),
+                text,
+                close,
+                "they lie elsewhere",
+                **computed("tests/reference/presliding.py"),
+            )
+        )
         back = counts[times <= 0.2501]
         at_once = len(back) == 1
-        found.append(Claim(f"return to presliding at the reversal, {name}",
-                           "at once" if name == "GMS" else "gradual, before v = 0",
-                           f"{len(back)} step{'s' * (len(back) > 1)}, done at {times[times <= 0.2501].max():.4f} s",
-                           at_once == (name == "GMS"), "it is not so"))  # fmt: skip
+        found.append(
+            Claim(
+                f"return to presliding at the reversal, {name}",
+                "at once" if name == "GMS" else "gradual, before v = 0",
+                f"{len(back)} step{'s' * (len(back) > 1)}, done at {times[times <= 0.2501].max():.4f} s",
+                at_once == (name == "GMS"),
+                "it is not so",
+                **EXPECTED,
+            )
+        )
     return found
 
 
@@ -81,8 +134,13 @@ def draw(fast):
             (gms, COLOUR["left"], "GMS", 0.9),
             (new, COLOUR["right"], "multistate", 1.4),
         ):
-            ax.plot(runs[sigma](TIMES, "velocity"), runs[sigma](TIMES, "force"), color=colour, label=name,
-                    linewidth=width)  # fmt: skip
+            ax.plot(
+                runs[sigma](TIMES, "velocity"),
+                runs[sigma](TIMES, "force"),
+                color=colour,
+                label=name,
+                linewidth=width,
+            )
         ax.set(xlabel="velocity (µm/s)", ylabel="force (N)", ylim=(-2.4, 2.4))
         ax.set_title(rf"({letter}) $\sigma_i$ = {sigma} N s/µm")
     panels[0, 1].legend(loc="center")

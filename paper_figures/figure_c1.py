@@ -3,6 +3,7 @@
 import numpy as np
 
 from paper_figures.contact import contact_curves
+from paper_figures.sources import EXPECTED
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import ResidualIndentation
 from pwsmooth.plotting import new_figure
@@ -48,18 +49,40 @@ def claims(found):
     late = [row[4] for row in found["n"]]
     show = lambda values: ", ".join(f"{x:.3g}" for x in values)  # noqa: E731
     return [
-        Claim("more beta: lower restitution, smaller indentation", "falls",
-              f"e = {show(e['beta'])}; p_max = {show(deep)} m", _falls(e["beta"]) and _falls(deep), "it does not"),
-        Claim("more beta: higher peak force", "rises", f"F_max = {show(peak)} N", bool(np.all(np.diff(peak) > 0)),
-              "up to beta = 0.05 s the peak falls: of a nearly elastic contact damping takes more from the largest "
-              "indentation than it adds to the force"),
-        Claim("less gamma: more elastic; more gamma: towards a limit", "e falls, then saturates",
-              f"e = {show(e['gamma'])}",
-              _falls(e["gamma"]) and e["gamma"][2] - e["gamma"][3] < 0.2 * (e["gamma"][1] - e["gamma"][2]),
-              "it does not saturate"),
-        Claim("more exponent: softer, later peak", "later", f"at {show(late)} s", bool(np.all(np.diff(late) > 0)),
-              "it is not later"),
-    ]  # fmt: skip
+        Claim(
+            "more beta: lower restitution, smaller indentation",
+            "falls",
+            f"e = {show(e['beta'])}; p_max = {show(deep)} m",
+            _falls(e["beta"]) and _falls(deep),
+            "it does not",
+            **EXPECTED,
+        ),
+        Claim(
+            "more beta: higher peak force",
+            "rises",
+            f"F_max = {show(peak)} N",
+            bool(np.all(np.diff(peak) > 0)),
+            "up to beta = 0.05 s the peak falls: of a nearly elastic contact damping takes more from the largest "
+            "indentation than it adds to the force",
+            **EXPECTED,
+        ),
+        Claim(
+            "less gamma: more elastic; more gamma: towards a limit",
+            "e falls, then saturates",
+            f"e = {show(e['gamma'])}",
+            _falls(e["gamma"]) and e["gamma"][2] - e["gamma"][3] < 0.2 * (e["gamma"][1] - e["gamma"][2]),
+            "it does not saturate",
+            **EXPECTED,
+        ),
+        Claim(
+            "more exponent: softer, later peak",
+            "later",
+            f"at {show(late)} s",
+            bool(np.all(np.diff(late) > 0)),
+            "it is not later",
+            **EXPECTED,
+        ),
+    ]
 
 
 def draw(fast):

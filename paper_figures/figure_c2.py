@@ -3,6 +3,7 @@
 import numpy as np
 
 from paper_figures.contact import COLOUR
+from paper_figures.sources import EXPECTED, closed_form, computed, friction_thesis
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
     HertzImpact,
@@ -35,6 +36,8 @@ LAWS = {
     "rigid": RigidImpact(e=0.75),
 }
 END = 1.5
+# First lift-off (s) and indentation there (m), by DOP853: tests/test_figure_references.py.
+LIFT_OFF = {"R1": (0.172406, 2.9429e-3), "Hunt-Crossley": (0.174956, 0.0)}
 
 
 def claims(runs):
@@ -44,11 +47,37 @@ def claims(runs):
     rigid = runs["rigid"].event_times("accumulation")
     limit = np.sqrt(0.2 / 9.81) * (1 + 2 * 0.75 / 0.25)
     return [
-        Claim.number("R1: first lift-off (s)", 0.172406, off, 5e-7),
-        Claim.number("R1: indentation there (m): not zero", 2.9429e-3, float(r1(off, "p")), 5e-8),
-        Claim.number("Hunt-Crossley: first lift-off (s)", 0.174956, off_hc, 5e-7),
-        Claim.number("Hunt-Crossley: indentation there (m)", 0.0, float(hc(off_hc, "p")), 1e-12),
-        Claim.number("R1 rests at (m g/K)^(2/3) (m)", 2.127058e-3, r1["p"][-1], 5e-10, digits=7),
+        Claim.number(
+            "R1: first lift-off (s)",
+            LIFT_OFF["R1"][0],
+            off,
+            5e-7,
+            **computed("tests/test_figure_references.py"),
+        ),
+        Claim.number(
+            "R1: indentation there (m): not zero",
+            LIFT_OFF["R1"][1],
+            float(r1(off, "p")),
+            5e-8,
+            **computed("tests/test_figure_references.py"),
+        ),
+        Claim.number(
+            "Hunt-Crossley: first lift-off (s)",
+            LIFT_OFF["Hunt-Crossley"][0],
+            off_hc,
+            5e-7,
+            **computed("tests/test_figure_references.py"),
+        ),
+        Claim.number(
+            "Hunt-Crossley: indentation there (m)",
+            0.0,
+            float(hc(off_hc, "p")),
+            1e-12,
+            **friction_thesis("chapter 5"),
+        ),
+        Claim.number(
+            "R1 rests at (m g/K)^(2/3) (m)", 2.127058e-3, r1["p"][-1], 5e-10, digits=7, **closed_form()
+        ),
         Claim(
             "Hunt-Crossley bounces for ever, residual laws stop after finitely many",
             "2 lift-offs (R1), no end (HC)",
@@ -56,9 +85,15 @@ def claims(runs):
             f"{len(hc.event_times('reset', 'lift-off'))} within {END} s and still moving",
             len(r1.event_times("reset", "lift-off")) == 2 and abs(hc["v"][-1]) > 1e-3,
             "it does not",
+            **EXPECTED,
         ),
         Claim.number(
-            "rigid: the impacts accumulate at t1 (1 + 2e/(1 - e)) (s)", limit, float(rigid[0]), 1e-9, digits=9
+            "rigid: the impacts accumulate at t1 (1 + 2e/(1 - e)) (s)",
+            limit,
+            float(rigid[0]),
+            1e-9,
+            digits=9,
+            **closed_form(),
         ),
     ]
 

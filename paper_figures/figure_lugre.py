@@ -3,6 +3,7 @@
 import numpy as np
 import sympy as sp
 
+from paper_figures.sources import EXPECTED, IDENTITY, closed_form, computed
 from pwsmooth.figures import Claim
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
@@ -18,6 +19,13 @@ Coulomb law with the same forces; (c) frictional lag, v = (1.5 + cos Omega t) mm
 0.75 + 0.5 sin(2 pi t) N: LuGre and Dahl (0.5 + 0.3 sin, F_c = 1 N) drift, the elastoplastic law and XKY do not.
 The scenes are those of Canudas de Wit et al. 1995; numbers of the source column are an independent computation's.
 """
+
+
+# tests/reference/bristles.py (LSODA): displacements of (a) in um at WHEN; period in s, largest velocity in m/s of (b);
+# ends of the limit cycle of (e) in m; drift a cycle of LuGre and displacement of the others in (f), in um.
+WHEN, DISPLACED = (10, 15, 35, 40, 60, 65), (44.8579, 45.3119, -9.5635, -10.0174, 44.8579, 45.3119)
+STICK_SLIP, HUNTING = (6.3627, 0.36982), (0.93602, 1.06391)
+DRIFT, STILL = 17.5035, 7.4005
 
 
 def swing(force, pieces):
@@ -96,8 +104,14 @@ def draw(fast):
     ideal = require(block_on_belt(friction.StaticKinetic()).solve(dense_output=True))
     times = np.linspace(0, 35, 7001)
     panels[0, 1].plot(times, belt(times, "x"), color=COLOUR["right"], label="LuGre")
-    panels[0, 1].plot(times, ideal(times, "x"), color=COLOUR["exact"], linewidth=0.9, linestyle=(0, (4, 2)),
-                      label="two-level Coulomb")  # fmt: skip
+    panels[0, 1].plot(
+        times,
+        ideal(times, "x"),
+        color=COLOUR["exact"],
+        linewidth=0.9,
+        linestyle=(0, (4, 2)),
+        label="two-level Coulomb",
+    )
     panels[0, 1].set(xlabel="time (s)", ylabel="displacement (m)")
     panels[0, 1].set_title("(b) stick-slip")
     panels[0, 1].legend(loc="upper left")
@@ -134,40 +148,111 @@ def draw(fast):
 
 def claims(slow, belt, ideal, lags, peaks, hunt, drifts):
     """Numbers of the independent computation beside ours."""
-    listed = (44.8579, 45.3119, -9.5635, -10.0174, 44.8579, 45.3119)
     found = [
-        Claim.number(f"(a) displacement at {when} s (um)", value, 1e6 * float(slow(when, "x")), 0.01)
-        for when, value in zip((10, 15, 35, 40, 60, 65), listed)
+        Claim.number(
+            f"(a) displacement at {when} s (um)",
+            value,
+            1e6 * float(slow(when, "x")),
+            0.01,
+            **computed("tests/reference/bristles.py"),
+        )
+        for when, value in zip(WHEN, DISPLACED)
     ]
     times = np.linspace(0, 35, 350001)
     v = belt(times, "v")
     starts = times[1:][(v[1:] >= 0.05) & (v[:-1] < 0.05)]
-    found.append(Claim.number("(b) period of LuGre's stick-slip (s)", 6.362, float(np.diff(starts)[-1]), 0.02))
-    found.append(Claim.number("(b) largest velocity (m/s)", 0.3698, float(v.max()), 1.1e-3))
-    found.append(Claim.number("(b) period of the two-level law (s, closed form)", 7.6113,
-                              float(np.diff(ideal.event_times("slip"))[-1]), 1e-4))  # fmt: skip
+    found.append(
+        Claim.number(
+            "(b) period of LuGre's stick-slip (s)",
+            STICK_SLIP[0],
+            float(np.diff(starts)[-1]),
+            2e-4,
+            **computed("tests/reference/bristles.py"),
+        )
+    )
+    found.append(
+        Claim.number(
+            "(b) largest velocity (m/s)",
+            STICK_SLIP[1],
+            float(v.max()),
+            2e-4,
+            **computed("tests/reference/bristles.py"),
+        )
+    )
+    found.append(
+        Claim.number(
+            "(b) period of the two-level law (s, closed form)",
+            7.6113,
+            float(np.diff(ideal.event_times("slip"))[-1]),
+            1e-4,
+            **closed_form(),
+        )
+    )
     areas = [abs(float(np.trapezoid(f, v))) for v, f in lags.values()]
     text = ", ".join(f"{1e6 * a:.1f}" for a in areas) + " uN m/s"
     grows = areas == sorted(areas)
-    found.append(Claim("(c) the lag's loop grows with the frequency", "it grows", text, grows, "it does not"))
+    found.append(
+        Claim("(c) the lag's loop grows with the frequency", "it grows", text, grows, "it does not", **EXPECTED)
+    )
     text, falls = ", ".join(f"{p:.3f}" for p in peaks) + " N", peaks == sorted(peaks, reverse=True)
     found.append(
-        Claim("(d) the break-away force falls with the rate", "F_s towards F_c", text, falls, "it rises")
+        Claim(
+            "(d) the break-away force falls with the rate",
+            "F_s towards F_c",
+            text,
+            falls,
+            "it rises",
+            **EXPECTED,
+        )
     )
     times = np.linspace(50, 100, 50001)
     x = hunt(times, "x")
-    found.append(Claim.number("(e) lower end of the limit cycle (m)", 0.936, float(x.min()), 0.0094))
-    found.append(Claim.number("(e) upper end of the limit cycle (m)", 1.065, float(x.max()), 0.0107))
     found.append(
         Claim.number(
-            "(f) drift of LuGre per cycle (um)", 17.504, 1e6 * float(np.diff(drifts["LuGre"])[-1]), 0.001
+            "(e) lower end of the limit cycle (m)",
+            HUNTING[0],
+            float(x.min()),
+            2e-4,
+            **computed("tests/reference/bristles.py"),
+        )
+    )
+    found.append(
+        Claim.number(
+            "(e) upper end of the limit cycle (m)",
+            HUNTING[1],
+            float(x.max()),
+            2e-4,
+            **computed("tests/reference/bristles.py"),
+        )
+    )
+    found.append(
+        Claim.number(
+            "(f) drift of LuGre per cycle (um)",
+            DRIFT,
+            1e6 * float(np.diff(drifts["LuGre"])[-1]),
+            0.001,
+            **computed("tests/reference/bristles.py"),
         )
     )
     for name in ("elastoplastic", "XKY"):
         still = float(np.abs(np.diff(drifts[name])[-5:]).max())
         found.append(
-            Claim(f"(f) drift of the {name} law per cycle", "0", f"{still:.1e} m", still < 1e-12, "it drifts")
+            Claim(
+                f"(f) drift of the {name} law per cycle",
+                "0",
+                f"{still:.1e} m",
+                still < 1e-12,
+                "it drifts",
+                **IDENTITY,
+            )
         )
-        found.append(Claim.number(f"(f) displacement of the {name} law after 20 cycles (um)", 7.4005,
-                                  1e6 * float(drifts[name][-1]), 1e-4))  # fmt: skip
+        found.append(
+            Claim.number(
+                f"(f) displacement of the {name} law after 20 cycles (um)",
+                STILL,
+                1e6 * float(drifts[name][-1]),
+                1e-4,
+                **computed("tests/reference/bristles.py"),
+            )
+        )
     return found

@@ -65,8 +65,11 @@ def figures(
     ),
     fast: Annotated[bool, typer.Option("--fast", help="Coarser curves and shorter sweeps.")] = False,
     jobs: Annotated[int | None, typer.Option(min=1, help="Figures made at a time; one a core without.")] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every claim, not only what does not hold.")
+    ] = False,
 ) -> None:
-    """Make the figures of the solid-friction paper, and the table of what it claims.
+    """Make the figures of the sources, and a table of which of their claims hold.
 
     Runs in a checkout of the project, where the scripts of the figures are.
     """
@@ -76,7 +79,7 @@ def figures(
         if list_only:
             machinery.print_list()
             return
-        all_made = machinery.make(names or [], out=out, fast=fast, jobs=jobs)
+        all_made = machinery.make(names or [], out=out, fast=fast, jobs=jobs, everything=everything)
     if not all_made:
         raise typer.Exit(1)
 

@@ -16,11 +16,11 @@ import traceback
 from collections.abc import Generator, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from .claims import Claim, print_claims
 from .codegen.machine.workers import cores
 from .paths.interrupts import processes, result
 from .paths.warmup import warm_up
@@ -38,93 +38,6 @@ class FiguresError(ValueError):
     >>> issubclass(FiguresError, Exception)
     True
     """
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A statement of the source beside what the equations give here.
-
-    Parameters
-    ----------
-    statement : str
-        What the source says.
-    source, ours : str
-        The source's value or words, and ours.
-    reproduced : bool
-        Whether they agree.
-    reason : str
-        Why they differ; required if they do.
-
-    Raises
-    ------
-    ValueError
-        They differ, and there is no reason.
-
-    Examples
-    --------
-    >>> from pwsmooth.figures import Claim
-    >>> Claim.number("height of the fold", source=1.78, ours=16 / 9, tolerance=0.005).verdict
-    'reproduced'
-    """
-
-    statement: str
-    source: str
-    ours: str
-    reproduced: bool
-    reason: str = ""
-
-    def __post_init__(self) -> None:
-        if not self.reproduced and not self.reason:
-            raise ValueError(f"`reason` is empty although {self.statement!r} differs; say why it does.")
-
-    @classmethod
-    def number(
-        cls, statement: str, source: float, ours: float, tolerance: float, *, digits: int = 6, reason: str = ""
-    ) -> Claim:
-        """A claim on a number, reproduced if source and ours differ by the tolerance at most.
-
-        Parameters
-        ----------
-        statement : str
-            What the source says, with its unit.
-        source, ours : float, in the unit of the statement
-            The source's value, and ours.
-        tolerance : float, in the unit of the statement
-            To which the source can be read.
-        digits : int
-            Significant digits that are shown.
-        reason : str
-            Why they differ; the difference by default.
-
-        Returns
-        -------
-        Claim
-            With both numbers as text.
-        """
-        same = abs(source - ours) <= tolerance
-        why = "" if same else reason or f"off by {ours - source:.3g}, tolerance {tolerance:.2g}"
-        return cls(statement, f"{source:.{digits}g}", f"{ours:.{digits}g}", same, why)
-
-    @property
-    def verdict(self) -> str:
-        """The word "reproduced" or "differs"."""
-        return "reproduced" if self.reproduced else "differs"
-
-    def record(self) -> dict[str, str]:
-        """The claim as it stands in claims.json.
-
-        Returns
-        -------
-        dict of str to str
-            claim, source, ours, verdict, reason.
-        """
-        return {
-            "claim": self.statement,
-            "source": self.source,
-            "ours": self.ours,
-            "verdict": self.verdict,
-            "reason": self.reason,
-        }
 
 
 def checkout() -> Path:
@@ -203,7 +116,9 @@ def print_list() -> None:
         console.print(f"{name:>3}  {module.TITLE}", highlight=False, soft_wrap=True)
 
 
-def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int | None = 1) -> bool:
+def make(
+    names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int | None = 1, everything: bool = False
+) -> bool:
     """Make figures and write `figure_NN.png`, `figure_NN.pdf`, `captions.md` and `claims.json` into `out`.
 
     Parameters
@@ -217,6 +132,8 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int 
     jobs : int or None
         Figures that are made at a time, each in a process of its own where it is more than one; one a core for None.
         A script that asks for several is guarded by ``if __name__ == "__main__"``.
+    everything : bool
+        Print every claim, and not only their counts and those that do not hold.
 
     Returns
     -------
@@ -275,7 +192,7 @@ def make(names: Sequence[str] = (), *, out: Path, fast: bool = False, jobs: int 
                 _write_records(out, entries)
                 progress.console.print(f"figure {name:>2}  {seconds:5.1f} s  {module.TITLE}", highlight=False)
             progress.advance(task)
-    print_claims(console, entries)
+    print_claims(console, entries, everything=everything)
     console.print(f"written to {out}", highlight=False, soft_wrap=True)
     if failures:
         console.print(f"FAILED: figures {', '.join(failures)}", style="bold red")
@@ -367,23 +284,3 @@ def _write_records(out: Path, entries: dict[str, dict[str, Any]]) -> None:
     write_whole(path, (json.dumps(merged, indent=2, ensure_ascii=False) + "\n").encode())
     parts = [f"## Figure {name}. {entry['title']}\n\n{entry['caption']}\n" for name, entry in merged.items()]
     write_whole(out / "captions.md", "\n".join(parts).encode())
-
-
-def print_claims(console: Any, entries: dict[str, dict[str, Any]]) -> None:
-    """The table: claim, the source's value, ours, verdict with its reason."""
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(title="What the source claims and what its equations give", show_lines=True)
-    for header, ratio in (("figure", 1), ("claim", 7), ("source", 4), ("ours", 5), ("verdict", 6)):
-        table.add_column(header, ratio=ratio, overflow="fold")
-    counts = {"reproduced": 0, "differs": 0}
-    for name, entry in entries.items():
-        for claim in entry["claims"]:
-            counts[claim["verdict"]] += 1
-            good = claim["verdict"] == "reproduced"
-            verdict = "[green]reproduced[/]" if good else "[yellow]differs[/]: " + escape(claim["reason"])
-            table.add_row(name, *(escape(claim[key]) for key in ("claim", "source", "ours")), verdict)
-    if table.row_count:
-        console.print(table)
-        console.print(f"{counts['reproduced']} reproduced, {counts['differs']} differ")

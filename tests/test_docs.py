@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import pwsmooth
+from pwsmooth.claims import Claim
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -58,11 +59,12 @@ def test_a_cell_of_a_table_cannot_break_it(page):
 
 
 def test_a_claim_that_differs_shows_its_reason(page):
-    claim = {"claim": "1 = 2", "source": "2", "ours": "1", "verdict": "differs", "reason": "arithmetic"}
-    good = claim | {"verdict": "reproduced", "reason": ""}
+    claim = Claim("1 = 2", "2", "1", False, "arithmetic", "printed", "section 3").record()
+    good = claim | {"verdict": "reproduced", "holds": True}
     differs, reproduced = page.claims_table([claim, good]).splitlines()[-2:]
     assert "differs" in differs and "arithmetic" in differs
     assert "reproduced" in reproduced and "arithmetic" not in reproduced
+    assert "(section 3)" in rendered(differs)
 
 
 def test_columns_of_a_docstring_become_definitions_and_paragraphs_flow(page):

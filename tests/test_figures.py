@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from paper_figures import statements
 from pwsmooth import figures
-from pwsmooth.figures import Claim, FiguresError
+from pwsmooth.claims import ORIGINS, Claim, counted, tally
+from pwsmooth.figures import FiguresError
 
 
 def a_figure(name="7", draw=None):
@@ -22,7 +24,8 @@ def a_figure(name="7", draw=None):
 
         figure = Figure(figsize=(1, 1))
         figure.subplots().plot([0, 1])
-        return figure, [Claim("it is drawn", "yes", "yes", True), Claim("1 = 2", "2", "1", False, "arithmetic")]
+        drawn = Claim("it is drawn", "yes", "yes", True, origin="identity")
+        return figure, [drawn, Claim("1 = 2", "2", "1", False, "arithmetic", "printed", "section 3")]
 
     module = types.ModuleType(f"paper_figures.figure_{int(name):02d}")
     module.NAME, module.TITLE, module.CAPTION, module.draw = (
@@ -48,9 +51,27 @@ def only(monkeypatch):
 def test_a_claim_that_differs_needs_a_reason():
     with pytest.raises(ValueError, match="`reason` is empty"):
         Claim("x", "1", "2", False)
-    assert Claim.number("x", 1.0, 1.5, 0.6).verdict == "reproduced"
     differs = Claim.number("x", 1.0, 1.5, 0.4)
-    assert differs.verdict == "differs" and "0.5" in differs.reason
+    assert not differs.holds and "0.5" in differs.reason and Claim.number("x", 1.0, 1.5, 0.6).holds
+
+
+def test_a_claim_says_where_its_value_comes_from_and_only_what_is_printed_is_reproduced():
+    with pytest.raises(ValueError, match="`origin` is 'seed'; it is one of printed"):
+        Claim("x", "1", "1", True, origin="seed")
+    with pytest.raises(ValueError, match="`where` is empty"):
+        Claim("x", "1", "1", True, origin="printed")
+    words = {origin: Claim("x", "1", "1", True, "", origin, "section 3").verdict for origin in ORIGINS}
+    assert [origin for origin, word in words.items() if word == "reproduced"] == ["printed"]
+    assert len(set(words.values())) == len(ORIGINS)
+
+
+def test_origins_are_counted_apart():
+    def of(origin, holds):
+        return Claim("x", "1", "1", holds, "why", origin, "section 3").record()
+
+    claims = [of("printed", True), of("identity", True), of("printed", False), of("independent", True)]
+    assert tally(claims) == {"printed": (1, 1), "independent": (1, 0), "identity": (1, 0)}
+    assert counted(claims) == "printed 1 of 2, independent 1 of 1, identity 1 of 1"
 
 
 def test_a_figure_leaves_png_pdf_caption_and_claims(only, tmp_path, capsys):
@@ -59,16 +80,22 @@ def test_a_figure_leaves_png_pdf_caption_and_claims(only, tmp_path, capsys):
     assert (tmp_path / "figure_07.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "figure_07.pdf").read_bytes().startswith(b"%PDF")
     entry = json.loads((tmp_path / "claims.json").read_text())["7"]
-    assert [c["verdict"] for c in entry["claims"]] == ["reproduced", "differs"]
+    assert [c["verdict"] for c in entry["claims"]] == ["passes", "differs"]
     assert entry["caption"] == "A caption." and "A caption." in (tmp_path / "captions.md").read_text()
     printed = capsys.readouterr().out
-    assert "1 reproduced, 1 differ" in printed and "arithmetic" in printed
+    assert "arithmetic" in printed and "it is drawn" not in printed  # the short table
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "captions.md",
         "claims.json",
         "figure_07.pdf",
         "figure_07.png",
     ]
+
+
+def test_every_claim_is_printed_where_all_are_asked_for(only, tmp_path, capsys):
+    only(a_figure())
+    assert figures.make(out=tmp_path, everything=True)
+    assert "it is drawn" in capsys.readouterr().out
 
 
 def test_the_same_figure_is_written_as_the_same_bytes(only, tmp_path):
@@ -173,13 +200,18 @@ def test_all_figures_are_drawn_and_the_equations_bear_out_what_they_did(tmp_path
     assert figures.make(out=tmp_path, fast=True)
     entries = json.loads((tmp_path / "claims.json").read_text())
     assert len(list(tmp_path.glob("figure_*.png"))) == len(list(tmp_path.glob("figure_*.pdf"))) == len(entries)
-    differ = {name: sum(c["verdict"] == "differs" for c in entry["claims"]) for name, entry in entries.items()}
-    known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 2, "9": 1, "10": 1, "11": 0, "12": 2, "13": 0}
+    differ = {name: sum(not c["holds"] for c in entry["claims"]) for name, entry in entries.items()}
+    known = {"1": 1, "2": 5, "4": 2, "5": 0, "6": 0, "7": 2, "8": 3, "9": 1, "10": 1, "11": 0, "12": 2, "13": 1}
     known |= {"4.8": 1, "4.9": 0, "4.10": 0, "4.11": 0, "laws": 0, "lugre": 0}
-    known |= {"5.1": 0, "c1": 1, "c2": 0, "c3": 1, "c4": 0, "c5": 0}
+    known |= {"5.1": 0, "c1": 1, "c2": 0, "c3": 3, "c4": 0, "c5": 0}
     assert differ == known
     last = entries["6"]["claims"][-1]
     assert last["ours"].startswith("leaves at |k y - q''| = 1.777777778, lam = 0.666667")
+    assert all(c["origin"] != "printed" or c["where"] for entry in entries.values() for c in entry["claims"])
+    # The counts that the README tells.
+    told = " ".join((Path(figures.__file__).parent.parent / "README.md").read_text(encoding="utf-8").split())
+    assert statements.sentence(statements.records(entries)) in told
+    assert f"({counted(c for entry in entries.values() for c in entry['claims'])})" in told
 
 
 def test_several_at_a_time_leave_the_same_files(tmp_path, capsys):

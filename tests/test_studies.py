@@ -18,11 +18,29 @@ def scripts_importable(monkeypatch):
     sys.modules.pop("studytools", None)
 
 
-# r* is printed with an error in its third decimal (spec/solid_friction.md section 3 against separatrix and bisection).
-DIFFER = {"capture_map": {"critical ratio r*, algebraic", "critical ratio r*, tanh"}}
+# What the source says of its propositions and the equations do not bear out; the reasons stand in the claims.
+DIFFER = {
+    "propositions": {
+        "simulations of (26) lie eps-close to the discontinuous system",
+        "for N mu_s < |q''| there no longer exist pure sticking periodic orbits",
+        "proposition 5, beta > 0: the same strip",
+        "the orbits of proposition 5 have a fixed z",
+        "corollary: at N mu_s = |q''| the one sticking orbit has z = 0",
+    }
+}
 
 
-STUDIES = ["capture_map", "gradient_optimum", "ladder", "propositions", "symmetry_breaking", "wider_circle"]
+# The misprints and slips that the studies of the sources' statements list: how many.
+MISPRINTS = {"statements_solid_friction": 8, "statements_friction_contact": 1}
+STUDIES = [
+    "capture_map",
+    "gradient_optimum",
+    "ladder",
+    "propositions",
+    "symmetry_breaking",
+    "wider_circle",
+    *MISPRINTS,
+]
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -30,8 +48,8 @@ def test_a_study_finds_what_it_expects(name, tmp_path):
     tools = importlib.import_module("studytools")
     study = importlib.import_module(name).STUDY
     content = tools.result(study, fast=True)
-    differs = {claim["claim"] for claim in content["claims"] if claim["verdict"] == "differs"}
-    assert differs == DIFFER.get(name, set())
+    differs = {claim["claim"] for claim in content["claims"] if not claim["holds"]}
+    assert differs == DIFFER.get(name, set()) if name not in MISPRINTS else len(differs) == MISPRINTS[name]
     # The chart is drawn from what the data file holds, and from nothing else.
     tools.draw(study, json.loads(json.dumps(content)), tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 10_000
@@ -64,8 +82,8 @@ def test_the_work_precision_study_draws_its_charts_and_its_reading(tmp_path):
     study = importlib.import_module("work_precision").STUDY
     content = json.loads(json.dumps(tools.result(study, fast=True)))
     # Speed is no test: of its claims only that on itineraries is held here.
-    verdicts = {claim["claim"]: claim["verdict"] for claim in content["claims"]}
-    assert verdicts["The event-driven itineraries are right at every tolerance from 1e-6 down."] == "reproduced"
+    held = {claim["claim"]: claim["holds"] for claim in content["claims"]}
+    assert held["The event-driven itineraries are right at every tolerance from 1e-6 down."]
     tools.draw(study, content, tmp_path / "chart.png")
     assert {path.name for path in tmp_path.iterdir()} == {"chart.png", "chart_evaluations.png", "chart_eps.png"}
     reading = importlib.import_module("work_precision_reading")

@@ -13,6 +13,7 @@ from page import (
     card,
     claims_table,
     code,
+    coloured,
     grid,
     headline,
     picture,
@@ -23,6 +24,9 @@ from page import (
     toctree,
     write,
 )
+
+from paper_figures import statements
+from pwsmooth.claims import ORIGINS, counted, tally
 
 GALLERY = AUTO / "figures"
 
@@ -72,6 +76,7 @@ def write_pages(figures: Path) -> None:
         + toctree([*stems.values(), "shared"]),
     )  # fmt: skip
     _write_report(found, stems, note)
+    _write_statements(found, stems, note)
 
 
 def _write_figure(figures: Path, name: str, stem: str, entry: dict) -> None:
@@ -104,24 +109,26 @@ def _write_helpers(helpers: list[Path]) -> None:
     write(GALLERY / "shared.md", "\n".join(parts))
 
 
-def counts(claims: list[dict[str, str]]) -> tuple[int, int]:
-    """How many claims are reproduced, how many differ."""
-    good = sum(c["verdict"] == "reproduced" for c in claims)
-    return good, len(claims) - good
-
-
 def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> None:
-    total = counts([c for entry in found.values() for c in entry["claims"]])
+    every = [c for entry in found.values() for c in entry["claims"]]
     rows = [
-        (Raw(f"[{plain(name)}](figures/{stems[name]}.md)"), entry["title"], *counts(entry["claims"]))
+        (Raw(f"[{plain(name)}](figures/{stems[name]}.md)"), entry["title"], counted(entry["claims"]))
         for name, entry in found.items()
     ]
     parts = [
         "# Replication report\n",
-        f"**{total[0]} claims of the sources are reproduced, {total[1]} differ**; where one differs, the reason stands "
-        "beside it. The table is made from `claims.json`, which `pwsmooth figures` writes: statement, the source's "
-        f"value or words, ours, verdict.\n{note}",
-        table(("figure", "title", "reproduced", "differ"), rows),
+        "What the figures claim, held against what the sources print, against closed forms and against other "
+        "programs: evidence of different worth, counted apart. Where one does not hold, the reason stands beside it. "
+        "The report is made from `claims.json`, which `pwsmooth figures` writes. All statements of the sources, "
+        f"section by section: [what the sources say](statements.md).\n{note}",
+        table(
+            ("origin", "what it is", "hold", "do not", "verdict"),
+            (
+                (origin, ORIGINS[origin].meaning, good, bad, f"{ORIGINS[origin].good}; {ORIGINS[origin].bad}")
+                for origin, (good, bad) in tally(every).items()
+            ),
+        ),
+        table(("figure", "title", "claims that hold"), rows),
     ]
     for name, entry in found.items():
         if entry["claims"]:
@@ -131,3 +138,34 @@ def _write_report(found: dict[str, dict], stems: dict[str, str], note: str) -> N
                 f"[Figure and code](figures/{stems[name]}.md)\n",
             ]
     write(AUTO / "replication.md", "\n".join(parts))
+
+
+def _write_statements(found: dict[str, dict], stems: dict[str, str], note: str) -> None:
+    """Every statement of the sources, with links to what tests it."""
+    known = statements.records(found)
+    parts = [
+        "# What the sources say\n",
+        f"**{statements.sentence(known)}** A statement is held against the claims of figures and studies that test it, "
+        "and counts as reproduced if all of these hold; where none tests it, the reason stands in its place. "
+        f"The claims with their values: [replication report](replication.md).\n{note}",
+        table(
+            ("source", "verdicts"),
+            (
+                (statements.SOURCES[source], ", ".join(f"{number} {word}" for word, number in words.items()))
+                for source, words in statements.counts(known).items()
+            ),
+        ),
+    ]
+    for source, title in statements.SOURCES.items():
+        rows = []
+        for one in statements.statements(source):
+            word, good, why = statements.verdict(one, known)
+            names = dict.fromkeys(name for name, _ in statements.claims_of(one, known))
+            tested = ", ".join(
+                f"[figure {plain(name)}](figures/{stems[name]}.md)" if name in stems
+                else f"[{plain(name.replace('_', ' '))}](experiments/{name}.md)"
+                for name in names
+            )  # fmt: skip
+            rows.append((one.where, one.says, Raw(tested or "–"), coloured(word, good, why)))
+        parts += [f"## {plain(title)}\n", table(("place", "statement", "tested by", "verdict"), rows)]
+    write(AUTO / "statements.md", "\n".join(parts))

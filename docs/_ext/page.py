@@ -143,17 +143,30 @@ def code(path: Path, *, title: str = "Code", opened: bool = False) -> str:
     )
 
 
-def claims_table(claims: Sequence[dict[str, str]], *, source: str = "source") -> str:
-    """Statement, the source's value, ours, verdict with its reason."""
-    rows = []
-    for claim in claims:
-        good = claim["verdict"] == "reproduced"
-        verdict = f"[{claim['verdict']}]{{.verdict-{claim['verdict']}}}"
-        rows.append(
-            (claim["claim"], claim["source"], claim["ours"],
-             Raw(verdict if good else f"{verdict}: {shown(claim['reason'])}"))
-        )  # fmt: skip
-    return table(("claim", source, "ours", "verdict"), rows)
+def claims_table(claims: Sequence[dict[str, Any]], *, source: str = "held against") -> str:
+    """Statement, what it is held against and where that comes from, ours, verdict with its reason."""
+    return table(
+        ("claim", source, "ours", "verdict"),
+        ((c["claim"], Raw(shown(c["source"]) + origin_of(c)), c["ours"], verdict_of(c)) for c in claims),
+    )
+
+
+def origin_of(claim: dict[str, Any]) -> str:
+    """Where the value comes from, behind it: of a study's own expectation nothing."""
+    if claim["origin"] == "expected":
+        return ""
+    return " " + shown(f"({claim['where'] or claim['origin']})")
+
+
+def verdict_of(claim: dict[str, Any]) -> Raw:
+    """The verdict in its colour, and the reason where a claim does not hold."""
+    return coloured(claim["verdict"], claim["holds"], claim["reason"])
+
+
+def coloured(word: str, good: bool | None, why: str) -> Raw:
+    """A verdict in the colour of good or bad, or of neither, and why it is not good."""
+    shade = {True: "{.verdict-good}", False: "{.verdict-bad}"}.get(good, "")
+    return Raw((f"[{word}]{shade}" if shade else word) + ("" if good else f": {shown(why)}"))
 
 
 def provenance_text(record: dict[str, Any]) -> str:

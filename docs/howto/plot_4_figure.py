@@ -80,8 +80,9 @@ def draw(fast):
     # 1e-8: ten times the relative tolerance of a run.
     claims = [
         Claim.number(
-            f"amplitude at w = {omega:.3g}", closed(omega), a, 1e-8, digits=10
-        )
+            f"amplitude at w = {omega:.3g}", closed(omega), a, 1e-8, digits=10,
+            origin="printed", where="Den Hartog 1931",
+        )  # fmt: skip
         for omega, a in zip(omegas, amplitudes)
     ]
     return figure, claims
@@ -101,7 +102,7 @@ for claim in claims:
         f"{claim.statement}: {claim.source}, ours {claim.ours}, {claim.verdict}"
     )
 # sphinx_gallery_start_ignore
-assert all(claim.reproduced for claim in claims)
+assert all(claim.holds for claim in claims)
 # The house's figures need no display, and pyplot does not know them: show what was drawn.
 import io
 
@@ -118,13 +119,15 @@ plt.show()
 # sphinx_gallery_end_ignore
 
 # %%
-# A claim that differs must say why
-# ---------------------------------
-# A replication reports what the equations give. Where a source's value is not reproduced, the
-# claim says so with a reason, and the report shows both; without a reason there is no such
-# claim.
+# A claim says where its value comes from, and why it differs
+# ------------------------------------------------------------
+# A replication reports what the equations give. Its claims have an `origin`: ``printed`` in a source
+# (which section or equation is required), ``derived``, an ``independent`` computation, a
+# ``reconstruction``, or an ``identity``, which is a check of the code. They are counted apart, and
+# only what is printed can be called reproduced. Where a value does not come out, the claim says
+# so with a reason, and the report shows both; without a reason there is no such claim.
 try:
-    Claim("the peak lies at 1.2", "1.2", "1.3", reproduced=False)
+    Claim("the peak lies at 1.2", "1.2", "1.3", holds=False)
 except ValueError as error:
     print(error)
 

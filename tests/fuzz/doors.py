@@ -47,6 +47,7 @@ t, x, v, k, z = sp.symbols("t x v k z", real=True)
 # Seconds of work each, or no doors of a model: comparisons, figures, pictures.
 NO_DOORS = (
     "pwsmooth.compare",
+    "pwsmooth.claims",
     "pwsmooth.figures",
     "pwsmooth.plotting",
     "pwsmooth.for_jax",
