@@ -20,6 +20,7 @@ from .itineraries import same_itinerary
 from .orbits import refine
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
+from .recutting import longest_slip
 from .sections import Stroboscopic
 from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
 from .variations import chosen_parameters, moved, sticks_at_start
@@ -291,12 +292,8 @@ def quiet_time(run: Solution, period: float) -> float | None:
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
     if edge > NEAR * period:
         return None
-    bounds = np.unique(np.concatenate([run.t[:1], times, run.t[-1:]]))
-    middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
-    column = np.searchsorted(run.t, middles, side="right") - 1
-    lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
-    best = int(np.argmax(lengths))
-    return float(middles[best]) if lengths[best] >= 4 * NEAR * period else None
+    middle, length = longest_slip(run)
+    return middle if length >= 4 * NEAR * period else None
 
 
 def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:

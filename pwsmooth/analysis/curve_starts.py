@@ -15,6 +15,7 @@ from .bifurcations import Bifurcation
 from .captures import CAPTURE, Capture, capture_cut
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
+from .holding import one_force
 from .impacts import from_impact
 from .itineraries import Change
 from .periodic_orbit import PeriodicOrbit
@@ -104,15 +105,21 @@ def given(
     if str(switch) not in names:
         said = checks.shown(switch)
         raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
-    hidden = {str(mu.symbol) for mu in model.multipliers if mu.hidden}
-    if kind == ADDING and str(switch) in hidden:
-        raise ValueError(
-            f"`start` is an {kind} of {switch}, whose hidden term has several roots; it is not followed."
-        )
+    if kind == ADDING and (why := not_held(model, str(switch))):
+        raise ValueError(f"`start` is an {kind} of {switch}, {why}; it is not followed.")
     window = touched(orbit, str(switch), phase, kind == ADDING)
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
     return orbit, name, Lead(kind, window, begins=False)
+
+
+def not_held(model: Any, name: str) -> str:
+    """Why a motion that a switch holds is not described without its layer, in words."""
+    if any(layer.ratio != sp.oo for layer in model.layer_states):
+        return "whose layer has states of its own"
+    if not one_force(model, name):
+        return "whose multiplier acts as more than one force"
+    return ""
 
 
 def at_event(orbit: PeriodicOrbit, kind: str, change: Change) -> tuple[Cut, tuple[str, int]]:

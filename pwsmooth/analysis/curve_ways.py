@@ -27,6 +27,7 @@ _MOST_HALVED = 100
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
+_STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
 
@@ -80,7 +81,7 @@ class Way:
             if self._closes(spots):
                 self.closed = True
                 return self._ended(spots, "it closes.")
-            ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
+            ds = min(ds * self._longer(here, there), longest)
             walk.framed(there)
             here = walk.rephased(there)
         return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
@@ -107,6 +108,19 @@ class Way:
             if there is not None and np.linalg.norm(there.u - here.u) <= 2 * reach
             else walk.step(here, ds)
         )
+
+    @staticmethod
+    def _longer(here: Spot, there: Spot) -> float:
+        """By what the next step is longer.
+
+        Steps of Newton's method alone do not tell: where slopes have few digits it takes as many with any length. So
+        they count only where the curve bends.
+        """
+        way = there.u - here.u
+        off = np.linalg.norm(way - (way @ here.tangent) * here.tangent)
+        if there.steps <= 3 or off <= _STRAIGHT * np.linalg.norm(way):
+            return 2.0
+        return 1.0 if there.steps <= 5 else 0.5
 
     def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
         return spots, self.points, why

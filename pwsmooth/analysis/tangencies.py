@@ -41,10 +41,12 @@ class Touch(Condition):
         self.kind = kind
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
-        return np.array([place.image.approach.h])
+        near = place.image.approach
+        return np.array([np.nan if near is None else near.h])
 
-    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
-        return place.image.approach.slopes[None]
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
+        near = place.image.approach
+        return None if near is None else near.slopes[None]
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         near, mu = place.image.approach, place.multipliers
