@@ -128,15 +128,23 @@ def attractors_at(view: str, at: dict, config: Config, random) -> tuple[list, di
         if known:
             fates[known[0][2]] += 1
             continue
-        orbit = refine(replace(base, count=count), end[-count])
+        # Of a symmetric one the half-period map has each event once.
+        half = refine(replace(base, symmetry=MIRROR), end[-count])
+        whole = refine(replace(base, count=count), end[-count])
+        orbit = half if half.success and np.abs(half.x - end[-count]).max() < 1e-4 else whole
         if not orbit.success or np.abs(orbit.x - end[-count]).max() > 1e-3:
             fates["no orbit beside"] += 1
             continue
-        fate = "rest" if not orbit.isolated else "orbit" if orbit.stable else "not attracting"
+        # The last place of a rest is one where the block would just move: isolated to one side, and at rest.
+        still = max(float(np.ptp(run.x[0])) for run in orbit.runs()) < 1e-9
+        fate = "rest" if still or not orbit.isolated else "orbit" if orbit.stable else "not attracting"
         fates[fate] += 1
         if fate != "rest":  # those are a continuum
             orbits.append((orbit, end[-count:], fate))
     return [o for o, _, fate in orbits if fate == "orbit"], fates
+
+
+SMOOTH = ("fold", "flip", "symmetry breaking", "branch point", "torus")
 
 
 def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
@@ -146,18 +154,24 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     for name, (low, high) in zip(names, ranges):
         for to in (low, high):
             branch = follow(orbit, name, to, most=2000, max_steps=1_000_000)
-            stable = branch.stable
-            last = int(np.argmin(stable)) if not stable.all() else len(stable)
-            passed = [b for b, place in zip(branch.bifurcations, branch.places) if place <= last]
-            # Of those up to there, the one at which stability ends: the last one before the first unstable orbit.
-            ends = [b for b, place in zip(branch.bifurcations, branch.places) if place == last]
-            if last == len(stable) and branch.end.startswith("reached"):
-                if abs(branch.values[-1] - to) < 1e-9 * (1 + abs(to)):
-                    found.append(("border", {**values, name: to}, branch.end))
-                    continue
-                ends = ends or passed[-1:]  # turned back while it was stable
-            kind = ends[0].kind if ends else "end"
-            at = ends[0].parameter if ends else branch.values[min(last, len(stable) - 1)]
+            back = np.flatnonzero(np.diff(branch.values) * (to - branch.values[0]) < 0)
+            last = min([*np.flatnonzero(~branch.stable), *back[:1] + 1, len(branch.stable)])
+            # The first place at which it turns back, jumps, or loses its stability, be it for less than a step.
+            ends = [
+                b for b, place in zip(branch.bifurcations, branch.places)
+                if place <= last and (
+                    b.kind in SMOOTH or b.jumps or b.kind == "jump of the orbit"
+                    or b.beyond is not None and not (b.beyond.stable and b.beyond.isolated)
+                )
+            ]  # fmt: skip
+            if ends:
+                kind, at = ends[0].kind, ends[0].parameter
+            elif back.size and last == back[0] + 1:  # where it meets its mirror image, as a rule
+                kind, at = "turn", branch.values[back[0]]
+            elif last == len(branch.stable) and abs(branch.values[-1] - to) < 1e-9 * (1 + abs(to)):
+                kind, at = "border", to
+            else:
+                kind, at = "end", branch.values[min(last, len(branch.stable) - 1)]
             found.append((kind, {**values, name: float(at)}, branch.end))
     return found
 

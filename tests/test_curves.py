@@ -398,7 +398,10 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
 
     # At rest the block holds sigma sin(omega t) up to the largest mu, at the fold of the layer or, below 1/2, its end.
     rest = find_orbit(
-        slaved.with_parameters({"rho": 3, "sigma": 1.7}), {y: 0, v: 0}, period=2 * sp.pi, symmetry={y: -y, v: -v}
+        slaved.with_parameters({"rho": 3, "sigma": 1.7}),
+        {y: 0, v: 0},
+        period=2 * sp.pi,
+        symmetry={y: -y, v: -v},
     )
     curve = follow_curve(rest, {"rho": (0, 5), "sigma": (0.5, 5)}, kind="adding-sliding")
     rho, sigma = curve.values

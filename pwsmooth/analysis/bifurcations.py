@@ -19,6 +19,7 @@ from .arclength import Point, Walk
 from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold, clearances
 from .conditions import factors, on_circle, pairs
+from .holding import not_held
 from .itineraries import Change, Letter, change_between, same_itinerary
 from .orbits import refine, refined_to
 from .periodic_orbit import PeriodicOrbit
@@ -38,6 +39,8 @@ _THRESHOLD, _LAYER = (
     1e-6,
 )  # of the parameter: in which a capture is enclosed, and to which the layer is resolved
 _GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
+_PARTED = 1e-6  # in the unit of dh/dt: so little more the layer holds beside a jump
+ADDING = "adding-sliding"
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -89,6 +92,11 @@ class Bifurcation:
     orbit: PeriodicOrbit
     change: Change | None = None
     beyond: PeriodicOrbit | None = None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the Poincare map jumps there, so that the branch ends."""
+        return self.kind == CAPTURE or self.kind == ADDING and not self.change.before  # type: ignore[union-attr]
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
@@ -152,8 +160,8 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             # The flight is as high as the square of the distance from it: lower than roundings it is none.
             width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
-            if change.name == "jump of the orbit" and (found := _capture(walk, left, right)) is not None:
-                return [*bifurcations, replace(found, change=change, beyond=behind.orbit)]
+            if change.name == "jump of the orbit" and (found := _jump(walk, left, right)) is not None:
+                return [*bifurcations, replace(found, change=found.change or change, beyond=behind.orbit)]
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
             )
@@ -161,12 +169,12 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
     return bifurcations
 
 
-def _capture(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
-    """Whether a jump is that of a contact which is just captured, or just not; located over the parameter.
+def _jump(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
+    """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
 
     The chord leads from one orbit to another there, and says little of where the first one ends.
     """
-    if not clearances(left.orbit):
+    if not (clearances(left.orbit) or parted(left.orbit, math.inf)):
         return None
     last, first = left.orbit, left.orbit
     low, high = walk.value(left), walk.value(right)
@@ -179,15 +187,39 @@ def _capture(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
             low, last = middle, found
         else:
             high = middle
-    if not at_threshold(last):
+    width = abs(high - low) + _LAYER * (abs(low) + walk.scale)
+    if at_threshold(last):
+        return Bifurcation(CAPTURE, walk.name, low, width, last)
+    change = parted(last, _PARTED)
+    return None if change is None else Bifurcation(ADDING, walk.name, low, width, last, change)
+
+
+def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
+    """The stick of a hidden term whose layer could hold no more than `within` at one time: where it lets go."""
+    best: Any = None
+    for mu in orbit.system.model.multipliers:
+        name = str(mu.symbol)
+        if not mu.hidden or not_held(orbit.system.model, name):
+            continue
+        found = touched(orbit, name, stays=True)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and near.h <= within and (best is None or near.h < best[1].h):
+            best = name, near, found[0].window.side
+    if best is None:
         return None
-    return Bifurcation(CAPTURE, walk.name, low, abs(high - low) + _LAYER * (abs(low) + walk.scale), last)
+    name, near, side = best
+    first = orbit.map.start_time if isinstance(orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / orbit.period % 1.0)
+    return Change(ADDING, (), (Letter(time, name, "slip by fold", 0, -side),), time)
 
 
 def end_at(walk: Walk, here: Point, width: float) -> Bifurcation | None:
     """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
     if at_threshold(here.orbit):
         return Bifurcation(CAPTURE, walk.name, walk.value(here), width, here.orbit)
+    if (change := parted(here.orbit, _GRAZED)) is not None:
+        return Bifurcation(ADDING, walk.name, walk.value(here), width, here.orbit, change)
     model, best = here.orbit.system.model, None
     kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
     for event in model.events:

@@ -285,11 +285,9 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         there = _away(walk, here, there, found)
         branch.bifurcations += found
         branch.places += [len(branch.orbits)] * len(found)
-        if found and found[-1].kind == CAPTURE:
-            return (
-                f"no orbit beyond {name} = {found[-1].parameter:.10g}: there a contact is just captured, and the "
-                "Poincare map jumps."
-            )
+        if found and found[-1].jumps:
+            what = "a contact is just captured" if found[-1].kind == CAPTURE else "a stick is just parted"
+            return f"no orbit beyond {name} = {found[-1].parameter:.10g}: there {what}, and the Poincare map jumps."
         branch.orbits.append(there.orbit)
         if past is not None:
             return f"reached {name} = {past:g}."

@@ -11,11 +11,11 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from .bifurcations import Bifurcation
-from .captures import CAPTURE, Capture, capture_cut
+from .bifurcations import ADDING, Bifurcation
+from .captures import CAPTURE, condition_at, capture_cut
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
-from .holding import one_force
+from .holding import not_held
 from .impacts import from_impact
 from .itineraries import Change
 from .periodic_orbit import PeriodicOrbit
@@ -23,7 +23,7 @@ from .recutting import Cut, of_orbit, touched
 from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
 from .windows import PartedImage, Windowed
 
-ADDING, BORDER = "adding-sliding", "border collision"
+BORDER = "border collision"
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
@@ -37,7 +37,7 @@ def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Co
     if kind == BORDER:
         return Border(event)
     if kind == CAPTURE:
-        return Capture(*event)
+        return condition_at(event)
     if event is not None:
         return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
     if kind == "torus":
@@ -111,15 +111,6 @@ def given(
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")
     return orbit, name, Lead(kind, window, begins=False)
-
-
-def not_held(model: Any, name: str) -> str:
-    """Why a motion that a switch holds is not described without its layer, in words."""
-    if any(layer.ratio != sp.oo for layer in model.layer_states):
-        return "whose layer has states of its own"
-    if not one_force(model, name):
-        return "whose multiplier acts as more than one force"
-    return ""
 
 
 def at_event(orbit: PeriodicOrbit, kind: str, change: Change) -> tuple[Cut, tuple[str, int]]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from . import captures
 from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
-from .captures import Capture
+from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
 from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
 from .impacts import FromImpact, from_impact
@@ -192,7 +192,7 @@ class CurveWalk(Walk):
         told = np.linalg.norm(here.way) > 1e-3
         pieces = isinstance(self.map, Shooting)
         inner = self.map.map if pieces else self.map
-        if isinstance(self.condition, Capture):
+        if isinstance(self.condition, (Capture, AtFold)):
             place = self.place_at(here)
             about = None if place is None or pieces else captures.recentred(self.condition, place)
             return here if about is None else self._turned(here, *about)

@@ -73,13 +73,15 @@ def passed(model: Model, name: str) -> Model:
     return _linear(_with(model, mean), j)
 
 
-def one_force(model: Model, name: str) -> bool:
-    """Whether all that a multiplier does is one force, so that a motion that is held does not depend on how."""
+def not_held(model: Model, name: str) -> str:
+    """Why a motion that a switch holds is not described without its layer, in words; empty where it is."""
+    if any(layer.ratio != sp.oo for layer in model.layer_states):
+        return "whose layer has states of its own"
     try:
         held(model, name)
     except ValueError:
-        return False
-    return True
+        return "whose multiplier acts as more than one force"
+    return ""
 
 
 def _off(model: Model, j: int) -> Callable[[sp.Expr], sp.Expr]:
