@@ -120,7 +120,7 @@ def test_without_a_hidden_term_there_is_no_threshold():
 
 @pytest.mark.parametrize("first, to", [(1.75, 2.3), (2.3, 1.75)])
 def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
-    # Put to x = 1 every period it comes down to x = 0 at t1, with a force that is held if it is less than the largest mu.
+    # Put to x = 1 every period it comes down to x = 0, with a force that is held if it is less than the largest mu.
     t, x = sp.symbols("t x", real=True)
     a, rho = sp.symbols("a rho", positive=True)
     lam = Switch("lam", x)

@@ -12,7 +12,7 @@ import sympy as sp
 
 from ..definition import checks
 from .bifurcations import ADDING, Bifurcation
-from .captures import CAPTURE, condition_at, capture_cut
+from .captures import CAPTURE, capture_cut, condition_at
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
 from .holding import not_held
