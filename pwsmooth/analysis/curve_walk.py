@@ -63,6 +63,7 @@ class CurveWalk(Walk):
         self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int, held: bool
     ) -> None:
         self.must = False  # whether segments stay where multipliers alone do not ask for them
+        self.reach = 1.0  # how long the present step is
         self.condition, self.names, self.scales = condition, names, scales
         self.offset: Any = 0.0  # what c is, on the way to a first point
         self.take(map_, n, held)
@@ -93,7 +94,9 @@ class CurveWalk(Walk):
         exact = condition.slopes(place, extra)
         if exact is not None:
             return exact
-        found = differences(self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra))
+        found = differences(
+            self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra), self.reach
+        )
         if found is None or not condition.extras:
             return found
         h = 1e-6
@@ -167,6 +170,10 @@ class CurveWalk(Walk):
             weight = self.sizes[:n]
             u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
         return None
+
+    def step(self, here: Any, ds: float) -> Any:
+        self.reach = ds
+        return super().step(here, ds)
 
     def framed(self, here: Spot) -> None:
         """Lets the condition follow to a point that has been reached."""

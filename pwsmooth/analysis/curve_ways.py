@@ -27,6 +27,8 @@ _MOST_HALVED = 100
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
+# So many orbits in a row with such a part of the longest step between them: a step doubles with each, else.
+_LAST, _STUCK = 40, 1e-3
 _STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
@@ -84,6 +86,9 @@ class Way:
             ds = min(ds * self._longer(here, there), longest)
             walk.framed(there)
             here = walk.rephased(there)
+            if (arc := self._covered(spots)) < _STUCK * _LAST * longest:
+                why = f"the last {_LAST} of {len(spots)} orbits cover {arc:.2g} of the ranges"
+                return self._ended(spots, f"stopped at {where(walk, here)}: {why}.")
         return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
 
     def _stepped(self, here: Spot, ds: float) -> Any:
@@ -108,6 +113,14 @@ class Way:
             if there is not None and np.linalg.norm(there.u - here.u) <= 2 * reach
             else walk.step(here, ds)
         )
+
+    @staticmethod
+    def _covered(spots: list[Spot]) -> float:
+        """How far the last orbits have led, in the plane of both parameters."""
+        last = [spot.at for spot in spots[-_LAST:]]
+        if len(last) < _LAST:
+            return math.inf
+        return float(np.linalg.norm(np.diff(last, axis=0), axis=1).sum())
 
     @staticmethod
     def _longer(here: Spot, there: Spot) -> float:
