@@ -61,7 +61,10 @@ class Config:
     """Which planes, the lines of each, starts, and the check."""
 
     planes: tuple[str, ...] = tuple(SETS)
-    drive: tuple[tuple[float, ...], tuple[float, ...]] = ((0.5, 0.75, 1, 1.25, 1.5, 2, 2.5), (1.4, 2, 3, 4, 4.6))
+    drive: tuple[tuple[float, ...], tuple[float, ...]] = (
+        (0.5, 0.75, 1, 1.25, 1.5, 2, 2.5),
+        (1.4, 2, 3, 4, 4.6),
+    )
     static: tuple[tuple[float, ...], tuple[float, ...]] = (
         (0.25, 0.75, 1.2, 2, 3, 4.5),
         (1.5, 2, 2.7, 3.5, 4.3),

@@ -26,7 +26,7 @@ from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
-_PART, _LEAST = 0.1, 1e-7  # of the curve's step, and the least of that: four digits are left
+_PART, _LEAST = 1.0, 1e-7  # of the curve's step, and the least of that: five digits are left
 
 
 class Place(NamedTuple):
@@ -349,9 +349,7 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
     return None if below is None else (middle - below) / h
 
 
-def _by_points(
-    place: Place, value: Callable[[Place], np.ndarray], near: float
-) -> list[np.ndarray] | None:
+def _by_points(place: Place, value: Callable[[Place], np.ndarray], near: float) -> list[np.ndarray] | None:
     """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
     pieces, X, n = place.map, place.x, place.n
     middle, columns = value(place), {}

@@ -173,7 +173,9 @@ class CurveWalk(Walk):
 
     def step(self, here: Any, ds: float) -> Any:
         self.reach = ds
-        return super().step(here, ds)
+        there = super().step(here, ds)
+        self.reach = 1.0
+        return there
 
     def framed(self, here: Spot) -> None:
         """Lets the condition follow to a point that has been reached."""
