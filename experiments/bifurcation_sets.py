@@ -60,7 +60,7 @@ SETS = {  # name -> (view, parameters, ranges, lines)
 class Config:
     """Which planes, the lines of each, starts, and the check."""
 
-    planes: tuple[str, ...] = tuple(SETS)
+    planes: tuple[str, ...] = ("slaved over (omega, sigma)", "slaved over (rho, sigma)")
     drive: tuple[tuple[float, ...], tuple[float, ...]] = (
         (0.5, 0.75, 1, 1.25, 1.5, 2, 2.5),
         (1.4, 2, 3, 4, 4.6),

@@ -144,6 +144,7 @@ def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
     assert branch.bifurcations[-1].parameter == pytest.approx(
         exact(3), abs=1e-5
     )  # as finely as a jump is enclosed
+    assert len(branch.places) == len(branch.bifurcations)  # where a diagram finds it
     curve = follow_curve(branch.bifurcations[-1], {rho: (1, 5), a: (0.5, 5)})
     strength, force = curve.values
     assert np.ptp(strength) == 4 and len(strength) > 10

@@ -18,12 +18,13 @@ import numpy as np
 from ..definition import checks
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between, collapse_between, end_at
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .captures import CAPTURE
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBranch
 from .equilibrium_branches import coordinate, follow_equilibrium, value_at
+from .jumps import end_at
 from .periodic_orbit import PeriodicOrbit, none_found
 from .repetition import SAME, not_repeated
 from .sections import Stroboscopic, depends_on_time
@@ -260,10 +261,12 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                last = end_at(walk, here, 100 * ds * walk.scale)
-                if last is None:
+                found_end = end_at(walk, here, 100 * ds * walk.scale)
+                if found_end is None:
                     return walk.why_ended(here, ds)
+                last = Bifurcation(*found_end)
                 branch.bifurcations.append(last)
+                branch.places.append(len(branch.orbits))
                 return (
                     f"{last.kind} at {name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` "
                     "follows it over two parameters."

@@ -11,13 +11,14 @@ import numpy as np
 import sympy as sp
 
 from ..definition import checks
-from .bifurcations import ADDING, Bifurcation
+from .bifurcations import Bifurcation
 from .captures import CAPTURE, capture_cut, condition_at
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
 from .holding import not_held
 from .impacts import from_impact
 from .itineraries import Change
+from .jumps import ADDING
 from .periodic_orbit import PeriodicOrbit
 from .recutting import Cut, of_orbit, touched
 from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
@@ -83,8 +84,7 @@ def given(
         about = capture_cut(orbit, None if switch is None else str(switch))
         if isinstance(about, str):
             raise ValueError(f"`start` is at no capture threshold: {about}.")
-        cut, event = about
-        return orbit, name, Lead(kind, cut, event, begins=False)
+        return orbit, name, Lead(kind, *about, begins=False)
     if kind == BORDER:
         model = orbit.system.model
         known = {s.name: s for s in (*model.states, *orbit.system.parameters)}
