@@ -6,12 +6,14 @@ Bifurcation sets by one call each (`pwsmooth.bifurcation_set`), of the slaved li
 friction answers at once), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. The hidden term stays: it
 is what folds the layer, and with it sticks end at a fold. The relaxing limit, eps << beta (0.1 z' = 1 - lam^2 - z, z a
 state of the motion, none of the layer), can be had as one more of `Config.planes`; it is not among the kept results:
-cascades of flips and many corners ask for so short steps there that its set was not done within its time.
+its branches turn many times and meet cascades of flips, and were not all followed within its time.
 
 Check: at random points of each plane a sweep of many starts finds the attractors there by brute force. A set admits an
-attractor if the orbit, followed over either parameter until it is stable no more, is so up to a curve of the set or to
-the border of the plane. Points nearer than 1e-3 (of the ranges) to a curve are left out. A block at rest is in a set of
-orbits: slaved, it needs |F| < N mu_s; these ends are counted apart, and so are trajectories that do not settle.
+attractor if the orbit, followed over either parameter until it turns back, jumps or loses its stability, is so up to a
+curve of the set or to the border of the plane. Points nearer than 1e-3 (of the ranges) to a curve are left out. A block
+at rest is in a set of orbits: slaved, it needs |F| < N mu_s; these ends are counted apart, the last place of such a set
+among them, and so are trajectories that do not settle. A symmetric orbit is followed by its half-period map, in which
+what happens at both of its contacts happens once.
 
 Expected: rest, two sticks (symmetric), slip only, and asymmetric orbits between; every border of what attracts is a
 curve of the set; slaved within 10 minutes on two cores.
@@ -19,7 +21,10 @@ curve of the set; slaved within 10 minutes on two cores.
 New, as these planes were not drawn before: the curve on which the symmetric orbit sticks less (crossing-sliding)
 carries the others. From (omega, sigma) = (1.174944, 2.493826) on its symmetry breaks; folds leave it at omega =
 0.909187, 1.906970 and 2.103362, and one has a cusp at (2.078333, 1.530048). At omega = 1 the curve of broken symmetry
-begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction.
+begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction. Where the layer could hold more and
+more the map jumps: curves of captures, of orbits of one and of two periods, end at (0.860610, 4.130876), where what is
+just held is let go at once and crossing-sliding is continuous. A block at rest begins to move where its stick parts, at
+sigma = 1 for rho below 1/2.
 
 Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -74,7 +79,7 @@ class Config:
     longest: int = 2  # periods of the orbits whose branches are followed
     workers: int = 2
     points: int = 50
-    fewer: int = 12  # where z is a state, and orbits take longer
+    fewer: int = 12  # in the relaxing limit, where z is a state and orbits take longer
     tried: int = 100  # starts at each
     transient: int = 400
     near: float = 1e-3

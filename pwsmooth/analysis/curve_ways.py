@@ -24,6 +24,7 @@ from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_ROUNDING = 1e-9  # of a test function, as multipliers have it: a change of sign there is none
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
@@ -159,6 +160,8 @@ class Way:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
+            if max(abs(a), abs(b)) < _ROUNDING:
+                continue  # as all along a curve of orbits at rest, which have such a multiplier everywhere
             spot = zero_between(walk, here, there, _test(name))
             why = walk.condition.ends(name)
             if spot is None and why:
