@@ -6,12 +6,14 @@ Bifurcation sets by one call each (`pwsmooth.bifurcation_set`), of the slaved li
 friction answers at once), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. The hidden term stays: it
 is what folds the layer, and with it sticks end at a fold. The relaxing limit, eps << beta (0.1 z' = 1 - lam^2 - z, z a
 state of the motion, none of the layer), can be had as one more of `Config.planes`; it is not among the kept results:
-cascades of flips and many corners ask for so short steps there that its set was not done within its time.
+its branches turn many times and meet cascades of flips, and were not all followed within its time.
 
 Check: at random points of each plane a sweep of many starts finds the attractors there by brute force. A set admits an
-attractor if the orbit, followed over either parameter until it is stable no more, is so up to a curve of the set or to
-the border of the plane. Points nearer than 1e-3 (of the ranges) to a curve are left out. A block at rest is in a set of
-orbits: slaved, it needs |F| < N mu_s; these ends are counted apart, and so are trajectories that do not settle.
+attractor if the orbit, followed over either parameter until it turns back, jumps or loses its stability, is so up to a
+curve of the set or to the border of the plane. Points nearer than 1e-3 (of the ranges) to a curve are left out. A block
+at rest is in a set of orbits: slaved, it needs |F| < N mu_s; these ends are counted apart, the last place of such a set
+among them, and so are trajectories that do not settle. A symmetric orbit is followed by its half-period map, in which
+what happens at both of its contacts happens once.
 
 Expected: rest, two sticks (symmetric), slip only, and asymmetric orbits between; every border of what attracts is a
 curve of the set; slaved within 10 minutes on two cores.
@@ -19,7 +21,10 @@ curve of the set; slaved within 10 minutes on two cores.
 New, as these planes were not drawn before: the curve on which the symmetric orbit sticks less (crossing-sliding)
 carries the others. From (omega, sigma) = (1.174944, 2.493826) on its symmetry breaks; folds leave it at omega =
 0.909187, 1.906970 and 2.103362, and one has a cusp at (2.078333, 1.530048). At omega = 1 the curve of broken symmetry
-begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction.
+begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction. Where the layer could hold more and
+more the map jumps: curves of captures, of orbits of one and of two periods, end at (0.860610, 4.130876), where what is
+just held is let go at once and crossing-sliding is continuous. A block at rest begins to move where its stick parts, at
+sigma = 1 for rho below 1/2.
 
 Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -61,7 +66,10 @@ class Config:
     """Which planes, the lines of each, starts, and the check."""
 
     planes: tuple[str, ...] = ("slaved over (omega, sigma)", "slaved over (rho, sigma)")
-    drive: tuple[tuple[float, ...], tuple[float, ...]] = ((0.5, 0.75, 1, 1.25, 1.5, 2, 2.5), (1.4, 2, 3, 4))
+    drive: tuple[tuple[float, ...], tuple[float, ...]] = (
+        (0.5, 0.75, 1, 1.25, 1.5, 2, 2.5),
+        (1.4, 2, 3, 4, 4.6),
+    )
     static: tuple[tuple[float, ...], tuple[float, ...]] = (
         (0.25, 0.75, 1.2, 2, 3, 4.5),
         (1.5, 2, 2.7, 3.5, 4.3),
@@ -71,6 +79,7 @@ class Config:
     longest: int = 2  # periods of the orbits whose branches are followed
     workers: int = 2
     points: int = 50
+    fewer: int = 12  # in the relaxing limit, where z is a state and orbits take longer
     tried: int = 100  # starts at each
     transient: int = 400
     near: float = 1e-3
@@ -128,15 +137,23 @@ def attractors_at(view: str, at: dict, config: Config, random) -> tuple[list, di
         if known:
             fates[known[0][2]] += 1
             continue
-        orbit = refine(replace(base, count=count), end[-count])
+        # Of a symmetric one the half-period map has each event once.
+        half = refine(replace(base, symmetry=MIRROR), end[-count])
+        whole = refine(replace(base, count=count), end[-count])
+        orbit = half if half.success and np.abs(half.x - end[-count]).max() < 1e-4 else whole
         if not orbit.success or np.abs(orbit.x - end[-count]).max() > 1e-3:
             fates["no orbit beside"] += 1
             continue
-        fate = "rest" if not orbit.isolated else "orbit" if orbit.stable else "not attracting"
+        # The last place of a rest is one where the block would just move: isolated to one side, and at rest.
+        still = max(float(np.ptp(run.x[0])) for run in orbit.runs()) < 1e-9
+        fate = "rest" if still or not orbit.isolated else "orbit" if orbit.stable else "not attracting"
         fates[fate] += 1
         if fate != "rest":  # those are a continuum
             orbits.append((orbit, end[-count:], fate))
     return [o for o, _, fate in orbits if fate == "orbit"], fates
+
+
+SMOOTH = ("fold", "flip", "symmetry breaking", "branch point", "torus")
 
 
 def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
@@ -146,18 +163,24 @@ def borders(orbit, names, ranges) -> list[tuple[str, dict, str]]:
     for name, (low, high) in zip(names, ranges):
         for to in (low, high):
             branch = follow(orbit, name, to, most=2000, max_steps=1_000_000)
-            stable = branch.stable
-            last = int(np.argmin(stable)) if not stable.all() else len(stable)
-            passed = [b for b, place in zip(branch.bifurcations, branch.places) if place <= last]
-            # Of those up to there, the one at which stability ends: the last one before the first unstable orbit.
-            ends = [b for b, place in zip(branch.bifurcations, branch.places) if place == last]
-            if last == len(stable) and branch.end.startswith("reached"):
-                if abs(branch.values[-1] - to) < 1e-9 * (1 + abs(to)):
-                    found.append(("border", {**values, name: to}, branch.end))
-                    continue
-                ends = ends or passed[-1:]  # turned back while it was stable
-            kind = ends[0].kind if ends else "end"
-            at = ends[0].parameter if ends else branch.values[min(last, len(stable) - 1)]
+            back = np.flatnonzero(np.diff(branch.values) * (to - branch.values[0]) < 0)
+            last = min([*np.flatnonzero(~branch.stable), *back[:1] + 1, len(branch.stable)])
+            # The first place at which it turns back, jumps, or loses its stability, be it for less than a step.
+            ends = [
+                b for b, place in zip(branch.bifurcations, branch.places)
+                if place <= last and (
+                    b.kind in SMOOTH or b.jumps or b.kind == "jump of the orbit"
+                    or b.beyond is not None and not (b.beyond.stable and b.beyond.isolated)
+                )
+            ]  # fmt: skip
+            if ends:
+                kind, at = ends[0].kind, ends[0].parameter
+            elif back.size and last == back[0] + 1:  # where it meets its mirror image, as a rule
+                kind, at = "turn", branch.values[back[0]]
+            elif last == len(branch.stable) and abs(branch.values[-1] - to) < 1e-9 * (1 + abs(to)):
+                kind, at = "border", to
+            else:
+                kind, at = "end", branch.values[min(last, len(branch.stable) - 1)]
             found.append((kind, {**values, name: float(at)}, branch.end))
     return found
 
@@ -168,7 +191,7 @@ def checked(name: str, found, config: Config) -> dict:
     names, random = parameters.split(), np.random.default_rng(config.seed)
     low, high = np.array(ranges).T
     rows, skipped = [], 0
-    while len(rows) < config.points:
+    while len(rows) < (config.points if view == "slaved" else min(config.fewer, config.points)):
         at = low + (high - low) * random.random(2)
         if found.distance(at) < config.near:
             skipped += 1

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import sympy as sp
-from friction_oscillator import coulomb, hidden, sigma, v, y, z
+from friction_oscillator import coulomb, hidden, omega, sigma, v, y, z
 from scipy.optimize import brentq
 
-from pwsmooth import find_orbit, follow, follow_curve, solve
+from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
 from pwsmooth.analysis.capture import capture_threshold, critical_ratio
 from pwsmooth.analysis.captures import clearances
 from pwsmooth.analysis.separatrix import frozen
@@ -109,8 +109,53 @@ def test_broken_symmetry_ends_where_its_contact_is_not_captured_any_more():
     assert end.begins == ("capture",)
 
 
-def test_a_view_without_a_state_in_its_layer_has_no_threshold():
-    slaved = hidden().layered({z: sp.oo})
-    orbit = find_orbit(slaved, {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
+def test_without_a_hidden_term_there_is_no_threshold():
+    orbit = find_orbit(coulomb(), {y: 0.78, v: -1.03}, period=2 * sp.pi, symmetry={y: -y, v: -v}, transient=50)
     with pytest.raises(ValueError, match="at no capture threshold"):
-        follow_curve(orbit, {"rho": (0, 5), "sigma": (1, 6)}, kind="capture")
+        follow_curve(orbit, {"k": (2, 4), "sigma": (1, 6)}, kind="capture")
+
+
+# ---- a layer without states: its fold decides
+
+
+@pytest.mark.parametrize("first, to", [(1.75, 2.3), (2.3, 1.75)])
+def test_a_contact_is_captured_where_the_fold_of_its_layer_holds_it(first, to):
+    # Put to x = 1 every period it comes down to x = 0, with a force that is held if it is less than the largest mu.
+    t, x = sp.symbols("t x", real=True)
+    a, rho = sp.symbols("a rho", positive=True)
+    lam = Switch("lam", x)
+    falling = System(
+        {x: -a * (2 + sp.cos(t - 0.2)) / 3 - lam * (1 + rho * (1 - lam**2))}, time=t, parameters={a: first, rho: 3},
+        events=[Event(every=2 * sp.pi, update={x: 1})],
+    )  # fmt: skip
+    branch = follow(find_orbit(falling, {x: 1}, period=2 * sp.pi, phase=0.05), a, to=to)
+
+    def exact(strength):
+        fold = np.sqrt((1 + strength) / (3 * strength))
+        most = fold * (1 + strength * (1 - fold**2))
+
+        # x = 1 - t - a (2 t + sin(t - 0.2) + sin(0.2))/3 with a (2 + cos(t - 0.2))/3 = most
+        def left(at):
+            return 1 - at - most * (2 * at + np.sin(at - 0.2) + np.sin(0.2)) / (2 + np.cos(at - 0.2))
+
+        return 3 * most / (2 + np.cos(brentq(left, 0, 1, xtol=1e-15) - 0.2))
+
+    assert branch.bifurcations[-1].kind == "capture" and "capture" in branch.end
+    assert branch.bifurcations[-1].parameter == pytest.approx(
+        exact(3), abs=1e-5
+    )  # as finely as a jump is enclosed
+    assert len(branch.places) == len(branch.bifurcations)  # where a diagram finds it
+    curve = follow_curve(branch.bifurcations[-1], {rho: (1, 5), a: (0.5, 5)})
+    strength, force = curve.values
+    assert np.ptp(strength) == 4 and len(strength) > 10
+    assert np.abs(force - [exact(one) for one in strength]).max() < 1e-9
+
+
+def test_captures_end_where_what_is_held_is_let_go_at_once():
+    # There the curve of crossing-sliding of the other contact meets them, and both orbits are the same.
+    layered = hidden(omega=0.9051721488540027, sigma=4.3650245184496095).layered({z: sp.oo})
+    orbit = find_orbit(layered, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=100)
+    capture = follow(orbit, "omega", to=0.4).bifurcations[-1]
+    curve = follow_curve(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
+    (end,) = curve.of_kind("capture + crossing-sliding")
+    assert end.values["omega"] == pytest.approx(0.86061, abs=1e-4) and "reached sigma = 5." in curve.ends

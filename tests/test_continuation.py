@@ -328,6 +328,17 @@ def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():
     assert len(set(phases)) > 1
 
 
+def test_a_branch_goes_on_when_a_stick_comes_to_end_on_its_section():
+    # At sigma = 1.19 the stick ends where the period does: from v = -1e-17 there the map begins in slip, the motion
+    # that goes on does not, and what the map repeats is no orbit.
+    orbit = find_orbit(
+        hidden(rho=0.9243369560655162, sigma=2.6968907901978216).layered({z: sp.oo}), {y: 0.5, v: 0.3},
+        period=2 * sp.pi, transient=100,
+    )  # fmt: skip
+    branch = follow(orbit, "sigma", to=0.5)
+    assert branch.values.min() < 1.1
+
+
 def test_an_autonomous_orbit_is_followed_on_its_section():
     # x'' - 2 a x' + x = -sign x': fixed at X = (E + 1)/(E - 1), E = exp(a pi/sqrt(1 - a^2))
     relay = System({x: u, u: 2 * a * u - x - sp.sign(u)}, parameters={a: 0.1})

@@ -393,6 +393,36 @@ def test_static_friction_lets_a_stick_go_by_a_fold_from_one_half_on(slaved):
     assert "exit by a fold + crossing-sliding" in curve.ends[0] + curve.ends[-1]
 
 
+def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_largest_force(slaved):
+    from friction_oscillator import v, y
+
+    # At rest the block holds sigma sin(omega t) up to the largest mu, at the fold of the layer or, below 1/2, its end.
+    rest = find_orbit(
+        slaved.with_parameters({"rho": 3, "sigma": 1.7}),
+        {y: 0, v: 0},
+        period=2 * sp.pi,
+        symmetry={y: -y, v: -v},
+    )
+    curve = follow_curve(rest, {"rho": (0, 5), "sigma": (0.5, 5)}, kind="adding-sliding")
+    rho, sigma = curve.values
+    fold = np.sqrt((1 + np.maximum(rho, 0.5)) / (3 * np.maximum(rho, 0.5)))
+    assert np.ptp(rho) == 5 and len(rho) > 20
+    assert np.abs(sigma - np.where(rho < 0.5, 1, fold * (1 + rho * (1 - fold**2)))).max() < 1e-10
+
+
+def test_a_curve_that_leads_no_further_says_so():
+    # Beside a stick that parts the fold's condition has a square root, and steps become ever shorter.
+    from friction_oscillator import hidden, omega, sigma, v, y, z
+
+    orbit = find_orbit(
+        hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0}, period=2 * sp.pi / omega,
+        symmetry={y: -y, v: -v}, transient=100,
+    )  # fmt: skip
+    fold = follow(orbit, sigma, to=0.5, longest_step=0.1).of_kind("fold")[0]
+    curve = follow_curve(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
+    assert any("cover" in end for end in curve.ends) and len(curve.orbits) < 200
+
+
 def test_two_routes_lead_to_the_point_where_symmetry_breaking_meets_crossing_sliding(slaved):
     ranges = {"rho": (0, 6), "sigma": (1, 6)}
     broken = follow_curve(only(follow(symmetric(slaved), "sigma", to=3.4), "symmetry breaking"), ranges)

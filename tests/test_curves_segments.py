@@ -114,3 +114,27 @@ def test_sticks_are_born_and_parted_along_the_exact_lines_beside_a_multiplier_of
     assert len(p) > 20 and np.ptp(q) == 1.5
     assert np.abs(p - exact(q)).max() < ON_CURVE
     assert grown(curve, 4) == pytest.approx(1, rel=1e-6)
+
+
+def test_folds_from_impact_to_impact_go_over_to_segments_where_deviations_grow():
+    # exp(2 T) passes 1e4 on the way: the unknowns are the impact's own before, the points of segments behind it.
+    from test_curves import fold_amplitude, grazing_amplitude, one_impact
+
+    (m0, m1), M = one_impact(1.4)
+    speed = 1.3 * m0 / (m0**2 + (0.8 + m1) ** 2 / 1.4**2)
+    angle = math.atan2((0.8 + m1) * speed / 1.4, 1 - speed * m0)
+    amplitude = math.hypot(1 - speed * m0, (0.8 + m1) * speed / 1.4) * grazing_amplitude(1.4)
+    at = (angle + math.atan2(0.1 * 1.4, 1 - 1.4**2)) / 1.4
+    stop = Unilateral(1 - x, restitution=sp.Rational(4, 5), name="stop")
+    system = System(
+        {x: u, u: A * sp.cos(w * t) - u / 10 - x - stop.reaction, y: 2 * (y - x)}, time=t,
+        parameters={A: amplitude, w: 1.4},
+    )  # fmt: skip
+    # Just behind the impact, where the motion is that of a speed of 0.8 times the incoming one.
+    phase = at * 1.4 / 2 / math.pi
+    orbit = find_orbit(system, {x: 1 - 1e-12, u: -0.8 * speed, y: 0}, period=2 * sp.pi / w, phase=phase + 1e-9)
+    fold = follow(orbit, A, to=0.2).of_kind("fold")[0]
+    curve = follow_curve(fold, {w: (1.02, 1.8), A: (0, 10)})
+    cut = [one.segments is not None for one in curve.orbits]
+    assert any(cut) and not all(cut)
+    assert max(abs(p - fold_amplitude(q)) for q, p in curve.values.T) < ON_CURVE

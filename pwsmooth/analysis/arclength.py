@@ -20,12 +20,14 @@ from .itineraries import same_itinerary
 from .orbits import refine
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
+from .recutting import longest_slip
 from .sections import Stroboscopic
 from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
 NEAR = 0.03  # of the period: an event so near to the section moves it
+_MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
 
 
 def value_of(orbit: PeriodicOrbit, name: str) -> float:
@@ -224,7 +226,7 @@ class Walk:
         there = self.correct(here.u + ds * here.tangent, here.tangent, here.tangent)
         if there is None or np.linalg.norm(there.u - here.u) > 2 * ds:
             return None
-        if ds > 1e-3 and _sticks(there) and not _sticks(here):
+        if ds > _MOVES and _sticks(there) and not _sticks(here):
             return None  # a shorter step comes near enough to move the section first
         # Within one itinerary the branch is smooth; between two it may have a corner.
         if there.tangent @ here.tangent < 0.8 and same_itinerary(here.orbit, there.orbit):
@@ -290,12 +292,8 @@ def quiet_time(run: Solution, period: float) -> float | None:
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
     if edge > NEAR * period:
         return None
-    bounds = np.unique(np.concatenate([run.t[:1], times, run.t[-1:]]))
-    middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
-    column = np.searchsorted(run.t, middles, side="right") - 1
-    lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
-    best = int(np.argmax(lengths))
-    return float(middles[best]) if lengths[best] >= 4 * NEAR * period else None
+    middle, length = longest_slip(run)
+    return middle if length >= 4 * NEAR * period else None
 
 
 def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
@@ -309,7 +307,11 @@ def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
 
 
 def _sticks(point: Point) -> bool:
-    return any(sticks_at_start(run) for run in point.image.runs)
+    """Whether the motion stands on a surface on its section.
+
+    It may end so and not begin so: beside a surface, by a rounding, where the map lets go what is held.
+    """
+    return any(sticks_at_start(run) or 0 in run.status[:, -1] for run in point.image.runs)
 
 
 def only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:

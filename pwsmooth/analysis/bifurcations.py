@@ -2,29 +2,28 @@
 
 Fold, flip, symmetry breaking, branch point and torus are zeros of test functions between points of one itinerary:
 tau_q, det(DP + 1), the same for the half-period map, det(DP - 1), and the product of mu_i mu_j - 1. A change of
-itinerary is enclosed by bisection; itineraries.py says what it is.
+itinerary is enclosed by bisection; itineraries.py says what it is, jumps.py where the map jumps.
 
-Chain: arclength.py, itineraries.py, captures.py -> **bifurcations** -> continuation.py.
+Chain: arclength.py, itineraries.py, jumps.py -> **bifurcations** -> continuation.py.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
 from .arclength import Point, Walk
 from .bracketing import zero_between
-from .captures import CAPTURE, at_threshold, clearances
+from .captures import CAPTURE
 from .conditions import factors, on_circle, pairs
-from .itineraries import Change, Letter, change_between, same_itinerary
-from .orbits import refine, refined_to
+from .itineraries import Change, change_between, same_itinerary
+from .jumps import ADDING, jump_between
+from .orbits import refined_to
 from .periodic_orbit import PeriodicOrbit
-from .recutting import touched
 from .repetition import SAME
-from .sections import Stroboscopic
 
 __all__ = ["Bifurcation", "bifurcations_between"]
 
@@ -33,11 +32,6 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
-_THRESHOLD, _LAYER = (
-    1e-10,
-    1e-6,
-)  # of the parameter: in which a capture is enclosed, and to which the layer is resolved
-_GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
 _APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
 
 
@@ -89,6 +83,11 @@ class Bifurcation:
     orbit: PeriodicOrbit
     change: Change | None = None
     beyond: PeriodicOrbit | None = None
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the Poincare map jumps there, so that the branch ends."""
+        return self.kind == CAPTURE or self.kind == ADDING and not self.change.before  # type: ignore[union-attr]
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
@@ -152,61 +151,14 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             # The flight is as high as the square of the distance from it: lower than roundings it is none.
             width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
-            if change.name == "jump of the orbit" and (found := _capture(walk, left, right)) is not None:
-                return [*bifurcations, replace(found, change=change, beyond=behind.orbit)]
+            if change.name == "jump of the orbit" and (found := jump_between(walk, left, right)) is not None:
+                found = found._replace(change=found.change or change)
+                return [*bifurcations, Bifurcation(*found, beyond=behind.orbit)]
             bifurcations.append(
                 Bifurcation(change.name, walk.name, walk.value(left), width, left.orbit, change, behind.orbit)
             )
         here = behind
     return bifurcations
-
-
-def _capture(walk: Walk, left: Point, right: Point) -> Bifurcation | None:
-    """Whether a jump is that of a contact which is just captured, or just not; located over the parameter.
-
-    The chord leads from one orbit to another there, and says little of where the first one ends.
-    """
-    if not clearances(left.orbit):
-        return None
-    last, first = left.orbit, left.orbit
-    low, high = walk.value(left), walk.value(right)
-    if left.tangent[-1] * (high - low) <= 0:
-        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
-    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
-        middle = 0.5 * (low + high)
-        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
-        if found.success and same_itinerary(first, found):
-            low, last = middle, found
-        else:
-            high = middle
-    if not at_threshold(last):
-        return None
-    return Bifurcation(CAPTURE, walk.name, low, abs(high - low) + _LAYER * (abs(low) + walk.scale), last)
-
-
-def end_at(walk: Walk, here: Point, width: float) -> Bifurcation | None:
-    """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
-    if at_threshold(here.orbit):
-        return Bifurcation(CAPTURE, walk.name, walk.value(here), width, here.orbit)
-    model, best = here.orbit.system.model, None
-    kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
-    for event in model.events:
-        if event.surface is not None and not event.singular:
-            kinds[event.name] = ("grazing of an event", "reset")
-    for name in kinds:
-        found = touched(here.orbit, name)
-        image = None if isinstance(found, str) else found[0].image(found[1], ())
-        near = getattr(image, "approach", None)
-        if near is not None and (best is None or near.h < best[1].h):
-            best = name, near, found[0]
-    if best is None or not best[1].h <= _GRAZED:
-        return None
-    name, near, _ = best
-    kind, letter = kinds[name]
-    first = here.orbit.map.start_time if isinstance(here.orbit.map, Stroboscopic) else 0.0
-    time = float((near.place - first) / here.orbit.period % 1.0)
-    change = Change(kind, (), (Letter(time, name, letter, 0, 0),), time)
-    return Bifurcation(kind, walk.name, walk.value(here), width, here.orbit, change)
 
 
 def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bool:

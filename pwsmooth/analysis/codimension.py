@@ -19,8 +19,9 @@ __all__ = ["Codimension2"]
 class Lead:
     """Where another curve begins: its kind, the map and its point, and what the condition starts with.
 
-    `event` is the switch and ordinal of an arrival or exit, `extra` the condition's own unknowns. Along `direction` the
-    point is left by an amplitude (what is born there has none at the point itself).
+    `event` is the switch and ordinal of an arrival or exit (of a capture also whether a fold decides), `extra` the
+    condition's own unknowns. Along `direction` the point is left by an amplitude (what is born there has none at the
+    point itself).
     """
 
     kind: str

@@ -26,6 +26,7 @@ from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
+_PART, _LEAST = 1.0, 1e-7  # of the curve's step, and the least of that: five digits are left
 
 
 class Place(NamedTuple):
@@ -310,17 +311,22 @@ def on_circle(mu: np.ndarray) -> bool:
 
 
 def differences(
-    at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray]
-) -> np.ndarray | None:
-    """Slopes of `value` by the entries of u = (x, p, q), (c, n + 2), within the itinerary of `place`; None without."""
+    at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray],
+    reach: float = 1.0,
+) -> np.ndarray | None:  # fmt: skip
+    """Slopes of `value` by the entries of u = (x, p, q), (c, n + 2), within the itinerary of `place`; None without.
+
+    From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
+    """
+    near = min(_STEP, _PART * max(reach, _LEAST))
     columns, middle, first = [], value(place), 0
     if isinstance(place.map, Pieces):
-        found = _by_points(place, value)
+        found = _by_points(place, value, near)
         if found is None:
             return None
         columns, first = found, len(place.x)
     for j in range(first, len(u)):
-        h = _STEP * (1 + abs(u[j]))
+        h = near * (1 + abs(u[j]))
         sides = []
         for step in (h, -h):
             moved = u.copy()
@@ -343,11 +349,11 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
     return None if below is None else (middle - below) / h
 
 
-def _by_points(place: Place, value: Callable[[Place], np.ndarray]) -> list[np.ndarray] | None:
+def _by_points(place: Place, value: Callable[[Place], np.ndarray], near: float) -> list[np.ndarray] | None:
     """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
     pieces, X, n = place.map, place.x, place.n
     middle, columns = value(place), {}
-    sizes = _STEP * (1 + np.abs(X.reshape(-1, n)))
+    sizes = near * (1 + np.abs(X.reshape(-1, n)))
     for i in range(n):
         steps = sizes * np.eye(n)[i]
         sides = [list(pieces.varied(X, place.image, sign * steps, place.names)) for sign in (1, -1)]

@@ -18,12 +18,13 @@ import numpy as np
 from ..definition import checks
 from ..paths.budget import MOST_STEPS, Budget, opened, within
 from .arclength import Point, Walk, value_of
-from .bifurcations import Bifurcation, bifurcations_between, collapse_between, end_at
+from .bifurcations import Bifurcation, bifurcations_between, collapse_between
 from .branch import _Along
 from .captures import CAPTURE
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBranch
 from .equilibrium_branches import coordinate, follow_equilibrium, value_at
+from .jumps import end_at
 from .periodic_orbit import PeriodicOrbit, none_found
 from .repetition import SAME, not_repeated
 from .sections import Stroboscopic, depends_on_time
@@ -260,10 +261,12 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                last = end_at(walk, here, 100 * ds * walk.scale)
-                if last is None:
+                found_end = end_at(walk, here, 100 * ds * walk.scale)
+                if found_end is None:
                     return walk.why_ended(here, ds)
+                last = Bifurcation(*found_end)
                 branch.bifurcations.append(last)
+                branch.places.append(len(branch.orbits))
                 return (
                     f"{last.kind} at {name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` "
                     "follows it over two parameters."
@@ -285,11 +288,9 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         there = _away(walk, here, there, found)
         branch.bifurcations += found
         branch.places += [len(branch.orbits)] * len(found)
-        if found and found[-1].kind == CAPTURE:
-            return (
-                f"no orbit beyond {name} = {found[-1].parameter:.10g}: there a contact is just captured, and the "
-                "Poincare map jumps."
-            )
+        if found and found[-1].jumps:
+            what = "a contact is just captured" if found[-1].kind == CAPTURE else "a stick is just parted"
+            return f"no orbit beyond {name} = {found[-1].parameter:.10g}: there {what}, and the Poincare map jumps."
         branch.orbits.append(there.orbit)
         if past is not None:
             return f"reached {name} = {past:g}."

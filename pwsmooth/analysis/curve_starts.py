@@ -12,17 +12,19 @@ import sympy as sp
 
 from ..definition import checks
 from .bifurcations import Bifurcation
-from .captures import CAPTURE, Capture, capture_cut
+from .captures import CAPTURE, capture_cut, condition_at
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
+from .holding import not_held
 from .impacts import from_impact
 from .itineraries import Change
+from .jumps import ADDING
 from .periodic_orbit import PeriodicOrbit
 from .recutting import Cut, of_orbit, touched
 from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
 from .windows import PartedImage, Windowed
 
-ADDING, BORDER = "adding-sliding", "border collision"
+BORDER = "border collision"
 TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event", "adding-sliding")
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
@@ -36,7 +38,7 @@ def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Co
     if kind == BORDER:
         return Border(event)
     if kind == CAPTURE:
-        return Capture(*event)
+        return condition_at(event)
     if event is not None:
         return (Arrival if kind in ARRIVALS else Exit)(kind, *event)
     if kind == "torus":
@@ -82,8 +84,7 @@ def given(
         about = capture_cut(orbit, None if switch is None else str(switch))
         if isinstance(about, str):
             raise ValueError(f"`start` is at no capture threshold: {about}.")
-        cut, event = about
-        return orbit, name, Lead(kind, cut, event, begins=False)
+        return orbit, name, Lead(kind, *about, begins=False)
     if kind == BORDER:
         model = orbit.system.model
         known = {s.name: s for s in (*model.states, *orbit.system.parameters)}
@@ -104,11 +105,8 @@ def given(
     if str(switch) not in names:
         said = checks.shown(switch)
         raise ValueError(f"`switch` is {said}; give the one that is touched, of {', '.join(names) or 'none'}.")
-    hidden = {str(mu.symbol) for mu in model.multipliers if mu.hidden}
-    if kind == ADDING and str(switch) in hidden:
-        raise ValueError(
-            f"`start` is an {kind} of {switch}, whose hidden term has several roots; it is not followed."
-        )
+    if kind == ADDING and (why := not_held(model, str(switch))):
+        raise ValueError(f"`start` is an {kind} of {switch}, {why}; it is not followed.")
     window = touched(orbit, str(switch), phase, kind == ADDING)
     if isinstance(window, str):
         raise ValueError(f"`start` grazes nothing: {window}.")

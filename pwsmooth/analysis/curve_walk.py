@@ -18,7 +18,7 @@ import numpy as np
 
 from . import captures
 from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
-from .captures import Capture
+from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
 from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
 from .impacts import FromImpact, from_impact
@@ -63,6 +63,7 @@ class CurveWalk(Walk):
         self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int, held: bool
     ) -> None:
         self.must = False  # whether segments stay where multipliers alone do not ask for them
+        self.reach = 1.0  # how long the present step is
         self.condition, self.names, self.scales = condition, names, scales
         self.offset: Any = 0.0  # what c is, on the way to a first point
         self.take(map_, n, held)
@@ -93,7 +94,9 @@ class CurveWalk(Walk):
         exact = condition.slopes(place, extra)
         if exact is not None:
             return exact
-        found = differences(self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra))
+        found = differences(
+            self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra), self.reach
+        )
         if found is None or not condition.extras:
             return found
         h = 1e-6
@@ -168,6 +171,12 @@ class CurveWalk(Walk):
             u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
         return None
 
+    def step(self, here: Any, ds: float) -> Any:
+        self.reach = ds
+        there = super().step(here, ds)
+        self.reach = 1.0
+        return there
+
     def framed(self, here: Spot) -> None:
         """Lets the condition follow to a point that has been reached."""
         place = self.place_at(here)
@@ -192,7 +201,7 @@ class CurveWalk(Walk):
         told = np.linalg.norm(here.way) > 1e-3
         pieces = isinstance(self.map, Shooting)
         inner = self.map.map if pieces else self.map
-        if isinstance(self.condition, Capture):
+        if isinstance(self.condition, (Capture, AtFold)):
             place = self.place_at(here)
             about = None if place is None or pieces else captures.recentred(self.condition, place)
             return here if about is None else self._turned(here, *about)

@@ -24,9 +24,13 @@ from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
+_ROUNDING = 1e-9  # of a test function, as multipliers have it: a change of sign there is none
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
+# So many orbits in a row with such a part of the longest step between them: a step doubles with each, else.
+_LAST, _STUCK = 40, 1e-3
+_STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
 
@@ -80,9 +84,12 @@ class Way:
             if self._closes(spots):
                 self.closed = True
                 return self._ended(spots, "it closes.")
-            ds = min(ds * (2.0 if there.steps <= 3 else 1.0 if there.steps <= 5 else 0.5), longest)
+            ds = min(ds * self._longer(here, there), longest)
             walk.framed(there)
             here = walk.rephased(there)
+            if (arc := self._covered(spots)) < _STUCK * _LAST * longest:
+                why = f"the last {_LAST} of {len(spots)} orbits cover {arc:.2g} of the ranges"
+                return self._ended(spots, f"stopped at {where(walk, here)}: {why}.")
         return self._ended(spots, f"stopped after {len(spots)} orbits (`most`).")
 
     def _stepped(self, here: Spot, ds: float) -> Any:
@@ -108,6 +115,27 @@ class Way:
             else walk.step(here, ds)
         )
 
+    @staticmethod
+    def _covered(spots: list[Spot]) -> float:
+        """How far the last orbits have led, in the plane of both parameters."""
+        last = [spot.at for spot in spots[-_LAST:]]
+        if len(last) < _LAST:
+            return math.inf
+        return float(np.linalg.norm(np.diff(last, axis=0), axis=1).sum())
+
+    @staticmethod
+    def _longer(here: Spot, there: Spot) -> float:
+        """By what the next step is longer.
+
+        Steps of Newton's method alone do not tell: where slopes have few digits it takes as many with any length. So
+        they count only where the curve bends.
+        """
+        way = there.u - here.u
+        off = np.linalg.norm(way - (way @ here.tangent) * here.tangent)
+        if there.steps <= 3 or off <= _STRAIGHT * np.linalg.norm(way):
+            return 2.0
+        return 1.0 if there.steps <= 5 else 0.5
+
     def _ended(self, spots: list[Spot], why: str) -> tuple[list[Spot], list[Codimension2], str]:
         return spots, self.points, why
 
@@ -132,6 +160,8 @@ class Way:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
+            if max(abs(a), abs(b)) < _ROUNDING:
+                continue  # as all along a curve of orbits at rest, which have such a multiplier everywhere
             spot = zero_between(walk, here, there, _test(name))
             why = walk.condition.ends(name)
             if spot is None and why:

@@ -267,9 +267,14 @@ def _unmatched(these: list[Letter], those: list[Letter]) -> list[Letter]:
 
 
 def _repeats(cluster, first, symmetric: bool) -> bool:
-    """Whether the other changes are the mirror images, half a period later, of the first ones."""
+    """Whether the other changes are the mirror images, half a period later, of the first ones.
+
+    A map of whole periods does not know that its orbit is symmetric: then their letters say it.
+    """
     rest = [c for c in cluster if c not in first]
     at = first[0][0] + 0.5
+    mirrored = [(side, x.switch, x.kind, -x.before, -x.after) for _, side, x in first]
+    symmetric = symmetric or sorted(mirrored) == sorted((side, *x.word) for _, side, x in rest)
     return symmetric and len(rest) == len(first) and all(_distance(c[0], at) < 3 * _TOGETHER for c in rest)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition.model import Model, Multiplier
+from ..definition.model import Model
 from ..definition.regularity import total_derivative
 from ..paths.linearised import rates
 from ..results.outputs import vectorised
@@ -76,39 +76,41 @@ def one_sided(model: Model, name: str, value: int) -> Model:
             return replace(model, events=model.events[:k] + model.events[k + 1 :])
     index = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == name)
     fixed = {model.multipliers[index].symbol: sp.Integer(value)}
-
-    def at_value(part: Any) -> Any:
-        if isinstance(part, sp.Basic):
-            return part.xreplace(fixed)
-        if isinstance(part, tuple):
-            return tuple(map(at_value, part))
-        return part
-
-    def rewritten(record: Any) -> Any:
-        symbols = {f.name: at_value(getattr(record, f.name)) for f in fields(record) if f.name != "symbol"}
-        return replace(record, **symbols)
-
+    there = rewritten(model, lambda e: e.xreplace(fixed))
     without = [j for j in range(len(model.multipliers)) if j != index]
-    residuals, ratios = model.layer_residuals, model.eps_ratio
+    residuals, ratios = there.layer_residuals, there.eps_ratio
     return replace(
-        model,
-        rhs=at_value(model.rhs),
-        multipliers=tuple(rewritten(model.multipliers[j]) for j in without),
-        events=tuple(map(rewritten, model.events)),
-        outputs=at_value(model.outputs),
-        layer_states=tuple(map(rewritten, model.layer_states)),
-        layer_residuals=tuple(at_value(residuals[j]) for j in without) if residuals else (),
+        there,
+        multipliers=tuple(there.multipliers[j] for j in without),
+        layer_residuals=tuple(residuals[j] for j in without) if residuals else (),
         eps_ratio=tuple(ratios[j] for j in without) if ratios else (),
     )
 
 
-@functools.lru_cache(maxsize=64)
-def held(model: Model, name: str) -> Model:
-    """The model whose motion stays on the surface of this name: lambda is what that takes, and has no bounds."""
-    index = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == name)
-    mu = model.multipliers[index]
-    free = Multiplier(mu.symbol, "algebraic", mu.condition)
-    return replace(model, multipliers=(*model.multipliers[:index], free, *model.multipliers[index + 1 :]))
+def rewritten(model: Model, change: Callable[[Any], Any]) -> Model:
+    """The model with other expressions in the place of its own, but for the symbols of its multipliers."""
+
+    def changed(part: Any) -> Any:
+        if isinstance(part, sp.Basic):
+            return change(part)
+        if isinstance(part, tuple):
+            return tuple(map(changed, part))
+        return part
+
+    def record(one: Any) -> Any:
+        return replace(
+            one, **{f.name: changed(getattr(one, f.name)) for f in fields(one) if f.name != "symbol"}
+        )
+
+    return replace(
+        model,
+        rhs=changed(model.rhs),
+        multipliers=tuple(map(record, model.multipliers)),
+        events=tuple(map(record, model.events)),
+        outputs=changed(model.outputs),
+        layer_states=tuple(map(record, model.layer_states)),
+        layer_residuals=changed(model.layer_residuals),
+    )
 
 
 @functools.lru_cache(maxsize=64)
@@ -123,15 +125,15 @@ def surface_of(model: Model, name: str) -> sp.Expr:
     return found[0]
 
 
-def minima(run: Solution, surface: sp.Expr, side: int) -> list[float]:
-    """Times between events at which s h has a minimum."""
-    _, speed = functions_of(run.model, surface)
+def minima(run: Solution, functions: tuple[Any, Any]) -> list[float]:
+    """Times between events at which a function of (t, x, mult, p), given with its rate, has a minimum."""
+    _, speed = functions
     knots = np.unique(np.concatenate([run.dense.t0, run.t[-1:]]))
     times = np.linspace(knots[:-1], knots[1:], _EACH, axis=1)
     times[:, -1] = np.nextafter(times[:, -1], times[:, 0])  # the step's own side of an event
     flat = times.ravel()
     x, mult = run.dense(flat)
-    slopes = (side * speed(flat, x, mult, run.tape.p)).reshape(times.shape)
+    slopes = speed(flat, x, mult, run.tape.p).reshape(times.shape)
     rising = (slopes[:, :-1] < 0) & (slopes[:, 1:] >= 0)
     return [_zero_of(run, speed, times[i, k], times[i, k + 1]) for i, k in zip(*np.nonzero(rising))]
 

@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from ..results.solution import Solution
 from .impacts import FromImpact, ImpactImage
 from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
 from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes
+from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
 Cut = tuple[Any, np.ndarray, bool]  # a map, the points of its segments, and whether some may begin in a slide
@@ -89,6 +91,16 @@ def without_barred(inner: Any, cuts: Any, X: np.ndarray) -> tuple[Pieces, np.nda
     return replace(pieces, cuts=left), X.reshape(pieces.number, -1)[keep].ravel()
 
 
+def longest_slip(run: Solution) -> tuple[float, float]:
+    """The middle of the longest time between events at which a run slips, and how long it is."""
+    bounds = np.unique(np.concatenate([run.t[:1], [e.time for e in run.events], run.t[-1:]]))
+    middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
+    column = np.searchsorted(run.t, middles, side="right") - 1
+    lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
+    best = int(np.argmax(lengths))
+    return float(middles[best]), float(lengths[best])
+
+
 def narrowed(number: int) -> float:
     """How wide a window is to either side: of an orbit in segments not much more than one of them."""
     return min(WIDEST, 0.5 / number)
@@ -106,10 +118,18 @@ def touched(orbit: PeriodicOrbit, name: str, phase: float | None = None, stays: 
     map_: Any = orbit.map
     driven = isinstance(map_, Stroboscopic)
     if orbit.segments is None:
-        span = (map_.start_time, map_.start_time + map_.duration) if driven else (0.0, orbit.time)
-        runs: tuple[Any, ...] = (map_._solve(map_.system, span, orbit.x, True),)
-        if not runs[0].success:
-            return f"the orbit was not run through: {why_stopped(runs[0])}"
+        x = orbit.x
+        for _ in range(2):
+            span = (map_.start_time, map_.start_time + map_.duration) if driven else (0.0, orbit.time)
+            runs: tuple[Any, ...] = (map_._solve(map_.system, span, x, True),)
+            if not runs[0].success:
+                return f"the orbit was not run through: {why_stopped(runs[0])}"
+            middle, length = longest_slip(runs[0])
+            if not (stays and driven and sticks_at_start(runs[0]) and length > 0):
+                break
+            # A stick that a section parts has no extreme there.
+            phase = None if phase is None else (phase - (middle - map_.start_time) / orbit.period) % 1.0
+            map_, x = map_.at_phase(middle / map_.forcing_period), runs[0].dense(np.array([middle]))[0][:, 0]
         found = touching(map_, runs, name, phase, stays)
         return found if isinstance(found, str) else (*found, False)
     if not driven:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..paths.linearised import linearise
 from .conditions import Condition, Place, factors, on_circle, pairs
+from .holding import Strength
 from .impacts import FromImpact, ImpactImage
 from .parts import function_of
 from .pieces import spectrum, spread
@@ -29,7 +30,6 @@ TOGETHER = 1e-3  # of the period: events that come and go together at a change o
 _ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
 SIDES = {"below": -1.0, "above": 1.0}
 _TWIN = 1e-7
-_LAYER = 201  # places in [-1, 1] at which a layer is looked at
 
 
 class Touch(Condition):
@@ -41,10 +41,12 @@ class Touch(Condition):
         self.kind = kind
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
-        return np.array([place.image.approach.h])
+        near = place.image.approach
+        return np.array([np.nan if near is None else near.h])
 
-    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray:
-        return place.image.approach.slopes[None]
+    def slopes(self, place: Place, extra: np.ndarray) -> np.ndarray | None:
+        near = place.image.approach
+        return None if near is None else near.slopes[None]
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         near, mu = place.image.approach, place.multipliers
@@ -226,7 +228,7 @@ class AtEvent(TwoSided):
             return None
         i, instant, t, x, mult, side = found
         part = place.image.parts[i]
-        model, n = part.run.model, len(x)
+        model, n = place.map.system.model, len(x)  # in a window the run has another one
         chosen = tuple(p for name in place.names for p in part.run.system.parameters if p.name == name)
         line, p = linearise(model, chosen), part.run.tape.p
         j = next(j for j, mu in enumerate(model.multipliers) if str(mu.symbol) == self.switch)
@@ -268,29 +270,10 @@ class Arrival(AtEvent):
     def quantity(
         self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
     ) -> tuple[Any, float, np.ndarray]:
-        e = line.speed(j)
-        lam = np.linspace(-1.0, 1.0, _LAYER)
-        values = self._over(line, e, j, t, x, mult, p, side, lam)
-        k = int(np.argmax(values))
-        best = float(lam[k])
-        if 0 < k < _LAYER - 1:
-            from scipy.optimize import minimize_scalar
-
-            found = minimize_scalar(
-                lambda at: -self._over(line, e, j, t, x, mult, p, side, np.array([at]))[0],
-                bounds=(lam[k - 1], lam[k + 1]), method="bounded", options={"xatol": 1e-10},
-            )  # fmt: skip
-            best = float(found.x)
-        mult[j] = best
-        return side * e, float(self._over(line, e, j, t, x, mult, p, side, np.array([best]))[0]), mult
-
-    @staticmethod
-    def _over(line, e, j, t, x, mult, p, side, lam) -> np.ndarray:
-        """s dh/dt over values of the multiplier."""
-        at = np.tile(mult[:, None], (1, len(lam)))
-        at[j] = lam
-        states = np.tile(x[:, None], (1, len(lam)))
-        return side * function_of(line.model, e)(np.full(len(lam), t), states, at, p)
+        strength = Strength(line.model, self.switch, side)
+        at = np.array([t]), x[:, None], mult[:, None], p
+        mult = strength.level(line.model, *at)[:, 0]
+        return strength.expression, float(strength.functions(line.model)[0](*at)[0]), mult
 
 
 class Exit(AtEvent):

@@ -1,17 +1,18 @@
 """Poincare maps whose motion keeps to one side of a surface for a while: what makes grazing a regular equation.
 
-    x(t0) --exact--> x(t_a) --lambda = +-1, no contact--> x(t_b) --exact--> P(x)
+    x(t0) --exact--> x(t_a) --lambda = +-1, no contact; or held--> x(t_b) --exact--> P(x)
 
 Between t_a and t_b one surface acts on nothing: the motion may come to it, touch it and go beyond, smoothly, where the
 exact map has the square root of the distance. The extreme of h in the window and its slopes are smooth there (the
 envelope theorem: dh = h_x dx + h_q dq at the instant of the extreme), and where that is 0 the map is the exact one.
 
-Chain: sections.py, parts.py -> **windows** -> tangencies.py.
+Chain: sections.py, holding.py -> **windows** -> tangencies.py.
 """
 
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -19,12 +20,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import sympy as sp
 
 from ..definition.model import Model
 from ..paths.linearised import linearise
 from ..results.solution import Solution
-from .parts import Part, functions_of, held, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
+from .holding import Strength, caught, held, passed
+from .parts import Part, functions_of, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
 from .poincare import RETURN, Image, lost, why_stopped
 from .sections import Leg, Stroboscopic
 from .variations import chosen_parameters
@@ -65,8 +66,14 @@ class Window:
     begin: float
     end: float
     near: float  # the extreme of the last orbit, likewise
-    held: bool = False  # the motion stays on the surface, and h = s - lambda instead
+    held: bool = False  # the motion stays on the surface, and instead of s h there is what more could be held
     ratio: Any = None  # of the layer's states instead of their own, while the surface acts as it does
+    arrives: str = ""  # "caught" or "passed": what comes from the side is held, or let through
+
+    @property
+    def decides(self) -> bool:
+        """Whether it is about an arrival, not about an extreme."""
+        return self.ratio is not None or bool(self.arrives)
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ class Windowed:
         return isinstance(self.base, Stroboscopic)
 
     @property
-    def surface(self) -> sp.Expr:
+    def approached(self) -> Approached:
         assert self.window is not None
         return approached(self.base.system.model, self.window)
 
@@ -132,8 +139,8 @@ class Windowed:
             if not (run.success and run.t[-1] == span[1]):
                 return lost(n, runs, why_stopped(run))
             wanted, approach = None, found.approach
-            if window is not None and window.ratio is None and (first, end) == (window.begin, window.end):
-                wanted = nearest(run, self.surface, window, T, begins)
+            if window is not None and not window.decides and (first, end) == (window.begin, window.end):
+                wanted = nearest(run, self.approached, window, T, begins)
                 if wanted is None:
                     return lost(n, runs, "h has no extreme in the window.")
             moves = (slope * (phase + first), slope * (phase + end))
@@ -141,7 +148,7 @@ class Windowed:
             if part is None:
                 return lost(n, runs, _NO_SERIES)
             if wanted is not None:
-                approach = _approach(run, chosen, self.surface, window, wanted, part.sample)
+                approach = _approach(run, chosen, self.approached, wanted, part.sample)
             found = PartedImage(
                 run.x[:, -1], found.time + float(run.t[-1] - run.t[0]), runs, part.W[:, :n], part.W[:, n:],
                 (*found.degenerate, *part.degenerate), parts=(*found.parts, part), approach=approach,
@@ -191,9 +198,15 @@ def in_window(system: Any, window: Window) -> Any:
         other = copy.copy(system)
         other.model = with_ratio(system.model, window.ratio)
         return other
-    if window.held:
-        other = copy.copy(system)
-        other.model = held(system.model, window.name)
+    if window.held or window.arrives:
+        other, name = copy.copy(system), window.name
+        other.model = (
+            held(system.model, name)
+            if window.held
+            else caught(system.model, name, window.side)
+            if window.arrives == "caught"
+            else passed(system.model, name)
+        )
         return other
     is_contact = any(str(mu.symbol) == window.name and mu.kind == "contact" for mu in system.model.multipliers)
     other = copy.copy(system)
@@ -201,42 +214,69 @@ def in_window(system: Any, window: Window) -> Any:
     return other
 
 
-def approached(model: Model, window: Window) -> sp.Expr:
-    """h of a window, where s h is positive on the orbit's side: of a stick s - lambda."""
-    if window.held:
-        lam = next(mu.symbol for mu in model.multipliers if str(mu.symbol) == window.name)
-        return sp.Integer(window.side) - lam
-    return surface_of(model, window.name)
+class Approached:
+    """What is smallest where the motion touches: s h; of a stick, what more the layer could hold."""
+
+    def __init__(self, model: Model, window: Window) -> None:
+        self.side, self.strength, self.expression = window.side, None, None
+        if window.held:
+            self.strength = Strength(model, window.name, window.side)
+        else:
+            self.expression = window.side * surface_of(model, window.name)
+
+    def functions(self, model: Model) -> tuple[Any, Any]:
+        """It and its rate of (t, x, mult, p), along a run of this model."""
+        if self.strength is not None:
+            return self.strength.functions(model)
+        return functions_of(model, self.expression)
+
+    def slopes(self, model: Model, chosen: Any, t: float, x: Any, mult: Any, p: Any) -> tuple[np.ndarray, ...]:
+        """Its derivatives by (x, q) and by multipliers, (N,) and (m,)."""
+        line = linearise(model, chosen)
+        if self.strength is None:
+            w, _, by_mult = line.gradient(self.expression, t, x, mult, p)
+            return w, by_mult
+        at = self.strength.level(model, np.array([t]), x[:, None], mult[:, None], p)[:, 0]
+        w, _, by_mult = line.gradient(self.strength.expression, t, x, at, p)
+        by_mult[self.strength.j] = 0.0  # the envelope: it is the largest over lambda
+        return w, by_mult
+
+
+@functools.lru_cache(maxsize=64)
+def _approached(model: Model, name: str, side: int, stays: bool) -> Approached:
+    return Approached(model, Window(name, side, 0.0, 1.0, 0.0, stays))
+
+
+def approached(model: Model, window: Window) -> Approached:
+    return _approached(model, window.name, window.side, window.held)
 
 
 def nearest(
-    run: Solution, surface: sp.Expr, window: Window, T: float, begins: float
+    run: Solution, what: Approached, window: Window, T: float, begins: float
 ) -> tuple[float, float] | None:
-    """Time of the minimum of s h next to that of the last orbit, and the smallest s h of all others; None without."""
-    places = minima(run, surface, window.side)
+    """Time of the minimum next to that of the last orbit, and the smallest value of all others; None without."""
+    functions = what.functions(run.model)
+    places = minima(run, functions)
     if not places:
         return None
-    h, _ = functions_of(run.model, surface)
     places.sort(key=lambda t: abs(t - begins - window.near * T))
     rest = np.array(places[1:])
-    values = window.side * h(rest, *run.dense(rest), run.tape.p) if rest.size else np.array([np.inf])
+    values = functions[0](rest, *run.dense(rest), run.tape.p) if rest.size else np.array([np.inf])
     return places[0], float(values.min())
 
 
 def _approach(
-    run: Solution, chosen: Any, surface: sp.Expr, window: Any, wanted: tuple[float, float], sample: np.ndarray
+    run: Solution, chosen: Any, what: Approached, wanted: tuple[float, float], sample: np.ndarray
 ) -> Approach:
     place, others = wanted
     model, p, n = run.model, run.tape.p, len(run.x)
-    h, _ = functions_of(model, surface)
     t = np.array([place])
     x, mult = run.dense(t)
     W = sample[0, :n]
-    w, _, by_mult = linearise(model, chosen).gradient(surface, place, x[:, 0], mult[:, 0], p)
+    w, by_mult = what.slopes(model, chosen, place, x[:, 0], mult[:, 0], p)
     slopes = w[:n] @ W + by_mult @ sample[0, n:]
     slopes[n:] += w[n:]
-    side = window.side
-    return Approach(place, float(side * h(t, x, mult, p)[0]), side * slopes, x[:, 0], others)
+    return Approach(place, float(what.functions(model)[0](t, x, mult, p)[0]), slopes, x[:, 0], others)
 
 
 def touching(
@@ -259,9 +299,8 @@ def touching(
     found = []
     for side, run in itertools.product((1, -1), runs):
         window = Window(name, side, 0.0, 1.0, 0.0, stays)
-        surface = approached(model, window)
-        h, _ = functions_of(run.model, surface)
-        for t in minima(run, surface, side):
+        functions = approached(model, window).functions(run.model)
+        for t in minima(run, functions):
             states, mult = run.dense(np.array([t]))
             column = int(np.searchsorted(run.t, t, side="right")) - 1
             if name in symbols:
@@ -269,7 +308,7 @@ def touching(
                 contact = run.model.multipliers[j].kind == "contact"
                 if run.status[j, column] != (0 if stays else 1 if contact else side):
                     continue
-            distance = side * float(h(np.array([t]), states, mult, run.tape.p)[0])
+            distance = float(functions[0](np.array([t]), states, mult, run.tape.p)[0])
             if distance >= -TOUCHED:
                 found.append((distance, t, window))
     if not found:
@@ -310,7 +349,7 @@ def recentred(
     duration, times = end - first, np.array(found)
     away = (times - t) % duration
     back, on = (float(duration - away.max()), float(away.min())) if times.size else (duration, duration)
-    sections = not map_.driven or window.held  # a section in a stick is none
+    sections = not map_.driven or window.held and times.size > 0  # a section in a stick is none, but of a rest
     if sections:
         back, on = min(back, 2 * (t - first)), min(on, 2 * (first + duration - t))
     before, after = min(widest * duration, back / 2), min(widest * duration, on / 2)

@@ -1,0 +1,111 @@
+"""Where the Poincare map jumps, so that a branch ends: what is just captured there, just let go, or just touched.
+
+    capture           an arrival is just held, or just not                    captures.py
+    adding-sliding    a stick of a hidden term could just hold no more        holding.py, windows.py
+    grazing           a stop or an event is just touched, where the branch finds no orbit beyond
+
+Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from .arclength import Point, Walk
+from .captures import CAPTURE, at_threshold, clearances
+from .holding import not_held
+from .itineraries import Change, Letter, same_itinerary
+from .orbits import refine
+from .periodic_orbit import PeriodicOrbit
+from .recutting import touched
+from .sections import Stroboscopic
+
+ADDING = "adding-sliding"
+# Of the parameter: in which a jump is enclosed, and to which the layer is resolved.
+_THRESHOLD, _LAYER = 1e-10, 1e-6
+_PARTED = 1e-6  # in the unit of dh/dt: so little more the layer holds beside a jump
+_GRAZED = 1e-4  # in the unit of h: so near the last orbit of a branch comes, within its shortest step
+
+
+class Jump(NamedTuple):
+    """What a Bifurcation begins with."""
+
+    kind: str
+    name: str
+    parameter: float
+    uncertainty: float
+    orbit: PeriodicOrbit
+    change: Change | None = None
+
+
+def jump_between(walk: Walk, left: Point, right: Point) -> Jump | None:
+    """Whether a jump is that of a contact which is just captured, just not, or just let go; located over the parameter.
+
+    The chord leads from one orbit to another there, and says little of where the first one ends.
+    """
+    if not (clearances(left.orbit) or parted(left.orbit, math.inf)):
+        return None
+    last, first = left.orbit, left.orbit
+    low, high = walk.value(left), walk.value(right)
+    if left.tangent[-1] * (high - low) <= 0:
+        high = low + math.copysign(max(abs(high - low), 1e-3 * walk.scale), left.tangent[-1])
+    while abs(high - low) > _THRESHOLD * (abs(low) + walk.scale):
+        middle = 0.5 * (low + high)
+        found = refine(first.map.with_parameters({walk.name: middle}), last.x)
+        if found.success and same_itinerary(first, found):
+            low, last = middle, found
+        else:
+            high = middle
+    width = abs(high - low) + _LAYER * (abs(low) + walk.scale)
+    if at_threshold(last):
+        return Jump(CAPTURE, walk.name, low, width, last)
+    change = parted(last, _PARTED)
+    return None if change is None else Jump(ADDING, walk.name, low, width, last, change)
+
+
+def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
+    """The stick of a hidden term whose layer could hold no more than `within` at one time: where it lets go."""
+    best: Any = None
+    for mu in orbit.system.model.multipliers:
+        name = str(mu.symbol)
+        if not mu.hidden or not_held(orbit.system.model, name):
+            continue
+        found = touched(orbit, name, stays=True)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and near.h <= within and (best is None or near.h < best[1].h):
+            best = name, near, found[0].window.side  # type: ignore[union-attr]
+    if best is None:
+        return None
+    name, near, side = best
+    first = orbit.map.start_time if isinstance(orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / orbit.period % 1.0)
+    return Change(ADDING, (), (Letter(time, name, "slip by fold", 0, -side),), time)
+
+
+def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
+    """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
+    if at_threshold(here.orbit):
+        return Jump(CAPTURE, walk.name, walk.value(here), width, here.orbit)
+    if (change := parted(here.orbit, _GRAZED)) is not None:
+        return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
+    model, best = here.orbit.system.model, None
+    kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
+    for event in model.events:
+        if event.surface is not None and not event.singular:
+            kinds[event.name] = ("grazing of an event", "reset")
+    for name in kinds:
+        found = touched(here.orbit, name)
+        image = None if isinstance(found, str) else found[0].image(found[1], ())
+        near = getattr(image, "approach", None)
+        if near is not None and (best is None or near.h < best[1].h):
+            best = name, near, found[0]
+    if best is None or not best[1].h <= _GRAZED:
+        return None
+    name, near, _ = best
+    kind, letter = kinds[name]
+    first = here.orbit.map.start_time if isinstance(here.orbit.map, Stroboscopic) else 0.0
+    time = float((near.place - first) / here.orbit.period % 1.0)
+    change = Change(kind, (), (Letter(time, name, letter, 0, 0),), time)
+    return Jump(kind, walk.name, walk.value(here), width, here.orbit, change)
