@@ -33,7 +33,8 @@ class Study:
     """One study.
 
     `run` turns a configuration (a frozen dataclass) into data of plain numbers, lists and dicts; `claims` and `draw`
-    take these data, as they come back from the file.
+    take these data, as they come back from the file; `verdict` says from them in a sentence or two whether what was
+    expected held.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Study:
     run: Callable[[Any], dict]
     claims: Callable[[dict], list[Claim]]
     draw: Callable[[dict], Any]
+    verdict: Callable[[dict], str] | None = None
 
 
 def claim(statement: str, source: str, ours: str, holds: bool, otherwise: str) -> Claim:
@@ -87,6 +89,12 @@ def plain(value: Any) -> Any:
     return value
 
 
+def judged(study: Study, data: dict) -> dict:
+    """What a data file says of its data."""
+    said = {"claims": [claim.record() for claim in study.claims(data)]}
+    return said if study.verdict is None else {"verdict": study.verdict(data)} | said
+
+
 def result(study: Study, fast: bool = False) -> dict:
     """Compute a study: its data file's content."""
     config = study.fast if fast else study.full
@@ -99,7 +107,7 @@ def result(study: Study, fast: bool = False) -> dict:
         "config": plain(dataclasses.asdict(config)),
         "fast": fast,
         "data": data,
-        "claims": [claim.record() for claim in study.claims(data)],
+        **judged(study, data),
         "cpu_seconds": round(time.process_time() - begun, 1),
         "provenance": provenance(),
     }
@@ -126,13 +134,14 @@ def command(study: Study) -> None:
     options = parser.parse_args()
     if options.draw:
         content, folder = json.loads(options.draw.read_text()), options.draw.parent
-        content["claims"] = [c.record() for c in study.claims(content["data"])]
+        content |= judged(study, content["data"])
     else:
         content, folder = result(study, options.fast), options.out
         folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{study.name}.json", content)
     draw(study, content, folder / f"{study.name}.png")
     print(study.question, "\nexpected:", study.expected)
+    print("found:", content.get("verdict", ""))
     for claim in content["claims"]:
         reason = f" ({claim['reason']})" if claim["reason"] else ""
         print(

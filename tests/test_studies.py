@@ -22,7 +22,15 @@ def scripts_importable(monkeypatch):
 DIFFER = {"capture_map": {"critical ratio r*, algebraic", "critical ratio r*, tanh"}}
 
 
-STUDIES = ["capture_map", "gradient_optimum", "ladder", "propositions", "symmetry_breaking", "wider_circle"]
+STUDIES = [
+    "capture_exponents",
+    "capture_map",
+    "gradient_optimum",
+    "ladder",
+    "propositions",
+    "symmetry_breaking",
+    "wider_circle",
+]
 
 
 @pytest.mark.parametrize("name", STUDIES)
