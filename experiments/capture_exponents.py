@@ -342,7 +342,8 @@ def verdict(data) -> str:
     rest = "held" if exponential else "did not hold"
     less = "; Gaussian tails (erf) give less, r sqrt(log(1/r))" if gaussian else ""
     return (
-        f"The hypothesis {said} for power tails, with the factor too, and {rest} for exponential ones{less}. A measured force tells the tail: at r = 0.001, rho = 3 "
+        f"The hypothesis {said} for power tails, with the factor too, and {rest} for exponential ones{less}. "
+        "A measured force tells the tail: at r = 0.001, rho = 3 "
         f"F_c - N is {', '.join(f'{f:.4f} ({n})' for n, f in forces.items())}, neighbouring m at least "
         f"{100 * apart:.0f} % apart."
     )
