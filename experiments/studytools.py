@@ -3,6 +3,8 @@
     python experiments/NAME.py [--fast] [--out DIR]       compute, write DIR/NAME.json, draw DIR/NAME.png
     python experiments/NAME.py --draw DIR/NAME.json       judge and draw again from the data
 
+After a kill the first goes on with the parts that were finished, where the study has any.
+
 The chart and the claims are made from the data file's content alone.
 """
 
@@ -10,7 +12,9 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import hashlib
 import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +27,7 @@ from benchtools import provenance, write_json
 from pwsmooth import plotting
 from pwsmooth.figures import Claim, write_whole
 
-__all__ = ["Claim", "Study", "claim", "command"]
+__all__ = ["Claim", "Study", "claim", "command", "part"]
 
 RESULTS = Path(__file__).resolve().parent / "results"
 
@@ -89,6 +93,27 @@ def plain(value: Any) -> Any:
     return value
 
 
+_parts: dict = {}
+_parts_file: list[Path] = []  # of the study that runs as a command
+
+
+def part(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """function(*arguments) as plain data; a study that was killed finds it again, in NAME.parts.json."""
+    if name not in _parts:
+        _parts[name] = plain(function(*arguments))
+        for file in _parts_file:
+            write_json(file, _parts)
+    return _parts[name]
+
+
+def _resume(file: Path, begun: dict) -> None:
+    """Takes up what a run of the same script, configuration and versions has left."""
+    _parts.clear()
+    left = json.loads(file.read_text()) if file.is_file() else {}
+    _parts.update(left if left.get("begun") == begun else {"begun": begun})
+    _parts_file[:] = [file]
+
+
 def judged(study: Study, data: dict) -> dict:
     """What a data file says of its data."""
     said = {"claims": [claim.record() for claim in study.claims(data)]}
@@ -98,6 +123,8 @@ def judged(study: Study, data: dict) -> dict:
 def result(study: Study, fast: bool = False) -> dict:
     """Compute a study: its data file's content."""
     config = study.fast if fast else study.full
+    if not _parts_file:
+        _parts.clear()
     begun = time.process_time()
     data = plain(study.run(config))
     return {
@@ -136,9 +163,15 @@ def command(study: Study) -> None:
         content, folder = json.loads(options.draw.read_text()), options.draw.parent
         content |= judged(study, content["data"])
     else:
-        content, folder = result(study, options.fast), options.out
+        folder = options.out
         folder.mkdir(parents=True, exist_ok=True)
+        script = hashlib.sha256(Path(sys.argv[0]).read_bytes()).hexdigest()
+        config = plain(dataclasses.asdict(study.fast if options.fast else study.full))
+        _resume(folder / f"{study.name}.parts.json", {"script": script, "config": config, **provenance()})
+        content = result(study, options.fast)
     write_json(folder / f"{study.name}.json", content)
+    for file in _parts_file:
+        file.unlink(missing_ok=True)
     draw(study, content, folder / f"{study.name}.png")
     print(study.question, "\nexpected:", study.expected)
     print("found:", content.get("verdict", ""))
