@@ -426,14 +426,11 @@ def draw(data):
         ends = x[x < 0.2]
         left.plot(ends, [slow(q, s) / mu for s in ends], ":", color=colour, linewidth=2, alpha=0.5)
         left.plot(x[-3:] * 1.7, [fast(q, math.sqrt(2)) / mu] * 3, "-", color=colour, linewidth=2.4, alpha=0.5)
-        left.annotate(f"$\\rho$ = {q:g}", (x[-1] * 1.9, fast(q, math.sqrt(2)) / mu), (0, -3 if q != 2 else -9),
-                      textcoords="offset points", fontsize=7, color=colour)  # fmt: skip
+        left.plot([], [], color=colour, label=f"$\\rho$ = {q:g}")
     for mark, label in (("o", "saddle-node"), ("x", "$|\\lambda|$ = 1"), (".", "canard")):
         left.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none", label=label)
-    left.set(
-        xlabel="$\\omega\\beta$", ylabel="$A^*/(N\\mu_s)$", xlim=(8e-4, 1.5e3), title="Largest shaking survived"
-    )
-    left.legend(loc="upper left", fontsize=7)
+    left.set(xlabel="$\\omega\\beta$", ylabel="$A^*/(N\\mu_s)$", title="Largest shaking survived")
+    left.legend(loc="upper left", fontsize=7, ncols=1)
     look = {"saddle-node": ("-", "right"), "|lam| = 1": ("--", "left")}
     for name, curve in data["curves"].items():
         style, colour = look[name]
