@@ -27,14 +27,9 @@ DIFFER = {
 
 
 STUDIES = [
-    "capture_exponents",
-    "capture_map",
-    "gradient_optimum",
-    "ladder",
-    "propositions",
-    "symmetry_breaking",
-    "wider_circle",
-]
+    "capture_exponents", "capture_map", "gradient_optimum", "ladder", "noise_recapture",
+    "propositions", "rest_limit", "symmetry_breaking", "wider_circle",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", STUDIES)
