@@ -27,7 +27,7 @@ DIFFER = {
 
 
 STUDIES = [
-    "capture_exponents", "capture_map", "gradient_optimum", "ladder", "noise_recapture",
+    "capture_bifurcation", "capture_exponents", "capture_map", "gradient_optimum", "ladder", "noise_recapture",
     "propositions", "rest_limit", "symmetry_breaking", "wider_circle",
 ]  # fmt: skip
 
