@@ -398,7 +398,7 @@ def draw(data):
     third.axhline(1, color=COLOUR["mark"], linewidth=0.7)
     third.set(xlabel="$r$", title="To their ends, $\\sigma$ = 2.4", ylim=(0, 1.3))
     third.legend(
-        fontsize=7, loc="center", bbox_to_anchor=(0.6, 0.55), frameon=True, framealpha=1, edgecolor="none"
+        fontsize=7, loc="center", bbox_to_anchor=(0.6, 0.43), frameon=True, framealpha=1, edgecolor="none"
     )
     r = np.array([b["r"] for b in data["basins"]])
     for k, kind in enumerate(KINDS):

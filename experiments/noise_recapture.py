@@ -376,7 +376,8 @@ def draw(data):
     right.axhline(1, color=COLOUR["mark"], linewidth=0.7)
     right.set(xscale="log", yscale="log", ylim=(0.8, 3), xlabel="standard deviation / threshold",
               ylabel="mean time over that of $\\rho$ = 0", title="Normal kicks")  # fmt: skip
-    right.legend(fontsize=7)
+    if right.get_legend_handles_labels()[0]:
+        right.legend(fontsize=7)
     return figure
 
 

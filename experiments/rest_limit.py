@@ -469,7 +469,7 @@ STUDY = Study(
     full=Config(),
     fast=Config(
         rho=(1.0, 3.0), log_b=(-3.0, 2.0, 6), offsets=(0.8,), plain=((1, 30), (3, 0.5)), block=((3.0, 0.5),),
-        holds=(0.1, 0.03), seeds=12, span=30.0,
+        holds=(0.1, 0.03), seeds=48, span=100.0,
     ),
     run=run,
     claims=claims,
