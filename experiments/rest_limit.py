@@ -21,7 +21,7 @@ P(z) - z vanishes (a touch of |lam| = 1 by SciPy's DOP853); runs of the whole bl
 and above A*. Two tones and y0 are followed in the same way; noise (a new random force every h, many seeds) is
 stepped by itself.
 
-Error bars: A* is followed on two sections of the period; of noise, quartiles of the seeds.
+Error bars: A* is followed on two sections of the period; of noise, 95 % of a bootstrap over the seeds.
 
 Usage: python experiments/rest_limit.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -53,7 +53,7 @@ SHAPES = {
     "sin t + sin 3t": sp.sin(t) + sp.sin(3 * t),
     "sin t + sin 2t": sp.sin(t) + sp.sin(2 * t),
 }
-REFEREE = {  # an independent computation, section 7 of its report: (rho, omega beta): A*
+INDEPENDENT = {  # of an independent computation, (rho, omega beta): A*
     (3, 0.1): 1.88155, (3, 0.5): 2.24295, (3, 1): 2.41444, (3, 3): 2.50132, (1, 30): 1.49994, (1.5, 30): 1.74990,
     (2, 30): 1.99989, (3, 30): 2.51402, (5, 30): 3.57751,
 }  # fmt: skip
@@ -66,7 +66,7 @@ class Config:
     rho: tuple[float, ...] = (0.6, 1.0, 1.5, 2.0, 3.0, 6.0)
     log_b: tuple[float, float, int] = (-3.0, 2.0, 21)
     offsets: tuple[float, ...] = (0.0, 0.4, 0.8, 1.2, 1.6)
-    plain: tuple[tuple[float, float], ...] = tuple(REFEREE)
+    plain: tuple[tuple[float, float], ...] = tuple(INDEPENDENT)
     block: tuple[tuple[float, float], ...] = ((1.0, 0.5), (1.0, 10.0), (3.0, 0.1), (3.0, 0.5), (3.0, 10.0))
     holds: tuple[float, ...] = (0.1, 0.03, 0.01)  # h/beta
     seeds: int = 48
@@ -253,7 +253,7 @@ def run(config):
     data = {"rows": rows, "curves": part("curves", curves)}
     data["plain"] = [
         {"rho": q, "b": x, "plain": part(f"plain {q} {x}", plain_limit, q, x), "followed": row(q, x)["A"],
-         "referee": REFEREE.get((q, x))}
+         "other": INDEPENDENT.get((q, x))}
         for q, x in config.plain
     ]  # fmt: skip
     data["block"] = []
@@ -330,7 +330,7 @@ def claims(data) -> list[Claim]:
     ]
     plain = data["plain"]
     off = max(abs(c["plain"] - c["followed"]) for c in plain)
-    others = [(abs(c["referee"] - c["followed"]), c) for c in plain if c["referee"]]
+    others = [(abs(c["other"] - c["followed"]), c) for c in plain if c["other"]]
     worst = max(others, key=lambda o: o[0])
     kept = [r["rests"] == [True, False] for r in data["block"]]
     shaped = [abs(s["peak"] / s["law"] - 1) for s in data["shapes"]]
