@@ -21,6 +21,9 @@ falls.
 
 Error bars: of shares Wilson's 95 % intervals; of ramps the drive's change within three periods.
 
+Changed after first runs: points from F_c alone are left out where the two-stage orbit has lost its own stick and is
+another one.
+
 Usage: python experiments/capture_bifurcation.py [--fast] [--out DIR] [--draw FILE.json]
 """
 

@@ -5,24 +5,28 @@
 Hypothesis: a tail 1 - L ~ C u^-m gives F_c - N ~ r^(m/(m+1)), an exponential one r log(1/r); the ratio r* from which
 the whole nonlinear region captures depends on m too.
 
-Derivation. While u' is 1 - L, z grows by dz/du = 2 r. It ends the transition where rho z has become 1 - L, at u of size
-a = (C/(2 rho r))^(1/(m+1)). In u = a U, z = C a^-m Z/rho, F = N + C a^-m D the layer is, in the limit r -> 0,
+Derivation. While u' is 1 - L, z grows by dz/du = 2 r. It ends the transition where rho z has become 1 - L, at u of
+size a = (C/(2 rho r))^(1/(m+1)). In u = a U, z = C a^-m Z/rho, F = N + C a^-m D the layer is, in the limit r -> 0,
 
     U' = D + U^-m - Z,   Z' = U^-m - Z/(2 rho),   from U = 0, Z = 0
 
-whose threshold D*(rho, m) gives F_c - N = C^(1/(m+1)) (2 rho r)^(m/(m+1)) D*. A tail that falls faster than any power
-has no such limit: the orbit lands, with z = 2 r u, at the u_0 where 1 - L(u_0) = r u_0, half of it, and slow motion
-decides, so F_c - N = (2 rho - 1) r u_0. Exponential tails have u_0 ~ log(1/r)/2, Gaussian ones (erf) only
-sqrt(log(1/r)). As rho -> 1/2 the same landing at the fold, 1 - L(u_s) = w_s = (2 rho - 1)/(6 rho), gives r* = w_s/u_s:
-of order (rho - 1/2)^((m+1)/m).
+whose threshold D*(rho, m) gives F_c - N = C^(1/(m+1)) (2 rho r)^(m/(m+1)) D*. A tail that falls faster than any
+power has no such limit: the orbit lands, with z = 2 r u, at the u_0 where 1 - L(u_0) = r u_0, half of it, and slow
+motion decides, so F_c - N = (2 rho - 1) r u_0. Exponential tails have u_0 ~ log(1/r)/2, Gaussian ones (erf) only
+sqrt(log(1/r)). As rho -> 1/2 the same landing at the fold, 1 - L(u_s) = w_s = (2 rho - 1)/(6 rho), gives r* =
+w_s/u_s: of order (rho - 1/2)^((m+1)/m).
 
-Method: six sigmoids. Student's distribution with m = 1 to 4 degrees of freedom is analytic and has the tail u^-m: the
-arctangent, the algebraic sigmoid, and two more, given as expressions. F_c and r* are the package's (a separatrix,
-pwsmooth.analysis.capture). Checks of their own: bisection on plain trajectories of the layer (SciPy), bisection on runs
-of the event-driven solver with the same sigmoid (r >= 0.01: at 1e-4 and F just above N the solver says that its layer
-has not settled), and D* by bisection on the equations without r above.
+Method: six sigmoids. Student's distribution with m = 1 to 4 degrees of freedom is analytic and has the tail u^-m:
+the arctangent, the algebraic sigmoid, and two more, given as expressions. F_c and r* are the package's (a
+separatrix, pwsmooth.analysis.capture). Checks of their own: bisection on plain trajectories of the layer (SciPy),
+bisection on runs of the event-driven solver with the same sigmoid (r >= 0.01: at 1e-4 and F just above N the solver
+says that its layer has not settled), and D* by bisection on the equations without r above.
 
-Error bars: of an exponent, how far it moves over the last three decades of r; of F_c, its distance from the bisections.
+Error bars: of an exponent, how far it moves over the last three decades of r; of F_c, its distance from the
+bisections.
+
+Changed after first runs: the error bar, at first over one decade of r, in which a local exponent may turn (m = 1,
+rho = 1 lay 1.8 of those bars off, at 1e-5).
 
 Usage: python experiments/capture_exponents.py [--fast] [--out DIR] [--draw FILE.json]
 """

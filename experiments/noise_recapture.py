@@ -22,6 +22,11 @@ with noise.
 
 Error bars: standard errors of the means; of a threshold, those of R over the slope of R.
 
+Changed after first runs: the spacings of the two exponents (at T = 10 to 100 eps the local one is 0.7 to 0.8: the
+asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off),
+and the grid of the chain. A fixed 3/2 and another criterion differ in the factor of the threshold, not in the
+exponent 1: for T >> eps only kappa/T is left.
+
 Usage: python experiments/noise_recapture.py [--fast] [--out DIR] [--draw FILE.json]
 """
 

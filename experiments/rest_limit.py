@@ -23,6 +23,9 @@ stepped by itself.
 
 Error bars: A* is followed on two sections of the period; of noise, 95 % of a bootstrap over the seeds.
 
+Changed after first runs: noise was at first expected to fall short by sqrt(h/beta) for both laws, which the arcsine
+law did not do; its power 2/3, of a barrier at a saddle-node, was derived then.
+
 Usage: python experiments/rest_limit.py [--fast] [--out DIR] [--draw FILE.json]
 """
 
