@@ -3,6 +3,8 @@
     python experiments/NAME.py [--fast] [--out DIR]       compute, write DIR/NAME.json, draw DIR/NAME.png
     python experiments/NAME.py --draw DIR/NAME.json       judge and draw again from the data
 
+After a kill the first goes on with the parts that were finished, where the study has any.
+
 The chart and the claims are made from the data file's content alone.
 """
 
@@ -10,7 +12,9 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import hashlib
 import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +28,7 @@ from pwsmooth import plotting
 from pwsmooth.claims import Claim, counted
 from pwsmooth.results.files import write_whole
 
-__all__ = ["Claim", "Study", "claim", "command"]
+__all__ = ["Claim", "Study", "claim", "command", "part"]
 
 RESULTS = Path(__file__).resolve().parent / "results"
 
@@ -34,7 +38,8 @@ class Study:
     """One study.
 
     `run` turns a configuration (a frozen dataclass) into data of plain numbers, lists and dicts; `claims` and `draw`
-    take these data, as they come back from the file.
+    take these data, as they come back from the file; `verdict` says from them in a sentence or two whether what was
+    expected held.
     """
 
     name: str
@@ -45,6 +50,7 @@ class Study:
     run: Callable[[Any], dict]
     claims: Callable[[dict], list[Claim]]
     draw: Callable[[dict], Any]
+    verdict: Callable[[dict], str] | None = None
 
 
 def claim(
@@ -97,9 +103,38 @@ def plain(value: Any) -> Any:
     return value
 
 
+_parts: dict = {}
+_parts_file: list[Path] = []  # of the study that runs as a command
+
+
+def part(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """function(*arguments) as plain data; a study that was killed finds it again, in NAME.parts.json."""
+    if name not in _parts:
+        _parts[name] = plain(function(*arguments))
+        for file in _parts_file:
+            write_json(file, _parts)
+    return _parts[name]
+
+
+def _resume(file: Path, begun: dict) -> None:
+    """Takes up what a run of the same script, configuration and versions has left."""
+    _parts.clear()
+    left = json.loads(file.read_text()) if file.is_file() else {}
+    _parts.update(left if left.get("begun") == begun else {"begun": begun})
+    _parts_file[:] = [file]
+
+
+def judged(study: Study, data: dict) -> dict:
+    """What a data file says of its data."""
+    said = {"claims": [claim.record() for claim in study.claims(data)]}
+    return said if study.verdict is None else {"verdict": study.verdict(data)} | said
+
+
 def result(study: Study, fast: bool = False) -> dict:
     """Compute a study: its data file's content."""
     config = study.fast if fast else study.full
+    if not _parts_file:
+        _parts.clear()
     begun = time.process_time()
     data = plain(study.run(config))
     return {
@@ -109,7 +144,7 @@ def result(study: Study, fast: bool = False) -> dict:
         "config": plain(dataclasses.asdict(config)),
         "fast": fast,
         "data": data,
-        "claims": [claim.record() for claim in study.claims(data)],
+        **judged(study, data),
         "cpu_seconds": round(time.process_time() - begun, 1),
         "provenance": provenance(),
     }
@@ -136,13 +171,20 @@ def command(study: Study) -> None:
     options = parser.parse_args()
     if options.draw:
         content, folder = json.loads(options.draw.read_text()), options.draw.parent
-        content["claims"] = [c.record() for c in study.claims(content["data"])]
+        content |= judged(study, content["data"])
     else:
-        content, folder = result(study, options.fast), options.out
+        folder = options.out
         folder.mkdir(parents=True, exist_ok=True)
+        script = hashlib.sha256(Path(sys.argv[0]).read_bytes()).hexdigest()
+        config = plain(dataclasses.asdict(study.fast if options.fast else study.full))
+        _resume(folder / f"{study.name}.parts.json", {"script": script, "config": config, **provenance()})
+        content = result(study, options.fast)
     write_json(folder / f"{study.name}.json", content)
+    for file in _parts_file:
+        file.unlink(missing_ok=True)
     draw(study, content, folder / f"{study.name}.png")
     print(study.question, "\nexpected:", study.expected)
+    print("found:", content.get("verdict", ""))
     for claim in content["claims"]:
         reason = f" ({claim['reason']})" if claim["reason"] else ""
         print(

@@ -440,8 +440,8 @@ class System(DescribedSystem):
         ----------
         eps : float or mapping of switch to float
             Width of the layer, in the unit of h; > 0.
-        sigmoid : {"algebraic", "tanh", "erf"}
-            The family Lambda.
+        sigmoid : {"algebraic", "tanh", "erf"} or Expr
+            The family Lambda; an expression is one in u = h/eps, `~pwsmooth.definition.sigmoids.sigmoid`.
 
         Returns
         -------
@@ -466,7 +466,7 @@ class System(DescribedSystem):
             symbols = {lam: self._fresh(f"eps_{lam.name}") for lam in lams}
         else:
             symbols = dict.fromkeys(lams, self._fresh("eps"))
-        key = ("smoothed", family.name, tuple(symbols.values()))
+        key = ("smoothed", family.key, tuple(symbols.values()))
         if key not in self._cache:
             field = self._field
             if self._view:  # states of a finite ratio r come back with the time constant eps/r
@@ -474,12 +474,12 @@ class System(DescribedSystem):
             field = replace(field, parameters=tuple(self.parameters))
             field, smoothing = smoothed(field, family, symbols)
             extra = tuple(dict.fromkeys(symbols.values()))
-            self._cache[key] = field, lower(field, smoothing=smoothing, sigmoid=family.name, extra=extra)
+            self._cache[key] = field, lower(field, smoothing=smoothing, sigmoid=family.key, extra=extra)
         widths = {symbols[lam]: values[lam] for lam in lams}
         field, model = self._cache[key]
         kept = field.states
         gone = {z: note for z, note in (self._view.gone if self._view else {}).items() if z not in kept}
-        arguments = dict(eps=eps, sigmoid=family.name)
+        arguments = dict(eps=eps, sigmoid=family.key)
         view = View("smoothed", f"smoothed, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, widths, view)
 
@@ -492,8 +492,8 @@ class System(DescribedSystem):
             r: `sp.oo` slaves the state to its equilibrium, a positive number gives a layer with that ratio
             of speeds, 0 a two-stage one (lambda first, then the state along the root). May be empty, to
             choose only the sigmoid.
-        sigmoid : {"algebraic", "tanh", "erf"}
-            Speed of lambda inside the layer.
+        sigmoid : {"algebraic", "tanh", "erf"} or Expr
+            Speed of lambda inside the layer; an expression is one in u = h/eps.
         eps_ratio : mapping of switch to float, dimensionless, optional
             Widths of the layers relative to each other, 1 by default; r refers to that of the first switch.
         time_constant : mapping of state to (Symbol or float), in units of time, optional
@@ -530,18 +530,18 @@ class System(DescribedSystem):
         finite = {z: self._fresh(f"ratio_{z.name}") for z, r in given.items() if r not in (0, sp.oo)}
         symbols = {z: finite.get(z, sp.S(r)) for z, r in given.items()}
         values = {symbol: given[z] for z, symbol in finite.items()}
-        key = ("layered", family.name, *(tuple(d.items()) for d in (symbols, relative, constants)))
+        key = ("layered", family.key, *(tuple(d.items()) for d in (symbols, relative, constants)))
         if key not in self._cache:
             slow, free, layer = layered(self._field, symbols, constants)
             self._cache[key] = slow, lower(
-                slow, layer=layer, layer_field=free if layer else None, eps_ratio=relative, sigmoid=family.name,
+                slow, layer=layer, layer_field=free if layer else None, eps_ratio=relative, sigmoid=family.key,
                 extra=tuple(values),
             )  # fmt: skip
         field, model = self._cache[key]
         gone = {
             s.symbol: f"it is layered, {s.symbol} = {s.equilibrium} in slow time" for s in model.layer_states
         }
-        arguments = dict(ratios=ratios, sigmoid=family.name, eps_ratio=eps_ratio, time_constant=time_constant)
+        arguments = dict(ratios=ratios, sigmoid=family.key, eps_ratio=eps_ratio, time_constant=time_constant)
         view = View("layered", f"layered, {family.name} sigmoid", gone, self, arguments)
         return self._derived(field, model, values, view)
 

@@ -262,7 +262,10 @@ def test_a_chain_of_blocks_with_too_many_modes_to_try_them_all_is_found_from_its
 # ---- smoothed and layered views
 
 
-@pytest.mark.parametrize("family", ["algebraic", "tanh", "erf"])
+ARCTAN = 2 / sp.pi * sp.atan(sp.Symbol("u"))
+
+
+@pytest.mark.parametrize("family", ["algebraic", "tanh", "erf", ARCTAN])
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
 def test_eigenvalues_of_smoothed_views_tend_to_those_of_the_flow_and_of_the_layer(family, ratio):
     system = System(

@@ -45,7 +45,9 @@ def test_kicks_are_the_numbers_of_philox_at_their_address(law, seed, trajectory)
     assert np.abs(run.x[:, -1] - expected).max() <= 16 * np.finfo(float).eps
 
 
-@pytest.mark.parametrize(("law", "variance", "fourth"), [("uniform", 1 / 3, 1 / 5), ("normal", 1, 3)])
+@pytest.mark.parametrize(
+    ("law", "variance", "fourth"), [("uniform", 1 / 3, 1 / 5), ("normal", 1, 3), ("laplace", 1, 6)]
+)
 def test_the_laws_have_their_moments(law, variance, fourth):
     n = 100_000
     noise = Kicks(1.0, 1, on=x, law=law, seed=3)
@@ -175,7 +177,7 @@ def test_the_kicked_smoothed_block_tends_to_the_event_driven_one():
         (TypeError, dict(size=1, every=1, on=3), "`on` is 3"),
         (ValueError, dict(size=1, every=1, on=("x", x)), "names a state twice"),
         (ValueError, dict(size={"x": 1}, every=1, on=("x", "y")), "`size` has values for"),
-        (ValueError, dict(size=1, every=1, on="x", law="cauchy"), "choose one of uniform, normal"),
+        (ValueError, dict(size=1, every=1, on="x", law="cauchy"), "choose one of uniform, normal, laplace"),
         (TypeError, dict(size=1, every=1, on="x", seed=1.5), "`seed` is 1.5"),
         (TypeError, dict(size=1, every=1, on="x", seed=True), "`seed` is True"),
         (ValueError, dict(size=1, every=1, on="x", seed=-1), "`seed` is -1"),

@@ -17,6 +17,7 @@ from pwsmooth.analysis.sticking import (
     linear_sticking,
     nonlinear_sticking,
 )
+from pwsmooth.definition.sigmoids import SIGMOIDS
 
 lam, y, t = sp.symbols("lam y t", real=True)
 rho, k, N = sp.symbols("rho k N", positive=True)
@@ -118,7 +119,10 @@ LAYERS = {
     "algebraic": lambda u: u / np.sqrt(1 + u * u),
     "tanh": np.tanh,
     "erf": erf,
+    "arctan": lambda u: 2 / np.pi * np.arctan(u),
 }
+# As capture_threshold takes them: a name, or an expression of one's own.
+GIVEN = {name: name for name in LAYERS} | {"arctan": 2 / sp.pi * sp.atan(sp.Symbol("u"))}
 
 
 def captured(force, rho, ratio, sigmoid):
@@ -131,7 +135,7 @@ def captured(force, rho, ratio, sigmoid):
         return [force - level * (1 + rho * z), ratio * (1 - level**2 - z)]
 
     def out(_, state):
-        return state[0] - 8  # beyond the saddles of the cases below
+        return state[0] - 40  # beyond the saddles of the cases below
 
     out.terminal = True
     far = 1e4
@@ -142,7 +146,7 @@ def captured(force, rho, ratio, sigmoid):
 @pytest.mark.parametrize("sigmoid", LAYERS)
 @pytest.mark.parametrize(("rho", "ratio"), [(3, 0.2), (3, 0.6), (1, 0.05)])
 def test_the_threshold_separates_capture_from_crossing_in_a_direct_integration(sigmoid, rho, ratio):
-    threshold = capture_threshold(rho, ratio, sigmoid=sigmoid)
+    threshold = capture_threshold(rho, ratio, sigmoid=GIVEN[sigmoid])
     assert captured(threshold * (1 - 1e-6), rho, ratio, sigmoid)
     assert not captured(threshold * (1 + 1e-6), rho, ratio, sigmoid)
 
@@ -166,6 +170,16 @@ def test_the_nonlinear_region_captures_from_a_finite_ratio(sigmoid, expected):
     assert not captured(force, 3, ratio - 2e-4, sigmoid)
 
 
+@pytest.mark.parametrize("sigmoid", ["algebraic", "tanh", "erf"])
+def test_a_sigmoid_as_an_expression_has_the_thresholds_of_its_name(sigmoid):
+    # The named ones have tails of their own without cancellation, the expression has not.
+    expression = SIGMOIDS[sigmoid].function(sp.Symbol("w"))
+    for ratio in (1e-7, 1e-3, 0.3):
+        named = capture_threshold(3, ratio, sigmoid=sigmoid)
+        assert capture_threshold(3, ratio, sigmoid=expression) == pytest.approx(named, abs=1e-10)
+    assert critical_ratio(2, sigmoid=expression) == pytest.approx(critical_ratio(2, sigmoid=sigmoid), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -182,7 +196,7 @@ def test_bad_numbers_are_refused_at_the_door(arguments, message):
 
 
 def test_an_unknown_sigmoid_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match="'cubic'; choose one of algebraic, tanh, erf"):
+    with pytest.raises(ValueError, match="'cubic', the name of none; choose one of algebraic, tanh, erf"):
         capture_threshold(3, 0.1, sigmoid="cubic")
     with pytest.raises(ValueError, match="needs rho > 1/2"):
         critical_ratio(0.4)

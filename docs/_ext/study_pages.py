@@ -73,6 +73,7 @@ def _write_study(path: Path) -> str:
             f"**Question.** {shown(record['question'])}\n",
             f"**Expected.** {shown(record['expected'])}\n",
         ]
+        parts += [f"**Found.** {shown(record['verdict'])}\n"] if "verdict" in record else []
     if chart.is_file():
         picture(chart, STUDIES / chart.name)
         parts.append(f"```{{image}} {chart.name}\n:alt: {plain(title)}\n:width: 100%\n```\n")

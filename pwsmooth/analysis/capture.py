@@ -11,11 +11,15 @@ At F = mu_s the two equilibria merge and the strong stable manifold takes the sa
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
 
+import sympy as sp
+
 from ..definition import checks
+from ..definition.sigmoids import sigmoid as sigmoid_of
 
 __all__ = ["capture_threshold", "critical_ratio"]
 
@@ -41,7 +45,21 @@ def _sech(u: float) -> float:
     return 2 * e / (1 + e * e)
 
 
-_SHAPE = checks.one_of(*_SIGMOIDS)
+def _family(value: Any, what: str) -> str | sp.Expr:
+    key: str | sp.Expr = sigmoid_of(value).key
+    return key
+
+
+@functools.lru_cache(maxsize=32)
+def _shape(key: str | sp.Expr) -> Sigmoid:
+    """Of an expression the tail's digits are those of 1 - L: F - 1 is good to 1e-16, and not relative to itself."""
+    if isinstance(key, str):
+        return _SIGMOIDS[key]
+    (u,) = key.free_symbols
+    level, slope = (sp.lambdify(u, e, modules=["math"]) for e in (key, key.diff(u)))
+    return level, slope, lambda at: (1 - level(at)) * (1 + level(at))
+
+
 _LARGEST = 1e6  # of rho: far beyond it the separatrix is no longer integrated to its tolerance
 
 
@@ -51,9 +69,9 @@ def _rho(value: Any, what: str) -> float:
     return rho
 
 
-@checks.door(rho=_rho, ratio=checks.extended, sigmoid=_SHAPE)
+@checks.door(rho=_rho, ratio=checks.extended, sigmoid=_family)
 @checks.closed_form
-def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -> float:
+def capture_threshold(rho: float, ratio: float, *, sigmoid: str | sp.Expr = "algebraic") -> float:
     """Largest opposing force, in units of N, at which a slipping contact is captured into sticking.
 
     Parameters
@@ -62,8 +80,8 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
         Strength of the hidden (static-friction) term, >= 0.
     ratio : float, dimensionless
         eps/beta, the layer's speed relative to the relaxation of z; 0 and inf are allowed.
-    sigmoid : {"algebraic", "tanh", "erf"}
-        Shape L(u) of the layer.
+    sigmoid : {"algebraic", "tanh", "erf"} or Expr
+        Shape L(u) of the layer; an expression is one in u (`~pwsmooth.definition.sigmoids.sigmoid`).
 
     Returns
     -------
@@ -89,7 +107,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     >>> round(capture_threshold(3, 0.1), 6)
     1.456936
     """
-    shape = _SIGMOIDS[sigmoid]
+    shape = _shape(sigmoid)
     if rho <= 0.5 or ratio == 0:
         return 1.0
     u_s = _fold_position(rho, shape)
@@ -112,17 +130,17 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str = "algebraic") -
     return _force(rho, math.sinh(brentq(clearance, low, high, xtol=1e-11, rtol=1e-12)), shape)
 
 
-@checks.door(rho=_rho, sigmoid=_SHAPE)
+@checks.door(rho=_rho, sigmoid=_family)
 @checks.closed_form
-def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
+def critical_ratio(rho: float, *, sigmoid: str | sp.Expr = "algebraic") -> float:
     """Smallest eps/beta from which the capture threshold equals mu_s(rho): the nonlinear region captures.
 
     Parameters
     ----------
     rho : float, dimensionless
         Strength of the hidden term, > 1/2.
-    sigmoid : {"algebraic", "tanh", "erf"}
-        Shape L(u) of the layer.
+    sigmoid : {"algebraic", "tanh", "erf"} or Expr
+        Shape L(u) of the layer; an expression is one in u (`~pwsmooth.definition.sigmoids.sigmoid`).
 
     Returns
     -------
@@ -144,7 +162,7 @@ def critical_ratio(rho: float, *, sigmoid: str = "algebraic") -> float:
     >>> round(critical_ratio(3), 4)
     0.6453
     """
-    shape = _SIGMOIDS[sigmoid]
+    shape = _shape(sigmoid)
     if rho <= 0.5:
         raise ValueError(f"`rho` is {rho}; a fold, and with it a critical ratio, needs rho > 1/2.")
     from scipy.optimize import brentq

@@ -271,7 +271,7 @@ class Model:
     layer_states: tuple[LayerState, ...] = ()
     layer_residuals: tuple[sp.Expr, ...] = ()  # of every multiplier, with the layered states free
     eps_ratio: tuple[float, ...] = ()  # of every multiplier: eps_j relative to the first switch's
-    sigmoid: str = "algebraic"
+    sigmoid: str | sp.Expr = "algebraic"  # a name, or Lambda(u) itself
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
     # No field: only a model with families whose copies are not written out has families (template.FamilyModel).
     families = cast(Any, None)

@@ -27,7 +27,7 @@ import sympy as sp
 from ..definition import checks
 from ..definition.model import EventSpec, Model
 
-LAWS = ("uniform", "normal")
+LAWS = ("uniform", "normal", "laplace")
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,14 @@ class Kicks:
     Parameters
     ----------
     size : float or mapping of state to float
-        kappa, in the unit of each state, >= 0: half width of the uniform law, standard deviation of the normal one.
+        kappa, in the unit of each state, >= 0: half width of the uniform law, standard deviation of the others.
     every : float, in units of time
         Time between two kicks, > 0; they fall on its multiples.
     on : state or sequence of states, optional
         Which states are kicked, independently of each other; not needed where `size` is a mapping.
-    law : {"uniform", "normal"}
-        Uniform on [-kappa, kappa] (standard deviation kappa/sqrt(3)) or normal with standard deviation kappa.
+    law : {"uniform", "normal", "laplace"}
+        Uniform on [-kappa, kappa] (standard deviation kappa/sqrt(3)), or normal or Laplace's (exponential tails) with
+        standard deviation kappa.
     seed : int
         0 <= seed < 2**63.
     trajectory : int
@@ -186,7 +187,7 @@ class KickedRun:
             act=act,
             index=self.index,
             every=kicks.every,
-            normal=int(kicks.law == "normal"),
+            law=LAWS.index(kicks.law),
             seed=kicks.seed,
             trajectory=kicks.trajectory,
             where=self.where,

@@ -1,10 +1,13 @@
 """Kicks: random displacements of some states at the instants k*every, as the reset of one time event.
 
-    x_i(t+) = x_i(t-) + size_i * xi,    xi uniform on [-1, 1] or standard normal, addressed by (seed, trajectory, k, i)
+    x_i(t+) = x_i(t-) + size_i * xi,    xi uniform on [-1, 1], or normal or Laplace's with variance 1, addressed by
+                                        (seed, trajectory, k, i)
 
 The two functions stand in the place of a model's own `act`: they serve the event `index` and pass every other one on.
 What they need is found through the word before the parameters, p[-1]: the address of a Kick.
 """
+
+import math
 
 from llvmlite import ir
 from numba import types
@@ -33,7 +36,7 @@ def _displace(K, t, xnew):
     """Adds the kick of time t to xnew, to what other events of the instant have made of it."""
     number = round(t / K.every)
     for first in range(0, len(K.where), 4):
-        if K.normal:
+        if K.law == 1:
             draws = four_normals(K.seed, K.trajectory, number, first, 0, KICKS)
         else:
             a, b, c, d = philox(K.seed, K.trajectory, number, first, 0, KICKS)
@@ -44,7 +47,11 @@ def _displace(K, t, xnew):
                 2.0 * unit_interval(d) - 1.0,
             )
         for i in range(first, min(first + 4, len(K.where))):
-            xnew[K.where[i]] += K.size[i] * draws[i - first]
+            xi = draws[i - first]
+            if K.law == 2:
+                # The uniform number as a probability: P(|xi| > s) = exp(-sqrt(2) s).
+                xi = math.copysign(-math.sqrt(0.5) * math.log1p(-abs(xi)), xi)
+            xnew[K.where[i]] += K.size[i] * xi
 
 
 _doubles = types.CPointer(types.float64)

@@ -11,7 +11,7 @@ class Kick(Bundle):
     act: "int"  # address of the model's own function
     index: "int"  # number of the event that kicks
     every: "float"
-    normal: "int"  # 1: standard normal, 0: uniform
+    law: "int"  # 0: uniform, 1: standard normal, 2: Laplace of variance 1
     seed: "int"
     trajectory: "int"
     where: "i8[:]"  # states that are kicked
