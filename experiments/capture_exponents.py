@@ -264,6 +264,7 @@ def claims(data) -> list[Claim]:
             "1/2, 2/3, 3/4, 4/5, within the error bars",
             f"at rho = 3 {'; '.join(at_3)}; all {len(found)} within {max(f[1] for f in found):.2f} of their bars", held,
             f"beyond them: {max(found, key=lambda f: f[1])[0]}",
+            origin="derived",
         )
     ]  # fmt: skip
     off = []
@@ -281,6 +282,7 @@ def claims(data) -> list[Claim]:
             "its factor is C^(1/(m+1)) (2 rho)^(m/(m+1)) D*, with D* of the equations without r", "ratio 1 + O(1/a)",
             f"at r = {r[0]:.0e} off by {worst[0]:.1e} at most ({worst[2]}), by at most {max(o[1] for o in off):.2f}/a",
             worst[0] < 1e-3 and max(o[1] for o in off) < 5, "another factor",
+            origin="derived",
         )
     )  # fmt: skip
     for name, law in (("tanh", "r log(1/r)"), ("erf", "r sqrt(log(1/r))")):
@@ -301,7 +303,8 @@ def claims(data) -> list[Claim]:
                 f"off by {max(last):.3f} at most at r = {r[0]:.0e}, where u_0 = {u0[0]:.2f}, and less the "
                 f"smaller r is; locally (log 1/r)^{local:.2f}",
                 all(shares), "it is no such law",
-            )
+            origin="derived",
+        )
         )  # fmt: skip
     gap = {
         k: max(abs(c["separatrix"] - c[k]) for c in data["checked"] if k in c)
@@ -314,6 +317,7 @@ def claims(data) -> list[Claim]:
             f"trajectories ({len(data['checked'])} cases) off by {gap['trajectories']:.1e}, the solver ({solved}) by "
             f"{gap['solver']:.1e}",
             max(gap.values()) < 1e-6, "they differ",
+            origin="independent",
         )
     )  # fmt: skip
     off, limits = np.array(data["off"]), []
@@ -330,6 +334,7 @@ def claims(data) -> list[Claim]:
             all(abs(x[1] - 1) < 0.02 for x in limits)
             and all(abs(x[2] - (1 + 1 / power(x[0]))) < 0.02 for x in limits if x[0] in TAIL),
             "another limit",
+            origin="derived",
         )
     )  # fmt: skip
     return result
@@ -341,7 +346,7 @@ def verdict(data) -> str:
         forces[name] = float(np.exp(np.interp(math.log(1e-3), np.log(data["r"]), np.log(excess["3"]))))
     names = list(TAIL)
     apart = min(forces[a] / forces[b] - 1 for a, b in zip(names, names[1:]))
-    power_tails, factor, exponential, gaussian, *_ = (c.reproduced for c in claims(data))
+    power_tails, factor, exponential, gaussian, *_ = (c.holds for c in claims(data))
     said = "held" if power_tails and factor else "did not hold"
     rest = "held" if exponential else "did not hold"
     less = "; Gaussian tails (erf) give less, r sqrt(log(1/r))" if gaussian else ""

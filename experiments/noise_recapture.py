@@ -243,6 +243,7 @@ def claims(data) -> list[Claim]:
             f"{len(off)} cases; largest deviation {worst:.1f} (F = {at['force']:g}, r = {at['r']:g}, {at['law']}, sd = "
             f"{at['sd']:g}: {at['kicks']:.2f} +- {at['error']:.2f} kicks, chain {at['predicted']:.2f})",
             worst < 4, "what the layer remembers of earlier kicks is not negligible",
+            origin="derived",
         ),
         claim(
             "recapture is what keeps the contact: without it the chain is refuted", "by more than 4 standard errors",
@@ -305,7 +306,7 @@ def _share(data, r):
 
 
 def verdict(data) -> str:
-    chain_holds, recapture, exponent, *_ = (c.reproduced for c in claims(data))
+    chain_holds, recapture, exponent, *_ = (c.holds for c in claims(data))
     (fast, fe), (slow, se) = exponents(data, "normal")
     ratio = min(x["r"] for x in data["thresholds"])
     slower = ""

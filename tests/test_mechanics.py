@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from sympy.physics import mechanics as me
 
 from pwsmooth import System, Unilateral, solve
+from pwsmooth.analysis.recutting import longest_slip
 from pwsmooth.laws.friction import Coulomb, LuGre
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
@@ -208,3 +209,7 @@ def test_accelerations_that_are_unknowns_are_no_sticks():
     runs = [solve(system, (0, 20), [0, 0, 0, 0], dense_output=True, **TIGHT) for system in pair]
     shades = [len(run.plot(["x"])[0].patches) for run in runs]
     assert shades == [3, 3]
+    middle, length = zip(*(longest_slip(run) for run in runs))
+    assert (
+        middle[0] == pytest.approx(middle[1], abs=1e-9) and length[0] == pytest.approx(length[1], abs=1e-9) > 1
+    )

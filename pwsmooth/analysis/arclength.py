@@ -311,7 +311,7 @@ def _sticks(point: Point) -> bool:
 
     It may end so and not begin so: beside a surface, by a rounding, where the map lets go what is held.
     """
-    return any(sticks_at_start(run) or 0 in run.status[:, -1] for run in point.image.runs)
+    return any(sticks_at_start(run) or run._holds(run.status[:, -1]) for run in point.image.runs)
 
 
 def only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -96,7 +96,7 @@ def longest_slip(run: Solution) -> tuple[float, float]:
     bounds = np.unique(np.concatenate([run.t[:1], [e.time for e in run.events], run.t[-1:]]))
     middles, lengths = (bounds[1:] + bounds[:-1]) / 2, np.diff(bounds)
     column = np.searchsorted(run.t, middles, side="right") - 1
-    lengths = lengths * np.all(run.status[:, column] != 0, axis=0)
+    lengths = lengths * ~run._holds(run.status[:, column])
     best = int(np.argmax(lengths))
     return float(middles[best]), float(lengths[best])
 
