@@ -120,7 +120,7 @@ def draw(study: Study, content: dict, target: Path) -> None:
     import io
 
     with plotting.style():
-        drawn = study.draw(content["data"])
+        drawn = study.draw(content["data"] | {"provenance": content.get("provenance")})
         for name, figure in drawn.items() if isinstance(drawn, dict) else [("", drawn)]:
             buffer = io.BytesIO()
             figure.savefig(buffer, format="png")
