@@ -69,7 +69,7 @@ def draw_set(ax: Any, curves: list[tuple[str, Any]], meets: list[Any], rows: lis
         k = keys.index(name)
         ax.plot(
             *np.array(values), color=plotting.COLOUR[names[k % 10]], linewidth=1.2,
-            linestyle=["-", (0, (5, 1.5)), (0, (1.5, 1))][k // 10 % 3], label=None if name in shown else name,
+            linestyle=["-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1))][k % 4], label=None if name in shown else name,
         )  # fmt: skip
         shown.add(name)
     if meets:
