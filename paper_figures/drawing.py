@@ -153,7 +153,7 @@ def trajectory_space(ax, times, y, v, status, linear, nonlinear):
     ax.view_init(elev=30, azim=-60)
     ax.set_box_aspect((1.35, 1, 1.25), zoom=0.86)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.labelpad = 0
+        axis.labelpad = 4 if axis is ax.xaxis else 0
     return ax
 
 

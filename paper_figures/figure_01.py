@@ -106,7 +106,7 @@ def draw(fast):
         ax.text(-0.48, osc.MU_S - 0.06, r"$\mu_s$", va="top")
     static.text(-0.48, -0.94, r"$-\mu_k$", va="bottom")
     # The two scales of (iii), from the places where each acts: the passage, and the decay of the peak.
-    for at, width, text in ((-1.75, 2 * EPS, r"$2\varepsilon$"), (0.6, BETA, r"$\beta|\dot v|$")):
+    for at, width, text in ((-1.4, 2 * EPS, r"$2\varepsilon$"), (0.6, BETA, r"$\beta|\dot v|$")):
         low = -width / 2 if at < 0 else 0.1
         memory.plot([low, low + width], [at, at], "|-", color=COLOUR["mark"], linewidth=1.0, markersize=6)
         memory.text(low + width + 0.03, at, text, va="center")
