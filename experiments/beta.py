@@ -224,16 +224,32 @@ def claims(data: dict) -> list[Claim]:
     ]  # fmt: skip
 
 
+SHADES = ("white", "#BDBDBD", "#555555")  # no, one, two sticks
+
+
+def _bars(ax, edges, counts, at):
+    """A bar over r, in pieces of equal numbers of sticks, with the number in each; none where none was found."""
+    for number, shade in enumerate(SHADES):
+        inside = np.flatnonzero(np.diff(np.concatenate([[0], counts == number, [0]]).astype(int)))
+        for first, end in zip(inside[::2], inside[1::2]):
+            low, high = edges[first], edges[end]
+            ax.barh(at, high - low, 0.8, left=low, color=shade, edgecolor=COLOUR["exact"], linewidth=0.6)
+            ax.text(np.sqrt(low * high), at, str(number), ha="center", va="center", fontsize=8,
+                    color="white" if number == 2 else "black")  # fmt: skip
+
+
 def draw(data: dict):
-    fig = new_figure(7.4, 3.3)
-    left, middle, right = fig.subplots(1, 3, width_ratios=(1, 1, 1.2))
+    fig = new_figure(7.0, 5.4)
+    (left, middle), (right, empty) = fig.subplots(2, 2)
+    empty.remove()
+    right.set_subplotspec(right.get_gridspec()[1, :])
     beta = np.array(data["beta"])
     for row in data["eps = 0"]["stick time"]:
         left.plot(beta, np.array(row, float), ".", color=COLOUR["exact"], markersize=3)
     left.axhline(LIMIT, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
     left.annotate("two-stage limit", (1e-4, LIMIT), xytext=(2, -10), textcoords="offset points", fontsize=8,
                   color=COLOUR["mark"])  # fmt: skip
-    left.set(xscale="log", xlabel="β", title="stick time a period, ε = 0", ylim=(-0.05, 1.45))
+    left.set(xscale="log", xlabel="β", ylabel="stick time a period, in 1/ω", title="ε = 0", ylim=(-0.05, 1.45))
     b, distance = approach(data)
     middle.loglog(b, distance, ".", color=COLOUR["exact"], markersize=3)
     near = b[b < 0.03]
@@ -244,21 +260,24 @@ def draw(data: dict):
         linewidth=1,
         label="$\\propto β^{2/3}$",
     )
-    middle.set(xlabel="β", title="its distance from the limit")
+    middle.set(xlabel="β", ylabel="distance of the stick time", title="from the two-stage limit")
     middle.legend(loc="lower right")
-    shown = [("ε, β → 0", data["r"], data["limit"], COLOUR["exact"], "o", 5)]
-    for (eps, one), colour, marker in zip(data["smoothed"].items(), (COLOUR["smoothed"], COLOUR["left"]), "sv"):
-        shown.append((f"ε = {eps}", data["r smooth"], one, colour, marker, 3.5))
-    for k, (name, ratios, one, colour, marker, size) in enumerate(shown):
-        for i, row in enumerate(one["sticks"]):
-            height = np.array(row, float) + 0.09 * (1 - k)
-            right.plot(ratios, height, marker, color=colour, markersize=size, fillstyle="full" if i else "none",
-                       markeredgewidth=0.8, linestyle="none", label=name if i else None)  # fmt: skip
+    shown = [("ε, β → 0", data["r"], data["limit"]["sticks"])]
+    shown += [(f"ε = {eps}", data["r smooth"], one["sticks"]) for eps, one in data["smoothed"].items()]
+    names = []
+    for name, ratios, rows in shown:
+        edges = np.sqrt(ratios[0] / ratios[1]) * np.append(ratios, ratios[-1] * ratios[1] / ratios[0])
+        for start, row in zip(("two sticks", "one stick"), rows):
+            _bars(right, edges, np.array(row, float), -len(names) - (len(names) // 2) * 0.4)
+            names.append(f"{name}, from {start}")
+    places = [-k - (k // 2) * 0.4 for k in range(len(names))]
+    right.set_yticks(places, names, fontsize=7)
     for r in data["predicted"].values():
-        right.axvline(r, ymax=0.76, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
-    right.set(xscale="log", xlabel="r = ε/β", title="sticks a period", yticks=[0, 1, 2], ylim=(-0.3, 2.9))
-    right.legend(loc="upper left", ncols=3, columnspacing=0.4, handletextpad=0.0, borderpad=0.0,
-                 title="open: from two sticks, full: from one", title_fontsize=7)  # fmt: skip
+        right.axvline(r, color=COLOUR["left"], linewidth=1.0, linestyle=":")
+    right.tick_params(axis="y", length=0)
+    right.set_title("sticks a period; dotted: where $F_c$ puts the changes")
+    right.set(xscale="log", xlabel="r = ε/β", xlim=(edges[0], edges[-1]),
+              ylim=(places[-1] - 0.6, 0.6))  # fmt: skip
     return fig
 
 

@@ -296,8 +296,8 @@ def draw(data: dict):
     figures = {}
     for key, label in (("omega", ""), ("rho", "rho")):
         names = [name for name in data if f"({key}" in name]
-        fig = new_figure(7.4 * len(names), 5.4)
-        for name, ax in zip(names, fig.subplots(1, len(names), squeeze=False)[0]):
+        fig = new_figure(6.6, 5.2 * len(names))
+        for name, ax in zip(names, fig.subplots(len(names), 1, squeeze=False)[:, 0]):
             _drawn(name, data[name], ax)
         figures[label] = fig
     return figures

@@ -227,8 +227,9 @@ def draw(data):
     """Threshold over r, its excess for small r, and the attractors over (eps, beta)."""
     from matplotlib.lines import Line2D
 
-    figure = new_figure(11.0, 3.1)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(7.0, 6.4)
+    grid = figure.add_gridspec(2, 2, height_ratios=(1, 1.15))
+    left, middle, right = (figure.add_subplot(place) for place in (grid[0, 0], grid[0, 1], grid[1, :]))
     styles = {"algebraic": "-", "tanh": "--", "erf": ":"}
     r = np.array(data["r"])
     for sigmoid, line in styles.items():
@@ -259,11 +260,20 @@ def draw(data):
     middle.set(xlabel="$r = \\varepsilon/\\beta$", ylabel="$F_c/N - 1$", title="Small ratios")
     middle.legend(loc="lower right")
     eps, beta = np.array(data["eps"]), np.array(data["beta"])
-    look = {0: ("s", COLOUR["stick"], 7.5), 1: ("o", COLOUR["right"], 4.5), 2: ("x", COLOUR["left"], 3.5)}
+    look = {0: ("s", COLOUR["stick"], 6.0), 1: ("o", COLOUR["right"], 4.5), 2: ("x", COLOUR["left"], 4.5)}
     for which, (marker, colour, size) in look.items():
         i, j = np.nonzero([[which in cell for cell in row] for row in data["kinds"]])
         filled = {"markerfacecolor": "none"} if which == 0 else {}
-        right.loglog(eps[i], beta[j], marker, color=colour, markersize=size, linestyle="none", **filled)
+        # Side by side where a cell has several.
+        right.loglog(
+            eps[i] * 1.07 ** (which - 1),
+            beta[j],
+            marker,
+            color=colour,
+            markersize=size,
+            linestyle="none",
+            **filled,
+        )
     ends = np.array([eps[0], eps[-1]])
     right.set(xlim=(eps[0] / 1.4, eps[-1] * 1.4), ylim=(beta[0] / 1.4, beta[-1] * 1.4))
     for ratio in (0.6453, 0.0016):

@@ -160,6 +160,21 @@ def claims(data: dict) -> list[Claim]:
     ]  # fmt: skip
 
 
+def _numbers(ax, omegas, sigmas, image, least=60):
+    """The number of a kind in each of its regions but the smallest, for readers who do not tell the colours apart."""
+    from matplotlib.patheffects import withStroke
+    from scipy.ndimage import label
+
+    for kind in np.unique(image):
+        regions, count = label(image == kind)
+        for region in range(1, count + 1):
+            cells = np.argwhere(regions == region)
+            if len(cells) >= least:
+                i, j = cells[np.argmin(np.hypot(*(cells - cells.mean(axis=0)).T))]
+                ax.text(omegas[j], sigmas[i], str(kind), ha="center", va="center", fontsize=8,
+                        path_effects=[withStroke(linewidth=2, foreground="white")])  # fmt: skip
+
+
 def draw(data: dict):
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.lines import Line2D
@@ -175,11 +190,14 @@ def draw(data: dict):
         image = np.array([[int(letter) for letter in row] for row in one["kinds"]])
         seen |= set(image.ravel().tolist())
         ax.pcolormesh(omegas, sigmas, image, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+        _numbers(ax, omegas, sigmas, image)
         ax.axhline(mu, color="white", linewidth=1.2, linestyle=(0, (4, 2)))
         ax.axvline(np.sqrt(3.1), color="white", linewidth=0.8, linestyle=":")
         ax.set(title=name.replace("rho", "ρ"), xlabel="drive frequency ω", xlim=(omegas[0], omegas[-1]))
     axes[0].set(ylabel="drive amplitude σ", ylim=(sigmas[0], sigmas[-1]))
-    handles = [Patch(color=c, label=label) for i, (label, c) in enumerate(NAMED.values()) if i in seen]
+    handles = [
+        Patch(color=c, label=f"{i}  {label}") for i, (label, c) in enumerate(NAMED.values()) if i in seen
+    ]
     # White lines in the maps, grey here to be seen on paper.
     handles.append(Line2D([], [], color="#999999", linewidth=1.2, linestyle=(0, (4, 2)), label="σ = N μₛ"))
     handles.append(Line2D([], [], color="#999999", linewidth=0.8, linestyle=":", label="resonance, ω = √k"))

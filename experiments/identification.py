@@ -227,34 +227,50 @@ def claims(data: dict) -> list[Claim]:
 def draw(data: dict):
     fig = new_figure(7.2, 5.2)
     (errors, times), (force, rest) = fig.subplots(2, 2)
-    for key, colour, shift in (("lugre", COLOUR["right"], -0.1), ("oscillator", COLOUR["left"], 0.1)):
+    for key, colour, mark, shift in (
+        ("lugre", COLOUR["right"], "o", -0.1),
+        ("oscillator", COLOUR["left"], "x", 0.1),
+    ):
         for row in data[key]:
             errors.plot(
                 np.arange(len(row["deviations"])) + 1 + shift,
                 row["deviations"],
-                ".",
+                mark,
                 color=colour,
-                markersize=4,
+                markersize=3,
             )
-        errors.plot([], [], ".", color=colour, label="LuGre, controlled" if key == "lugre" else "oscillator")
+        errors.plot(
+            [],
+            [],
+            mark,
+            color=colour,
+            markersize=3,
+            label="LuGre, controlled" if key == "lugre" else "oscillator",
+        )
     errors.axhspan(-3, 3, color=COLOUR["mark"], alpha=0.12, linewidth=0)
     errors.set(xlabel="combination, the best known first", ylabel="off by (standard errors)")
-    errors.legend()
-    for name, colour in zip(data["belt"], (COLOUR["right"], COLOUR["stick"], COLOUR["left"])):
+    errors.set_ylim(top=7)
+    errors.legend(loc="upper right")
+    for name, colour, mark in zip(data["belt"], (COLOUR["right"], COLOUR["stick"], COLOUR["left"]), "os^"):
         rows = data["belt"][name]
         times.plot(
-            [r["seconds"] for r in rows], [r["chi2"] for r in rows], "o", color=colour, markersize=4, label=name
+            [r["seconds"] for r in rows],
+            [r["chi2"] for r in rows],
+            mark,
+            color=colour,
+            markersize=4,
+            label=name,
         )
     times.set(xscale="log", yscale="log", xlabel="processor time (s)", ylabel="squares a sample / noise²")
     times.legend()
     record = data["presliding"]
     colours = dict(zip(record["laws"], (COLOUR["right"], COLOUR["stick"], COLOUR["fast"], COLOUR["left"])))
     force.plot(record["x"], record["measured"], ".", color=COLOUR["mark"], markersize=2)
-    for name, one in record["laws"].items():
-        force.plot(record["x"], one["force"], color=colours[name], linewidth=0.8, label=name)
+    for (name, one), dash in zip(record["laws"].items(), ("-", "--", ":", "-.")):
+        force.plot(record["x"], one["force"], dash, color=colours[name], linewidth=0.8, label=name)
         residual = np.array(one["force"]) - np.array(record["measured"])
-        rest.plot(record["t"], residual, color=colours[name], linewidth=0.6)
-    force.set(xlabel="position (um)", ylabel="friction force (N)")
+        rest.plot(record["t"], residual, dash, color=colours[name], linewidth=0.6)
+    force.set(xlabel="position (µm)", ylabel="friction force (N)")
     force.legend()
     rest.set(xlabel="time (s)", ylabel="fitted - measured (N)")
     return fig

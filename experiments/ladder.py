@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from studytools import Study, claim, command
 
 from pwsmooth.compare.ladders import Ladder, ladder
-from pwsmooth.compare.ladders.chart import VERDICT_COLOUR
+from pwsmooth.compare.ladders.chart import VERDICT_COLOUR, VERDICT_MARK
 from pwsmooth.plotting import new_figure
 
 # Scene, observable, tolerance.
@@ -80,24 +80,27 @@ WORDS = {"within": "within the tolerance", "outside": "outside", "richest": "the
 
 
 def draw(data):
+    """A row a scene: names are read on a page of two columns' width."""
     from matplotlib.lines import Line2D
 
     found = list(ladders(data).values())
-    heights = [
-        0.9 + 0.26 * max(len(one.steps) for one in found[row : row + 2]) for row in range(0, len(found), 2)
-    ]
-    figure = new_figure(13.0, sum(heights) + 0.4)
-    grid = figure.subplots(len(heights), 4, squeeze=False, width_ratios=(3, 2, 3, 2), height_ratios=heights)
-    for axes in grid.flat:
-        axes.set_visible(False)
-    for k, one in enumerate(found):
-        pair = grid[k // 2][2 * (k % 2) : 2 * (k % 2) + 2]
+    heights = [0.5 + 0.125 * len(one.steps) for one in found]
+    figure = new_figure(7.0, sum(heights) + 0.6)
+    grid = figure.subplots(len(found), 2, squeeze=False, width_ratios=(3, 2), height_ratios=heights)
+    for pair, one in zip(grid, found):
+        left, right = one.chart(pair)
+        unit = "" if one.observable.unit == "1" else f" ({one.observable.unit})"
+        left.set_title(f"{left.get_title(loc='left')}{unit}", fontsize=8)
         for axes in pair:
-            axes.set_visible(True)
-        one.chart(pair)
-    marks = [Line2D([], [], color=VERDICT_COLOUR[v], marker="o", linestyle="", markersize=5) for v in WORDS]
+            axes.set_xlabel("")
+            axes.tick_params(labelsize=7)
+    marks = [
+        Line2D([], [], color=VERDICT_COLOUR[v], marker=VERDICT_MARK[v], linestyle="", markersize=5)
+        for v in WORDS
+    ]
     marks.append(Line2D([], [], color=VERDICT_COLOUR["within"], marker="D", linestyle="", markersize=6))
-    figure.legend(marks, [*WORDS.values(), "recommended"], loc="outside lower center", ncols=len(WORDS) + 1)
+    figure.legend(marks, [*WORDS.values(), "recommended"], loc="outside lower center", ncols=len(WORDS) + 1,
+                  title="left: distance from the richest model; right: processor time of a run (ms)")  # fmt: skip
     return figure
 
 

@@ -241,7 +241,7 @@ def claims(data) -> list[Claim]:
 
 
 def draw(data):
-    figure = new_figure(8.6, 3.6)
+    figure = new_figure(7.0, 3.6)
     left, right = figure.subplots(1, 2)
     s2 = np.array(data["s2"])
     left.plot(s2, data["exact"], color=COLOUR["exact"], label="z slaved: exact mean")
@@ -252,7 +252,16 @@ def draw(data):
     )
     for name, at, colour, label in layers:
         mean, error = np.array(data[name]).T
-        left.errorbar(at, mean, error, fmt="o", color=colour, markersize=4, linewidth=0.9, label=label)
+        left.errorbar(
+            at,
+            mean,
+            error,
+            fmt="o" if name == "slaved" else "^",
+            color=colour,
+            markersize=4,
+            linewidth=0.9,
+            label=label,
+        )
     for mark, (eps, rows) in zip("sx", data["smoothed"].items(), strict=False):
         mean, error = np.array(rows).T
         left.errorbar(data["checked"], mean, error, fmt=mark, color=COLOUR["left"], markersize=6, linewidth=0.9,
@@ -266,11 +275,11 @@ def draw(data):
     colours = dict(
         zip(data["predicted"], (COLOUR["velocity"], COLOUR["smoothed"], COLOUR["stick"]), strict=False)
     )
-    for eps, colour in colours.items():
+    for (eps, colour), mark, dash in zip(colours.items(), "sov", ("--", "-", ":")):
         mean, error = np.array(data["orbit"][f"{eps} | slaved"]).T
-        right.errorbar(s2, mean, error, fmt="o", color=colour, markersize=4, linewidth=0.9,
+        right.errorbar(s2, mean, error, fmt=mark, color=colour, markersize=4, linewidth=0.9,
                        label=rf"z slaved, $\varepsilon={eps}$")  # fmt: skip
-        right.plot(s2, data["predicted"][eps], color=colour, linewidth=1.1)
+        right.plot(s2, data["predicted"][eps], dash, color=colour, linewidth=1.1)
     mean, error = np.array(data["orbit"]["0.001 | eps = beta"]).T
     right.errorbar(s2, mean, error, fmt="^", color=COLOUR["approximation"], markersize=5, linewidth=0.9,
                    markerfacecolor="none", label=r"$\varepsilon=\beta=0.001$")  # fmt: skip

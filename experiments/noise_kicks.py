@@ -221,18 +221,20 @@ def claims(data) -> list[Claim]:
 
 
 def draw(data):
-    figure = new_figure(10.5, 3.6)
+    figure = new_figure(7.0, 3.9)
     left, middle, right = figure.subplots(1, 3)
     sizes = np.array(data["sizes"])
     colour = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"]}
+    # Open for one law and full for the other, dashed and full lines: told apart in grey.
+    fill, dash = {"uniform": "none", "normal": None}, {"uniform": "--", "normal": "-"}
     marks = dict(zip(data["escapes"], ("^", "o", "s"), strict=False))
     for law in LAWS:
         fine = np.geomspace(0.2, 12, 300)
         line = [layer.one_kick(data["force"], k, law) for k in fine]
-        left.plot(fine, np.where(np.array(line) > 0, line, np.nan), color=colour[law])
+        left.plot(fine, np.where(np.array(line) > 0, line, np.nan), dash[law], color=colour[law])
         for eps, mark in marks.items():
             rate = np.array([a / b if a else np.nan for a, b in data["escapes"][eps][law]])
-            left.plot(sizes, rate, mark, color=colour[law], markersize=4, markerfacecolor="none")
+            left.plot(sizes, rate, mark, color=colour[law], markersize=4, markerfacecolor=fill[law])
     left.axvline(data["way_out"], color=COLOUR["mark"], linewidth=0.7, linestyle="--")
     left.text(
         data["way_out"] * 0.95, 1.3e-4, "way to the saddle's manifold", rotation=90, ha="right", va="bottom",
@@ -244,16 +246,16 @@ def draw(data):
     for law in LAWS:
         for eps, mark in marks.items():
             mean, error = np.array(data["sticks"][f"{eps} | y, v"][law]).T
-            middle.errorbar(sizes, mean, error, fmt=mark, color=colour[law], markersize=4, markerfacecolor="none",
-                            linewidth=0.8)  # fmt: skip
+            middle.errorbar(sizes, mean, error, fmt=mark, color=colour[law], markersize=4,
+                            markerfacecolor=fill[law], linewidth=0.8)  # fmt: skip
             scale = 1 / math.sqrt(3) if law == "uniform" else 1.0
             if eps == "0.001":
-                right.errorbar(scale * sizes, mean, error, fmt="-o", color=colour[law], markersize=4, linewidth=0.9,
-                               markerfacecolor="none", label=law)  # fmt: skip
+                right.errorbar(scale * sizes, mean, error, fmt=dash[law] + "o", color=colour[law], markersize=4,
+                               linewidth=0.9, markerfacecolor=fill[law])  # fmt: skip
                 mean, error = np.array(data["sticks"]["0.001 | y, v, z"][law]).T
-                right.errorbar(scale * sizes, mean, error, fmt="x", color=colour[law], markersize=5, linewidth=0.8,
-                               label=f"{law}, z kicked too")  # fmt: skip
-        middle.plot(sizes, data["predicted"][law], color=colour[law], linewidth=1.1)
+                right.errorbar(scale * sizes, mean, error, fmt="x", color=colour[law], markersize=5,
+                               linewidth=0.8)  # fmt: skip
+        middle.plot(sizes, data["predicted"][law], dash[law], color=colour[law], linewidth=1.1)
     for ax in (middle, right):
         ax.axhline(1, color=COLOUR["mark"], linewidth=0.5)
         ax.set(xscale="log", ylim=(0, 1.12))
@@ -263,17 +265,17 @@ def draw(data):
     middle.set(xlabel=r"$\kappa/\varepsilon$", ylabel="time stuck beyond N, relative", xlim=(0.18, 12))
     middle.set_title("oscillator")
     right.set(xlabel=r"standard deviation$/\varepsilon$", xlim=(0.1, 12))
-    right.set_title(r"equal standard deviation, $\varepsilon=0.001$")
-    right.legend(loc="lower left", fontsize=7)
+    right.set_title(r"by deviation, $\varepsilon=0.001$")
     for law in LAWS:
-        middle.plot([], [], color=colour[law], label=f"{law}: one kick ends it")
+        middle.plot([], [], dash[law], color=colour[law], label=f"{law}: one kick ends it")
+        middle.plot(
+            [], [], "o", color=colour[law], markerfacecolor=fill[law], markersize=4, label=f"{law}: runs"
+        )
     for eps, mark in marks.items():
         middle.plot([], [], mark, color=COLOUR["mark"], markerfacecolor="none", markersize=4,
                     label=rf"$\varepsilon=\beta={eps}$")  # fmt: skip
-    middle.legend(loc="lower left", fontsize=7)
-    for law in LAWS:
-        left.plot([], [], color=colour[law], label=f"{law}: one kick")
-    left.legend(loc="upper left", fontsize=7)
+    middle.plot([], [], "x", color=COLOUR["mark"], markersize=5, label="right: z kicked too")
+    figure.legend(*middle.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=7)
     return figure
 
 

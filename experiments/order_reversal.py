@@ -137,13 +137,13 @@ def chart(results, path):
     from pwsmooth.plotting import COLOUR, new_figure, style
 
     with style():
-        figure = new_figure(7.2, 3.8)
+        figure = new_figure(6.6, 3.6)
         ax = figure.subplots()
         colours = dict(zip(LAWS, ("right", "stick", "left", "velocity")))
-        for name, row in results.items():
+        for mark, (name, row) in zip("os^D", results.items()):
             for kind, line, label in (
-                ("located", "o-", f"{name}, located"),
-                ("through", "x--", f"{name}, stepped through"),
+                ("located", mark + "-", f"{name}, located"),
+                ("through", mark + "--", f"{name}, stepped through"),
             ):
                 steps, error = np.array(row[kind]).T
                 ax.loglog(
@@ -153,8 +153,9 @@ def chart(results, path):
                     color=COLOUR[colours[name]],
                     label=label,
                     markersize=3.5,
+                    markerfacecolor="none" if kind == "through" else None,
                 )
-        ax.set(xlabel="time / longest step", ylabel="error of the force (N) or of z/size")
+        ax.set(xlabel="steps (time over the longest one)", ylabel="error of the force (N) or of z/size")
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         figure.savefig(path)
 

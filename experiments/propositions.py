@@ -350,24 +350,25 @@ def claims(data):
 
 def draw(data):
     """One panel for the sequences in eps, one for those in beta."""
-    figure = new_figure(9.4, 4.0)
+    figure = new_figure(7.0, 5.6)
     panels = dict(zip(("eps", "beta"), figure.subplots(1, 2)))
     colours = [
         COLOUR[k] for k in ("right", "left", "stick", "fast", "smoothed", "approximation", "velocity", "exact")
     ]
     for over, ax in panels.items():
         own = [s for s in SEQUENCES if s[1] == over]
-        for colour, (name, _, expected, _, text, _) in zip(colours, own):
+        for colour, mark, (name, _, expected, _, text, _) in zip(colours, "os^Dv<>P", own):
             x, d = np.array(data[over], float), np.array(data[name], float)
-            ax.loglog(x, d, "o", color=colour, markersize=4)
+            ax.loglog(x, d, mark, color=colour, markersize=4)
             power = {2 / 3: "2/3", 0.8: "4/5"}.get(expected, f"{expected:g}")
             for word, sign in WORDS.items():
                 text = text.replace(word, sign)
             label = f"{text}\n   expected {power}, measured {order(data, name, over):.3f}"
-            ax.loglog(x, d[-1] * (x / x[-1]) ** expected, color=colour, linewidth=1, label=label)
+            ax.loglog(x, d[-1] * (x / x[-1]) ** expected, color=colour, linewidth=1)
+            ax.plot([], [], "-" + mark, color=colour, linewidth=1, markersize=4, label=label)
         letter = {"eps": "\\varepsilon", "beta": "\\beta"}[over]
         ax.set(xlabel=f"${letter}$", ylabel="distance from the limit", title=f"As ${letter}$ falls")
-        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, labelspacing=0.9)
+        ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.17), fontsize=7, labelspacing=0.7)
     return figure
 
 

@@ -143,15 +143,23 @@ def draw(data: dict):
     axes = fig.subplots(1, 2)
     rho, force = np.array(data["rho"]), data["force"]
     marks = {"slaved": (COLOUR["stick"], "o"), "relaxing": (COLOUR["left"], "s")}
-    for ax, key, label in zip(axes, ("stick time", "amplitude"), ("stick time per period", "amplitude of y")):
+    for ax, key, label in zip(
+        axes, ("stick time", "amplitude"), ("stick time a period, in 1/ω", "amplitude of y")
+    ):
         for name, one in data["regimes"].items():
             values = np.array(one[key], float)
             colour, marker = marks[name]
             title = f"{name}: {'two sticks' if name == 'slaved' else 'one stick'} a period"
             for i, row in enumerate(values):
-                ax.plot(rho, row, marker, color=colour, markersize=1.6, label=title if i == 0 else None)
+                # Small full circles, and open squares that are fewer: told apart in grey.
+                look = (
+                    dict(markersize=1.8)
+                    if name == "slaved"
+                    else dict(markersize=3.5, markevery=6, fillstyle="none")
+                )
+                ax.plot(rho, row, marker, color=colour, label=title if i == 0 else None, **look)
         ax.axvline(expected_birth(force), color=COLOUR["mark"], linewidth=0.8, linestyle=":")
-        ax.set(xlabel="hidden term ρ", title=label, xlim=(rho[0], rho[-1]))
+        ax.set(xlabel="hidden term ρ", ylabel=label, xlim=(rho[0], rho[-1]))
     axes[0].set_ylim(-0.05, 2)
     axes[1].set_ylim(1.05, 1.35)
     axes[0].annotate(
@@ -161,7 +169,7 @@ def draw(data: dict):
     axes[0].annotate(
         "slip only, beside the sticking orbits", (1.25, 0.05), color=marks["relaxing"][0], fontsize=8
     )
-    axes[1].legend(loc="upper left", bbox_to_anchor=(0.17, 1.0), markerscale=3)
+    axes[1].legend(loc="upper left", bbox_to_anchor=(0.17, 1.0), markerscale=1.5)
     return fig
 
 

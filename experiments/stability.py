@@ -37,6 +37,7 @@ EXPECTED = (
 OURS = ("event-driven", "event-driven, layered", "smoothed path")
 # The smoothed system itself, however well it is integrated, has another answer than the limit there.
 STAND_IN = tuple((name, "smoothed path") for name in ("near-fold", "noise", "long-stick"))
+ON_FIRST = 10  # maps on the first page: as many bands as on the second
 LINEAR = ("lugre", "dai-friction", "dai-contact", "stiff-contact")
 
 
@@ -82,15 +83,17 @@ def content_of(records, versions):
 
 
 def write_charts(records, folder):
-    """One page of all maps; `StabilityMap.chart` draws each from the data."""
+    """Two pages of the maps; `StabilityMap.chart` draws each from the data."""
     maps = [StabilityMap.from_record(record) for record in records]
     with plotting.style():
-        save(page(maps), folder / "stability.png")
+        for name, part in (("", maps[:ON_FIRST]), ("_2", maps[ON_FIRST:])):
+            if part:
+                save(page(part), folder / f"stability{name}.png")
 
 
 def save(figure, target):
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130)
+    figure.savefig(buffer, format="png")
     write_whole(target, buffer.getvalue())
 
 

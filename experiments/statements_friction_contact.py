@@ -248,10 +248,10 @@ def claims(data):
 
 def draw(data):
     """Drift, elements, restitution over speed."""
-    figure = new_figure(9.0, 2.9)
+    figure = new_figure(6.8, 2.7)
     left, middle, right = figure.subplots(1, 3)
-    for (name, path), colour in zip(data["drift"].items(), ("right", "left")):
-        left.plot(1e6 * np.array(path), color=COLOUR[colour], label=name)
+    for (name, path), colour, dash in zip(data["drift"].items(), ("right", "left"), ("-", "--")):
+        left.plot(1e6 * np.array(path), dash, color=COLOUR[colour], label=name)
     left.set(xlabel="cycles", ylabel="displacement (µm)", title="drift")
     left.legend()
     middle.loglog(
@@ -261,11 +261,11 @@ def draw(data):
         color=COLOUR["stick"],
         markersize=4,
     )
-    middle.set(xlabel="elements n", ylabel="jump of stiffness, relative", title="smoother with more elements")
+    middle.set(xlabel="elements n", ylabel="jump of stiffness, relative", title="more elements")
     speeds = (0.1, 0.3, 1.0, 3.0)
     right.semilogx(speeds, data["kelvin_voigt"], "o-", color=COLOUR["left"], label="Kelvin-Voigt", markersize=4)
     right.semilogx(
-        speeds, data["hunt_crossley"], "o-", color=COLOUR["right"], label="Hunt-Crossley", markersize=4
+        speeds, data["hunt_crossley"], "s--", color=COLOUR["right"], label="Hunt-Crossley", markersize=4
     )
     right.set(xlabel="speed of the impact (m/s)", ylabel="restitution", ylim=(0, 1), title="restitution")
     right.legend()

@@ -249,21 +249,19 @@ def claims(data):
 
 def draw(data):
     """Peaks over rho, the path of a stick, hysteresis over beta."""
-    figure = new_figure(9.0, 2.9)
+    figure = new_figure(6.8, 2.7)
     left, middle, right = figure.subplots(1, 3)
     u = np.linspace(0, 6, 601)
-    for rho, shade in zip((1.0, 1.5, 2.0), ("#9ECAE1", "#4292C6", "#08519C")):
-        left.plot(u, contact_coefficient(u, rho), color=shade, label=rf"$\rho={rho:g}$")
+    for rho, shade, dash in zip((1.0, 1.5, 2.0), ("#4292C6", "#08519C", "#08204A"), (":", "--", "-")):
+        left.plot(u, contact_coefficient(u, rho), dash, color=shade, label=rf"$\rho={rho:g}$")
     left.set(xlabel=r"$v/\varepsilon$", ylabel=r"$\mu$", title="peaks and dips grow")
     left.legend(loc="upper right")
     path = np.array(data["stick_path"])
     middle.plot(np.linspace(0, 1, len(path)), path, color=COLOUR["stick"])
     middle.axhline(LAM_S, color=COLOUR["mark"], linewidth=0.8, linestyle=":")
-    middle.set(
-        xlabel="time of the stick, as a share of it", ylabel=r"$|\lambda|$", title="a stick runs to the fold"
-    )
+    middle.set(xlabel="share of the stick's time", ylabel=r"$|\lambda|$", title="a stick runs to the fold")
     right.loglog(data["betas"], data["hysteresis"], "o-", color=COLOUR["exact"], markersize=4)
-    right.set(xlabel=r"$\beta$", ylabel=r"gap in $|\mu|$", title=r"hysteresis vanishes with $\beta$")
+    right.set(xlabel=r"$\beta$", ylabel=r"gap in $|\mu|$", title=r"hysteresis over $\beta$")
     return figure
 
 

@@ -67,6 +67,9 @@ def claim(
     return Claim(statement, source, ours, bool(holds), "" if holds else otherwise, origin, where)
 
 
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))  # beside the colours, for print in grey
+
+
 def draw_set(ax: Any, curves: list[tuple[str, Any]], meets: list[Any], rows: list[Any]) -> None:
     """A bifurcation set: curves (name, values (2, K)), points of codimension 2, points of its check."""
     names = "left right stick fast approximation velocity smoothed CVODE numbalsoda mark".split()
@@ -75,7 +78,7 @@ def draw_set(ax: Any, curves: list[tuple[str, Any]], meets: list[Any], rows: lis
         k = keys.index(name)
         ax.plot(
             *np.array(values), color=plotting.COLOUR[names[k % 10]], linewidth=1.2,
-            linestyle=["-", (0, (5, 1.5)), (0, (1.5, 1))][k // 10 % 3], label=None if name in shown else name,
+            linestyle=DASHES[k % 4], label=None if name in shown else name,
         )  # fmt: skip
         shown.add(name)
     if meets:
@@ -155,7 +158,7 @@ def draw(study: Study, content: dict, target: Path) -> None:
     import io
 
     with plotting.style():
-        drawn = study.draw(content["data"])
+        drawn = study.draw(content["data"] | {"provenance": content.get("provenance")})
         for name, figure in drawn.items() if isinstance(drawn, dict) else [("", drawn)]:
             buffer = io.BytesIO()
             figure.savefig(buffer, format="png")

@@ -146,7 +146,7 @@ def draw(data):
     left.plot(
         symmetric["sigma"], np.square(symmetric["multiplier"]), color=COLOUR["exact"], label="symmetric orbit"
     )
-    left.plot(pair["sigma"], pair["multiplier"], color=COLOUR["right"], label="asymmetric pair")
+    left.plot(pair["sigma"], pair["multiplier"], "-.", color=COLOUR["right"], label="asymmetric pair")
     left.axhline(1, color=COLOUR["mark"], linewidth=0.7)
     left.axvline(at, ymax=0.8, color=COLOUR["mark"], linewidth=0.7, linestyle=":")  # ends below the legend
     left.annotate(f"$\\sigma^*$ = {at:.5f}", (at, 1), (-6, 8), textcoords="offset points", ha="right")
@@ -158,6 +158,7 @@ def draw(data):
         right.plot(
             sigma[order],
             sign * size[order],
+            "-.",
             color=COLOUR["right"],
             label="asymmetric pair" if sign > 0 else None,
         )

@@ -244,13 +244,19 @@ def claims(data):
 
 def draw(data):
     """One panel for each part."""
-    figure = new_figure(9.6, 6.2)
+    figure = new_figure(7.0, 5.6)
     (planar_ax, sigmoid_ax), (edge_ax, shaw_ax) = figure.subplots(2, 2)
-    for key, colour, label in (("0", COLOUR["right"], "$\\rho = 0$"), ("3", COLOUR["left"], "$\\rho = 3$")):
+    for key, colour, dash, label in (
+        ("0", COLOUR["right"], "-", "$\\rho = 0$"),
+        ("3", COLOUR["left"], "--", "$\\rho = 3$"),
+    ):
         for i, end in enumerate(data["planar"]["ends"][key][:2]):
-            planar_ax.plot(end["x"], end["speed"], color=colour, linewidth=0.8, label=label if i == 0 else None)
-    planar_ax.set(xlabel="x", ylabel="x'", title="a  Block on a belt, undriven, from two starts that stick")
-    planar_ax.legend(loc="lower left")
+            planar_ax.plot(
+                end["x"], end["speed"], dash, color=colour, linewidth=0.9, label=label if i == 0 else None
+            )
+    planar_ax.set(xlabel="x", ylabel="x'", title="a  Block on a belt, undriven")
+    planar_ax.set_ylim(-0.95, 0.85)
+    planar_ax.legend(loc="upper center", ncols=2)
     times = np.array(data["sigmoids"]["t"])
     for name, line in zip(SIGMOIDS, ("-", "--", ":")):
         apart = data["sigmoids"]["orbits"][name]["apart"]
@@ -266,7 +272,7 @@ def draw(data):
     edge_ax.loglog(above, np.pi / 2 - np.array(data["boundary"]["lost_at"]), "o", color=COLOUR["stick"],
                    markersize=4, label="event-driven")  # fmt: skip
     edge_ax.set(xlabel="$\\sigma - 16/9$", ylabel="$\\pi/2 - \\omega t$ at the first slip",
-                title="c  Rest is lost at the turn of the drive")  # fmt: skip
+                title="c  Rest is lost at the drive's turn")  # fmt: skip
     edge_ax.legend(loc="upper left")
     found = data["shaw"]
     x = np.array(found["x"], float)
@@ -275,7 +281,7 @@ def draw(data):
         np.repeat(values, x.shape[1]), x.ravel(), ".", color=COLOUR["exact"], markersize=0.9, rasterized=True
     )
     shaw_ax.set(xlabel="forcing frequency $\\omega$", ylabel="x, once a period",
-                title="d  Forced block on a belt, static above kinetic friction")  # fmt: skip
+                title="d  Forced block on a belt")  # fmt: skip
     return figure
 
 

@@ -21,19 +21,23 @@ Full: about ten minutes of processor time with all peers (pip install -e '.[benc
 
 from __future__ import annotations
 
+import math
 import sys
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from studytools import Study, claim, command
 from work_precision_reading import OURS, behind, write_reading
 
 from pwsmooth.compare.work_precision.cases import CASES
-from pwsmooth.compare.work_precision.charts import plot_orders, plot_widths, plot_work
+from pwsmooth.compare.work_precision.charts import SHORT, plot_orders, plot_widths, plot_work
 from pwsmooth.compare.work_precision.measuring import work_precision
 from pwsmooth.compare.work_precision.methods import METHODS
 from pwsmooth.compare.work_precision.points import Point, WorkPrecision
-from pwsmooth.plotting import new_figure
+from pwsmooth.plotting import COLOUR, new_figure
 
 STICKING = ("sticking", "hidden", "relay", "belt", "chain")
 BOUNDS = (1e-4, 1e-8, 1e-12)
@@ -115,51 +119,82 @@ def claims(data):
 def draw(data):
     points = points_of(data)
     cases = list(data["references"])
-    figures = {"": grid(points, cases, "seconds"), "evaluations": grid(points, cases, "evaluations")}
+    figures = {name: grid(points, cases, name or "seconds", data) for name in ("", "evaluations")}
     if any(", order" in p.method for p in points):
-        figures["orders"] = orders(points, cases)
+        figures["orders"] = orders(points)
     figures["eps"] = widths(points)
     return figures
 
 
-def grid(points, cases, work):
-    """One panel a case."""
+def grid(points, cases, work, data):
+    """One panel a case, on a page of two columns' width; the legend in the place of a panel, or below."""
     columns = min(3, len(cases))
     rows = -(-len(cases) // columns)
-    figure = new_figure(4.1 * columns, 3.3 * rows + 0.2)
+    figure = new_figure(7.0, 2.05 * rows + 0.4)
     panels = figure.subplots(rows, columns, squeeze=False)
+    named = {}
     for axes, case in zip(panels.flat, cases):
-        plot_work(points.of(case), axes, work=work, methods=SHOWN)
-        axes.set_title(points.references[case]["title"])
-    for axes in panels.flat[len(cases) :]:
+        plot_work(points.of(case), axes, work=work, methods=SHOWN, label=False)
+        title = points.references[case]["title"].replace(" = ", "\u00a0=\u00a0")  # not broken there
+        axes.set_title(textwrap.fill(title, 30), fontsize=8)
+        axes.set(xlabel="", ylabel="")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(numticks=6))
+        axes.tick_params(labelsize=7)
+        handles, labels = axes.get_legend_handles_labels()
+        named |= dict(zip(labels, handles))
+    named = {
+        SHORT.get(name, name): named[SHORT.get(name, name)] for name in SHOWN if SHORT.get(name, name) in named
+    }
+    named["open: wrong itinerary"] = Line2D([], [], marker="o", color=COLOUR["mark"], linestyle="none",
+                                            markerfacecolor="white", markersize=3.5)  # fmt: skip
+    spare = panels.flat[len(cases) :]
+    for axes in spare:
         axes.axis("off")
+    place = dict(loc="center") if len(spare) else dict(loc="outside lower center", ncols=4)
+    (spare[0] if len(spare) else figure).legend(named.values(), named, fontsize=7, **place)
+    figure.supylabel("error of the state, in units of its size", fontsize=9)
+    told = "evaluations of the right-hand side"
+    figure.supxlabel(told if work == "evaluations" else f"processor time (s), {machine(data)}", fontsize=9)
     return figure
 
 
-def orders(points, cases):
-    """The event-driven path at its orders."""
-    rows = -(-len(cases) // 4)
-    figure = new_figure(12.0, 2.7 * rows + 0.4)
-    panels = figure.subplots(rows, 4, squeeze=False)
-    for axes, case in zip(panels.flat, cases):
-        plot_orders(points.of(case), axes)
-        axes.set_title(points.references[case]["title"], fontsize=8)
-    for axes in panels.flat[len(cases) :]:
-        axes.axis("off")
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+def machine(data):
+    """What the data file knows of the machine."""
+    known = data.get("provenance") or {}
+    words = [known.get("processor") or known.get("machine"), known.get("system")]
+    words += [f"{known['cores']} cores"] * ("cores" in known)
+    return ", ".join(word for word in words if word) or "machine not recorded"
+
+
+def orders(points):
+    """What a fixed order costs the event-driven path, for three errors."""
+    figure = new_figure(7.0, 3.9)
+    panels = figure.subplots(1, len(BOUNDS), sharey=True)
+    for axes, error in zip(panels, BOUNDS):
+        plot_orders(points, axes, error=error)
+        axes.axhline(1, color=COLOUR["mark"], linewidth=0.6)
+        axes.set(xticks=range(8, 29, 4), title=f"error $10^{{{math.log10(error):.0f}}}$")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    for axes in panels[1:]:
+        axes.set_ylabel("")
+    panels[0].set_yticks([0.5, 1, 2, 5, 10])
+    # A case that reaches one error may not reach another.
+    named = {label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels())}
+    figure.legend(named.values(), named, loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
 
 
 def widths(points):
     """The best eps of the smoothed path against the error asked for, and the time that it takes."""
-    figure = new_figure(9.0, 3.6)
+    figure = new_figure(7.0, 3.6)
     left, right = figure.subplots(1, 2)
     plot_widths(points, left)
     plot_widths(points, right, what="seconds")
     left.set_title("smoothed path: the ε that is cheapest")
-    right.set_title("its time there, over that of the event-driven path")
-    figure.legend(*left.get_legend_handles_labels(), loc="outside right center")
+    right.set_title("its time, over the event-driven path's")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 

@@ -291,7 +291,7 @@ def page(points, content):
         "counts K + 1):",
         "![Error against evaluations](../experiments/results/work_precision_evaluations.png)",
         "## The order of the event-driven path",
-        "![Error against time at orders 8 to 28](../experiments/results/work_precision_orders.png)",
+        "![Time at fixed orders over that at the chosen one](../experiments/results/work_precision_orders.png)",
         "## The smoothed path: which ε for which error",
         "The cheapest (ε, rtol, time) within each error:",
         widths(reading),

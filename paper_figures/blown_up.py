@@ -43,6 +43,13 @@ def manifold(ax, span, strength=3.0, fold=2 / 3):
     return ax
 
 
+def fold_shadows(ax, span, floor, fold=2 / 3):
+    """The folds of B on the floor of the picture."""
+    for edge in (-fold, fold):
+        ax.plot([edge] * 2, span, [floor] * 2, ":", color=COLOUR["mark"], linewidth=0.9, zorder=1)
+    return ax
+
+
 def slip_planes(ax, span, heights):
     """The planes v = 0- and v = 0+ where slip meets the layer."""
     corners = np.array([[span[0], span[1]], [span[0], span[1]]], dtype=float)
@@ -105,8 +112,11 @@ def head(ax, tip, direction, colour, zorder=5, size=0.075):
     return ax
 
 
-def orbit_in_layer(ax, orbit, window, reach, *, linewidth=2.2, zorder=6):
-    """Slip up to the speed `reach`, fast transitions and sticking of a slaved orbit inside a window of time."""
+def orbit_in_layer(ax, orbit, window, reach, *, floor=None, linewidth=2.2, zorder=6):
+    """Slip up to the speed `reach`, fast transitions and sticking of a slaved orbit inside a window of time.
+
+    With a `floor` its shadow there tells the depth of the picture.
+    """
     last = None
     for segment, times in pieces(orbit, 1200):
         inside = (times >= window[0]) & (times <= window[1]) & (np.abs(orbit(times, "v")) <= reach)
@@ -117,7 +127,11 @@ def orbit_in_layer(ax, orbit, window, reach, *, linewidth=2.2, zorder=6):
         s = unfolded(segment.status[0], v, multiplier)
         if last is not None:
             arrow_line(ax, last, (s[0], times[0], y[0]), zorder=zorder, linewidth=linewidth * 0.8)
-        ax.plot(s, times, y, color=COLOUR[phase(segment.status[0])], linewidth=linewidth, zorder=zorder)
+        if floor is not None:
+            seen = (s, times) if last is None else (np.append(last[0], s), np.append(last[1], times))
+            ax.plot(*seen, np.full(len(seen[0]), floor), color="#BBBBBB", linewidth=1.6, zorder=1)
+        wide = linewidth * (1.5 if segment.status[0] == 0 else 1)
+        ax.plot(s, times, y, color=COLOUR[phase(segment.status[0])], linewidth=wide, zorder=zorder)
         last = s[-1], times[-1], y[-1]
     return ax
 
@@ -137,7 +151,7 @@ def dress(ax, span, heights, reach, time_ticks):
     ax.set_xlabel(r"layer on $v=0$", labelpad=3)
     plain_box(ax)
     ax.view_init(elev=24, azim=-66)
-    ax.set_box_aspect((1.75, 1.25, 1.0), zoom=1.14)
+    ax.set_box_aspect((1.75, 1.25, 1.0), zoom=1.04)
     above = heights[1] + 0.04 * (heights[1] - heights[0])
     ax.text(-1.05, span[0], above, "left slip", color=COLOUR["left"], ha="right", fontsize=9, zorder=9)
     ax.text(1.05, span[1], above, "right slip", color=COLOUR["right"], ha="left", fontsize=9, zorder=9)

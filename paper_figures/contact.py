@@ -1,4 +1,4 @@
-"""What the contact figures share: colours of the laws, and an impact's curves on a fine grid."""
+"""What the contact figures share: colours and dashes of the laws, and an impact's curves on a fine grid."""
 
 import numpy as np
 
@@ -16,6 +16,21 @@ COLOUR = {
     "Flores": "#7A5195",
     "Bai": "#8C6D31",
     "rigid": "#555555",
+}
+# In grey the dashes tell the laws apart.
+DASH = {
+    "Kelvin-Voigt": (0, (6, 1.5)),
+    "Hunt-Crossley": "--",
+    "linear residual": (0, (3, 1, 1, 1)),
+    "R1": "-",
+    "R2": (0, (1, 1)),
+    "Lankarani-Nikravesh": "-.",
+    "Wang-Liu-Ma": "-",
+    "Hertz": "-",
+    "Wang-Liu 2015": ":",
+    "Flores": (0, (3, 1, 1, 1, 1, 1)),
+    "Bai": (0, (8, 2)),
+    "rigid": "-",
 }
 
 

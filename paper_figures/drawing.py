@@ -3,7 +3,15 @@
 import numpy as np
 
 from paper_figures import oscillator as osc
-from pwsmooth.plotting import COLOUR, by_phase, direction_arrows, phase, sticking_regions
+from pwsmooth.plotting import (
+    COLOUR,
+    LINEAR_SHADE,
+    NONLINEAR_SHADE,
+    by_phase,
+    direction_arrows,
+    phase,
+    sticking_regions,
+)
 
 
 def pieces(orbit, count=2000):
@@ -25,17 +33,19 @@ def event_driven_characteristic(ax, orbit, offset=0.0, label=True, **line):
     for segment, times in pieces(orbit):
         speed, mu = orbit(times, "v") - offset * orbit(times, "y"), orbit(times, "mu")
         colour = phase(segment.status[0])
+        # Wide and below: where phases lie on one another all are seen.
+        style = line | (dict(linewidth=3.6, zorder=line.get("zorder", 3) - 0.5) if colour == "stick" else {})
         ax.plot(
             speed,
             mu,
             color=COLOUR[colour],
             label=names[colour] if label and colour not in seen else None,
-            **line,
+            **style,
         )
         seen.add(colour)
         if last is not None:
             name = "fast transition" if label and "fast" not in seen else None
-            style = dict(line, linestyle=(0, (3, 1.5)), linewidth=1.1)
+            style = dict(line, linestyle=(0, (3, 1.5)), linewidth=1.3)
             ax.plot([last[0], speed[0]], [last[1], mu[0]], color=COLOUR["fast"], label=name, **style)
             seen.add("fast")
         last = speed[-1], mu[-1]
@@ -78,26 +88,35 @@ def three_panels(figure, orbit, eps, *, nonlinear_label="nonlinear sticking"):
     space = figure.add_subplot(grid[:, 1], projection="3d", computed_zorder=False)
     smoothed_characteristic(top, orbit, eps, eps)
     top.set(xlabel=r"$\bar v=v-\varepsilon y$", ylabel=r"$\mu$")
-    for name, label in (("right", "slip right"), ("left", "slip left"), ("stick", r"$|v|\leq\varepsilon$")):
-        top.plot([], [], color=COLOUR[name], label=label)
-    top.legend(loc="lower right", handlelength=1.4)
+    phase_legend(top, loc="lower right", handlelength=1.4)
     top.set_title("friction characteristic")
 
     times = np.linspace(0, osc.PERIOD, 4001)
     y, v = orbit(times, "y"), orbit(times, "v")
     linear, nonlinear = osc.sticking_bounds(times)
-    sticking_regions(bottom, times, linear, nonlinear)
+    sticking_regions(bottom, times, linear, nonlinear, label=False)
+    for name, shade in ((nonlinear_label, NONLINEAR_SHADE), ("linear sticking", LINEAR_SHADE)):
+        bottom.fill_between([], [], [], color=shade, label=name)
     bottom.plot(times, y, color=COLOUR["exact"], label=r"$y$")
     bottom.plot(times, v, color=COLOUR["velocity"], linestyle="--", label=r"$v$")
     bottom.axhline(0, color=COLOUR["mark"], linewidth=0.5, zorder=1)
     period_axis(bottom)
     low, high = min(y.min(), v.min(), nonlinear[0].min()), max(y.max(), v.max(), nonlinear[1].max())
-    bottom.set(ylim=(low - 0.15, high + 1.15), ylabel=r"$y,\ v$")
-    bottom.legend(loc="upper center", ncols=4, handlelength=1.2, columnspacing=1.0, borderaxespad=0.1)
+    bottom.set(ylim=(low - 0.15, high + 1.9), ylabel=r"$y,\ v$")
+    bottom.legend(
+        loc="upper center", ncols=2, handlelength=1.2, columnspacing=1.0, borderaxespad=0.1, fontsize=7.5
+    )
     bottom.set_title("displacement and velocity")
 
     trajectory_space(space, times, y, v, smoothed_status(v, eps), linear, nonlinear)
     return top, bottom, space
+
+
+def phase_legend(ax, **options):
+    """Colours and widths of a smoothed orbit's phases."""
+    for name, label in (("right", "slip right"), ("left", "slip left"), ("stick", r"$|v|\leq\varepsilon$")):
+        ax.plot([], [], color=COLOUR[name], linewidth=2.2 if name == "stick" else 1.3, label=label)
+    return ax.legend(**options)
 
 
 def period_axis(ax):
@@ -121,8 +140,6 @@ def strip(ax, times, low, high, height, **style):
 
 def trajectory_space(ax, times, y, v, status, linear, nonlinear):
     """An orbit in (t, y, v) over the sticking regions in the plane v = 0."""
-    from pwsmooth.plotting import LINEAR_SHADE, NONLINEAR_SHADE
-
     sparse = slice(None, None, 40)
     for (low, high), shade in ((nonlinear, NONLINEAR_SHADE), (linear, LINEAR_SHADE)):
         strip(
@@ -133,10 +150,10 @@ def trajectory_space(ax, times, y, v, status, linear, nonlinear):
     ax.set_xticks(np.pi * np.arange(3), ["0", r"$\pi$", r"$2\pi$"])
     ax.set_yticks([-1, 0, 1])
     plain_box(ax)
-    ax.view_init(elev=30, azim=-72)
-    ax.set_box_aspect((1.35, 1, 1.25), zoom=0.98)
+    ax.view_init(elev=30, azim=-60)
+    ax.set_box_aspect((1.35, 1, 1.25), zoom=0.86)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-        axis.labelpad = 0
+        axis.labelpad = 4 if axis is ax.xaxis else 0
     return ax
 
 

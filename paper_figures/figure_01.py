@@ -18,7 +18,7 @@ CAPTION = """
 (i) Coulomb: mu = lam, set-valued at v = 0 (rho = 0). (ii) Static friction: mu = lam (1 + rho gamma(lam)), rho
 = 3, whose values on v = 0 reach mu_s = 16/9. (iii) Smoothed with memory, eps = 0.02, beta = 0.1: mu along a
 prescribed motion v = sin t against v - eps y; full: rising speed, dashed: falling. Its speed dependence comes
-from the memory (the Stribeck speed is beta |v'|), the model has none of its own. Computed, not drawn by hand.
+from the memory (the Stribeck speed is beta |v'|, marked), the model has none of its own. Computed, not drawn by hand.
 Qualified: (iii) tends to (ii) only if beta/eps -> 0 as well, see the claims. Everything is dimensionless (m =
 N = omega = 1).
 """
@@ -71,39 +71,48 @@ def claims():
     ]
 
 
-def _set_valued(ax, rho, title):
+def _set_valued(ax, rho):
     lam = np.linspace(-1, 1, 401)
     mu = lam * (1 + rho * (1 - lam**2))
-    ax.plot([-1, 0], [-1, -1], color=COLOUR["left"], label="slip left")
-    ax.plot([0, 1], [1, 1], color=COLOUR["right"], label="slip right")
-    ax.plot(0 * lam, mu, color=COLOUR["stick"], linewidth=2.2, label=r"$v=0$")
-    ax.set_title(title)
+    ax.plot([-0.5, 0], [-1, -1], color=COLOUR["left"], label="slip left")
+    ax.plot([0, 0.5], [1, 1], color=COLOUR["right"], label="slip right")
+    ax.plot(0 * lam, mu, color=COLOUR["stick"], linewidth=2.4, label=r"$v=0$; in (iii) $|v|\leq\varepsilon$")
     return ax
 
 
 def draw(fast):
     """The three panels."""
-    figure = new_figure(9.0, 3.1)
+    figure = new_figure(5.6, 2.7)
     coulomb, static, memory = figure.subplots(1, 3, sharey=True)
-    _set_valued(coulomb, 0, r"(i) Coulomb, $\rho=0$")
-    _set_valued(static, 3, r"(ii) static friction, $\rho=3$")
+    _set_valued(coulomb, 0)
+    _set_valued(static, 3)
     run = prescribed(EPS, BETA)
     for first, dash in ((1.5, "-"), (2.5, "--")):
         times = np.linspace(first * math.pi, (first + 1) * math.pi, 8001)
         v, mu = run(times, "v"), run(times, "mu")
         shown = v - EPS * run(times, "y")
         for side, name in ((v < -EPS, "left"), (np.abs(v) <= EPS, "stick"), (v > EPS, "right")):
-            memory.plot(np.where(side, shown, np.nan), mu, dash, color=COLOUR[name])
+            width = 2.4 if name == "stick" else 1.4
+            memory.plot(np.where(side, shown, np.nan), mu, dash, color=COLOUR[name], linewidth=width)
         memory.set(xlim=(-0.5, 0.5), ylim=(-2.05, 2.05))
         direction_arrows(memory, shown, mu, (0.3, 0.8))
     for ax, label in ((coulomb, r"$v$"), (static, r"$v$"), (memory, r"$\bar v=v-\varepsilon y$")):
         ax.axhline(0, color=COLOUR["mark"], linewidth=0.5, zorder=0)
         ax.set_xlabel(label)
-    for sign in (1, -1):
-        static.axhline(sign * osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle=":", zorder=0)
-    static.text(-0.98, osc.MU_S - 0.06, r"$\mu_s$", va="top")
-    static.text(-0.98, -0.94, r"$-\mu_k=-1$", va="bottom")
-    memory.set_title(rf"(iii) memory, $\varepsilon={EPS:g},\ \beta={BETA:g}$")
+        ax.set(xlim=(-0.5, 0.5), xticks=(-0.5, 0, 0.5), yticks=(-2, -1, 0, 1, 2))
+    for ax in (static, memory):
+        for sign in (1, -1):
+            ax.axhline(sign * osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle=":", zorder=0)
+        ax.text(-0.48, osc.MU_S - 0.06, r"$\mu_s$", va="top")
+    static.text(-0.48, -0.94, r"$-\mu_k$", va="bottom")
+    # The two scales of (iii), from the places where each acts: the passage, and the decay of the peak.
+    for at, width, text in ((-1.4, 2 * EPS, r"$2\varepsilon$"), (0.6, BETA, r"$\beta|\dot v|$")):
+        low = -width / 2 if at < 0 else 0.1
+        memory.plot([low, low + width], [at, at], "|-", color=COLOUR["mark"], linewidth=1.0, markersize=6)
+        memory.text(low + width + 0.03, at, text, va="center")
+    coulomb.set_title(r"(i) Coulomb, $\rho=0$", fontsize=8.5)
+    static.set_title(r"(ii) static, $\rho=3$", fontsize=8.5)
+    memory.set_title(rf"(iii) $\varepsilon={EPS:g},\ \beta={BETA:g}$", fontsize=8.5)
     coulomb.set_ylabel(r"$\mu$")
-    coulomb.legend(loc="lower right", handlelength=1.4)
+    figure.legend(*coulomb.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure, claims()

@@ -247,7 +247,7 @@ PHASES = {"cos": r"$\cos r_1k\,\cos r_2k$", "sin": r"$\cos r_1k\,\sin(r_2k)/k$"}
 
 def draw(fast):
     """The four panels."""
-    figure = new_figure(9.6, 6.2)
+    figure = new_figure(6.4, 5.2)
     (left, middle), (right, plane) = figure.subplots(2, 2)
     u = np.linspace(-6, 6, 1201)
     left.plot(u, contact_coefficient(u), color=COLOUR["exact"], label="exact integral")
@@ -268,9 +268,9 @@ def draw(fast):
     left.legend(loc="upper left", handlelength=1.6, borderaxespad=0)
 
     v = np.linspace(-1, 1, 4001)
-    for eps, colour in zip((0.2, 0.05, 0.005), ("#BDBDBD", "#7F7F7F", COLOUR["exact"])):
+    for eps, colour, dash in zip((0.2, 0.05, 0.005), ("#999999", "#666666", COLOUR["exact"]), (":", "--", "-")):
         middle.plot(
-            v, contact_coefficient(v / eps), color=colour, linewidth=1.1, label=rf"$\varepsilon={eps:g}$"
+            v, contact_coefficient(v / eps), dash, color=colour, linewidth=1.1, label=rf"$\varepsilon={eps:g}$"
         )
     middle.set(xlim=(-1, 1), ylim=(-2.1, 2.1), xlabel=r"$v$", ylabel=r"$\mu$")
     middle.set_title(r"(ii) smaller $\varepsilon$: a step with spikes")
@@ -283,21 +283,37 @@ def draw(fast):
         right.plot(
             np.concatenate([-half[:0:-1], half]), both, dash, color=COLOUR["exact"], linewidth=1.1, label=name
         )
-    for kind, colour in (("cos", COLOUR["left"]), ("sin", COLOUR["right"])):
+    for kind, colour, dash in (("cos", COLOUR["left"], ":"), ("sin", COLOUR["right"], (0, (5, 1, 1, 1, 1, 1)))):
         u = np.linspace(-8, 8, 641)
-        right.plot(u, mixed_phase(kind, MIXED, u), color=colour, linewidth=1.1, label=WORDS[kind])
+        right.plot(
+            u, mixed_phase(kind, MIXED, u), color=colour, linestyle=dash, linewidth=1.4, label=WORDS[kind]
+        )
     right.axhline(0, color=COLOUR["mark"], linewidth=0.5, zorder=0)
-    right.set(xlim=(-8, 8), ylim=(-1.9, 2.6), xlabel=r"$v/\varepsilon$", ylabel=r"$\mu$, normalised")
+    right.set(
+        xlim=(-8, 8),
+        xticks=range(-8, 9, 4),
+        ylim=(-2.1, 2.1),
+        xlabel=r"$v/\varepsilon$",
+        ylabel=r"$\mu$, normalised",
+    )
     right.set_title("(iii) other envelopes and phases")
-    right.legend(loc="upper left", handlelength=2.0, fontsize=7, borderaxespad=0)
+    right.legend(loc="lower right", handlelength=2.0, fontsize=6.5, borderaxespad=0, labelspacing=0.2)
 
     r2 = np.linspace(0.1, 1.5, 8 if fast else 29)
-    for kind, colour in (("cos", COLOUR["left"]), ("sin", COLOUR["right"])):
+    for kind, colour, mark in (("cos", COLOUR["left"], "s"), ("sin", COLOUR["right"], "^")):
         for height, dash in ((1.01, "-"), (1.1, "--")):
             edge = [border(kind, x, height) for x in r2]
-            plane.plot(r2, edge, dash, color=colour, label=f"{PHASES[kind]}: height {height:g}")
+            plane.plot(
+                r2,
+                edge,
+                dash + mark,
+                color=colour,
+                markersize=4,
+                markevery=max(1, len(r2) // 5),
+                label=f"{PHASES[kind]}: height {height:g}",
+            )
     plane.plot(MIXED[1], MIXED[0], "o", markersize=4, color=COLOUR["mark"], label="phases of (iii)")
-    plane.set(xlabel=r"$r_2$", ylabel=r"$r_1$", xlim=(0, 1.5), ylim=(0, 2.6))
-    plane.set_title("(iv) where the mixed phases have a peak")
-    plane.legend(loc="lower right", fontsize=7)
+    plane.set(xlabel=r"$r_2$", ylabel=r"$r_1$", xlim=(0, 1.5), ylim=(0, 3.8))
+    plane.set_title("(iv) mixed phases that have a peak")
+    plane.legend(loc="upper left", fontsize=6.5, labelspacing=0.2, borderaxespad=0)
     return figure, claims()

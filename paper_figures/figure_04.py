@@ -127,16 +127,16 @@ def _panel(ax, rho):
     ax.text(0.98, N / K - 0.02, "linear sticking", va="top", ha="right", fontsize=8)
     if top > 1.01 * N / K:
         ax.text(0.98, top - 0.02, "nonlinear sticking", va="top", ha="right", fontsize=8)
-    ax.set(xlim=(-1, 1), ylim=(-0.8, 0.8), xticks=np.linspace(-1, 1, 5), xlabel=r"$\lambda$")
+    ax.set(xlim=(-1, 1), ylim=(-0.8, 0.8), xticks=(-1, 0, 1), xlabel=r"$\lambda$")
     return ax
 
 
 def draw(fast):
     """Both panels."""
-    figure = new_figure(7.2, 3.4)
+    figure = new_figure(5.4, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)
     _panel(left, 3).set_title(r"(i) $\rho=3$: folds at $\pm\lambda_s$")
-    _panel(right, 0.4).set_title(r"(ii) $\rho=0.4<\frac{1}{2}$: extremes at $\pm1$")
+    _panel(right, 0.4).set_title(r"(ii) $\rho=0.4$: extremes at $\pm1$")
     left.set_ylabel(r"$y=(\ddot q-N\mu(\lambda))/k$  at $\ddot q=0$")
-    left.legend(loc="upper right", handlelength=2.4)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.4)
     return figure, claims()

@@ -83,13 +83,14 @@ def _sticks_from(side):
 
 def draw(fast):
     """The blown-up phase space, without a particular orbit."""
-    figure = new_figure(7.4, 5.4)
+    figure = new_figure(5.8, 4.6)
     ax = figure.add_subplot(projection="3d", computed_zorder=False)
     slip_planes(ax, SPAN, HEIGHTS)
     manifold(ax, SPAN)
-    for time in (0.35, 2.35):
+    # One that crosses, and two that end on B, from either side or one, at two times.
+    for time, shifts in ((0.35, (-0.8, 0.1)), (2.35, (-0.5, 0.1))):
         middle = -2.4 * np.sin(time) / 3.1
-        for shift in (-0.8, -0.5, -0.2, 0.2, 0.5, 0.8):
+        for shift in shifts:
             for start in (-1.0, 1.0):
                 drift = osc.root_displacement(time, start) - (middle + shift)
                 if drift * start < 0:  # slip on that side arrives here
@@ -97,8 +98,16 @@ def draw(fast):
     view = osc.oscillator().layered({osc.z: sp.oo})
     for side, time, y0, speed in ARRIVING + LEAVING:
         _slip(ax, view, side, time, y0, speed)
-    dress(ax, SPAN, HEIGHTS, REACH, ([0, np.pi / 2, np.pi], ["0", r"$\pi/2$", r"$\pi$"]))
+    dress(
+        ax, SPAN, HEIGHTS, REACH, ([np.pi / 4, np.pi / 2, 3 * np.pi / 4], [r"$\pi/4$", r"$\pi/2$", r"$3\pi/4$"])
+    )
     ax.text(-0.3, 3.0, 0.3, r"$\mathcal{B}$", color="#00523B", fontsize=15, zorder=9)
+    told = (
+        r"right, left slip ($\lambda=\pm1$):  $\dot y=v,\ \ \dot v=\ddot q-ky-cv\mp N$"
+        "\n"
+        r"layer ($v=0$):  $\varepsilon\dot\lambda\propto\ddot q-ky-N\lambda(1+\rho\gamma(\lambda))$,  $\dot y=0$"
+    )
+    ax.text2D(0.0, 0.99, told, transform=ax.transAxes, fontsize=8, va="top")
     return figure, claims()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import sympy as sp
 
 from paper_figures import oscillator as osc
-from paper_figures.blown_up import dress, manifold, orbit_in_layer, slip_planes
+from paper_figures.blown_up import dress, fold_shadows, manifold, orbit_in_layer, slip_planes
 from paper_figures.sources import solid_friction
 from pwsmooth import solve
 from pwsmooth.figures import Claim
@@ -15,7 +15,8 @@ TITLE = "A crossing and a sticking trajectory of the discontinuous system"
 CAPTION = """
 Two trajectories of the event-driven solver, z slaved, rho = 3, in the picture of figure 5. (i) arrives
 outside the nonlinear sticking region and crosses through the fast system (double arrow); (ii) arrives inside,
-collapses to B, moves along it to the fold at lam = 2/3, and leaves through the fast system. Reproduced, with
+collapses to B, moves along it to the fold at lam = 2/3, and leaves through the fast system. Grey on the floor: their
+shadows, with those of the folds (dotted); (i) passes below B. Reproduced, with
 real orbits. Everything is dimensionless (m = N = omega = 1).
 """
 SPAN, HEIGHTS, REACH = (0.9, 2.9), (-1.75, 0.6), 1.0
@@ -68,13 +69,14 @@ def claims(crossing, sticking):
 def draw(fast):
     """The backdrop of figure 5 with both trajectories."""
     crossing, sticking = trajectories()
-    figure = new_figure(7.4, 5.4)
+    figure = new_figure(5.8, 4.4)
     ax = figure.add_subplot(projection="3d", computed_zorder=False)
     slip_planes(ax, SPAN, HEIGHTS)
     manifold(ax, SPAN)
+    fold_shadows(ax, SPAN, HEIGHTS[0])
     for orbit, name in ((crossing, "(i)"), (sticking, "(ii)")):
-        orbit_in_layer(ax, orbit, SPAN, REACH)
+        orbit_in_layer(ax, orbit, SPAN, REACH, floor=HEIGHTS[0])
         at = orbit.events[0].time
         ax.text(-0.75, at, float(orbit(at, "y")) + 0.1, name, fontsize=10, zorder=9)
-    dress(ax, SPAN, HEIGHTS, REACH, ([1, 2], ["1", "2"]))
+    dress(ax, SPAN, HEIGHTS, REACH, ([1.5, 2], ["1.5", "2"]))
     return figure, claims(crossing, sticking)

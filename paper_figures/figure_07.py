@@ -13,7 +13,8 @@ TITLE = "Friction characteristic of the discontinuous system"
 CAPTION = """
 mu = lam (1 + rho z) along one period of the event-driven solution (rho = 3, beta = 0.01, parameters of figure
 8 otherwise; none are printed), (i) against v, (ii) against v - eps y with eps = 0.1 assumed. Grey: the mirror
-image, the other orbit of the pair. Reproduced: the spike where sticking ends, and none where slip reverses.
+image, the other orbit of the pair. In (i) the stick (wide), the fast transition (dashed) and the spike lie on one
+another at v = 0. Reproduced: the spike where sticking ends, and none where slip reverses.
 With beta > 0 sticking ends only at lam = 1, so the spike is higher than the source's mu_s, which is its limit
 for slow change. The source's sketch has a spike on either side; the equations give an asymmetric pair of
 orbits with one spike each. Everything is dimensionless (m = N = omega = 1).
@@ -67,7 +68,7 @@ def claims(orbit):
 def draw(fast):
     """Both panels."""
     orbit = osc.settled(osc.oscillator(beta=BETA), osc.RELAXING_START, periods=20 if fast else 60)
-    figure = new_figure(8.2, 3.5)
+    figure = new_figure(5.6, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, offset in ((left, 0.0), (right, EPS)):
         for _, times in pieces(orbit):
@@ -84,9 +85,11 @@ def draw(fast):
     left.text(-0.34, osc.MU_S - 0.05, r"$\mu_s=\frac{16}{9}$", va="top")
     left.set(xlabel=r"$v$", ylabel=r"$\mu$", ylim=(-2.15, 2.15))
     left.set_title(r"(i) against $v$")
-    right.set_xlabel(rf"$\bar v=v-\varepsilon y$,  $\varepsilon={EPS:g}$")
-    right.set_title(r"(ii) against the compliant speed $\bar v$")
+    right.set_xlabel(rf"$\bar v$,  $\varepsilon={EPS:g}$")
+    right.set_title(r"(ii) against $\bar v=v-\varepsilon y$")
     handles = dict(zip(*reversed(left.get_legend_handles_labels())))
     order = ("slip right", "slip left", "stick", "fast transition")
-    left.legend([handles[name] for name in order], order, loc="lower right", handlelength=1.8)
+    figure.legend(
+        [handles[name] for name in order], order, loc="outside lower center", ncols=4, handlelength=1.8
+    )
     return figure, claims(orbit)

@@ -13,7 +13,8 @@ TITLE = "Stick-slip oscillation of the smoothed system"
 CAPTION = """
 Smoothed system, eps = beta = 0.1, rho = 3, k = 3.1, c = 0.1, N = 1, sigma = 2.4, omega = 1. Top left:
 friction characteristic against v - eps y. Right: the periodic orbit in (t, y, v). Bottom left: y and v, with
-the regions of linear (dark) and nonlinear (light) sticking. Green: |v| <= eps. Not reproduced: the source
+the regions of linear (dark) and nonlinear (light) sticking, which y leaves before |v| > eps: the force goes beyond N
+mu_s in the layer. Green: |v| <= eps. Not reproduced: the source
 describes one stick a period, for about pi/2, and one direct crossing. The printed parameters give a symmetric
 orbit with two equal sticks; the kind that sticks once a period is what eps << beta gives (figure 9, right).
 Everything is dimensionless (m = N = omega = 1).
@@ -80,6 +81,6 @@ def draw(fast):
     periods = 100 if fast else 300  # the symmetric orbit attracts slowly: it is near its loss of symmetry
     orbit = osc.settled(osc.oscillator().smoothed(eps=EPS), START, periods=periods)
     relaxing = osc.settled(osc.oscillator(), osc.RELAXING_START, periods=periods)
-    figure = new_figure(8.6, 5.0)
+    figure = new_figure(6.4, 4.6)
     three_panels(figure, orbit, EPS)
     return figure, claims(orbit, relaxing)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from paper_figures import oscillator as osc
-from paper_figures.drawing import layer_visits, smoothed_characteristic
+from paper_figures.drawing import layer_visits, phase_legend, smoothed_characteristic
 from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, new_figure
@@ -72,7 +72,7 @@ def claims(orbits):
 
 def draw(fast):
     """Both panels."""
-    figure = new_figure(8.2, 3.4)
+    figure = new_figure(5.6, 3.1)
     panels = figure.subplots(1, 2, sharey=True)
     orbits = []
     for ax, (name, eps, beta) in zip(panels, CASES):
@@ -87,5 +87,8 @@ def draw(fast):
         ax.set_xlabel(r"$\bar v=v-\varepsilon y$")
         ax.set_title(rf"{name} $\varepsilon={eps:g},\ \beta={beta:g}$")
     panels[0].text(-0.245, osc.MU_S + 0.05, r"$\mu_s=\frac{16}{9}$", va="bottom")
+    phase_legend(
+        panels[0], loc="lower right", handlelength=1.4, frameon=True, facecolor="white", edgecolor="none"
+    )
     panels[0].set_ylabel(r"$\mu$")
     return figure, claims(orbits)

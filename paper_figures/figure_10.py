@@ -64,6 +64,6 @@ def draw(fast):
     periods = 40 if fast else 80
     orbit = osc.settled(osc.oscillator(rho=0).smoothed(eps=EPS), START, periods=periods)
     exact = osc.settled(osc.oscillator(rho=0), START, periods=periods)
-    figure = new_figure(8.6, 5.0)
-    three_panels(figure, orbit, EPS)
+    figure = new_figure(6.4, 4.6)
+    three_panels(figure, orbit, EPS, nonlinear_label="nonlinear (for ρ = 3)")
     return figure, claims(orbit, exact)

@@ -11,12 +11,13 @@ NAME = "11"
 SHARES = "kicked"
 TITLE = "Small noise: nonlinear sticking persists"
 CAPTION = """
-Smoothed system, eps = beta = 0.001, rho = 3, k = 3.1, c = 0.1, N = 1, sigma = 2.4, omega = 1; after every 1/500 of a
-period y and v are displaced at random by kappa = eps/5. Top left: y and v without noise (full) and with uniform
-kicks (dotted; the two coincide), over the regions of linear (dark) and nonlinear (light) sticking. Bottom left: v in
-units of eps about one stick. Right: over many seeds and both laws (uniform on [-kappa, kappa]; normal with standard
-deviation kappa), the share of half periods in which nonlinear sticking lasts longer than the time below. The source
-prints no law and shows one run. Everything is dimensionless (m = N = omega = 1).
+Smoothed system, eps = beta = 0.001, rho = 3, k = 3.1, c = 0.1, N = 1, sigma = 2.4, omega = 1; after every 1/500 of
+a period y and v are displaced at random by kappa = eps/5. Top left: y and v without noise (full) and with uniform
+kicks (thin: 20 seeds, which coincide with it), over the regions of linear (dark) and nonlinear (light) sticking.
+Bottom left: v in units of eps about one stick; stuck is |v| <= 2 eps here, for kicks move v by eps/5. Right: over
+many seeds and both laws (uniform on [-kappa, kappa]; normal with standard deviation kappa), the share of half
+periods in which nonlinear sticking lasts longer than the time below. The source prints no law and shows one run.
+Everything is dimensionless (m = N = omega = 1).
 """
 KAPPA = kicked.EPS / 5
 
@@ -52,6 +53,6 @@ def draw(fast):
     """The three panels."""
     orbit = kicked.free_orbit()
     found = kicked.statistics(KAPPA, *kicked.effort(fast))
-    figure = new_figure(8.6, 4.8)
+    figure = new_figure(6.6, 4.8)
     noisy = kicked.panels(figure, orbit, KAPPA, found)
     return figure, claims(orbit, noisy, found)

@@ -53,6 +53,6 @@ def draw(fast):
     orbit = kicked.free_orbit()
     found = kicked.statistics(KAPPA, *kicked.effort(fast))
     slip_only = kicked.half_periods(kicked.free_orbit(rho=0.0), 0.0, "uniform", 0, 1)
-    figure = new_figure(8.6, 4.8)
+    figure = new_figure(6.6, 4.8)
     kicked.panels(figure, orbit, KAPPA, found)
     return figure, claims(orbit, slip_only, found)

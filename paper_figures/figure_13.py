@@ -4,7 +4,7 @@ import numpy as np
 
 from paper_figures import kicked
 from paper_figures import oscillator as osc
-from paper_figures.drawing import smoothed_status
+from paper_figures.drawing import phase_legend, smoothed_status
 from paper_figures.sources import solid_friction
 from pwsmooth.figures import Claim
 from pwsmooth.plotting import COLOUR, by_phase, new_figure
@@ -15,9 +15,10 @@ TITLE = "Friction characteristics under small and under large noise"
 CAPTION = """
 Friction coefficient mu against v of figure 11 (i, kappa = eps/5) and of figure 12 (ii, kappa = 5 eps): one period
 without noise (full: blue slip right, orange slip left, green |v| <= eps) and under uniform kicks (thin grey: one
-period at all times; dots: the states just before each kick, over ten periods of one seed). The peaks that large kicks
-miss just before a kick are reached right after one. v is on a scale that is linear for |v| <= 4 eps and
-logarithmic beyond. Dashed: the static peaks mu_s = 16/9. Everything is dimensionless (m = N = omega = 1).
+period at all times; dots: the states just before each kick, over ten periods of one seed). The peaks that large
+kicks miss just before a kick are reached right after one. v is on the scale of asinh(v/2 eps), linear about 0 and
+logarithmic far from it; beyond the frame mu stays near +-1. Dashed: the static peaks mu_s = 16/9. Everything is
+dimensionless (m = N = omega = 1).
 """
 SMALL, LARGE = kicked.EPS / 5, 5 * kicked.EPS
 PERIODS = 10
@@ -37,10 +38,10 @@ def characteristic(ax, orbit, kappa):
     by_phase(ax, smoothed_status(v, kicked.EPS), v / kicked.EPS, mu, linewidth=1.5)
     for side in (1, -1):
         ax.axhline(side * osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle="--")
-    ax.set_xscale("symlog", linthresh=4, linscale=1.5)
-    ax.set_xticks([-1000, -100, -10, -1, 0, 1, 10, 100, 1000],
-                  ["$-10^3$", "", "$-10$", "", "0", "", "$10$", "", "$10^3$"])  # fmt: skip
-    ax.set(xlabel=r"$v/\varepsilon$", xlim=(-2500, 2500), ylim=(-4.2, 4.2))
+    ax.set_xscale("asinh", linear_width=2)  # smooth, where symlog would put kinks into the curves
+    ax.set_xticks([-100, -10, -1, 0, 1, 10, 100], ["-100", "-10", "", "0", "", "10", "100"])
+    ax.minorticks_off()
+    ax.set(xlabel=r"$v/\varepsilon$", xlim=(-250, 250), ylim=(-4.2, 4.2))
     return ax
 
 
@@ -77,7 +78,7 @@ def claims(small, large):
 def draw(fast):
     """The two characteristics."""
     orbit = kicked.free_orbit()
-    figure = new_figure(8.0, 3.3)
+    figure = new_figure(6.0, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, kappa, title in (
         (left, SMALL, r"(i) $\kappa=\varepsilon/5$"),
@@ -85,6 +86,8 @@ def draw(fast):
     ):
         characteristic(ax, orbit, kappa).set_title(title)
     left.set_ylabel(r"$\mu$")
-    left.legend(loc="upper left", markerscale=3)
+    left.axhline(osc.MU_S, color=COLOUR["mark"], linewidth=0.7, linestyle="--", label=r"$\pm\mu_s$")
+    phase_legend(left).remove()
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, markerscale=3)
     found = [kicked.statistics(kappa, *kicked.effort(fast)) for kappa in (SMALL, LARGE)]
     return figure, claims(*found)

@@ -115,7 +115,7 @@ def sticks_out(small, large):
 def draw(fast):
     """Positions over time, forces over position."""
     slow, usual = loops(0.001), loops(0.01)
-    figure = new_figure(7.6, 3.3)
+    figure = new_figure(5.8, 3.2)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.25))
     times = np.linspace(0, 8, 801)
     for A, colour in zip(AMPLITUDES, SHADES):
@@ -130,11 +130,11 @@ def draw(fast):
             color=COLOUR["exact"],
             linewidth=0.7,
             linestyle=(0, (4, 2)),
-            label="quasi-static, closed form" if A == 1 else None,
+            label=r"quasi-static, $\sigma_i=0$" if A == 1 else None,
         )
     left.set(xlabel="time (s)", ylabel="position p (µm)", xlim=(0, 8))
     left.set_title("(a) input")
-    right.set(xlabel="position p (µm)", ylabel="friction force f (N)", ylim=(-2.6, 2.6))
+    right.set(xlabel="position p (µm)", ylabel="friction force f (N)", ylim=(-2.3, 2.9))
     right.set_title("(b) force")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     right.legend(loc="upper left")

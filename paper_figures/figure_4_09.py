@@ -11,7 +11,7 @@ from pwsmooth.plotting import COLOUR, direction_arrows
 NAME = "4.9"
 TITLE = "Frictional lag of the multistate law: more force while accelerating than while slowing down"
 CAPTION = f"""
-(a) Velocities v = 12.5 (1 - cos 2 pi f t) um/s, f = 1 and 10 Hz; (b) the friction force over the second half, for two
+(a) Velocities v = 12.5 (1 - cos 2 pi f t) um/s, f = 1 and 10 Hz; (b) the friction force over the last cycle, for two
 lags tau_d; thin black: the Stribeck curve g(v). Where v touches zero the elements return to presliding and the force
 drops. {fr.NOTE}
 """
@@ -107,9 +107,9 @@ def draw(fast):
     speeds = np.linspace(0, 25, 401)
     right.plot(speeds, stribeck(speeds), color=COLOUR["exact"], linewidth=0.8, label="g(v)", zorder=5)
     for rate, lag, colour in CASES:
-        if rate == 1:
-            v, force = (runs[rate, lag](TIMES[:20000], name) for name in ("velocity", "force"))
-            direction_arrows(right, v, force, (0.35, 0.8), colour=colour)
+        cycle = TIMES[TIMES >= 2 - 1 / rate][:-1]
+        v, force = (runs[rate, lag](cycle, name) for name in ("velocity", "force"))
+        direction_arrows(right, v, force, (0.35, 0.8), colour=colour)
     right.set(xlim=(0, 25.5), ylim=(0.9, 2.1))
-    right.legend(loc="upper right")
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return figure, claims(runs)

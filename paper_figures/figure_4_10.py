@@ -11,9 +11,10 @@ from pwsmooth.plotting import COLOUR, direction_arrows
 NAME = "4.10"
 TITLE = "Frictional lag through velocity reversals: the peak force falls as the lag grows"
 CAPTION = f"""
-(a) Velocities v = 10 sin 2 pi f t um/s, f = 1 and 10 Hz; (b) the friction force over the second half, for two lags
+(a) Velocities v = 10 sin 2 pi f t um/s, f = 1 and 10 Hz; (b) the friction force over the last cycle, for two lags
 tau_d. At 1 Hz a longer lag leaves the static friction less time to build up at the reversal. At 10 Hz the loops depend
-on the start for ever: elements that never yield keep their offset from it. {fr.NOTE}
+on the start for ever: elements that never yield keep their offset from it; dotted:
+from a start in the middle of the positions, whose loop is symmetric. {fr.NOTE}
 """
 CASES = (
     (1, 0.02, COLOUR["right"]),
@@ -66,9 +67,15 @@ def draw(fast):
     """Velocity over time, force over velocity."""
     figure, right, runs = fr.lag_panels(10 * sp.sin(2 * sp.pi * fr.RATE * fr.t), CASES, TIMES)
     for rate, lag, colour in CASES:
-        if rate == 1:
-            v, force = (runs[rate, lag](TIMES[:20000], name) for name in ("velocity", "force"))
-            direction_arrows(right, v, force, (0.2, 0.7), colour=colour)
+        cycle = TIMES[TIMES >= 2 - 1 / rate][:-1]
+        v, force = (runs[rate, lag](cycle, name) for name in ("velocity", "force"))
+        direction_arrows(right, v, force, (0.2, 0.7), colour=colour)
+    # The same drive a quarter of a cycle later: it begins in the middle of its positions.
+    rig = fr.rig(fr.MultistateXKY(), velocity=10 * sp.cos(2 * sp.pi * fr.RATE * fr.t), t_span=(0, 2))
+    other = fr.run(rig, rate=10, tau_d=0.02)
+    cycle = TIMES[TIMES >= 1.9]
+    right.plot(other(cycle, "velocity"), other(cycle, "force"), ":", color=COLOUR["mark"],
+               label="10 Hz, $\\tau_d$ = 0.02 s,\nsymmetric start")  # fmt: skip
     right.set(xlim=(-10.5, 10.5), ylim=(-2.1, 2.1))
     right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return figure, claims(runs)

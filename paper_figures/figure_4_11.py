@@ -122,8 +122,8 @@ def draw(fast):
     velocity = 10 * sp.cos(2 * sp.pi * fr.t)
     scenes = [fr.rig(law, velocity=velocity, t_span=(0, 1.2)) for law in (fr.GMS(), fr.MultistateXKY())]
     gms, new = ({s: fr.run(scene, sigma=s) for s in SIGMAS} for scene in scenes)
-    figure = new_figure(11.0, 5.4)
-    panels = figure.subplots(2, 4)
+    figure = new_figure(6.0, 8.2)
+    panels = figure.subplots(4, 2).reshape(2, 4)
     times = np.linspace(0, 1.2, 601)
     panels[0, 0].plot(times, gms[0.01](times, "velocity"), color=COLOUR["mark"])
     panels[0, 0].axvspan(*WINDOW, color="#E6E6E6", linewidth=0)
@@ -132,7 +132,7 @@ def draw(fast):
     for ax, sigma, letter in zip(panels[0, 1:], SIGMAS, "bcd"):
         for runs, colour, name, width in (
             (gms, COLOUR["left"], "GMS", 0.9),
-            (new, COLOUR["right"], "multistate", 1.4),
+            (new, COLOUR["right"], "multistate", 1.8),
         ):
             ax.plot(
                 runs[sigma](TIMES, "velocity"),
@@ -152,11 +152,11 @@ def draw(fast):
             ax.axvline(change, color="#BDBDBD", linewidth=0.6, zorder=0)
         ax.plot(window, runs[sigma](window, "force"), color=colour)
         ax.set(xlabel="time (s)", ylabel="force (N)", ylim=(-2.4, 2.4), xlim=WINDOW)
-        ax.set_title(rf"({letter}) {name}, $\sigma_i$ = {sigma}")
+        ax.set_title(rf"({letter}) {name}, $\sigma_i$ = {sigma} N s/µm")
         count = ax.twinx()
         count.step(window, runs[sigma](window, "presliding"), color=COLOUR["stick"], linewidth=1.0)
         count.set(ylim=(-1, 11), yticks=(0, 5, 10))
         count.tick_params(colors=COLOUR["stick"])
         count.spines["right"].set(visible=True, color=COLOUR["stick"])
-    count.set_ylabel("elements in presliding", color=COLOUR["stick"])
+        count.set_ylabel("in presliding", color=COLOUR["stick"])
     return figure, claims(gms, new)

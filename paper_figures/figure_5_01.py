@@ -120,16 +120,16 @@ def claims(found):
 def draw(fast):
     """Four panels."""
     found = curves()
-    figure = new_figure(7.0, 5.2)
+    figure = new_figure(5.8, 4.8)
     titles = {
-        "a": "(a) law R1, in place of the source's sketch",
+        "a": "(a) R1, in place of the source's sketch",
         "b": "(b) Kelvin-Voigt (5.1)",
         "c": "(c) Hunt-Crossley (5.2)",
-        "d": "(d) linear law with residual indentation (5.3)",
+        "d": "(d) linear, residual indentation (5.3)",
     }
     colours = {"a": COLOUR["R1"], "b": COLOUR["Kelvin-Voigt"], "c": COLOUR["Hunt-Crossley"],
                "d": COLOUR["linear residual"]}  # fmt: skip
-    for ax, (panel, title) in zip(figure.subplots(2, 2).ravel(), titles.items()):
+    for ax, (panel, title) in zip(figure.subplots(2, 2, sharey=True).ravel(), titles.items()):
         p, force = found[panel]
         if panel == "b":
             ax.plot([0, 0], [0, force[0]], color=colours[panel], linewidth=0.9, linestyle=":")
@@ -143,7 +143,6 @@ def draw(fast):
             p, force = found["pulled"]
             ax.plot(1e3 * p, force, color=colours[panel], linestyle="--", label="pulled off")
             ax.legend(loc="upper left")
-        ax.set(title=title, xlabel="indentation (mm)", ylabel="force (N)")
-        lowest = min(0, force.min())
-        ax.set_ylim(bottom=lowest - 0.06 * (force.max() - lowest))
+        ax.set(xlabel="indentation (mm)", ylabel="force (N)" if panel in "ac" else "")
+        ax.set_title(title, fontsize=8.5)
     return figure, claims(found)

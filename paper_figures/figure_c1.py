@@ -15,7 +15,8 @@ CAPTION = """
 Force over indentation of the law R1, F = K max(0, p + beta gamma (p - a))^n, in one contact of a unit mass (K = 1000,
 speed 1 m/s at touch-down, SI units; the others beta = 0.02 s, gamma = 500/s, n = 1.5). R1 is a reconstruction: of the
 source (J. Appl. Mech. 81(2) 021003) only the abstract was available, so this is no reproduction of its figures.
-e is the restitution, speed when the force is lost over speed at touch-down.
+e is the restitution, speed when the force is lost over speed at touch-down; the mark and the length in mm are the
+indentation left there, which is not monotone in beta.
 """
 BASE = dict(K=1000.0, beta=0.02, gamma=500.0, n=1.5)
 SWEEPS = {
@@ -88,16 +89,24 @@ def claims(found):
 def draw(fast):
     """A panel for each parameter."""
     found = curves()
-    figure = new_figure(7.4, 2.9)
+    figure = new_figure(6.4, 3.7)
     shades = ("#9ECAE1", "#4292C6", "#08519C", "#08204A")
     for ax, (name, (_, title, label)) in zip(figure.subplots(1, 3), SWEEPS.items()):
-        for colour, (value, p, force, e, _) in zip(shades, found[name]):
-            ax.plot(1e3 * p, force, color=colour, label=label % value + f", $e={e:.2f}$")
-            ax.plot(1e3 * p[-1], 0, "o", color=colour, markersize=3.5, clip_on=False)
+        for colour, mark, (value, p, force, e, _) in zip(shades, "os^D", found[name]):
+            text = label % value + f": $e={e:.2f}$, {1e3 * p[-1]:.0f} mm"
+            ax.plot(
+                1e3 * p,
+                force,
+                color=colour,
+                label=text,
+                marker=mark,
+                markevery=[-1],
+                markersize=4,
+                clip_on=False,
+            )
         ax.axhline(0, color="#999999", linewidth=0.6, zorder=0)
         ax.set(title=title, xlabel="indentation (mm)", ylim=(0, None))
-        ax.set_ylim(top=1.45 * ax.get_ylim()[1])
-        ax.legend(loc="upper right", fontsize=7, handlelength=1.2, borderaxespad=0.1)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.45, -0.2), fontsize=7, handlelength=1.6)
         if name == "beta":
             ax.set_ylabel("force (N)")
     return figure, claims(found)

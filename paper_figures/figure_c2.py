@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from paper_figures.contact import COLOUR
+from paper_figures.contact import COLOUR, DASH
 from paper_figures.sources import EXPECTED, closed_form, computed, friction_thesis
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
@@ -20,11 +20,12 @@ from pwsmooth.scenes import falling_ball
 NAME = "c2"
 TITLE = "A falling ball on each contact law"
 CAPTION = """
-1 kg dropped from 0.1 m. Left: height; right: force in the first contact over time since touch-down. Kelvin-Voigt and
-the linear residual law: K = 1e4 N/m; the others K = 1e5 N/m^1.5. Kelvin-Voigt b1 = 0.005 s, Hunt-Crossley b2 = 0.3
-s/m, residual laws beta = 0.005 s, gamma = 1000/s, Lankarani-Nikravesh c_r = 0.75, rigid e = 0.75. Parameters are ours;
-R1 and R2 are reconstructions. Crosses: the end of bouncing, by accumulation of impacts (rigid) or by a last touch-down.
-Of the rigid law there is no force curve: its contact has no duration.
+1 kg dropped from 0.1 m. Left: height; right: force in the first contact over time since touch-down. Kelvin-Voigt
+and the linear residual law: K = 1e4 N/m; the others K = 1e5 N/m^1.5. Kelvin-Voigt b1 = 0.005 s, Hunt-Crossley b2 =
+0.3 s/m, residual laws beta = 0.005 s, gamma = 1000/s, Lankarani-Nikravesh c_r = 0.75, rigid e = 0.75. Parameters
+are ours; R1 and R2 are reconstructions; Lankarani and Nikravesh's law at 0.75 rebounds higher than the rigid one.
+Crosses: the end of bouncing, by accumulation of impacts (rigid) or by a last touch-down. Of the rigid law there is
+no force curve: its contact has no duration.
 """
 LAWS = {
     "Kelvin-Voigt": KelvinVoigt(K=1e4, b=0.005),
@@ -103,14 +104,23 @@ def draw(fast):
     runs = {
         name: falling_ball(law).solve((0, END), rtol=1e-10, dense_output=True) for name, law in LAWS.items()
     }
-    figure = new_figure(7.4, 3.4)
+    figure = new_figure(6.2, 3.9)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-    fall = np.sqrt(0.2 / 9.81)
+    fall, ends = np.sqrt(0.2 / 9.81), []
     for name, run in runs.items():
         times = np.linspace(0, END, 6001)
-        left.plot(times, 1e3 * -run(times, "p"), color=COLOUR[name], label=name, linewidth=1.2)
+        height = -run(times, "p")
+        e = np.sqrt(max(0, height[times > fall + 0.036].max()) / 0.1)
+        left.plot(
+            times,
+            1e3 * height,
+            color=COLOUR[name],
+            linestyle=DASH[name],
+            label=f"{name}: {e:.2f}",
+            linewidth=1.2,
+        )
         if name == "rigid":
-            left.plot(run.event_times("accumulation"), [0], "x", color=COLOUR[name], markersize=6)
+            ends.append((run.event_times("accumulation")[0], 0.0))
             continue
         times = fall + np.linspace(1e-9, 0.036, 3000)
         force = run(times, "force")
@@ -120,14 +130,19 @@ def draw(fast):
             if "resid" in name or name in ("R1", "R2")
             else np.isfinite(force)
         )
-        right.plot(1e3 * (times - fall)[shown], force[shown], color=COLOUR[name], linewidth=1.2)
+        right.plot(
+            1e3 * (times - fall)[shown], force[shown], color=COLOUR[name], linestyle=DASH[name], linewidth=1.2
+        )
     for name in ("R1", "R2", "linear residual"):
         run = runs[name]
         last = run.event_times("reset", "touch-down")[-1]
-        left.plot([last], [1e3 * -run(last, "p")], "x", color=COLOUR[name], markersize=5)
+        ends.append((last, 1e3 * -run(last, "p")))
+    left.plot(*np.array(ends, float).T, "x", color=COLOUR["rigid"], markersize=7, markeredgewidth=1.6, zorder=6,
+              label="end of bouncing")  # fmt: skip
     left.axhline(0, color="#999999", linewidth=0.6, zorder=0)
     right.axhline(0, color="#999999", linewidth=0.6, zorder=0)
     left.set(xlabel="time (s)", ylabel="height (mm)", xlim=(0, END), title="height")
     right.set(xlabel="time since touch-down (ms)", ylabel="force (N)", title="force in the first contact")
-    left.legend(loc="upper right", ncols=2, handlelength=1.3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3, handlelength=2.2,
+                  title="law: root of the first rebound's height over that of the drop")  # fmt: skip
     return figure, claims(runs)

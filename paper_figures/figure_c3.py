@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from paper_figures.contact import COLOUR
 from paper_figures.sources import IDENTITY, clearance_joint, closed_form
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import ETA, HertzImpact, LiuImpact, composite_modulus, effective_restitution
@@ -9,14 +10,14 @@ from pwsmooth.plotting import new_figure
 from pwsmooth.scenes import free_impact
 
 NAME = "c3"
-TITLE = "Restitution of the clearance-joint laws: the source's tables"
+TITLE = "Restitution of the clearance-joint laws, and what the source's tables print"
 CAPTION = """
-Tables 1 to 3 of Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545: rebound speed (m/s) and effective restitution
-as printed, and ours: an event-driven impact of a unit mass beside the closed form, which depends on c_r alone.
-Baseline: impact speed 0.3 m/s, c_r = 0.5. Mimp: their law; ML-N: Lankarani and Nikravesh's. Steel and joint length
-20 mm assumed (they do not matter); the clearance, in mm here, is printed without a unit. The marked row does not
-reproduce to its four digits; a coarse integration in the source would explain it. Printed restitutions are ratios of
-the rounded speeds.
+(i) Restitution e that a law gives for the one that it is asked for, c_r, and (ii) its error |e/c_r - 1|, in closed form
+for the damping factors of all laws of the package; the dotted diagonal is what they aim at (Zhang and Sharf's law is
+exact by construction). Marks: what Tables 1 to 3 of Wang, Liu, Ma, J. Mech. Sci. Tech. 30 (2016) 1537-1545, print for
+their law (Mimp) and Lankarani and Nikravesh's (ML-N); rows at other clearances and speeds lie on one another, for e
+depends on c_r alone. Every printed number stands in the claims beside an event-driven impact of a unit mass (0.3 m/s,
+steel, joint length 20 mm assumed). The row at c_r = 0.9 does not reproduce to its four digits, which no picture shows.
 """
 # (table, law, c_r, clearance in mm, speed factor, printed rebound speed, printed restitution)
 ROWS = [
@@ -176,30 +177,48 @@ def least_error():
     ]
 
 
+# Key of ETA -> (name, colour, dash), of laws with a factor of their own.
+CURVES = {
+    "wang-liu-ma": ("Wang-Liu-Ma, Bai, Zhiying-Qishao", COLOUR["Wang-Liu-Ma"], "-"),
+    "lankarani-nikravesh": ("Lankarani-Nikravesh, Wang-Liu 2015", COLOUR["Lankarani-Nikravesh"], "-."),
+    "hunt-crossley": ("Hunt-Crossley", COLOUR["Hunt-Crossley"], "--"),
+    "herbert-mcwhannell": ("Herbert-McWhannell", COLOUR["R1"], (0, (8, 2))),
+    "lee-wang": ("Lee-Wang", COLOUR["linear residual"], (0, (3, 1, 1, 1))),
+    "gonthier": ("Gonthier", COLOUR["R2"], (0, (1, 1))),
+    "flores": ("Flores", COLOUR["Flores"], (0, (3, 1, 1, 1, 1, 1))),
+    "hu-guo": ("Hu-Guo", COLOUR["Kelvin-Voigt"], ":"),
+}
+SAME = {"zhiying-qishao": "wang-liu-ma"}  # the factor of another
+
+
 def draw(fast):
-    """Three tables side by side, the row that differs marked."""
+    """Restitution and its error over c_r, with the printed points."""
     found = ours()
-    figure = new_figure(7.4, 3.45)
-    heads = {1: "Table 1: clearance c", 2: "Table 2: restitution $c_r$", 3: "Table 3: impact speed"}
-    for ax, (table, title) in zip(figure.subplots(1, 3), heads.items()):
-        ax.set_axis_off()
-        ax.set_title(title)
-        cells, colours = [], []
-        for (number, law, c_r, c, factor, v, e), (value, _) in zip(ROWS, found):
-            if number != table:
-                continue
-            varied = {1: f"{c:g}", 2: f"{c_r:g}", 3: rf"{factor:g}$\times$"}[table]
-            cells.append([law, varied, f"{v:.4f}", f"{value:.5f}", f"{e:.4f}", f"{value / (0.3 * factor):.5f}"])
-            colours.append(["#FFD9B3" if not _agrees(v, value) else "white"] * 6)
-        head = ["law", {1: "c", 2: "$c_r$", 3: "speed"}[table], "$v^+$\nprinted", "$v^+$\nours", "$e$\nprinted",
-                "$e$\nours"]  # fmt: skip
-        drawn = ax.table(cells, cellColours=colours, colLabels=head, loc="upper center", cellLoc="center",
-                         colWidths=[0.17, 0.14, 0.18, 0.19, 0.18, 0.19])  # fmt: skip
-        drawn.auto_set_font_size(False)
-        drawn.set_fontsize(6.5)
-        drawn.scale(1, 1.5)
-        for (row, _), cell in drawn.get_celld().items():
-            cell.set_linewidth(0.4)
-            if row == 0:
-                cell.set_height(2 * cell.get_height())
+    figure = new_figure(6.0, 4.6)
+    left, right = figure.subplots(1, 2)
+    asked = np.linspace(0.02, 1, 50 if fast else 197)
+    drawn = set(CURVES) | set(SAME) | {"zhang-sharf"}
+    if drawn != set(ETA):
+        raise RuntimeError(f"laws without a curve: {sorted(drawn ^ set(ETA))}")
+    for key, (name, colour, dash) in CURVES.items():
+        e = np.array([effective_restitution(key, c) for c in asked])
+        look = dict(color=colour, linestyle=dash, linewidth=2.0 if key == "wang-liu-ma" else 1.3)
+        left.plot(asked, e, label=name, **look)
+        right.semilogy(asked[:-1], 100 * np.abs(e / asked - 1)[:-1], **look)
+    left.plot([0, 1], [0, 1], ":", color=COLOUR["rigid"], linewidth=0.8, zorder=0)
+    for law, mark in (("Mimp", "o"), ("ML-N", "s")):
+        rows = [row for row in ROWS if row[1] == law]
+        # Each table's errors stand in the order of its rows.
+        errors = [error for table in ERRORS for error in ERRORS[table][law]]
+        look = dict(
+            color=COLOUR["rigid"], markersize=5.5, markerfacecolor="none", markeredgewidth=1.3, zorder=5
+        )
+        left.plot([row[2] for row in rows], [row[6] for row in rows], mark, label=f"printed, {law}", **look)
+        shown = [(row[2], error) for row, error in zip(rows, errors) if error > 0]
+        right.plot(*np.array(shown).T, mark, **look)
+    left.set(xlabel="asked restitution $c_r$", ylabel="restitution $e$", xlim=(0, 1.02), ylim=(0, 1.02))
+    right.set(xlabel="asked restitution $c_r$", ylabel="error (%)", xlim=(0, 1.02), ylim=(0.1, 2e3))
+    left.set_title("(i) what a law gives")
+    right.set_title(r"(ii) $|e/c_r-1|$")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2, handlelength=2.8)
     return figure, claims(found)

@@ -1,6 +1,6 @@
 """Contact figure 4: force-indentation and velocity-indentation curves of the laws with a restitution."""
 
-from paper_figures.contact import COLOUR, contact_curves
+from paper_figures.contact import COLOUR, DASH, contact_curves
 from paper_figures.sources import IDENTITY, clearance_joint, closed_form
 from pwsmooth.figures import Claim
 from pwsmooth.laws.contact import (
@@ -113,12 +113,12 @@ def claims(found):
 def draw(fast):
     """Three columns."""
     found = curves()
-    figure = new_figure(7.4, 4.6)
+    figure = new_figure(6.0, 4.6)
     axes = figure.subplots(2, 3, sharex="col", sharey="row")
     for column, c_r in zip(axes.T, RESTITUTIONS):
         for name in laws():
             p, v, force = found[name, c_r]
-            style = dict(color=COLOUR[name], label=name, linewidth=1.3)
+            style = dict(color=COLOUR[name], linestyle=DASH[name], label=name, linewidth=1.3)
             column[0].plot(1e6 * p, 1e-3 * force, **style)
             column[1].plot(1e6 * p, v, **style)
         column[0].set_title(rf"$c_r={c_r:g}$")
@@ -127,5 +127,7 @@ def draw(fast):
         column[1].set_xlabel(r"indentation ($\mu$m)")
     axes[0, 0].set(ylabel="force (kN)", ylim=(0, None))
     axes[1, 0].set_ylabel("speed (m/s)")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, handlelength=2.6
+    )
     return figure, claims(found)

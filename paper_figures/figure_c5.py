@@ -11,12 +11,13 @@ NAME = "c5"
 TITLE = "Slider-crank with a clearance joint"
 CAPTION = """
 Second revolution of the slider-crank with clearance 0.5 mm (left) and 1 mm (right) between rod and slider, at 200
-rpm; Wang-Liu-Ma's contact, c_r = 0.9, modified Coulomb friction 0.01. Lengths and masses are the source's (Wang, Liu,
-Ma 2016, Table 4); crank speed, rod's centre of mass, bearing radius 10 mm, joint length 15 mm, steel and restitution
-are assumed, so that peak heights cannot be compared with the source's. Position and velocity are nearly those of the
-ideal joint (grey, dashed), accelerations and torque carry the impacts: their axes are cut, and the range of values is
-written in. Bottom: the journal's centre in its clearance circle. What one revolution shows is a
-matter of chance, the motion is chaotic: how impacts depend on clearance and speed is judged over many, see the claims.
+rpm; Wang-Liu-Ma's contact, c_r = 0.9, modified Coulomb friction 0.01. Lengths and masses are the source's (Wang,
+Liu, Ma 2016, Table 4); crank speed, rod's centre of mass, bearing radius 10 mm, joint length 15 mm, steel and
+restitution are assumed, so that peak heights cannot be compared with the source's. Position and velocity are nearly
+those of the ideal joint (grey, dashed), accelerations and torque carry the impacts: their axes are cut, and the
+range of values is written in. The source's right column, an experiment, is left out: its data are not available.
+Bottom: the journal's centre in its clearance circle. What one revolution shows is a matter of chance, the motion is
+chaotic: how impacts depend on clearance and speed is judged over many, see the claims.
 """
 CLEARANCES = (0.5e-3, 1e-3)
 PERIOD = 0.3
@@ -132,7 +133,7 @@ def draw(fast):
     """Rows: position, velocity, acceleration, torque, orbit."""
     runs = {c: run(c) for c in CLEARANCES}
     ideal = IdealSliderCrank()
-    figure = new_figure(7.4, 9.2)
+    figure = new_figure(6.2, 8.6)
     axes = figure.subplots(5, 2, height_ratios=(1, 1, 1, 1, 2.1))
     rows = (
         ("x", "position (m)", ideal.position, None),
@@ -145,14 +146,16 @@ def draw(fast):
         phi = np.linspace(0, 2 * np.pi, 721)
         for ax, (name, label, exact, limit) in zip(column, rows):
             values = solution(times, name)
-            ax.plot(angle, values, color="#0072B2", linewidth=0.9)
-            ax.plot(np.degrees(phi), exact(phi), color="#777777", linestyle="--", linewidth=1.1)
+            ax.plot(angle, values, color="#0072B2", linewidth=0.9, label="with clearance")
+            ax.plot(
+                np.degrees(phi), exact(phi), color="#777777", linestyle="--", linewidth=1.1, label="ideal joint"
+            )
             if limit:
                 ax.set_ylim(-limit, limit)
                 ax.text(
                     0.99,
                     0.95,
-                    f"{values.min():.0f} to {values.max():.0f}",
+                    f"whole range {values.min():.0f} to {values.max():.0f}",
                     transform=ax.transAxes,
                     ha="right",
                     va="top",
@@ -166,4 +169,5 @@ def draw(fast):
         ax.plot(1e3 * solution(times, "e_x"), 1e3 * solution(times, "e_y"), color="#0072B2", linewidth=0.6)
         ax.plot(1e3 * clearance * np.cos(phi), 1e3 * clearance * np.sin(phi), color="#777777", linewidth=0.9)
         ax.set(aspect="equal", xlabel=r"journal in its bearing, $e_x$ (mm)", ylabel=r"$e_y$ (mm)")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure, claims(runs, fast)

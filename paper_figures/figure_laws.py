@@ -2,22 +2,24 @@
 
 import numpy as np
 import sympy as sp
+from matplotlib.lines import Line2D
 
 from paper_figures.sources import EXPECTED, IDENTITY, closed_form
 from pwsmooth.figures import Claim
 from pwsmooth.laws import friction
 from pwsmooth.plotting import COLOUR, new_figure
-from pwsmooth.scenes import prescribed_motion, t
+from pwsmooth.scenes import force_driven, prescribed_motion, t
 
 NAME = "laws"
 TITLE = "Friction laws side by side: loops and steady curves"
 CAPTION = """
-Each law of the package under the slow position A sin(2 pi t/10 s), A = 5, 14 and 40 um (blue, green, orange; the last
-period, force against position) and its steady force at constant velocity (black, inset, -5 to 5 mm/s; none where the
-force depends on the position). All are scaled to a Coulomb force of 1 N, a static friction of 1.5 N where there is one,
-and a stiffness of 1e5 N/m; the stick-slip elements of Maxwell-slip, GMS and the multistate law are the reference set's,
-scaled. Modified Dahl, Masing, the multistate law and the acceleration-dependent law are reconstructed, Bouc-Wen's
-parameters chosen.
+Each law of the package under the slow position A sin(2 pi t/10 s), A = 5, 14 and 40 um (blue, green, orange; the
+last period, force against position) and its steady force at constant velocity (black, inset, -5 to 5 mm/s; none
+where the force depends on the position). All are scaled to a Coulomb force of 1 N, a static friction of 1.5 N where
+there is one, and a stiffness of 1e5 N/m; the stick-slip elements of Maxwell-slip, GMS and the multistate law are
+the reference set's, scaled. The last panel shows what the loops of laws without a spring hide: friction before and
+after break-away under a growing force. Modified Dahl, Masing, the multistate law and the acceleration-dependent law
+are reconstructed, Bouc-Wen's parameters chosen.
 """
 SIZES = ((5e-6, COLOUR["right"]), (1.4e-5, COLOUR["stick"]), (4e-5, COLOUR["approximation"]))
 A = sp.Symbol("size", positive=True)
@@ -125,35 +127,51 @@ def claims(curves, apart):
     ]
 
 
+def break_away(ax):
+    """Friction under a force that grows by 1 N/s: what slow loops of laws without a spring do not show."""
+    looks = {"Coulomb": ("-", "right"), "static and kinetic": ("--", "left"), "hidden static": (":", "exact")}
+    times = np.linspace(0, 2.4, 2401)
+    for name, (dash, colour) in looks.items():
+        run = force_driven(LAWS[name], t, t_span=(0, 2.4)).solve(dense_output=True)
+        if not run.success:
+            raise RuntimeError(f"{name}: {run.message}")
+        ax.plot(times, run(times, "friction"), dash, color=COLOUR[colour], linewidth=1.3, label=name)
+    ax.set(xlabel="time (s)", xlim=(0, 2.4), ylim=(-1.3, 2.0), yticks=(0, 1))
+    ax.set_title("break-away, force 1 N/s", fontsize=8.5)
+    ax.legend(loc="lower right", fontsize=7, borderaxespad=0)
+
+
 def draw(fast):
     """One panel a law."""
     run = {name: loops(law, fast) for name, law in LAWS.items()}
     curves, apart = ({name: pair[i] for name, pair in run.items()} for i in (0, 1))
-    figure = new_figure(11.0, 7.6)
-    panels = figure.subplots(3, 6, sharex=True, sharey=True)
+    figure = new_figure(6.4, 9.2)
+    panels = figure.subplots(6, 3)
     speeds = np.linspace(-5e-3, 5e-3, 401)
     for ax, (name, found) in zip(panels.flat, curves.items()):
         for size, colour in SIZES:
             x, force = found[size]
-            ax.plot(1e6 * x, force, color=colour, linewidth=1.1)
+            # Closed: a force that jumps at the loop's first instant jumps upright.
+            ax.plot(*(np.append(line, line[0]) for line in (1e6 * x, force)), color=colour, linewidth=1.1)
         ax.set_title(name, fontsize=8.5)
-        ax.set(xlim=(-44, 44), ylim=(-3.6, 1.9))
+        ax.set(xlim=(-44, 44), ylim=(-3.9, 1.9), xticks=(-40, 0, 40), yticks=(-1, 0, 1))
         try:
             steady = LAWS[name].steady_force(speeds)
         except NotImplementedError:
             continue
-        small = ax.inset_axes([0.30, 0.05, 0.65, 0.24])
+        small = ax.inset_axes([0.24, 0.13, 0.70, 0.24])
         small.plot(1e3 * speeds, np.broadcast_to(steady, speeds.shape), color=COLOUR["exact"], linewidth=0.9)
-        small.set(ylim=(-1.8, 1.8), xlim=(-5, 5), xticks=[], yticks=[])
+        small.set(ylim=(-1.8, 1.8), xlim=(-5, 5), xticks=[-5, 5], yticks=[-1, 1])
+        small.tick_params(labelsize=6, length=2, pad=1)
         small.spines[["top", "right"]].set_visible(True)
-    for ax in panels[-1]:
+    for ax in panels[-1, :2]:
         ax.set_xlabel("position (µm)")
     for ax in panels[:, 0]:
         ax.set_ylabel("force (N)")
-    last = panels.flat[-1]
-    last.axis("off")
-    for size, colour in SIZES:
-        last.plot([], [], color=colour, label=f"A = {1e6 * size:.0f} µm")
-    last.plot([], [], color=COLOUR["exact"], label="inset: steady force,\n-5 to 5 mm/s")
-    last.legend(loc="center")
+    break_away(panels.flat[-1])
+    handles = [Line2D([], [], color=colour, label=f"A = {1e6 * size:.0f} µm") for size, colour in SIZES]
+    handles.append(
+        Line2D([], [], color=COLOUR["exact"], linewidth=0.9, label="inset: steady force (N) over mm/s")
+    )
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=7.5)
     return figure, claims(curves, apart)

@@ -92,8 +92,8 @@ def drift():
 
 def draw(fast):
     """Six panels."""
-    figure = new_figure(10.0, 5.6)
-    panels = figure.subplots(2, 3)
+    figure = new_figure(5.8, 7.0)
+    panels = figure.subplots(3, 2).reshape(2, 3)
     slow = presliding()
     times = np.linspace(0, 65, 2001)
     panels[0, 0].plot(1e6 * slow(times, "x"), slow(times, "drive"), color=COLOUR["right"])
@@ -117,8 +117,8 @@ def draw(fast):
     panels[0, 1].legend(loc="upper left")
 
     lags = {Omega: lag(Omega) for Omega in (1.0, 10.0, 25.0)}
-    for (Omega, (v, force)), colour in zip(lags.items(), ("right", "stick", "left")):
-        panels[0, 2].plot(1e3 * v, force, color=COLOUR[colour], label=f"$\\Omega$ = {Omega:.0f} 1/s")
+    for (Omega, (v, force)), colour, dash in zip(lags.items(), ("right", "stick", "left"), ("-", "--", ":")):
+        panels[0, 2].plot(1e3 * v, force, dash, color=COLOUR[colour], label=f"$\\Omega$ = {Omega:.0f} 1/s")
     panels[0, 2].set(xlabel="velocity (mm/s)", ylabel="force (N)")
     panels[0, 2].set_title("(c) frictional lag")
     panels[0, 2].legend()
@@ -126,7 +126,7 @@ def draw(fast):
     rates = np.array([1.0, 2.0, 5.0, 10.0, 20.0, 50.0])
     peaks = [break_away(sp.nsimplify(rate)) for rate in rates]
     panels[1, 0].semilogx(rates, peaks, "o-", color=COLOUR["right"])
-    panels[1, 0].set(xlabel="rate of the force (N/s)", ylabel="break-away force (N)", ylim=(1, 1.5))
+    panels[1, 0].set(xlabel="rate of the force (N/s)", ylabel="break-away force (N)", ylim=(0.97, 1.5))
     panels[1, 0].set_title("(d) break-away")
 
     hunt = require(position_control(friction.LuGre()).solve(dense_output=True))
@@ -137,9 +137,10 @@ def draw(fast):
     panels[1, 1].set_title("(e) PID hunting")
 
     cycles, drifts = drift()
-    for (name, x), colour in zip(drifts.items(), ("right", "stick", "left", "exact")):
-        style = (0, (3, 2)) if name == "XKY" else "-"
-        panels[1, 2].plot(cycles, 1e6 * x, color=COLOUR[colour], label=name, linestyle=style)
+    looks = (("right", "-"), ("stick", "--"), ("left", "-"), ("exact", (0, (3, 2))))
+    for (name, x), (colour, style) in zip(drifts.items(), looks):
+        text = "Dahl, other force" if name == "Dahl" else name
+        panels[1, 2].plot(cycles, 1e6 * x, color=COLOUR[colour], label=text, linestyle=style)
     panels[1, 2].set(xlabel="cycles of 1 s", ylabel="displacement (µm)")
     panels[1, 2].set_title("(f) drift")
     panels[1, 2].legend()

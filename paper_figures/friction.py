@@ -34,7 +34,7 @@ def lag_panels(velocity, cases, times):
     """
     scene = rig(MultistateXKY(), velocity=velocity, t_span=(0, 2))
     runs = {(rate, lag): run(scene, rate=rate, tau_d=lag) for rate, lag, _ in cases}
-    figure = new_figure(7.6, 3.4)
+    figure = new_figure(5.8, 3.4)
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.35))
     whole = np.linspace(0, 2, 4001)
     for rate, width in ((10, 0.5), (1, 1.6)):
@@ -44,10 +44,15 @@ def lag_panels(velocity, cases, times):
     left.set_title("(a) input")
     left.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
     for rate, lag, colour in cases:
-        v, force = (runs[rate, lag](times, name) for name in ("velocity", "force"))
-        right.plot(v, force, color=colour, label=f"{rate} Hz, $\\tau_d$ = {lag} s", linewidth=1.2)
+        # The last cycle alone: ten cycles on one another are one broad line.
+        cycle = times[times >= times[-1] - 1 / rate]
+        v, force = (runs[rate, lag](cycle, name) for name in ("velocity", "force"))
+        right.plot(
+            v, force, "-" if lag == cases[0][1] else "--", color=colour, linewidth=1.7 if rate == 1 else 1.1,
+            label=f"{rate} Hz, $\\tau_d$ = {lag} s",
+        )  # fmt: skip
     right.set(xlabel="velocity v (µm/s)", ylabel="friction force f (N)")
-    right.set_title("(b) force; arrows: 1 Hz")
+    right.set_title("(b) force, last cycle")
     return figure, right, runs
 
 

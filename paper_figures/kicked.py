@@ -92,33 +92,36 @@ def effort(fast):
     return (6, 5) if fast else (60, 20)
 
 
+SHOWN = 20  # seeds in the pictures: one alone may be a lucky one
+
+
 def panels(figure, orbit, kappa, found, seed=1):
     """Time series, the layer during one stick, and the nonlinear stick times of all seeds."""
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1), height_ratios=(1.15, 1))
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.3, 1), height_ratios=(1.15, 1))
     series, layer = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     spread = figure.add_subplot(grid[:, 1])
-    noisy = kicked_orbit(orbit, kappa, "uniform", seed, 1)
-    _series(series, orbit, noisy)
-    _layer(layer, orbit, noisy)
+    runs = [kicked_orbit(orbit, kappa, "uniform", number, 1) for number in range(seed, seed + SHOWN)]
+    _series(series, orbit, runs)
+    _layer(layer, orbit, runs)
     _spread(spread, found)
-    return noisy
+    return runs[0]
 
 
-def _series(ax, orbit, noisy):
+def _series(ax, orbit, runs):
     times = np.linspace(0, osc.PERIOD, 4001)
     sticking_regions(ax, times, *osc.sticking_bounds(times))
-    for name, colour in (("y", COLOUR["exact"]), ("v", COLOUR["velocity"])):
-        ax.plot(times, orbit(times, name), color=colour, linewidth=1.0, label=f"${name}$, no noise")
-        ax.plot(
-            noisy.t, noisy[name], color=colour, linestyle=(0, (1, 1.2)), linewidth=1.8, label=f"${name}$, noise"
-        )
+    for name, colour, dash in (("y", COLOUR["exact"], "-"), ("v", COLOUR["velocity"], "--")):
+        for run in runs:
+            ax.plot(run.t, run[name], color=COLOUR["smoothed"], linewidth=0.5, alpha=0.6, zorder=1)
+        ax.plot(times, orbit(times, name), dash, color=colour, linewidth=1.2, label=f"${name}$, no noise")
+    ax.plot([], [], color=COLOUR["smoothed"], label="with noise")
     period_axis(ax)
-    ax.set(ylim=(-2.1, 3.2), ylabel=r"$y,\ v$")
-    ax.legend(loc="upper center", ncols=3, handlelength=1.6, columnspacing=1.0, borderaxespad=0.1)
-    ax.set_title("displacement and velocity, one seed")
+    ax.set(ylim=(-2.1, 4.2), ylabel=r"$y,\ v$")
+    ax.legend(loc="upper center", ncols=2, handlelength=1.6, columnspacing=1.0, borderaxespad=0.1, fontsize=7.5)
+    ax.set_title(f"displacement and velocity, {len(runs)} seeds")
 
 
-def _layer(ax, orbit, noisy):
+def _layer(ax, orbit, runs):
     """v/eps during the stick of the free orbit that begins first, with half its length on either side."""
     times = np.linspace(0, osc.PERIOD, 20001)
     inside = np.flatnonzero(np.abs(orbit(times, "v")) <= 2 * EPS)
@@ -127,9 +130,11 @@ def _layer(ax, orbit, noisy):
     a, b = times[first], times[last]
     window = (a - 0.35 * (b - a), b + 0.6 * (b - a))
     times = np.linspace(*window, 4001)
-    part = (noisy.t >= window[0]) & (noisy.t <= window[1])
     ax.axhspan(-2, 2, color=COLOUR["stick"], alpha=0.15, linewidth=0)
-    ax.plot(noisy.t[part], noisy["v"][part] / EPS, color=COLOUR["smoothed"], linewidth=0.8, label="noise")
+    for run in runs:
+        part = (run.t >= window[0]) & (run.t <= window[1])
+        ax.plot(run.t[part], run["v"][part] / EPS, color=COLOUR["smoothed"], linewidth=0.5, alpha=0.7)
+    ax.plot([], [], color=COLOUR["smoothed"], label="noise")
     ax.plot(times, orbit(times, "v") / EPS, color=COLOUR["exact"], label="no noise")
     ax.set_yscale("symlog", linthresh=2, linscale=1.2)
     ax.set(xlim=window, xlabel=r"$t$  (in units of $1/\omega$)", ylabel=r"$v/\varepsilon$")
@@ -137,8 +142,8 @@ def _layer(ax, orbit, noisy):
         [-1000, -100, -10, 0, 10, 100, 1000], ["$-10^3$", "$-10^2$", "$-10$", "0", "10", "$10^2$", "$10^3$"]
     )
     ax.minorticks_off()
-    ax.legend(loc="upper left")
-    ax.set_title(r"the same, in the layer ($|v|\leq 2\varepsilon$ shaded)")
+    ax.legend(loc="lower right")
+    ax.set_title(r"in the layer; shaded: $|v|\leq 2\varepsilon$")
 
 
 def _spread(ax, found):
@@ -147,12 +152,14 @@ def _spread(ax, found):
     for law in LAWS:
         times = np.sort(found[law][:, 0])
         share = 1 - np.arange(len(times)) / len(times)
-        ax.step(times, share, where="post", color=LAW_COLOUR[law], label=f"{law} kicks")
-    ax.axvline(free, color=COLOUR["exact"], linewidth=1.0, linestyle="--", label="no noise")
-    ax.set(xlim=(0, 0.75), ylim=(0, 1.02), xlabel=r"time stuck with $|ky-\ddot q|>N$, a half period",
-           ylabel="share of half periods with a longer one")  # fmt: skip
-    place = "lower left" if found["normal"][:, 0].mean() > free / 2 else "upper right"
-    ax.legend(loc=place, frameon=True, facecolor="white", edgecolor="none", framealpha=1)
+        dash = "-" if law == "uniform" else (0, (5, 1.5))
+        ax.step(times, share, where="post", color=LAW_COLOUR[law], linestyle=dash, label=f"{law} kicks")
+    ax.axvline(free, color=COLOUR["exact"], linewidth=1.0, linestyle=":", label="no noise")
+    least = min(found[law][:, 0].min() for law in LAWS)
+    ax.set(xlim=(0.9 * least if least > free / 2 else 0, 0.68), ylim=(0, 1.02),
+           xlabel=r"time x stuck with $|ky-\ddot q|>N$" "\nin a half period (1/ω)",
+           ylabel="P(stick time > x)")  # fmt: skip
+    ax.legend(loc="upper right", frameon=True, facecolor="white", edgecolor="none", framealpha=1)
     ax.set_title("nonlinear sticking, all seeds")
 
 

@@ -198,7 +198,7 @@ def sticking_regions(
 
 
 def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any) -> Any:
-    """Draw one curve in the colours of its phases.
+    """Draw one curve in the colours of its phases, sticking thicker than slip, which grey print shows too.
 
     Parameters
     ----------
@@ -230,7 +230,11 @@ def by_phase(ax: Any, status: np.ndarray, *coordinates: np.ndarray, **line: Any)
     # Each piece keeps the first point of the next one, so that the curve stays connected.
     changes = (np.flatnonzero(np.diff(status)) + 1).tolist()
     for first, end in zip([0, *changes], [*changes, len(status)]):
-        ax.plot(*(c[first : end + 1] for c in coordinates), color=COLOUR[phase(status[first])], **line)
+        (drawn,) = ax.plot(
+            *(c[first : end + 1] for c in coordinates), color=COLOUR[phase(status[first])], **line
+        )
+        if status[first] == 0:
+            drawn.set_linewidth(1.7 * drawn.get_linewidth())
     return ax
 
 

@@ -124,7 +124,10 @@ def test_points_say_what_was_right_wrong_and_impossible():
     (refused,) = work_precision(["ball"], [few[2]], repeats=1)
     assert refused.note == "cannot do: an impact has no smoothed form"
     axes = plot_work(list(sticking.values()), _axes())
-    assert len(axes.lines) >= 6
+    # A line for each method with an error, and open marks on the wrong one.
+    named = [line for line in axes.lines if not line.get_label().startswith("_")]
+    assert [line.get_label() for line in named] == ["event-driven", "smoothed", "half"]
+    assert [line.get_markerfacecolor() for line in axes.lines if line not in named] == ["white"]
 
 
 def _axes():
@@ -153,7 +156,8 @@ def test_a_scene_of_ones_own_is_measured_against_its_reference():
     assert data.references["block"]["source"] == "closed form" and data.references["block"]["events"] == 1
     # ten times the tolerance: the error of a step is kept, not that of the run
     assert all(p.itinerary == "right" and p.error < 10 * p.setting for p in data)
-    assert list(data.cheapest(1e-8))[0] == "event-driven" and len(data.plot().lines) >= 4
+    assert list(data.cheapest(1e-8))[0] == "event-driven"
+    assert [text.get_text() for text in data.plot().get_legend().texts] == ["event-driven", "SciPy DOP853"]
 
 
 def test_what_is_cheapest_counts_only_right_itineraries():
@@ -167,47 +171,33 @@ def test_what_is_cheapest_counts_only_right_itineraries():
     assert best_width(data, 1e-6).setting == (1e-6, 1e-3) and best_width(data, 1e-8) is None
 
 
-def drawn(plot, points, width):
-    """A panel as wide as those of the page, with its renderer."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    from pwsmooth.plotting import new_figure, style
-
-    with style():
-        figure = new_figure(width, 3.0)
-        axes = plot(points, figure.subplots())
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-    return axes, canvas.get_renderer()
+def a_point(case, name, error, seconds):
+    return Point(case, name, METHODS[name].group, error, error, 0.0, "right", seconds, 0.0, 100)
 
 
-def overlap(boxes):
-    return [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if a.overlaps(b)]
+def test_lines_of_a_page_are_told_apart_by_mark_and_colour_together_and_keep_theirs_in_every_panel():
+    shown = ["event-driven", "event-driven, stiff", "heyoka, events", "CVODE, events", "diffrax, events",
+             "numbalsoda DOP853, events", "Moreau-Jean", "DOP853, restarted", "Radau, restarted"]  # fmt: skip
+    looks = []
+    for names in (shown, shown[::-1][:5]):
+        points = [a_point("case", name, rtol, 1e-3 / rtol) for name in names for rtol in (1e-4, 1e-9)]
+        lines = plot_work(points, _axes(), methods=names).lines
+        looks.append(dict(zip(names, ((line.get_marker(), line.get_color()) for line in lines), strict=True)))
+    all_of, some = looks
+    assert len({mark for mark, _ in all_of.values()}) == len(shown)  # in grey too
+    assert some == {name: all_of[name] for name in some}
 
 
-def test_names_of_lines_that_end_together_are_apart():
-    ends = {"event-driven": 1e-4, "heyoka, events": 1.1e-4, "CVODE, events": 2e-4, "diffrax, events": 1e-4,
-            "numbalsoda DOP853, events": 1.3e-4, "Moreau-Jean": 1e-1}  # fmt: skip
-    points = [
-        Point("case", name, METHODS[name].group, rtol, rtol, 0.0, "right", end * share, 0.0, 100)
-        for name, end in ends.items() for rtol, share in ((1e-4, 0.7), (1e-9, 1.0))
-    ]  # fmt: skip
-    axes, renderer = drawn(plot_work, points, 4.1)
-    boxes = [text.get_window_extent(renderer) for text in axes.texts]
-    assert len(boxes) == len(ends) and not overlap(boxes)
-
-
-@pytest.mark.parametrize("span", [1.15, 1.9, 2.2, 3.0, 6.0, 30.0])
-def test_ticks_of_a_narrow_panel_are_apart(span):
-    points = [
-        Point("case", "event-driven", "event-driven", rtol, rtol, 0.0, "right", seconds, 0.0, 100)
-        for rtol, seconds in ((1e-4, 1.6e-4), (1e-9, 1.6e-4 * span))
+def test_a_fixed_order_is_compared_with_the_chosen_one_at_the_error():
+    name = "event-driven, order 8"
+    points = [a_point("relay", "event-driven", 1e-10, 2.0), a_point("relay", "event-driven", 1e-6, 1.0)]
+    points += [
+        a_point("relay", name, 1e-10, 5.0),
+        a_point("relay", name, 1e-9, 4.0),
+        a_point("ball", name, 1e-12, 1.0),
     ]
-    axes, renderer = drawn(plot_orders, points, 3.0)
-    left, right = axes.get_xlim()
-    shown = [tick for tick in axes.xaxis.get_ticklabels(which="both") if tick.get_text()]
-    shown = [tick for tick in shown if left <= tick.get_position()[0] <= right]
-    assert len(shown) >= 2 and not overlap([tick.get_window_extent(renderer) for tick in shown])
+    (line,) = plot_orders(points, _axes(), error=1e-8).lines  # of the ball nothing is known at the chosen order
+    assert line.get_xydata().tolist() == [[8.0, 2.0]] and line.get_label() == CASES["relay"].title
 
 
 def test_a_peer_that_is_not_installed_is_listed_as_absent(monkeypatch):

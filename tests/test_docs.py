@@ -91,6 +91,22 @@ def test_every_number_of_a_benchmark_is_in_its_tables(study_pages):
     assert "1.1" not in text  # raw rounds stay in the file
 
 
+def test_a_study_shows_all_its_pictures_and_none_of_a_study_with_a_longer_name(
+    study_pages, tmp_path, monkeypatch
+):
+    for script in ("maps.py", "maps_layered.py"):
+        (tmp_path / script).touch()
+    for chart in ("maps", "maps_2", "maps_layered", "mapsize"):
+        (tmp_path / f"{chart}.png").touch()
+    monkeypatch.setattr(study_pages, "SCRIPTS", tmp_path)
+    monkeypatch.setattr(study_pages, "RESULTS", tmp_path)
+    shown = {
+        name: [p.stem for p in study_pages._charts(tmp_path / f"{name}.py")]
+        for name in ("maps", "maps_layered")
+    }
+    assert shown == {"maps": ["maps", "maps_2"], "maps_layered": ["maps_layered"]}
+
+
 def test_figures_that_are_missing_or_only_fast_are_drawn(tmp_path, monkeypatch):
     from pwsmooth import figures
 

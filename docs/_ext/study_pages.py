@@ -65,7 +65,7 @@ def _title(path: Path) -> str:
 def _write_study(path: Path) -> str:
     """Writes the page, returns its card."""
     record, doc, title = _record(path), _docstring(path), _title(path)
-    chart = RESULTS / f"{path.stem}.png"
+    charts = _charts(path)
     parts = [f"# {plain(title)}\n"]
     question = (record or {}).get("question") or doc.split("\n\n")[0]
     if record and "question" in record:
@@ -74,7 +74,7 @@ def _write_study(path: Path) -> str:
             f"**Expected.** {shown(record['expected'])}\n",
         ]
         parts += [f"**Found.** {shown(record['verdict'])}\n"] if "verdict" in record else []
-    if chart.is_file():
+    for chart in charts:
         picture(chart, STUDIES / chart.name)
         parts.append(f"```{{image}} {chart.name}\n:alt: {plain(title)}\n:width: 100%\n```\n")
     if record and record.get("claims"):
@@ -88,7 +88,14 @@ def _write_study(path: Path) -> str:
         parts.append("No data of it are kept in the repository; running it prints the table.\n")
     parts += ["## How to run it\n", fenced(f"python experiments/{path.name}", "console"), "", code(path)]
     write(STUDIES / f"{path.stem}.md", "\n".join(parts))
-    return card(plain(title), question, path.stem, f"thumbnails/{chart.name}" if chart.is_file() else None)
+    return card(plain(title), question, path.stem, f"thumbnails/{charts[0].name}" if charts else None)
+
+
+def _charts(path: Path) -> list[Path]:
+    """NAME.png and NAME_*.png, but for those of a study with a longer name."""
+    longer = [p.stem for p in SCRIPTS.glob(f"{path.stem}_*.py")]
+    found = [RESULTS / f"{path.stem}.png", *sorted(RESULTS.glob(f"{path.stem}_*.png"))]
+    return [p for p in found if p.is_file() and not p.stem.startswith(tuple(longer))]
 
 
 def _provenance(path: Path, record: dict[str, Any]) -> list[str]:

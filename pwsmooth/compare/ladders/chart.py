@@ -18,6 +18,7 @@ VERDICT_COLOUR = {
     "richest": COLOUR["exact"],
     "failed": COLOUR["mark"],
 }
+VERDICT_MARK = {"within": "o", "outside": "X", "undecided": "s", "richest": "<"}  # apart in grey too
 
 
 def plot_ladder(ladder: Any, axes: Any = None) -> Any:
@@ -46,16 +47,20 @@ def plot_ladder(ladder: Any, axes: Any = None) -> Any:
                       va="center", fontsize=8)  # fmt: skip
         elif step.verdict == "richest":
             left.plot([low, max(step.bar, low)], [row, row], color=colour, linewidth=1.2)
-            left.plot(low, row, "<", color=colour, markersize=5, clip_on=False)
+            left.plot(low, row, VERDICT_MARK["richest"], color=colour, markersize=5, clip_on=False)
         else:
             ends = [max(step.distance - step.bar, low), max(step.distance + step.bar, low)]
             left.plot(ends, [row, row], color=colour, linewidth=1.2)
-            left.plot(max(step.distance, low), row, "<" if step.distance < low else "o", color=colour, markersize=5,
-                      clip_on=False)  # fmt: skip
+            mark = "<" if step.distance < low else VERDICT_MARK[step.verdict]
+            left.plot(max(step.distance, low), row, mark, color=colour, markersize=5, clip_on=False)
         if step.seconds > 0:
             chosen = step.name == ladder.recommended
             right.plot(
-                step.seconds * 1e3, row, "D" if chosen else "o", color=colour, markersize=6 if chosen else 5
+                step.seconds * 1e3,
+                row,
+                "D" if chosen else VERDICT_MARK.get(step.verdict, "."),
+                color=colour,
+                markersize=6 if chosen else 5,
             )
     left.text(ladder.tolerance, len(ladder.steps) - 0.55, "tolerance ", ha="right", va="top", fontsize=7,
               color=COLOUR["mark"])  # fmt: skip

@@ -1,4 +1,4 @@
-"""Charts of work against precision: one colour a package throughout, each line labelled where it ends.
+"""Charts of work against precision: one colour a package and one mark a method throughout.
 
 Open marks are wrong itineraries. A method with two knobs (eps, rtol) is drawn by its lower envelope, the least error
 for each work.
@@ -6,7 +6,6 @@ for each work.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -19,6 +18,13 @@ from .point import Point
 __all__ = ["best_width", "envelope", "plot_orders", "plot_widths", "plot_work"]
 
 MARKS = "os^Dv<>P"
+# Apart in grey too, and the same in every panel of a page.
+MARK = {
+    "event-driven": "o", "event-driven, stiff": "s", "smoothed, algebraic": "d", "Moreau-Jean": "v",
+    "DOP853, restarted": "^", "Radau, restarted": "<", "heyoka, events": "D", "CVODE, events": "X",
+    "numbalsoda DOP853, events": "P", "diffrax, events": "h", "nosnoc, 4 stages": "*", "solve_nivp": "p",
+    "BDF, bare sign": ">", "numbalsoda LSODA, bare sign": "8", "smoothed, tanh": "p", "RK45, restarted": "v",
+}  # fmt: skip
 FLOOR = 1e-16  # an error of nothing is drawn here
 SHORT = {
     "event-driven, 8(5,3) pair": "our 8(5,3) pair", "event-driven, stiff": "our stiff steps",
@@ -50,7 +56,7 @@ def plot_work(
     methods : iterable of str, optional
         Those that are drawn; all by default.
     label : bool
-        Write its name at the end of each line.
+        Name the lines in a legend.
 
     Returns
     -------
@@ -71,36 +77,29 @@ def plot_work(
     'error of the state'
     """
     names = list(methods) or list(dict.fromkeys(p.method for p in points))
-    counts: dict[str, int] = {}
-    ends = []
     for name in names:
         line = [p for p in points if p.method == name and np.isfinite(p.error)]
         if not line:
             continue
         group = line[0].group
-        mark = MARKS[counts.setdefault(group, 0) % len(MARKS)]
-        counts[group] += 1
+        mark = MARK.get(name, "o")
         if isinstance(line[0].setting, (list, tuple)):
             line = envelope(line, work)
         colour = COLOUR["exact" if group == "event-driven" else group]
         x = [getattr(p, work) for p in line]
         y = [max(p.error, FLOOR) for p in line]
         ours = group == "event-driven"
-        axes.plot(x, y, ":" if "bare" in name else "-", color=colour, linewidth=1.6 if ours else 0.9,
-                  zorder=4 if ours else 3)  # fmt: skip
-        for wrong in (True, False):
-            chosen = [i for i, p in enumerate(line) if (p.itinerary == "wrong") == wrong]
-            axes.plot(
-                [x[i] for i in chosen], [y[i] for i in chosen], mark, color=colour, markersize=3.2, zorder=4,
-                markerfacecolor="white" if wrong else colour, label=None if wrong else name,
-            )  # fmt: skip
-        if x:
-            # Where a line turns back, its name stands beside it, not on it.
-            ends.append((max(x) if x[-1] > 0.2 * max(x) else x[-1], y[-1], SHORT.get(name, name), colour))
+        look = dict(color=colour, markersize=4.0 if mark in "*dXPhp" else 3.2, markeredgewidth=0.7,
+                    linewidth=1.6 if ours else 0.9, zorder=4 if ours else 3)  # fmt: skip
+        axes.plot(x, y, mark + (":" if "bare" in name else "-"), label=SHORT.get(name, name), **look)
+        wrong = [i for i, p in enumerate(line) if p.itinerary == "wrong"]
+        if wrong:
+            look |= dict(markerfacecolor="white", zorder=5)
+            axes.plot([x[i] for i in wrong], [y[i] for i in wrong], mark, **look)
     _logarithmic(axes, "processor time (s)" if work == "seconds" else "evaluations", "error of the state")
     axes.set_ylim(min(1e-15, axes.get_ylim()[0]), min(axes.get_ylim()[1], 1e1))
     if label:
-        _label(axes, ends)
+        axes.legend(fontsize=7)
     return axes
 
 
@@ -144,60 +143,17 @@ def _logarithmic(axes: Any, x: str, y: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
 
 
-def _label(axes: Any, ends: list[tuple[float, float, str, str]]) -> None:
-    """Names at the right of the lines' ends, off one another and, where there is room nearby, off the lines."""
-    from matplotlib.patheffects import withStroke
-
-    left, right = axes.get_xlim()
-    axes.set_xlim(left, right * (right / left) ** 0.42)
-    low, high = (math.log10(y) for y in axes.get_ylim())
-    begin, end = (math.log10(x) for x in axes.get_xlim())
-    height, width = 0.052 * (high - low), 0.021 * (end - begin)  # of a line of text, and of a letter
-    drawn = _traced(axes.lines)
-    placed: list[tuple[float, float, float]] = []
-    for x, y, text, colour in sorted(ends, key=lambda e: e[1]):
-        across, wanted, long = math.log10(x) + 0.6 * width, math.log10(y), width * len(text)
-        best, least = wanted, math.inf
-        for shift in sorted(range(-24, 25), key=abs):
-            at = wanted + shift * height / 3
-            if not low + height / 2 <= at <= high - height / 2:
-                continue
-            taken = any(abs(at - b) < height and across < a + w and a < across + long for a, b, w in placed)
-            inside = (np.abs(drawn[1] - at) < 0.4 * height) & (across < drawn[0]) & (drawn[0] < across + long)
-            # Names must not overlap; a name may lie on a line, so that it stays near its own.
-            cost = 1e3 * taken + abs(shift) + min(6.0, 0.5 * int(inside.sum()))
-            if cost < least:
-                best, least = at, cost
-        placed.append((across, best, long))
-        # Draw names over the lines and under the marks: no point is hidden.
-        axes.annotate(
-            text, (x, y), (10**across, 10**best), color=colour, fontsize=6.2, va="center", zorder=3.5,
-            path_effects=[withStroke(linewidth=1.6, foreground="white")],
-        )  # fmt: skip
-
-
-def _traced(lines: Iterable[Any]) -> np.ndarray:
-    """log10 of points along all lines, shape (2, points)."""
-    pieces = [np.empty((2, 0))]
-    for line in lines:
-        x, y = (np.log10(np.asarray(values, float)) for values in line.get_data())
-        if line.get_linestyle() == "None":
-            pieces.append(np.array([x, y]))
-        elif len(x) > 1:
-            steps = np.linspace(0, len(x) - 1, 12 * len(x))
-            pieces.append(np.array([np.interp(steps, np.arange(len(x)), values) for values in (x, y)]))
-    return np.concatenate(pieces, axis=1)
-
-
-def plot_orders(points: Sequence[Point], axes: Any) -> Any:
-    """The event-driven path at each order on one case: error against time, the orders from light to dark.
+def plot_orders(points: Sequence[Point], axes: Any, *, error: float = 1e-9) -> Any:
+    """What a fixed order costs: the time to an error over that at the order it chooses, a line a case.
 
     Parameters
     ----------
     points : sequence of Point
-        Of one case.
+        Of several cases, of the event-driven path at its orders and at the one that it chooses from the tolerance.
     axes : Axes
         Where to draw.
+    error : float, dimensionless
+        Of the state, in units of its sizes.
 
     Returns
     -------
@@ -209,40 +165,31 @@ def plot_orders(points: Sequence[Point], axes: Any) -> Any:
     >>> from pwsmooth.compare import work_precision
     >>> from pwsmooth.compare.work_precision.charts import plot_orders
     >>> from pwsmooth.plotting import new_figure
-    >>> data = work_precision("relay", ["event-driven, order 8", "event-driven, order 20"], [1e-9], repeats=1)
-    >>> len(plot_orders(data, new_figure().subplots()).lines)
-    2
+    >>> methods = ["event-driven", "event-driven, order 8", "event-driven, order 20"]
+    >>> data = work_precision("relay", methods, [1e-12], repeats=1)
+    >>> (line,) = plot_orders(data, new_figure().subplots()).lines
+    >>> line.get_xdata().tolist()
+    [8, 20]
     """
-    import matplotlib
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-
-    # Stiff steps choose their order as they go.
-    names = [
-        n for n in dict.fromkeys(p.method for p in points) if n.startswith("event-driven") and "stiff" not in n
-    ]
-    orders = [n for n in names if ", order" in n]
-    shades = matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1, max(1, len(orders))))
-    for name in names:
-        line = [p for p in points if p.method == name and np.isfinite(p.error)]
-        colour = (
-            shades[orders.index(name)] if name in orders else "black" if name == "event-driven" else "#999999"
-        )
-        axes.plot(
-            [1e3 * p.seconds for p in line], [max(p.error, FLOOR) for p in line], "-o", color=colour, markersize=2.5,
-            linewidth=2.2 if name == "event-driven" else 0.9, label=name.removeprefix("event-driven, ") or name,
-            zorder=2 if name == "event-driven" else 3,
-        )  # fmt: skip
-    _logarithmic(axes, "processor time (ms)", "error of the state")
-    # Plain numbers: at 1, 2, 5 where a panel spans a decade or so, else at equal distances; powers of ten at every
-    # minor tick do not fit.
-    left, right = axes.get_xlim()
-    narrow = right < 4 * left
-    axes.xaxis.set_major_locator(MaxNLocator(3) if narrow else LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    if narrow:
-        axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    start = "event-driven, order "
+    for k, case in enumerate(dict.fromkeys(p.case for p in points)):
+        least: dict[str, float] = {}
+        for p in points:
+            if p.case == case and p.good and p.error <= error:
+                least[p.method] = min(p.seconds, least.get(p.method, np.inf))
+        orders = sorted(int(name.removeprefix(start)) for name in least if name.startswith(start))
+        if "event-driven" in least and orders:
+            ratio = [least[f"{start}{order}"] / least["event-driven"] for order in orders]
+            axes.plot(orders, ratio, "-", **_of_case(k, case))
+    axes.set(yscale="log", xlabel="order", ylabel="time / time at the order that it chooses")
     return axes
+
+
+def _of_case(k: int, case: str) -> dict[str, Any]:
+    """The look of a case's line among several, with its title: marks tell them apart in grey."""
+    shade = COLOUR[("right", "left", "stick", "approximation", "fast", "exact", "velocity")[k % 7]]
+    title = CASES[case].title if case in CASES else case
+    return dict(marker=(MARKS + "Xphd*")[k % 13], color=shade, markersize=3.5, linewidth=0.9, label=title)
 
 
 def best_width(points: Iterable[Point], error: float) -> Point | None:
@@ -310,8 +257,7 @@ def plot_widths(
             if cheapest and (what == "eps" or least):
                 x.append(error)
                 y.append(cheapest.setting[0] if what == "eps" or not least else cheapest.seconds / least)
-        title = CASES[case].title if case in CASES else case
-        axes.plot(x, y, "-" + MARKS[k % len(MARKS)], color=f"C{k}", markersize=3.5, label=title)
+        axes.plot(x, y, "-", **_of_case(k, case))
     _logarithmic(axes, "error asked for", "cheapest ε" if what == "eps" else "time / event-driven time")
     axes.invert_xaxis()
     if what != "eps":
