@@ -14,6 +14,7 @@ from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
+_TOUCHES = 4  # orders to which a multiplier may touch its bound
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
@@ -63,6 +64,9 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
                 size += abs(poly[k])
             if size <= C.rtol:
                 continue
+            while drop < _TOUCHES and abs(poly[0]) <= 1e-13 * size:
+                drop += 1  # it touches its bound, and where it goes from there is a matter of the next order
+                scaled(row, power, poly, degree, drop, -1.0 * side)
         if best > 1.0:
             best = first_root(P, W.roots, degree - drop)
             if best <= 1.0:
