@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import sympy as sp
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import maximum_bipartite_matching
 from sympy.core.function import AppliedUndef
 
 from . import checks
@@ -104,10 +102,14 @@ def solved_rows(M, forces, unknowns):
     """(y, algebraic) of M y = F; a row with one entry gives its unknown at once, others as an Algebraic."""
     alone = [M[i, i] != 0 and all(M[i, j] == 0 for j in range(M.cols) if j != i) for i in range(M.rows)]
     y = [forces[i] / M[i, i] if alone[i] else x for i, x in enumerate(unknowns)]
-    # They are solved together; each is written with a row in which it stands, which that of a constraint has not.
-    stands = csr_array([[int(e != 0) for e in M.row(i)] for i in range(M.rows)])
-    own = all(M[i, i] != 0 for i in range(M.rows))
-    rows = range(M.rows) if own else maximum_bipartite_matching(stands, perm_type="row").tolist()
+    # They are solved together; each is written with a row in which it stands; a constraint lacks its own.
+    rows = list(range(M.rows))
+    if any(M[i, i] == 0 for i in rows):
+        from scipy.sparse import csr_array  # which the import of the package does without
+        from scipy.sparse.csgraph import maximum_bipartite_matching
+
+        stands = csr_array([[int(e != 0) for e in M.row(i)] for i in rows])
+        rows = maximum_bipartite_matching(stands, perm_type="row").tolist()
     residuals = [
         Algebraic(x, sp.Add(*(M[rows[j], k] * e for k, e in enumerate(y))) - forces[rows[j]])
         for j, x in enumerate(unknowns)

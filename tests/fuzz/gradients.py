@@ -138,7 +138,8 @@ def play(played, seed):
         return Verdict(UNDECIDED if both else WRONG, f"{label}: refused {'by both' if both else 'by one'}")
     error = float(np.abs(expected - found).max() / (1e-3 + size))
     if error > _TOLERANCE:
-        return Verdict(WRONG if multiplier(played, run) < 1e3 else judging.ILL, f"{label}: gradient", error)
+        reached = error <= _TOLERANCE * multiplier(played, run) / 1e3
+        return Verdict(judging.ILL if reached else WRONG, f"{label}: gradient", error)
     return Verdict(RIGHT, label, error)
 
 
