@@ -441,7 +441,7 @@ class System(DescribedSystem):
         eps : float or mapping of switch to float
             Width of the layer, in the unit of h; > 0.
         sigmoid : {"algebraic", "tanh", "erf"} or Expr
-            The family Lambda; an expression is one in u = h/eps, `~pwsmooth.definition.sigmoids.sigmoid`.
+            The family Lambda; an expression is one in u = h/eps.
 
         Returns
         -------

@@ -81,7 +81,7 @@ def capture_threshold(rho: float, ratio: float, *, sigmoid: str | sp.Expr = "alg
     ratio : float, dimensionless
         eps/beta, the layer's speed relative to the relaxation of z; 0 and inf are allowed.
     sigmoid : {"algebraic", "tanh", "erf"} or Expr
-        Shape L(u) of the layer; an expression is one in u (`~pwsmooth.definition.sigmoids.sigmoid`).
+        Shape L(u) of the layer; an expression is one in u.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def critical_ratio(rho: float, *, sigmoid: str | sp.Expr = "algebraic") -> float
     rho : float, dimensionless
         Strength of the hidden term, > 1/2.
     sigmoid : {"algebraic", "tanh", "erf"} or Expr
-        Shape L(u) of the layer; an expression is one in u (`~pwsmooth.definition.sigmoids.sigmoid`).
+        Shape L(u) of the layer; an expression is one in u.
 
     Returns
     -------
