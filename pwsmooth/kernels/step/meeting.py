@@ -14,8 +14,20 @@ from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
-_TOUCHES = 4  # orders to which a multiplier may touch its bound
+_TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
+
+
+@inlined_kernel
+def _past_touches(row, power, poly, degree, drop, sign, size):
+    """The zero orders to drop where a step begins: more than known, if they are rounding and the next leads away."""
+    more = 0
+    while more < _TOUCHES and abs(at(poly, more)) <= 1e-13 * size:
+        more += 1
+    if more > 0 and at(poly, 0) <= 0.0 and at(poly, more) > 0.0:
+        drop += more
+        scaled(row, power, poly, degree, drop, sign)
+    return drop
 
 
 @inlined_kernel
@@ -32,9 +44,8 @@ def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING):
             size += abs(poly[k])
         if size <= (rounding if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
-        if drop < 3 and poly[0] <= 0.0 and abs(poly[0]) <= 1e-13 * size and poly[1] > 0.0:
-            drop += 1
-            scaled(row, power, poly, degree, drop, sign)
+        if drop < 3:
+            drop = _past_touches(row, power, poly, degree, drop, sign, size)
     return first_root(P, W.roots, degree - drop)
 
 
@@ -64,9 +75,7 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
                 size += abs(poly[k])
             if size <= C.rtol:
                 continue
-            while drop < _TOUCHES and abs(poly[0]) <= 1e-13 * size:
-                drop += 1  # it touches its bound, and where it goes from there is a matter of the next order
-                scaled(row, power, poly, degree, drop, -1.0 * side)
+            drop = _past_touches(row, power, poly, degree, drop, -1.0 * side, size)
         if best > 1.0:
             best = first_root(P, W.roots, degree - drop)
             if best <= 1.0:
