@@ -67,9 +67,9 @@ class Mechanism:
         return next((name for name, e in self.velocities.items() if e == v), ""), v
 
     def _plain(self, e: Any, what: str) -> sp.Expr:
-        e = sp.sympify(e)
-        rates = {d: self.rates.get(checks.named(d.expr), d) for d in e.atoms(sp.Derivative)}
-        return checks.expression(e.xreplace(rates), what)
+        if isinstance(e, sp.Basic):
+            e = e.xreplace({d: self.rates.get(checks.named(d.expr), d) for d in e.atoms(sp.Derivative)})
+        return checks.expression(e, what)
 
     def rate(self, gap: sp.Expr) -> sp.Expr:
         """d(gap)/dt in terms of speeds."""

@@ -85,7 +85,7 @@ class Sigmoid:
             Dimensionless, between -1 and 1.
         """
         if self.expression is not None:
-            return self.expression.xreplace({_U: sp.sympify(u)})
+            return self.expression.xreplace({_U: checks.expression(u, "`u`")})
         return _FUNCTIONS[self.name][0](u)
 
     def slope(self, lam):
