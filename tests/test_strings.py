@@ -2,10 +2,12 @@
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import sympy as sp
+from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 from typer.testing import CliRunner
 
 import pwsmooth
@@ -16,6 +18,7 @@ from pwsmooth.analysis.sections import Section, Stroboscopic
 from pwsmooth.analysis.symmetry import symmetry_matrix
 from pwsmooth.cli import app
 from pwsmooth.definition import formula
+from pwsmooth.definition.sigmoids import sigmoid
 from pwsmooth.laws import Joint
 from pwsmooth.laws.friction import Coulomb, Dahl
 
@@ -31,6 +34,13 @@ elements = Family(3)
 
 def orbit(**given):
     return pwsmooth.find_orbit(SYSTEM, START, **{"period": 2 * sp.pi, **given})
+
+
+def pendulum():
+    q = dynamicsymbols("q")
+    lagrange = LagrangesMethod(k * q.diff() ** 2 / 2 + sp.cos(q), [q])
+    lagrange.form_lagranges_equations()
+    return lagrange
 
 
 def sweep(**given):
@@ -107,6 +117,14 @@ DOORS = {
     "Joint": lambda s: Joint(s),
     "load of Joint": lambda s: Joint(v, load=s),
     "attach": lambda s: Dahl().attach(velocity=v, position=s),
+    "steady of a law": lambda s: Coulomb().steady(s, SimpleNamespace(F_c=1, sigma2=0)),
+    "function of a sigmoid": lambda s: sigmoid("tanh").function(s),
+    "slope of a sigmoid": lambda s: sigmoid("erf").slope(s),
+    "inverse of a sigmoid": lambda s: sigmoid(2 / sp.pi * sp.atan(x)).inverse(s),
+    "from_mechanics": lambda s: System.from_mechanics(s),
+    "friction of a mechanism": lambda s: System.from_mechanics(pendulum(), friction={s: Coulomb()}),
+    "values of a mechanism": lambda s: System.from_mechanics(pendulum(), parameters={k: s}),
+    "contacts of a mechanism": lambda s: System.from_mechanics(pendulum(), contacts=[s]),
     "name of attach": lambda s: Dahl().attach(velocity=v, name=s),
     "values of a law": lambda s: Coulomb(F_c=s),
     "position": lambda s: scenes.prescribed_motion(Dahl(), position=s),

@@ -92,7 +92,7 @@ class Mechanism:
 
     def check_inertia(self, parameters: Any) -> None:
         """ValueError where the matrix has no inverse, at a place of no meaning."""
-        values = {str(key): value for key, value in parameters.items()}
+        values = {str(key): checks.number(value, f"`parameters` of {key}") for key, value in parameters.items()}
         random = np.random.default_rng(_SEED)
         at = {s: values.get(str(s), random.uniform(0.2, 0.8)) for s in sorted(self.M.free_symbols, key=str)}
         rank = np.linalg.matrix_rank(np.array(self.M.evalf(subs=at).tolist(), dtype=float))

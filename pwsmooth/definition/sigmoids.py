@@ -84,8 +84,9 @@ class Sigmoid:
         Expr
             Dimensionless, between -1 and 1.
         """
+        u = _argument(u, "`u`")
         if self.expression is not None:
-            return self.expression.xreplace({_U: checks.expression(u, "`u`")})
+            return self.expression.xreplace({_U: u})
         return _FUNCTIONS[self.name][0](u)
 
     def slope(self, lam):
@@ -101,6 +102,7 @@ class Sigmoid:
         Expr
             Dimensionless, >= 0.
         """
+        lam = _argument(lam, "`lam`")
         if self.expression is not None:
             return self.expression.diff(_U).xreplace({_U: self.inverse(lam)})
         if self.exponent is None:
@@ -121,6 +123,7 @@ class Sigmoid:
         Expr
             Dimensionless; of an expression a function that has numbers only.
         """
+        lam = _argument(lam, "`lam`")
         if self.expression is not None:
             return _numerical_inverse(self.expression)(lam)
         return _FUNCTIONS[self.name][1](lam)
@@ -163,6 +166,11 @@ class Sigmoid:
 
 
 #: The families by name.
+def _argument(value, what):
+    """An expression of any symbols, a Dummy as well; text is refused, which sympy's functions would evaluate."""
+    return value if isinstance(value, sp.Expr) else checks.expression(value, what)
+
+
 SIGMOIDS = {
     "algebraic": Sigmoid("algebraic", sp.Rational(3, 2)),
     "tanh": Sigmoid("tanh", sp.Integer(1)),

@@ -205,6 +205,11 @@ class Law:
     certainty: ClassVar[str] = ""  # "reconstructed" where the original was not available
     needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "steady" in vars(cls):  # sympy's functions, of which it is made, would evaluate text
+            cls.steady = checks.door(v=checks.expression)(cls.steady)  # type: ignore[method-assign]
+
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             self._check(field)
