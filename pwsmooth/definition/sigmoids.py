@@ -165,12 +165,12 @@ class Sigmoid:
         return self.function(h / eps)
 
 
-#: The families by name.
 def _argument(value, what):
     """An expression of any symbols, a Dummy as well; text is refused, which sympy's functions would evaluate."""
     return value if isinstance(value, sp.Expr) else checks.expression(value, what)
 
 
+#: The families by name.
 SIGMOIDS = {
     "algebraic": Sigmoid("algebraic", sp.Rational(3, 2)),
     "tanh": Sigmoid("tanh", sp.Integer(1)),
