@@ -30,9 +30,8 @@ from .definition.drives import drive
 from .definition.family import spread
 from .definition.lifting import plain
 from .definition.lowering import lower
-from .definition.mechanics import mechanism
+from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
-from .definition.primitives import Unilateral
 from .definition.reading import read
 from .definition.regularity import Surface
 from .definition.reversal import backward
@@ -205,7 +204,8 @@ class System(DescribedSystem):
             Lagrange's equations are named after the coordinates, `theta_dot` for theta.
         friction : mapping, optional
             Velocity -> law of `pwsmooth.laws`, or (law, normal load). A velocity is a joint's or a speed's name, or an
-            expression of speeds, such as a slip velocity. The law opposes it, in newtons or newton metres.
+            expression of speeds, such as a slip velocity. The law opposes it, in newtons or newton metres. Its states and
+            parameters carry the velocity's name; of several expressions their number among the laws.
         contacts : sequence of Unilateral
             Gaps as expressions of the coordinates; their reactions act along the gaps.
         parameters : mapping of Symbol to float, in the units of the model
@@ -248,35 +248,7 @@ class System(DescribedSystem):
         >>> swing.itinerary[-1]
         'stick (lam_theta sliding)'
         """
-        found = mechanism(method)
-        values, shown, laws = (
-            dict(checks.mapping({} if given is None else given, f"`{name}`"))
-            for name, given in (("parameters", parameters), ("outputs", outputs), ("friction", friction))
-        )
-        found.check_inertia(values)
-        parts = {name: list(arguments.pop(name, ())) for name in ("events", "algebraic")}
-        parts["contacts"] = list(checks.all_of_kind("contacts", contacts, Unilateral))
-        forcing, rates = found.F, {}  # type: ignore[var-annotated]
-        for contact in parts["contacts"]:
-            forcing += found.along(found.rate(contact.gap), contact.reaction)
-        for key, law in laws.items():
-            law, normal = law if isinstance(law, tuple) else (law, None)
-            if not hasattr(law, "attach"):
-                raise TypeError(
-                    f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws, or (law, load)."
-                )
-            name, v = found.velocity(key)
-            there = found.positions.get(v)
-            pieces = law.attach(velocity=v, position=there, normal=normal, time=found.time, name=name)
-            forcing += found.along(v, -pieces.force)
-            for mine, theirs in ((rates, pieces.rates), (values, pieces.parameters), (shown, pieces.outputs)):
-                mine.update(theirs)
-            shown[f"friction {name}".strip()] = pieces.force
-            for kind, items in parts.items():
-                items += getattr(pieces, kind)
-        own, unknowns = found.solved(forcing)
-        parts["algebraic"] = [*unknowns, *parts["algebraic"]]
-        return cls(own | rates, time=found.time, parameters=values, outputs=shown, **parts, **arguments)
+        return cls(**arguments_of(mechanism(method), friction, contacts, parameters, outputs, arguments))
 
     # ---- what a system knows
 

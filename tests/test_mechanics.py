@@ -8,7 +8,7 @@ from sympy.physics import mechanics as me
 
 from pwsmooth import System, Unilateral, solve
 from pwsmooth.analysis.recutting import longest_slip
-from pwsmooth.laws.friction import Coulomb, LuGre
+from pwsmooth.laws.friction import Coulomb, Dahl, LuGre
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 t = me.dynamicsymbols._t
@@ -186,6 +186,23 @@ def test_what_is_no_mechanism_or_no_velocity_is_refused():
             System.from_mechanics(lagrange, friction={key: Coulomb()}, parameters={g: 9.81})
     with pytest.raises(TypeError, match="give a law"):
         System.from_mechanics(lagrange, friction={"x": 0.3}, parameters={g: 9.81})
+
+
+def test_laws_of_several_velocities_keep_their_own_names():
+    lagrange, x, y, g = falling_block()
+    both = {x.diff() + y.diff(): Dahl(F_c=0.3), x.diff() - y.diff(): Dahl(F_c=0.2)}
+    block = System.from_mechanics(lagrange, friction=both, parameters={g: 9.81})
+    assert [str(s) for s in block.states] == ["x", "y", "x_dot", "y_dot", "z_1", "z_2"]
+    assert {str(p): value for p, value in block.parameters.items()}.items() >= {
+        "F_c_1": 0.3,
+        "F_c_2": 0.2,
+    }.items()
+    for friction, values in (
+        ({"x": Dahl(), x.diff(): Dahl()}, {}),
+        ({x.diff() + y.diff(): Dahl()}, {sp.Symbol("F_c", positive=True): 2}),
+    ):
+        with pytest.raises(ValueError, match="brings (z_x|F_c), which the mechanism or another law has"):
+            System.from_mechanics(lagrange, friction=friction, parameters={g: 9.81, **values})
 
 
 def test_what_has_no_inertia_is_refused():

@@ -22,6 +22,7 @@ import sympy as sp
 
 from . import checks
 from .notation import rate_symbol, solved_rows
+from .primitives import Unilateral
 
 _SEED = 20  # of the place at which a mass matrix is looked at
 
@@ -149,3 +150,43 @@ def mechanism(method: Any) -> Mechanism:
     M, F = ((A.xreplace(there)).applyfunc(lambda e: checks.expression(e, "`method`")) for A in (M, F))
     plain = {checks.named(q): checks.expression(e, "`method`") for q, e in rates.items()}
     return Mechanism(time, plain, speeds, dependent, multipliers, M, F)
+
+
+def arguments_of(
+    found: Mechanism, friction: Any, contacts: Any, parameters: Any, outputs: Any, others: dict[str, Any]
+) -> dict[str, Any]:
+    """Arguments of a System: the mechanism under the forces of its laws and contacts, along their velocities."""
+    values, shown, laws = (
+        dict(checks.mapping({} if given is None else given, f"`{name}`"))
+        for name, given in (("parameters", parameters), ("outputs", outputs), ("friction", friction))
+    )
+    found.check_inertia(values)
+    parts = {name: list(others.pop(name, ())) for name in ("events", "algebraic")}
+    parts["contacts"] = list(checks.all_of_kind("contacts", contacts, Unilateral))
+    forcing, rates = found.F, {}
+    for contact in parts["contacts"]:
+        forcing += found.along(found.rate(contact.gap), contact.reaction)
+    for number, (key, law) in enumerate(laws.items(), 1):
+        law, normal = law if isinstance(law, tuple) else (law, None)
+        if not hasattr(law, "attach"):
+            raise TypeError(
+                f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws, or (law, load)."
+            )
+        name, v = found.velocity(key)
+        name = name or (str(number) if len(laws) > 1 else "")
+        there = found.positions.get(v)
+        pieces = law.attach(velocity=v, position=there, normal=normal, time=found.time, name=name)
+        forcing += found.along(v, -pieces.force)
+        named = {f"friction {name}".strip(): pieces.force, **pieces.outputs}
+        for mine, theirs in ((rates, pieces.rates), (values, pieces.parameters), (shown, named)):
+            if common := {*map(str, mine)} & {*map(str, theirs)}:
+                raise ValueError(
+                    f"`friction` of {key} brings {', '.join(sorted(common))}, which the mechanism or another law has; "
+                    "rename the mechanism's own, or give both laws of one velocity as one."
+                )
+            mine.update(theirs)
+        for kind, items in parts.items():
+            items += getattr(pieces, kind)
+    own, unknowns = found.solved(forcing)
+    parts["algebraic"] = [*unknowns, *parts["algebraic"]]
+    return {"rates": own | rates, "time": found.time, "parameters": values, "outputs": shown, **parts, **others}
