@@ -270,6 +270,8 @@ def start(tmp_path):
             [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, start_new_session=True,
             env=os.environ | {"PYTHONPATH": str(tmp_path)},
+            # A shell's background job begins deaf to it, and so would this one.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )  # fmt: skip
 
     return start

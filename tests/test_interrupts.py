@@ -14,6 +14,14 @@ from pwsmooth import Event, System, diagram
 from pwsmooth.paths.interrupts import noted, processes, result
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Ctrl-C raises, as usual; a shell's background job begins deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def press():
     signal.raise_signal(signal.SIGINT)
 
