@@ -270,11 +270,12 @@ def start(tmp_path):
             [sys.executable, "-m", "pwsmooth", "figures", *names, "--jobs", "2", "--out", "made"],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, start_new_session=True,
             env=os.environ | {"PYTHONPATH": str(tmp_path)},
-            # A shell's background job begins deaf to it, and so would this one.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )  # fmt: skip
 
-    return start
+    # A shell's background job begins deaf to Ctrl-C, and so would what it starts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield start
+    signal.signal(signal.SIGINT, before)
 
 
 def test_of_several_at_a_time_one_that_fails_costs_no_other_and_the_order_is_kept(start, tmp_path):
