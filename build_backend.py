@@ -43,7 +43,9 @@ class CompiledKernels(build_py):
         shipped = root / SHIPPED.relative_to(PACKAGE.parent)
         shutil.rmtree(shipped, ignore_errors=True)  # of an earlier build
         usual = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
-        usual |= {"PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", "PWSMOOTH_CACHE_DIR": str(shipped)}
+        # An isolated build finds its requirements by PYTHONPATH.
+        paths = os.pathsep.join([str(root), *filter(None, [os.environ.get("PYTHONPATH")])])
+        usual |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", "PWSMOOTH_CACHE_DIR": str(shipped)}
         for level in all_levels():
             program = "from pwsmooth.codegen.machine.units import ALL, unit_addresses; unit_addresses(ALL)"
             command = [sys.executable, "-c", program]
