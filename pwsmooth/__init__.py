@@ -15,6 +15,7 @@ _HOME = {
     "System": "system",
     "HiddenTerm": "system",
     "Switch": "definition.primitives",
+    "Disc": "definition.primitives",
     "Event": "definition.primitives",
     "Memory": "definition.primitives",
     "Unilateral": "definition.primitives",

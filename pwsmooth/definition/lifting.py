@@ -19,9 +19,10 @@ from collections.abc import Callable
 import sympy as sp
 from sympy.core.relational import Relational
 
+from .discs import LiftedDisc
 from .model import Select, Whole, core
 from .pointwise import draw, fingerprint, value
-from .primitives import Memory, Reaction, Switch
+from .primitives import Component, Disc, Memory, Reaction, Switch
 
 # Functions of which a kink is lifted out: their series end where it does.
 _ENDING = (sp.log, sp.asin, sp.acos, sp.atanh, sp.acosh)
@@ -55,6 +56,7 @@ class Lifting:
         self.dynamic = frozenset(dynamic)
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
+        self.discs: dict[Disc, LiftedDisc] = {}
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
@@ -125,6 +127,8 @@ class Lifting:
     def _symbol(self, s):
         """What stands for a user's symbol: primitives become plain symbols, a Switch its multiplier."""
         if s not in self._symbols:
+            if isinstance(s, Component):
+                self._disc(s.disc)
             self._symbols[s] = self._switch(s) if isinstance(s, Switch) else plain(s)
         return self._symbols[s]
 
@@ -141,6 +145,27 @@ class Lifting:
         if found is None:
             return self._register(surface, switch)
         return found[0] * found[1]
+
+    def _disc(self, disc):
+        """Registers a disc with its surfaces lifted."""
+        if disc in self.discs:
+            return
+        if any(isinstance(s, Component) for h in disc.surfaces for s in h.free_symbols):
+            raise ValueError(
+                f"`surfaces` of Disc {disc.name!r} are {disc.surfaces}, in which the multiplier of a disc stands: give "
+                "velocities as expressions of time and states."
+            )
+        keep, self._may_register = self._may_register, True
+        surfaces = tuple(self._lift(h, {}) for h in disc.surfaces)
+        self._may_register = keep
+        if still := [h for h in surfaces if not self._moves(h)]:
+            raise ValueError(
+                f"`surfaces` of Disc {disc.name!r} contain {still[0]}, in which no state, no time stands: it is constant "
+                "between events. Give expressions of time and states."
+            )
+        self.discs[disc] = LiftedDisc(
+            sp.Symbol(disc.name, real=True), tuple(map(plain, disc.components)), surfaces
+        )
 
     def _sign(self, h, sides):
         factors = self._factors(h)
@@ -326,6 +351,7 @@ class Lifting:
     def _choose(self, h, above, below, sides, at_zero=None):
         """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is constant and 0."""
         at_zero = at_zero or below
+        self._refuse_components(h)
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero)(sides)
         inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
@@ -360,6 +386,14 @@ class Lifting:
             self._by_factors(sign * orientation, rest, above, below, sides | {lam: 1}),
             self._by_factors(-sign * orientation, rest, above, below, sides | {lam: -1}),
         )
+
+    def _refuse_components(self, h):
+        lams = {lam for disc in self.discs.values() for lam in disc.components}
+        if inside := sorted(map(str, h.free_symbols & lams)):
+            raise ValueError(
+                f"{inside[0]} stands in the surface or condition {h}: where the field switches is told by time and states, "
+                "not by a multiplier. Write it with the surfaces of the disc."
+            )
 
     def _factors(self, h):
         """sign h as (sign, factors): (orientation, multiplier) of a surface, or a constant of unknown sign.
@@ -442,8 +476,8 @@ class Lifting:
 
 
 def plain(symbol):
-    """A Switch, Memory or Reaction as the plain Symbol of the lowered model; other symbols as they are."""
-    if isinstance(symbol, (Switch, Memory, Reaction)):
+    """A primitive as the plain Symbol of the lowered model; other symbols as they are."""
+    if isinstance(symbol, (Switch, Component, Memory, Reaction)):
         return sp.Symbol(symbol.name, **symbol._assumptions_orig)
     return symbol
 

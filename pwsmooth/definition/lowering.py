@@ -1,6 +1,7 @@
 """Lowering: the lifted system -> `Model`.
 
     switch     g = dh/dt, or d2h/dt2 where lambda first stands there
+    disc       g_i = dh_i/dt of its components
     contact    g = d2h/dt2;   impact  x+ = x + (df/dR) J  with the J that makes  h'+ = -e h'-
     algebraic  g as given
 
@@ -12,10 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
 import sympy as sp
 
+from .discs import LiftedDisc, is_affine
 from .model import EventSpec, Model, Multiplier, of_event
-from .regularity import beside_kinks, classify, residual_of, second_derivative, total_derivative
+from .pointwise import draw, value
+from .regularity import POINTS, beside_kinks, classify, residual_of, second_derivative, total_derivative
 from .singular import watched
 
 
@@ -29,6 +33,7 @@ class Field:
     parameters: tuple[sp.Symbol, ...]
     memories: tuple[sp.Symbol, ...] = ()
     switches: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    discs: tuple[LiftedDisc, ...] = ()
     contacts: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...] = ()  # R, gap, restitution
     algebraic: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
     events: tuple[EventSpec, ...] = ()
@@ -42,6 +47,7 @@ class Field:
         """All expressions whose symbols must be known."""
         yield from self.rates
         yield from (h for _, h in self.switches)
+        yield from (h for disc in self.discs for h in disc.surfaces)
         for _, gap, e in self.contacts:
             yield from (gap, e)
         yield from (r for _, r in self.algebraic)
@@ -94,6 +100,7 @@ class Field:
         mapped = {
             "rates": tuple(map(change, self.rates)),
             "switches": tuple((s, change(h)) for s, h in self.switches),
+            "discs": tuple(disc.map(change) for disc in self.discs),
             "contacts": tuple((s, change(gap), change(e)) for s, gap, e in self.contacts),
             "algebraic": tuple((s, change(r)) for s, r in self.algebraic),
             "outputs": tuple((name, change(e)) for name, e in self.outputs),
@@ -120,11 +127,65 @@ def multipliers(field):
     for index, m in enumerate(result):
         if kinks and m.regularity == "sliding" and not m.hidden:
             result[index] = replace(m, beside=beside_kinks(field, index, m.residual, kinks))
+    for disc in field.discs:
+        result += _of_disc(field, disc)
     for R, gap, restitution in field.contacts:
         residual, impact = _contact(field, R, gap, restitution)
         result.append(Multiplier(R, "contact", residual, gap, impact=impact))
     result += [Multiplier(a, "algebraic", residual) for a, residual in field.algebraic]
     return tuple(result)
+
+
+def _of_disc(field, disc):
+    """The multiplier of a disc, lambda . lambda, and those of its components."""
+    square = sp.Add(*(lam**2 for lam in disc.components))
+    rates = [total_derivative(h, field.time, field.states, field.rates) for h in disc.surfaces]
+    hidden = not all(is_affine(g, disc.components) for g in rates)
+    _can_hold(disc, rates)
+    return [
+        Multiplier(disc.symbol, "disc", disc.symbol - square, disc.square),
+        *(
+            Multiplier(lam, "component", g, h, hidden=hidden)
+            for lam, g, h in zip(disc.components, rates, disc.surfaces, strict=True)
+        ),
+    ]
+
+
+def _can_hold(disc, rates):
+    """Refuses a disc whose multiplier has no power over all of its surfaces."""
+    slopes = sp.Matrix([[g.diff(lam) for lam in disc.components] for g in rates])
+    for k in range(POINTS):
+        point = {s: draw(s, k) for s in slopes.free_symbols}
+        J = np.array([value(e, point) for e in slopes]).reshape(slopes.shape)
+        if np.isfinite(J).all() and np.linalg.matrix_rank(J) == len(J):
+            return
+    shown = ", ".join(f"d({h})/dt = {g}" for h, g in zip(disc.surfaces, rates, strict=True))
+    raise ValueError(
+        f"disc {disc.symbol} cannot hold its surfaces at 0: {shown} do not depend on all of its components "
+        f"{', '.join(map(str, disc.components))}. Give independent velocities on whose rates every component acts."
+    )
+
+
+def _slips_shown(field, m):
+    """A multiplier whose expressions show the slip of every disc but its own."""
+    discs = [disc for disc in field.discs if m.symbol not in (disc.symbol, *disc.components)]
+    if not discs:
+        return m
+    change = _showing(discs)
+    impact = m.impact and tuple(map(change, m.impact))
+    second, beside = (e if e is None else change(e) for e in (m.second, m.beside))
+    return replace(m, residual=change(m.residual), impact=impact, second=second, beside=beside)
+
+
+def _showing(discs):
+    """The change of expressions that shows, off h = 0, the direction of slip of these discs."""
+
+    def change(e):
+        for disc in discs:
+            e = disc.shown(e)
+        return e
+
+    return change
 
 
 def _pattern(h, members, patterns):
@@ -189,8 +250,15 @@ def lower(
     if watch is None:
         # A smoothed field comes to rest on a branch point, within the width of its layer: nothing to watch there.
         watch = tuple(e for e in watched(field) if not (smoothing and e.singular == "branch"))
-    multiplier = multipliers(field)
-    layer_residuals = tuple(m.condition for m in multipliers(layer_field)) if layer_field else ()
+    multiplier = tuple(_slips_shown(field, m) for m in multipliers(field))
+    if field.discs:
+        components = tuple((lam.name, lam) for disc in field.discs for lam in disc.components)
+        field = replace(field, outputs=(*field.outputs, *components)).map(
+            _showing(field.discs), discs=field.discs
+        )
+    layer_residuals = (
+        tuple(_slips_shown(layer_field, m).condition for m in multipliers(layer_field)) if layer_field else ()
+    )
     ratios = eps_ratio or {}
     model = Model(
         time=field.time,

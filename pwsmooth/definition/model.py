@@ -2,11 +2,12 @@
 
     dx/dt = f(t, x, mult; p),      mult = (lambda_1, ..., R_1, ..., a_1, ...)
 
-Three kinds of multiplier share one mechanism. Each has a residual g(t, x, mult; p) that vanishes while
+Four kinds of multiplier share one mechanism. Each has a residual g(t, x, mult; p) that vanishes while
 the multiplier is *solved*, and a fixed value otherwise:
 
     switch     g = dh/dt     fixed at +1 or -1 off its surface, solved while sliding
                g = d2h/dt2   of relative degree 2: solved while h = dh/dt = 0 is held (second-order sliding)
+    disc       g = dh_i/dt of each component of lambda, solved in stick; in slip lambda is h/|h| (discs.py)
     contact    g = d2h/dt2   fixed at 0 while open, solved while closed
     algebraic  g as given    always solved
 
@@ -177,7 +178,7 @@ class Multiplier:
     """One unknown of the right-hand side that is fixed or solved; see the table above."""
 
     symbol: sp.Symbol
-    kind: str  # "switch" | "contact" | "algebraic"
+    kind: str  # "switch" | "disc" | "component" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
     regularity: str = "sliding"  # of a switch: "kink" | "sliding" (relative degree 1) | "crossing" (higher)

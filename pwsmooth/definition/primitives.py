@@ -1,13 +1,14 @@
 """Primitives: what a model says beyond ordinary notation.
 
     Switch      lambda = sign h off the surface h = 0, lambda in [-1, 1] on it
+    Disc        the vector lambda = h/|h| off h = 0 (two or three numbers), |lambda| <= 1 on it
     Memory      a value that changes only in events
     Event       at h = 0, or at given instants: resets, latches, flags, stops
     Unilateral  0 <= h  complementary to  R >= 0, with Newton's law at impacts
     Algebraic   an unknown that its residual determines inside the right-hand side
 
-`Switch`, `Memory` and the reaction of a `Unilateral` are sympy Symbols: they stand in expressions like any
-other name. What defines them is part of their identity, because sympy shares plain Symbols by name.
+`Switch`, `Memory`, the components of a `Disc` and the reaction of a `Unilateral` are sympy Symbols: they stand in
+expressions like any other name. What defines them is part of their identity, because sympy shares plain Symbols by name.
 Elements of one kind (multistate laws, spring-block chains) are in family.py.
 Chain: primitives (here) -> lifting.py -> system.py.
 """
@@ -76,6 +77,124 @@ class Switch(sp.Symbol):
 
     def _sympyrepr(self, printer, *args):
         return f"Switch({self.name!r}, {printer._print(self.surface)})"
+
+
+class Component(sp.Symbol):
+    """One component of the multiplier of a `Disc`, made by it."""
+
+    __slots__ = ("disc", "index")
+
+    def __new__(cls, disc, index):
+        self = sp.Symbol.__xnew__(cls, f"{disc.name}_{'xyz'[index]}", real=True)
+        self.disc, self.index = disc, index
+        return self
+
+    def __getnewargs_ex__(self):
+        return (self.disc, self.index), {}
+
+    def _hashable_content(self):
+        return (*super()._hashable_content(), self.disc.surfaces)
+
+    def _sympyrepr(self, printer, *args):
+        return f"{self.disc!r}[{self.index}]"
+
+
+@dataclass(frozen=True, init=False)
+class Disc:
+    """The vector multiplier of a vector surface h: lambda = h/|h| where h is not 0, |lambda| <= 1 where it is.
+
+    Coulomb's law in the plane and in space: with h the velocity of a body that slides, the friction force is -mu N
+    lambda, along the slip, and any force in the disc of radius mu N where it sticks.
+
+    Parameters
+    ----------
+    name : str
+        Name of the multiplier; its components are name_x, name_y, name_z.
+    surfaces : sequence of Expr, length 2 or 3
+        h(t, x), all in one unit, that of a smoothing width eps.
+
+    Attributes
+    ----------
+    name : str
+    surfaces : tuple of Expr
+    components : tuple of Symbol
+        The components of lambda, for the right-hand side; the disc itself unpacks to them, and ``lam[0]`` is the first.
+
+    Raises
+    ------
+    ValueError, TypeError
+        One surface, for which there is `Switch`, none or more than three; constants, or twice the same; no expressions.
+
+    Notes
+    -----
+    Hidden terms vanish at |lambda| = 1, such as 1 - lam.square. An ellipse of friction with the matrix M of half-axes
+    needs no other disc: h = M v with the force -M lambda (the most dissipation), or h = v with it (along the slip).
+
+    Source: Filippov 1988 for surfaces of codimension 2; Antali and Stepan, SIAM J. Appl. Dyn. Syst. 17 (2018) 823, for
+    limit directions.
+
+    Examples
+    --------
+    A block is thrown on a plane. It stops at |v|/mu after |v|^2/(2 mu), and stays:
+
+    >>> import sympy as sp
+    >>> from pwsmooth import Disc, System, solve
+    >>> x, y, vx, vy = sp.symbols("x y vx vy", real=True)
+    >>> lam = Disc("lam", (vx, vy))
+    >>> block = System({x: vx, y: vy, vx: -lam[0] / 2, vy: -lam[1] / 2})
+    >>> thrown = solve(block, (0, 4), {x: 0, y: 0, vx: 0.6, vy: 0.8})
+    >>> thrown.itinerary
+    ('slip (lam)', 'stick (lam sliding)')
+    >>> print(f"{thrown.events[0].time:.9f} {thrown['x'][-1]:.9f} {thrown['y'][-1]:.9f}")
+    2.000000000 0.600000000 0.800000000
+    """
+
+    name: str
+    surfaces: tuple[sp.Expr, ...]
+
+    def __init__(self, name, surfaces):
+        name = _name(name, "Disc")
+        given = checks.several(surfaces, f"`surfaces` of Disc {name!r}")
+        surfaces = tuple(checks.expression(h, f"`surfaces` of Disc {name!r}") for h in given)
+        if len(surfaces) not in (2, 3):
+            hint = "; of one surface it is a Switch" if len(surfaces) == 1 else ""
+            raise ValueError(f"`surfaces` of Disc {name!r} are {len(surfaces)}; give two or three{hint}.")
+        for k, h in enumerate(surfaces):
+            if not h.free_symbols:
+                raise ValueError(
+                    f"`surfaces` of Disc {name!r} contain the constant {h}: it never changes. "
+                    "Give expressions of time and states."
+                )
+            if h in surfaces[:k] or -h in surfaces[:k]:
+                raise ValueError(
+                    f"`surfaces` of Disc {name!r} contain {h} twice; give components of a vector, such as (vx, vy)."
+                )
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "surfaces", surfaces)
+
+    @property
+    def components(self):
+        """The components of lambda."""
+        return tuple(Component(self, i) for i in range(len(self.surfaces)))
+
+    def __iter__(self):
+        return iter(self.components)
+
+    def __len__(self):
+        return len(self.surfaces)
+
+    def __getitem__(self, index):
+        return self.components[index]
+
+    @property
+    def square(self):
+        """lambda . lambda: 1 in slip, less in stick."""
+        return sp.Add(*(lam**2 for lam in self))
+
+    @property
+    def size(self):
+        """|h| = lambda . h, continuous: the slip speed where h is a velocity."""
+        return sp.Add(*(lam * h for lam, h in zip(self, self.surfaces, strict=True)))
 
 
 class Memory(sp.Symbol):
@@ -379,6 +498,9 @@ def symbols_of(expressions):
             for part in ("surface", "gap", "restitution", "outside"):
                 if (inner := getattr(s, part, None)) is not None:
                     visit(inner)
+            if isinstance(s, Component):
+                for h in s.disc.surfaces:
+                    visit(h)
             symbols[s] = None
 
     for e in expressions:

@@ -15,7 +15,7 @@ from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import EventSpec, of_event
-from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral, symbols_of
+from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
 _INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
 
@@ -31,6 +31,7 @@ class Definition:
     controls: tuple[Control, ...]
     algebraic: tuple[Algebraic, ...]
     switches: tuple[Switch, ...]
+    discs: tuple[Disc, ...]
     memories: tuple[Memory, ...]
     parameters: dict[sp.Symbol, float]
     groups: dict[str, tuple[str, ...]]  # member of a family -> its names in all elements
@@ -115,6 +116,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
         parameters=tuple(values),
         memories=tuple(map(plain, memories)),
         switches=tuple(lift.switches.items()),
+        discs=tuple(lift.discs.values()),
         contacts=tuple(
             (plain(R), gap, lift(R.restitution, **_INSTANT)) for R, gap in zip(reactions, gaps, strict=True)
         ),
@@ -127,7 +129,7 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     )
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)
     return Definition(
-        written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, memories, values,
+        written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, tuple(lift.discs), memories, values,
         families.groups, field,
     )  # fmt: skip
 
@@ -146,6 +148,11 @@ class _Names:
         first = self.by_name.setdefault(symbol.name, symbol)
         if first == symbol:
             return symbol
+        if isinstance(first, Component) and isinstance(symbol, Component):
+            raise ValueError(
+                f"two discs are named {symbol.disc.name!r}, with the surfaces {first.disc.surfaces} and "
+                f"{symbol.disc.surfaces}; give each its own name."
+            )
         if isinstance(first, Switch) and isinstance(symbol, Switch):
             raise ValueError(
                 f"two switches are named {symbol.name!r}, with the surfaces {first.surface} and "

@@ -217,6 +217,7 @@ def second_derivative(field, index, speed):
     speed = affine_in(speed, lam, h)
     free = speed.free_symbols
     moving = {*(s for s, _ in field.switches), *(u for u, *_ in (*field.algebraic, *field.contacts))}
+    moving |= {lam for disc in field.discs for lam in disc.components}
     if not free.isdisjoint(moving):
         return None
     acceleration = total_derivative(speed, field.time, field.states, field.rates)

@@ -70,6 +70,7 @@ class Bounds:
         self.surface, self.sums = dict(field.switches), dict(field.sums)
         self.dynamic = {field.time, *field.states, *(a for a, _ in field.algebraic), *others}
         self.ranges = {lam: (-1.0, 1.0) for lam in self.surface}
+        self.ranges |= {lam: (-1.0, 1.0) for disc in field.discs for lam in disc.components}
         self.ranges |= {R: (0.0, math.inf) for R, _, _ in field.contacts}
         self._memo: dict = {}
 

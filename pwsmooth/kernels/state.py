@@ -2,8 +2,9 @@
 
 from .machine.block import Bundle
 
-# Kinds of multiplier (order of pwsmooth.definition.model: a switch's regularity, then the other two kinds).
-SLIDING, KINK, CROSSING, SECOND_ORDER, CONTACT, ALGEBRAIC = range(6)
+# Kinds of multiplier (order of pwsmooth.definition.model: a switch's regularity, then the other kinds). That of a disc is
+# lambda . lambda while it sticks and 1 while it slips; its components follow it.
+SLIDING, KINK, CROSSING, SECOND_ORDER, DISC, CONTACT, ALGEBRAIC, COMPONENT = range(8)
 
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its
 # surface at 0, or an accumulation has left it there.
@@ -41,8 +42,9 @@ SOLVED, HELD = 0, 2
     AMB_CHATTERING,
 ) = range(11)
 
-# Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold.
-SLIP, GENERAL, PAIR, ARC = range(4)
+# Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
+# one of a slip in a disc.
+SLIP, GENERAL, PAIR, ARC, START = range(5)
 
 # Entries of a tape (step/recording.py, kernels/tangent): a step; a recorded point; what an instant is the zero of (a
 # surface, the bound of a multiplier, a fold, a tick of the clock, something else, nothing new); an update that acts,
@@ -89,6 +91,7 @@ class Problem(Bundle):
     layer_unit: "int"
     others_unit: "int"
     fold_unit: "int"
+    onset_unit: "int"
     step_unit: "int"  # a method of one step (step/methods/); 0 where no step can need it
     look_slip: (
         "int"  # 1: the last Taylor coefficients may not tell how far they hold: the end of a step is looked at
@@ -104,6 +107,9 @@ class Problem(Bundle):
     nz: "int"
     p: "f8[:]"
     kind: "i8[m]"
+    discs: "int"  # how many
+    dim: "i8[m]"  # components of a disc, 0 for what is none
+    disc_of: "i8[m]"  # multiplier of the disc whose component it is, -1 for what is none
     hidden: "i8[m]"  # the residual is nonlinear in its own multiplier
     slope_moves: "i8[m]"  # a sliding switch, not hidden, whose dg/dlambda can change its sign
     g_row: "i8[m + 1]"  # rows of the sparse dg/dmult: which multipliers stand in a residual; see sparse.py
@@ -132,7 +138,7 @@ class Problem(Bundle):
     flat_general: "i8[:]"
     flat_fold: "i8[:]"
     mult_row: "int"
-    fold_bias: "f8[:]"  # parameters of the fold program: p, then the m entries of c
+    fold_bias: "f8[:]"  # parameters of the fold program: p, then the m entries of c and the statuses
     sigmoid: "int"  # fields of Sigmoid.model()
     weight: "f8[m]"  # eps_1 / eps_j
     ratio: "f8[nz]"  # eps / time constant of the layered states; 0 = two-stage

@@ -27,7 +27,7 @@ from .instant.settling import release_held
 from .instant.surface_rates import any_is, keep_sliding
 from .instant.twofolds import two_fold
 from .machine.compiling import inlined_kernel, kernel, loop_kernel, unit
-from .machine.pointers import at, call_unit
+from .machine.pointers import at, call_onset, call_unit
 from .outcome import Outcome
 from .state import (
     AGAIN,
@@ -35,12 +35,14 @@ from .state import (
     BROKEN,
     CONTACT,
     CROSSING,
+    DISC,
     GO_ON,
     HELD,
     KINK,
     NOTHING,
     PAIR,
     SOLVED,
+    START,
     TAPE_MEET,
     TAPE_OTHER,
     Control,
@@ -63,6 +65,7 @@ from .step.recording import (
 )
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
+from .step.resting import come_to_rest_in_disc
 from .step.steps import (
     dot,
     keep_in_sight,
@@ -194,24 +197,28 @@ def propose(P, C, S, R, W):
     S.steps += 1
     step.start, step.time_row, step.fold, step.toward, step.stop = S.t, -1, -1, 0, next_stop(C, S)
     span, h, singular = 1.0 + abs(S.t), math.nan, False
-    if P.pair == 0:
+    if P.discs != 0 and _begins_to_slip(P, S):
+        h = call_onset(P.onset_unit, P, C, S, W, min(S.step, min(C.max_step, step.stop - S.t)))
+        if not h > 0.0:
+            return Outcome.STEP_UNDERFLOW
+    elif P.pair == 0:
         h = propose_jet(P, C, S, W)
         singular = step.mult_row < 0
         if singular and P.jet_fold == 0 and P.step_unit == 0:
             return Outcome.SINGULAR
-    if P.step_unit != 0 and not h > max(1e-9 * S.step, 1e-13 * span):
+    if P.step_unit != 0 and step.kind != START and not h > max(1e-9 * S.step, 1e-13 * span):
         # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as delta^1.5 at
         # touch-down.
         h = propose_pair(P, C, S, W)
         if singular and not h > 0.0:
             return Outcome.SINGULAR
         singular = False
-    arcs = step.sliding != 0 and P.jet_fold != 0 and step.kind != PAIR
+    arcs = step.sliding != 0 and P.jet_fold != 0 and step.kind != PAIR and step.kind != START
     if math.isnan(h):
         if not arcs:
             return Outcome.NOT_FINITE
         h = 0.0  # a start within rounding of a fold: the series in t have no finite coefficients
-    unsure = 0 if step.kind == PAIR else P.look_general if step.sliding else P.look_slip
+    unsure = 0 if step.kind == PAIR or step.kind == START else P.look_general if step.sliding else P.look_slip
     if h < _ROUNDING * span:
         to_surface = reach_singular_surface(P, S, W, h)
         if to_surface != h:
@@ -222,12 +229,19 @@ def propose(P, C, S, R, W):
             return Outcome.SINGULAR
         if math.isnan(h):
             return Outcome.NOT_FINITE
+    if P.discs != 0 and step.kind != START and not math.isnan(h):
+        h, at_rest = come_to_rest_in_disc(P, C, S, W, h)
+        if at_rest >= 0:
+            W.meeting.tau[:] = NO_ROOT
+            W.meeting.tau[at_rest] = 0.0
+            code = _settle_again(P, C, S, R, W)
+            return AGAIN if code == GO_ON else code
     step.singular, step.arcs, step.unsure = int(singular), int(arcs), unsure
     if unsure:
         h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)
     W.end.stopped = 0
     if step.time_row < 0:
-        if step.kind != PAIR and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
+        if step.kind != PAIR and step.kind != START and SHORTEST_AGAIN * h <= S.step <= h and after_event(P, S):
             h = S.step
         left = step.stop - S.t
         if h >= left:
@@ -242,6 +256,15 @@ def propose(P, C, S, R, W):
             return AGAIN if code == GO_ON else Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
     step.length = h
     return GO_ON
+
+
+@kernel
+def _begins_to_slip(P, S):
+    """Whether some disc slips from rest."""
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            return True
+    return False
 
 
 @inlined_kernel
@@ -365,7 +388,7 @@ def advance(P, C, S, R, W):
         return Outcome.NOT_FINITE
     if step.sliding:
         for j in range(P.m):
-            if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
+            if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT and P.kind[j] != DISC:
                 keep_sliding(P, S, j, W)
             elif S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING):
                 keep_on_surface(P, S, j, W)

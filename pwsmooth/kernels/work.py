@@ -139,6 +139,26 @@ class Arc(Bundle):
     mult_before: "f8[m]"  # last multipliers that Newton's method has found
 
 
+class Onset(Bundle):
+    """The first step of a slip from rest: see step/onset.py. Its size is n with discs, else 0."""
+
+    rests: "int"  # whether the slip begins without acceleration
+    solves: "int"  # whether it solves for multipliers
+    beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
+    x: "f8[onset]"  # at its start
+    first: "f8[onset]"  # rates there
+    mult: "f8[m]"
+    level: "f8[m + ne]"  # surfaces there
+    rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
+    toward: "f8[8, m]"  # that lambda
+    slips: "i8[m]"  # discs that slip
+    size: "f8[m]"  # their |h| at a node
+    y: "f8[8, onset]"  # states at the nodes
+    k: "f8[8, onset]"  # rates
+    slope: "f8[8, onset, onset]"  # their derivatives by the states
+    matrix: "f8[8*onset, 8*onset + 1]"
+
+
 class Layer(Bundle):
     """A run of the layer: see layer.py."""
 
@@ -230,6 +250,10 @@ class Work(Bundle):
     G: "f8[entries]"  # entries of the sparse dg/dmult
     dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
     mask: "i8[m]"  # multipliers that are solved for
+    disc: "f8[4, 5]"  # small matrices of a disc
+    closing_y: "f8[8]"  # see surface/closing.py
+    closing_new: "f8[8]"
+    closing_k: "f8[7, 8]"
     broken: "int"  # multiplier whose invariant does not hold: invariants.py
     linear: Linear
     step: Step
@@ -238,6 +262,7 @@ class Work(Bundle):
     meeting: Meeting
     pair: Pair
     arc: Arc
+    onset: Onset
     layer: Layer
     contacts: Contacts
     firing: Firing

@@ -37,7 +37,7 @@ class CompiledProblem:
         self._fixed_symbols = set(text.parameters) | (families.template.constants if families else set())
         self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
         hidden = self._numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
-        folds = bool(np.any((self.kind == state.SLIDING) & (hidden != 0)))
+        folds = bool(np.any((self.kind != state.ALGEBRAIC) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
         self.sigmoid = compile_model(sigmoid(model.sigmoid).model())
         finite = any(layer.ratio != sp.oo for layer in model.layer_states)
@@ -47,7 +47,11 @@ class CompiledProblem:
         has_surface = np.concatenate(has_surface) != 0
         expressions = [*text.rhs, *(mu.condition for mu in text.multipliers)]
         expressions += [e for _, _, e in families.template.sums] if families else []
-        self.singular = any(p.exp.is_integer is not True for e in expressions for p in e.atoms(sp.Pow))
+        squares = [
+            mu.surface for mu in text.multipliers if mu.kind == "disc"
+        ]  # whose roots are taken in slip alone
+        powers = {p for e in expressions for p in e.atoms(sp.Pow) if p.base not in squares}
+        self.singular = any(p.exp.is_integer is not True for p in powers)
         carried = [state.SILENT if e.singular else state.PLAIN for e in text.events]
         self.carried = np.where(has_surface[code.m :], self._numbers("events", carried), state.TIMED)
         expressions += [x.surface for _, parts in holders for x in parts if x.surface is not None]
@@ -61,6 +65,7 @@ class CompiledProblem:
             nz=len(self.ratios),
             kind=self.kind,
             hidden=hidden,
+            **self._of_discs(),
             **self._of_multipliers(),
             **self._couplings(),
             **self._of_events(),
@@ -83,6 +88,15 @@ class CompiledProblem:
             nested=self._numbers("multipliers", [_nested(mu, lams) for mu in multipliers]),
             surface_state=surface_state,
         )
+
+    def _of_discs(self) -> dict:
+        """The components of each disc, which follow its multiplier."""
+        disc = np.maximum.accumulate(np.where(self.kind == state.DISC, np.arange(self.code.m), -1))
+        disc_of = np.where(self.kind == state.COMPONENT, disc, -1)
+        dim = np.array(
+            [np.sum(disc_of == j) if k == state.DISC else 0 for j, k in enumerate(self.kind)], np.int64
+        )
+        return dict(discs=int(np.sum(self.kind == state.DISC)), dim=dim, disc_of=disc_of)
 
     def _couplings(self) -> dict:
         """Which residuals multipliers act on, and the groups of multipliers that are solved for together."""
@@ -176,6 +190,8 @@ class CompiledProblem:
             needed |= {"newton_unit", "layer_unit", "others_unit"}
         if self.fold:
             needed.add("fold_unit")
+        if np.any(self.kind == state.DISC):
+            needed.add("onset_unit")
         if any(e.singular for e in self._text.events):
             needed.add("approach_unit")
         called = [name for name in UNITS if name in needed]
@@ -210,7 +226,7 @@ class CompiledProblem:
         weight = np.array(self.model.eps_ratio or np.ones(self.code.m), float)
         return state.Problem(
             p=p,
-            fold_bias=np.zeros(len(p) + self.code.m),
+            fold_bias=np.zeros(len(p) + 2 * self.code.m),
             weight=1.0 / weight,
             ratio=self._ratios_at(p),
             **fixed,
@@ -238,7 +254,7 @@ class CompiledProblem:
             fold_entries=len(fixed["fold_col"]),
             fold_gradients=len(fold.pattern("DH")[1]) + m + 1 + ne if fold else 0,
             group=int(np.diff(fixed["block_row"]).max(initial=0)), hubs=len(fixed["hub"]),
-            contacts=len(fixed["contact"]),
+            contacts=len(fixed["contact"]), onset=n if fixed["discs"] else 0,
         )  # fmt: skip
         roots = work.Roots.zeros(sizes, order=order)
         k = np.arange(float(width))
@@ -314,7 +330,9 @@ def _kind(mu: Multiplier) -> int:
         if mu.second is not None:
             return state.SECOND_ORDER
         return {"kink": state.KINK, "sliding": state.SLIDING, "crossing": state.CROSSING}[mu.regularity]
-    return state.CONTACT if mu.kind == "contact" else state.ALGEBRAIC
+    return {
+        "disc": state.DISC, "component": state.COMPONENT, "contact": state.CONTACT, "algebraic": state.ALGEBRAIC
+    }[mu.kind]  # fmt: skip
 
 
 def _twin(model: Model, event: EventSpec, fixed: Set[sp.Symbol]) -> tuple[int, int]:

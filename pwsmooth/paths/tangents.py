@@ -135,7 +135,7 @@ class CompiledTangents:
             closed=4 * m, wider=n, room=_PLACES, sums=8 * max(both, unknowns),
         )  # fmt: skip
         self.lengths = dict(
-            slopes=max((n + m + count + 1) * most, m + code.ne, 1), bias=count + m,
+            slopes=max((n + m + count + 1) * most, m + code.ne, 1), bias=count + 2 * m,
         )  # fmt: skip
 
         self.kept: dict[tuple, list[tuple[Tangent, np.ndarray]]] = {}

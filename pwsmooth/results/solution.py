@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 MANY = 64  # multipliers, whose itinerary nobody reads
+_FOLLOWING = "algebraic", "component"  # multipliers that follow the state or a disc, and have no word in it
 
 __all__ = ["Ambiguity", "Dense", "EventRecord", "Outcome", "Segment", "Solution"]
 
@@ -208,7 +209,10 @@ class Solution(Described):
                 if self.model.families is not None:
                     return outputs.of_family(self.model, name, t, x, mult, p)
                 result = outputs.vectorised(self.model, self._expressions[name])(t, *x, *mult, *p)
-            return np.array(np.broadcast_to(result, t.shape), dtype=float)
+            found = np.array(np.broadcast_to(result, t.shape), dtype=float)
+            if name in self.multipliers:  # a component of a disc: the direction in which a slip begins is 0/0
+                found = np.where(np.isnan(found), mult[self.multipliers.index(name)], found)
+            return found
         if name in self.multipliers:
             return mult[self.multipliers.index(name)]
         raise KeyError(f"{name!r} is {self._none_of_these}")
@@ -317,13 +321,13 @@ class Solution(Described):
         names = [
             _status_name(self.model, j, s)
             for j, s in enumerate(status)
-            if self.model.multipliers[j].kind != "algebraic"
+            if self.model.multipliers[j].kind not in _FOLLOWING
         ]
         return Segment(start, end, ", ".join(names) or "smooth", status, *columns)
 
     def _holds(self, status: Any) -> Any:
         """Whether a surface or a contact is held, of a status (m,) or of several (m, n); unknowns always are solved."""
-        rows = [j for j, mu in enumerate(self.model.multipliers) if mu.kind != "algebraic"]
+        rows = [j for j, mu in enumerate(self.model.multipliers) if mu.kind not in _FOLLOWING]
         return np.any(np.asarray(status)[rows] == 0, axis=0)
 
     @property
@@ -633,6 +637,8 @@ def _is_slip_velocity(model: Model, j: int) -> bool:
 def _status_name(model: Model, j: int, status: int) -> str:
     multiplier = model.multipliers[j]
     name = str(multiplier.symbol)
+    if multiplier.kind == "disc":
+        return f"slip ({name})" if status else f"stick ({name} sliding)"
     if multiplier.kind == "contact":
         return f"contact ({name}) " + ("open" if status else "closed")
     side = f"{name}={status:+d}" if status else f"{name} sliding"

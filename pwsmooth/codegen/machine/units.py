@@ -28,6 +28,7 @@ UNITS = {
     "newton_unit": ("surface.sliding", "newton"),
     "others_unit": ("instant.other_motions", "report_other_motions"),
     "fold_unit": ("step.arc", "fold_jet"),
+    "onset_unit": ("step.onset", "onset"),
 }
 # Those of the methods of one step, of which a run needs one at most: each is a file.
 METHODS = {

@@ -144,7 +144,7 @@ class JetProgram:
         for j, mult in enumerate(model.multipliers if general else ()):
             if mult.kind != "algebraic" and self.h[j] in x:
                 i = x.index(self.h[j])
-                if mult.kind == "switch" and mult.second is None:
+                if mult.kind in ("switch", "component") and mult.second is None:
                     self.frozen.setdefault(i, []).append(j)
                 elif moving[i] in x:
                     self.frozen.setdefault(x.index(moving[i]), []).append(j)

@@ -16,6 +16,7 @@ from ..outcome import Outcome
 from ..state import (
     AMB_CHATTERING,
     CONTACT,
+    DISC,
     EV_ACCUMULATION,
     EV_CROSSING,
     EV_FOLD,
@@ -43,6 +44,7 @@ from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
+from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
@@ -170,12 +172,14 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
     jumped = instant.jumped != 0
     if jumped:
         sides_after_jump(P, S, R, W)
+        if P.discs != 0:
+            free_components(P, S)
         stay_at_rest(P, C, S, R, W)
         hold_what_rests(P, S, R, W)
     switched = jumped
     size = 0
     for j in range(m):
-        if not instant.hit[j] or P.kind[j] >= CONTACT or status[j] == HELD:
+        if not instant.hit[j] or P.kind[j] >= DISC or status[j] == HELD:
             continue
         if status[j] == SOLVED:
             if not jumped:
@@ -235,12 +239,21 @@ def _settle_switches(P, C, S, R, W, fold, fold_way):
         at_fold = mult[fold]
         outcome = call_layer_unit(P.layer_unit, P, S, W, LEAVE_FOLD, fold, fold_way, 0.0)
         code = layer_code(P, S, R, fold, outcome)
+        if code == GO_ON and P.disc_of[fold] >= 0:
+            fold = P.disc_of[fold]
+            at_fold = mult[fold]
+            code = slip_by_layer(P, S, W, fold)
         if code != GO_ON:
             return code, True
         # A fold at the bound is left as a tangency is: the field does not jump.
         S.deflate[fold] = 2 if status[fold] != SOLVED and abs(mult[fold] - at_fold) <= 1e-6 else 1
         record_event(S, R, fold, EV_FOLD_TO_SLIDING if status[fold] == SOLVED else EV_FOLD, 0, status[fold])
         switched = True
+    if P.discs != 0:
+        code, some = settle_discs(P, S, R, W, jumped)
+        if code != GO_ON:
+            return code, True
+        switched = switched or some
     if size > 0:
         code = _arrivals(P, C, S, R, W, size, jumped)
         if code != GO_ON:
@@ -273,7 +286,9 @@ def _follow_up(P, S, R, W):
     sides_after_crossing(P, S, R, W)
     for j in range(P.m):
         W.instant.status[j] = S.status[j]
-    code = resettle(P, S, R, W)
+    code = resettle_discs(P, S, R, W) if P.discs != 0 else GO_ON
+    if code == GO_ON:
+        code = resettle(P, S, R, W)
     for j in range(P.m):
         if S.status[j] != W.instant.status[j]:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
@@ -319,7 +334,7 @@ def _note_what_is_met(P, S, W):
         W.firing.switch_level[j] = math.nan
         if instant.hit[j] and status[j] != SOLVED and P.surface_state[j] >= 0:
             S.x[P.surface_state[j]] = 0.0
-        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < CONTACT and P.step_unit != 0:
+        elif instant.hit[j] and status[j] != SOLVED and P.kind[j] < DISC and P.step_unit != 0:
             step_inside(P, S, j, W)  # the last state of this side: on the other one its field may not exist
 
 

@@ -8,7 +8,7 @@ Chain: trajectory.py -> **this file**.
 import os
 
 from ..machine.compiling import kernel
-from ..state import ALGEBRAIC, CONTACT, HELD, SLIDING, SOLVED
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, HELD, SLIDING, SOLVED
 from ..surface.sliding import surface_size
 from ..surface.sparse import entry
 from .contacts import friction_on
@@ -28,7 +28,7 @@ def broken_by(P, C, S, W):
         elif P.kind[j] == ALGEBRAIC:
             unknown = max(unknown, abs(S.mult[j]))
     for j in range(P.m):
-        if P.kind[j] == ALGEBRAIC:
+        if P.kind[j] == ALGEBRAIC or (P.kind[j] == COMPONENT and S.status[j] != SOLVED):
             continue
         apart = 10.0 * max(C.rtol, 1e-9) * (surface_size(P, S, j, W) + (unknown if P.nested[j] else 0.0))
         for e in range(P.dh_row[j], P.dh_row[j + 1]):

@@ -8,7 +8,9 @@ from ..machine.pointers import call_fields
 from ..outcome import Outcome
 from ..state import (
     ALGEBRAIC,
+    COMPONENT,
     CONTACT,
+    DISC,
     GO_ON,
     SECOND_ORDER,
     SLIDING,
@@ -18,6 +20,7 @@ from ..step.recording import record_point
 from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from .contacts import close_at_start
+from .discs import hold, settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
@@ -42,6 +45,9 @@ def start(P, C, S, R, W):
             if P.kind[j] < CONTACT:
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
+    for j in range(m):
+        if P.kind[j] == DISC and W.h[j] == 0.0:
+            hold(P, S, j)
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT
     evaluate_surfaces(P, S, W)
@@ -54,7 +60,7 @@ def start(P, C, S, R, W):
     stay_at_rest(P, C, S, R, W)
     S.events, size = 0, 0
     for j in range(m):
-        if not instant.hit[j]:
+        if not instant.hit[j] or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
         if P.kind[j] == CONTACT:
             if status[j] != SOLVED and approach_speed(P, S, j, W) > instant.rest_speed:
@@ -70,6 +76,8 @@ def start(P, C, S, R, W):
             mult[j] = float(status[j])
             S.deflate[j] = abs(order)
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
+    if code == GO_ON and P.discs != 0:
+        code, _ = settle_discs(P, S, R, W, True)
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

@@ -79,6 +79,9 @@ call_others = caller("P, S, R, W, size, joint", types.int64)
 # fold jet: overwrites W.step.rows, 0 where it is singular.
 call_fold = caller("P, C, S, W, j, toward", types.int64)
 
+# onset: the first step of a slip in a disc; its length, 0 where there is none.
+call_onset = caller("P, C, S, W, longest", types.float64)
+
 # isolate; see roots.py.
 call_root = caller("roots, degree", types.float64)
 

@@ -104,6 +104,7 @@ def fold_jet(P, C, S, W, j, toward):
     size = 1
     for i in range(m):
         bias[count + i] = float(toward) if i == j else 0.0
+        bias[count + m + i] = float(S.status[i])
         arc.x[n + 1 + i] = S.mult[i]
         mult[1 + i] = 0.0
         mask[1 + i] = 1 if S.status[i] == SOLVED else 0

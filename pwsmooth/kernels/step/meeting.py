@@ -6,7 +6,7 @@ Chain: steps.py (the polynomials) -> **this file** (roots.py finds the zeros) ->
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_linear
-from ..state import ALGEBRAIC, CONTACT, HELD, KINK, SOLVED
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, SOLVED
 from ..surface.sliding import surface_size
 from .finer import SWITCHING
 from .rhythm import expected
@@ -154,9 +154,9 @@ def find_first(P, C, S, W):
             if kind[j] == CONTACT:
                 met = meet(P, rows[mult_row + j], power, K, 1 if S.mult[j] <= 0.0 else 0, 1.0, W)
                 meeting.exit_side[j] = 1
-            elif kind[j] != ALGEBRAIC:
+            elif kind[j] != ALGEBRAIC and kind[j] != COMPONENT:
                 met = _meet_bounds(P, C, S, rows[mult_row + j], power, K, j, W)
-        elif all_rows[j] >= 0 and status[j] != HELD:
+        elif all_rows[j] >= 0 and status[j] != HELD and kind[j] != COMPONENT and kind[j] != DISC:
             _note_size(P, C, W, j, rows[all_rows[j]], deflate[j])
             rounding = SURFACE_ROUNDING
             if step.nears == SWITCHING and P.surface_state[j] >= 0:

@@ -19,7 +19,7 @@ from ..machine.pointers import (
     powers8,
     sum8,
 )
-from ..state import GENERAL, PAIR, SLIP, SOLVED
+from ..state import GENERAL, PAIR, SLIP, SOLVED, START
 from ..surface.sliding import mask_solved
 
 
@@ -155,7 +155,7 @@ def surface_rows(P, kind):
         return P.rows_slip
     if kind == GENERAL:
         return P.rows_general
-    return P.rows_pair if kind == PAIR else P.rows_fold
+    return P.rows_pair if kind == PAIR or kind == START else P.rows_fold
 
 
 @inlined_kernel

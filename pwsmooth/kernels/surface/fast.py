@@ -11,7 +11,7 @@ import numpy as np
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer, call_newton
-from ..state import SOLVED
+from ..state import COMPONENT, SOLVED
 from .sliding import mask_instant, mask_solved
 
 SETTLED, OSCILLATES, LOST = range(3)
@@ -84,7 +84,7 @@ _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525,
 
 
 @kernel
-def _stage(y, k, s, i, step):
+def stage_point(y, k, s, i, step):
     """Component i of the point at which stage s is taken."""
     total = 0.0
     for r in range(s):
@@ -93,7 +93,7 @@ def _stage(y, k, s, i, step):
 
 
 @kernel
-def _defect(k, i):
+def defect(k, i):
     """Component i of the error of a step, over its length."""
     total = 0.0
     for r in range(7):
@@ -102,12 +102,41 @@ def _defect(k, i):
 
 
 @kernel
+def disc_norm(P, W, size, y, i):
+    """|w| of the disc to which component W.instant.group[i] belongs, from the layer's state y."""
+    total = 0.0
+    for r in range(size):
+        if P.disc_of[W.instant.group[r]] == P.disc_of[W.instant.group[i]]:
+            total += y[r] ** 2
+    return math.sqrt(total)
+
+
+@kernel
+def _leaves(P, W, size, y, rates, i, reach):
+    """Whether switch i of the layer is farther out than `reach`, on its way outwards; of a disc, its first component."""
+    j = W.instant.group[i]
+    if P.kind[j] != COMPONENT:
+        return abs(y[i]) > reach and y[i] * rates[i] > 0.0
+    if j != P.disc_of[j] + 1 or not disc_norm(P, W, size, y, i) > reach:
+        return False
+    outwards = 0.0
+    for r in range(i, i + P.dim[P.disc_of[j]]):
+        outwards += y[r] * rates[r]
+    return outwards > 0.0
+
+
+@kernel
 def _rates(P, S, W, size, y, out, stage):
     """Overwrites out[stage] with the rates of the layer system at y = (u of W.instant.group, z)."""
     instant = W.instant
     mult = S.mult
     for i in range(size):
-        mult[instant.group[i]] = sigmoid(P, W, y[i])
+        j = instant.group[i]
+        if P.kind[j] != COMPONENT:
+            mult[j] = sigmoid(P, W, y[i])
+            continue
+        distance = disc_norm(P, W, size, y, i)
+        mult[j] = sigmoid(P, W, distance) * y[i] / distance if distance > 0.0 else 0.0
     if P.nz > 0:
         for i in range(P.nz):
             W.layer.z[i] = y[size + i]
@@ -150,7 +179,7 @@ def _outward(P, S, W, size, y, rates):
     instant = W.instant
     found = -1
     for i in range(size):
-        if not (abs(y[i]) > _FAR and y[i] * rates[i] > 0.0):
+        if P.kind[instant.group[i]] == COMPONENT or not (abs(y[i]) > _FAR and y[i] * rates[i] > 0.0):
             continue
         j, side = instant.group[i], 1.0 if y[i] > 0.0 else -1.0
         for r in range(size):
@@ -210,11 +239,11 @@ def integrate(P, S, W, size):
         dim = size + nz
         for s in range(1, 7):
             for i in range(dim):
-                new[i] = _stage(y, k, s, i, step)
+                new[i] = stage_point(y, k, s, i, step)
             _rates(P, S, W, size, new, k, s)
         error = 0.0
         for i in range(dim):
-            error = max(error, abs(step * _defect(k, i)) / (1e-10 + 1e-10 * abs(new[i])))
+            error = max(error, abs(step * defect(k, i)) / (1e-10 + 1e-10 * abs(new[i])))
         if not error < math.inf:
             step *= 0.1
             if step < 1e-14:
@@ -231,20 +260,25 @@ def integrate(P, S, W, size):
             y[i] = new[i]
             k[0, i] = k[6, i]
             speed = max(speed, abs(k[0, i]))
-            if i < size and abs(y[i]) > reach and y[i] * k[0, i] > 0.0:
+        for i in range(size):
+            if _leaves(P, W, size, y, k[0], i, reach):
                 gone = i
         scale = max(scale, speed)
         if taken % _MANY == 0 and gone < 0 and nz == 0:
             gone = _outward(P, S, W, size, y, k[0])
         if gone >= 0:
-            j = instant.group[gone]
-            S.status[j] = 1 if y[gone] > 0.0 else -1
-            S.mult[j] = float(S.status[j])
-            for i in range(gone, dim - 1):
-                y[i] = y[i + 1]
-            for i in range(gone, size - 1):
-                instant.group[i] = instant.group[i + 1]
-            size -= 1
+            j, width = instant.group[gone], 1
+            if P.kind[j] == COMPONENT:
+                width = P.dim[P.disc_of[j]]
+                S.status[P.disc_of[j]] = 1
+            else:
+                S.status[j] = 1 if y[gone] > 0.0 else -1
+                S.mult[j] = float(S.status[j])
+            for i in range(gone, dim - width):
+                y[i] = y[i + width]
+            for i in range(gone, size - width):
+                instant.group[i] = instant.group[i + width]
+            size -= width
             if size == 0:
                 return SETTLED
             _rates(P, S, W, size, y, k, 0)
@@ -299,7 +333,7 @@ def relax(P, S, W, j, along):
         left, error, speed = 0, 0.0, 0.0
         for s in range(7):
             for i in range(nz):
-                z[i] = _stage(z0, k, s, i, dt)
+                z[i] = stage_point(z0, k, s, i, dt)
             if along:
                 was = S.mult[j]
                 if not _root_along(P, S, W, j):
@@ -321,7 +355,7 @@ def relax(P, S, W, j, along):
             continue
         for i in range(nz):
             # Relative to what is left to go as well: at rest nothing must keep it moving.
-            error = max(error, abs(dt * _defect(k, i)) / (min(1e-10, 1e-4 * dt * speed) + 1e-18))
+            error = max(error, abs(dt * defect(k, i)) / (min(1e-10, 1e-4 * dt * speed) + 1e-18))
         if not error < math.inf:
             error = math.inf
         factor = 0.9 * (error + 1e-12) ** -0.2

@@ -12,7 +12,7 @@ from numba import types
 
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields
-from ..state import SLIDING, SOLVED, Problem, State
+from ..state import COMPONENT, SLIDING, SOLVED, Problem, State
 from ..work import Work
 from .fast import LOST, SETTLED, integrate, push_toward, relax, relax_from_zero, sigmoid, sigmoid_inverse
 from .sliding import follow, mask_instant, mask_solved
@@ -149,7 +149,9 @@ def _arrive(P, S, W, size):
     tail = 1e3 + 50.0 * (top if P.nz > 0 else min(top, 100.0)) / slowest
     for i in range(size):
         j = instant.group[i]
-        if instant.arrival[i] == 0:
+        if P.kind[j] == COMPONENT:
+            W.layer.y[i] = tail * S.mult[j] if instant.arrival[i] != 0 else _within(P, S, W, j)
+        elif instant.arrival[i] == 0:
             W.layer.y[i] = sigmoid_inverse(P, W, S.mult[j])
         else:
             # Along the straight approach all |h_j| vanish at one instant: |u_j| in the ratio of the speeds.
@@ -159,6 +161,32 @@ def _arrive(P, S, W, size):
     if P.nz > 0:
         relax_from_zero(P, S, W, instant.group[0])
     return integrate(P, S, W, size)
+
+
+@kernel
+def _within(P, S, W, j):
+    """The layer's coordinate of component j where lambda of its disc is what its multipliers say."""
+    square = 0.0
+    for k in range(P.disc_of[j] + 1, P.disc_of[j] + 1 + P.dim[P.disc_of[j]]):
+        square += S.mult[k] ** 2
+    size = math.sqrt(square)
+    return sigmoid_inverse(P, W, size) * S.mult[j] / size if size > 0.0 else 0.0
+
+
+@kernel
+def _leave_fold_of_disc(P, S, W, j):
+    """After a fold of the root of a disc, met along component j: on from there along its arc."""
+    disc = P.disc_of[j]
+    step, d = 0.0, P.dim[disc]
+    for k in range(disc + 1, disc + 1 + d):
+        step = max(step, abs(W.arc.mult[1 + k]))
+    for k in range(d):
+        i = disc + 1 + k
+        S.mult[i] += 1e-3 * W.arc.mult[1 + i] / step
+        W.instant.group[k] = i
+    for k in range(d):
+        W.layer.y[k] = _within(P, S, W, disc + 1 + k)
+    return integrate(P, S, W, d)
 
 
 @kernel
@@ -204,6 +232,8 @@ def layer(P, S, W, task, j, toward, start):
     """Overwrites S.mult and S.status; SETTLED, OSCILLATES or LOST (FIRST_ZERO: 1 if found, lambda in S.mult[j])."""
     if task == ARRIVE:
         return _arrive(P, S, W, j)
+    if task == LEAVE_FOLD and P.kind[j] == COMPONENT:
+        return _leave_fold_of_disc(P, S, W, j)
     if task == LEAVE_FOLD:
         return _leave_fold(P, S, W, j, toward)
     return 1 if _first_zero(P, S, W, j, start, toward, P.nz > 0 and P.ratio[0] == 0.0) else 0

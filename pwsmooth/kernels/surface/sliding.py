@@ -10,7 +10,7 @@ from numba import types
 
 from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
-from ..state import ALGEBRAIC, CONTACT, SECOND_ORDER, SOLVED, Problem, State
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
 from .sparse import solve_masked
 
@@ -81,8 +81,9 @@ def mask_instant(P, S, W):
     """Overwrites W.mask: those that are solved at every instant, whatever a switch does; True if there are any."""
     some = False
     for j in range(P.m):
-        closed = S.status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
-        W.mask[j] = 1 if P.kind[j] == ALGEBRAIC or closed else 0
+        kind = P.kind[j]
+        held = S.status[j] == SOLVED and (kind == CONTACT or kind == SECOND_ORDER or kind == COMPONENT)
+        W.mask[j] = 1 if kind == ALGEBRAIC or held else 0
         some = some or W.mask[j] != 0
     return some
 
@@ -93,9 +94,15 @@ def keep_on_surface(P, S, j, W):
     if P.surface_state[j] >= 0:
         S.x[P.surface_state[j]] = 0.0
         return
+    put_on_level(P, S, j, 0.0, W)
+
+
+@kernel
+def put_on_level(P, S, j, level, W):
+    """Puts S.x on h_j = level, along the surface's gradient."""
     for _ in range(3):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        if W.h[j] == 0.0:
+        if W.h[j] == level:
             return
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
@@ -104,7 +111,7 @@ def keep_on_surface(P, S, j, W):
         if not square > 0.0:
             return
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+            S.x[P.dh_col[e]] -= W.dh[e] * (W.h[j] - level) / square
 
 
 @kernel

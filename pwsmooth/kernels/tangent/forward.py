@@ -270,6 +270,7 @@ def _arc(P, V, k, t, length):
     for j in range(m):
         V.x[n + 1 + j] = V.mult[j]
         V.bias[count + j] = float(V.tape[k, 3]) if j == V.tape[k, 2] else 0.0
+        V.bias[count + m + j] = float(V.tape[k, 4 + j])
     for j in range(m, 0, -1):
         V.mask[j] = V.mask[j - 1]
     V.mask[0] = 1

@@ -1,0 +1,345 @@
+"""The first step of a slip from rest in a disc: a collocation step, where the direction of slip is 0/0 at its start.
+
+At h = 0 the field of slip, with lambda = h/|h|, has no value. Where the force has just left the friction circle the slip
+begins as h ~ p t^2/2, and its direction is that of a stiff equation whose rate is infinite at t = 0: it has one bounded
+solution, the series of which diverges. Radau's collocation (Hairer and Wanner 1996, IV.5) never looks at t = 0, is
+stable however stiff, and gives that solution. Where the slip begins with an acceleration it does as well.
+"""
+
+import math
+
+import numpy as np
+from numba import types
+
+from ..machine.compiling import kernel, unit
+from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import DISC, SOLVED, START, Control, Problem, State
+from ..surface.sliding import mask_solved, put_on_level
+from ..surface.sparse import solve_dense
+from ..work import Work
+
+STAGES = 8
+_LEGENDRE = np.polynomial.legendre
+_TRIES, _SWEEPS = 40, 12
+_STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
+_AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
+_ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
+_DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
+
+
+def _radau():
+    """Nodes in (0, 1] of Radau's quadrature with STAGES points, and integrals of their Lagrange polynomials to each."""
+    radau = np.zeros(STAGES + 1)
+    radau[-2:] = -1.0, 1.0
+    nodes = np.sort(_LEGENDRE.legroots(radau))
+    slope = _LEGENDRE.legder(radau)
+    for _ in range(3):
+        nodes -= _LEGENDRE.legval(nodes, radau) / _LEGENDRE.legval(nodes, slope)
+    nodes[-1] = 1.0
+    values = _LEGENDRE.legvander(nodes, STAGES - 1)
+    integrals = (
+        np.array([_LEGENDRE.legval(nodes, _LEGENDRE.legint(row, lbnd=-1)) for row in np.eye(STAGES)]).T / 2
+    )
+    # Coefficients in theta = (nodes + 1)/2 of the Lagrange polynomials, by columns.
+    powers = np.array(
+        [
+            np.polynomial.Polynomial(_LEGENDRE.leg2poly(row))(np.polynomial.Polynomial([-1, 2])).coef
+            if row[0] != 1
+            else np.eye(STAGES)[0]
+            for row in np.eye(STAGES)
+        ],
+        dtype=object,
+    )
+    table = np.zeros((STAGES, STAGES))
+    for i, coefficients in enumerate(powers):
+        table[: len(coefficients), i] = coefficients
+    inverse = np.linalg.inv(values)
+    return (nodes + 1) / 2, integrals @ inverse, table @ inverse
+
+
+_NODES, _A, _LAGRANGE = _radau()
+_BETWEEN = 0.5 * (_NODES[-1] + _NODES[-2])
+
+
+@kernel
+def _rates(P, S, W, t):
+    """Overwrites W.dx, W.h, W.g with what the model gives at S.x; False where solved multipliers have no solution."""
+    keep, found = S.t, True
+    S.t = t
+    if W.onset.solves:
+        mask_solved(P, S, W)
+        found = call_newton(P.newton_unit, P, S, W) != 0
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.t = keep
+    return found
+
+
+@kernel
+def _hold(P, S, held):
+    """Whether the multipliers of the discs that begin to slip say what lambda is, or the direction of their surfaces."""
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            S.mult[j] = 0.5 if held else 1.0
+
+
+@kernel
+def _guess(P, S, W, t, h):
+    """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
+    onset, n, t0 = W.onset, P.n, S.t
+    for q in range(STAGES):
+        tau = _NODES[q] * h
+        for i in range(n):
+            S.x[i] = onset.x[i] + tau * onset.first[i]
+        S.t = t0 + tau
+        for j in range(P.m):
+            if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
+                continue
+            if onset.rests:
+                _follow_force(P, S, W, j)
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        for j in range(P.m):
+            onset.rate[q, j] = W.g[j]
+            onset.toward[q, j] = S.mult[j]
+    S.t = t0
+    for q in range(STAGES):
+        tau = _NODES[q] * h
+        for i in range(n):
+            S.x[i] = onset.x[i] + tau * onset.first[i]
+        S.t = t0 + tau
+        for j in range(P.m):
+            if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
+                continue
+            way = 0.0
+            for r in range(STAGES):
+                along = 0.0
+                for k in range(j + 1, j + 1 + P.dim[j]):
+                    along += onset.toward[r, k] * onset.rate[r, k]
+                way += h * _A[q, r] * abs(along)
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                put_on_level(P, S, k, way * onset.toward[q, k], W)
+        for i in range(n):
+            onset.y[q, i] = S.x[i]
+    S.t = t0
+
+
+@kernel
+def _follow_force(P, S, W, j):
+    """Leaves in S.mult the direction of the lambda that would hold disc j, and in onset.beyond by how much it exceeds 1."""
+    for k in range(P.m):
+        W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
+    call_newton(P.newton_unit, P, S, W)
+    size = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        size += S.mult[k] ** 2
+    size = math.sqrt(size)
+    W.onset.beyond = size - 1.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] /= size
+
+
+@kernel
+def _nudge(P, W, q, i, reach):
+    """A change of state i that moves no slipping surface by more than a small part of what it is at node q."""
+    nudge = 1e-7 * (reach + abs(W.onset.y[q, i] - W.onset.x[i])) + 1e-300
+    for j in range(P.m):
+        if P.disc_of[j] >= 0 and W.onset.slips[P.disc_of[j]]:
+            for e in range(P.dh_row[j], P.dh_row[j + 1]):
+                if P.dh_col[e] == i and W.dh[e] != 0.0:
+                    nudge = min(nudge, 1e-6 * W.onset.size[P.disc_of[j]] / abs(W.dh[e]))
+    return nudge
+
+
+@kernel
+def _stage(P, S, W, q, t):
+    """Overwrites onset.k[q], the rates at node q, and onset.slope[q], their derivatives by the states; False if none."""
+    onset, n = W.onset, P.n
+    for i in range(n):
+        S.x[i] = onset.y[q, i]
+    if not _rates(P, S, W, t):
+        return False
+    reach = 0.0
+    for i in range(n):
+        onset.k[q, i] = W.dx[i]
+        reach = max(reach, abs(onset.y[q, i] - onset.x[i]))
+        if not abs(W.dx[i]) < math.inf:
+            return False
+    for j in range(P.m):
+        onset.slips[j] = 0
+        if P.kind[j] == DISC and S.status[j] == 1:
+            onset.slips[j] = 1
+            onset.size[j] = math.sqrt(W.h[j])
+    call_linear(P.linear, t, S.x, S.mult, P.p, W.G, W.dh)
+    for i in range(n):
+        nudge, keep = _nudge(P, W, q, i, reach), S.x[i]
+        S.x[i] = keep + nudge
+        moved = S.x[i] - keep
+        if moved == 0.0:
+            moved = 4e-16 * abs(keep)
+            S.x[i] = keep + moved
+        _rates(P, S, W, t)
+        for r in range(n):
+            onset.slope[q, r, i] = (W.dx[r] - onset.k[q, r]) / moved
+        S.x[i] = keep
+    return True
+
+
+@kernel
+def _solve(P, C, S, W, t, h):
+    """Newton's method for the states at the nodes; whether it converges."""
+    onset, n = W.onset, P.n
+    A, before = onset.matrix, math.inf
+    for sweep in range(_SWEEPS):
+        for q in range(STAGES):
+            if not _stage(P, S, W, q, t + _NODES[q] * h):
+                return False
+        for q in range(STAGES):
+            for r in range(n):
+                row = q * n + r
+                rest = onset.y[q, r] - onset.x[r]
+                for s in range(STAGES):
+                    rest -= h * _A[q, s] * onset.k[s, r]
+                    for i in range(n):
+                        A[row, s * n + i] = -h * _A[q, s] * onset.slope[s, r, i]
+                A[row, row] += 1.0
+                A[row, STAGES * n] = -rest
+        if not solve_dense(A, STAGES * n, 1):
+            return False
+        change = 0.0
+        for q in range(STAGES):
+            for i in range(n):
+                step = A[q * n + i, STAGES * n]
+                # Beside the way since the start: of a slip that has just begun its own size is what matters.
+                way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
+                change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
+                onset.y[q, i] += step
+        if not change < math.inf or (sweep > 5 and change > before):
+            return False
+        if change <= 1e-12 or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
+            return True
+        before = change
+    return before <= _ALIKE
+
+
+@kernel
+def _polynomials(P, S, W, h):
+    """Overwrites step.rows: states, multipliers, surfaces in powers of the time since the start."""
+    onset, n, m, rows = W.onset, P.n, P.m, W.step.rows
+    for r in range(n + 2 * m + P.ne):
+        for c in range(rows.shape[1]):
+            rows[r, c] = 0.0
+    for i in range(n):
+        rows[i, 0], rows[i, 1] = onset.x[i], onset.first[i]
+        scale = 1.0
+        for c in range(STAGES):
+            total = 0.0
+            for q in range(STAGES):
+                total += _LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
+            rows[i, c + 1] += total * scale / (c + 1)
+            scale /= h
+    for j in range(m):
+        rows[n + j, 0] = onset.mult[j]
+    for i in range(m + P.ne):
+        rows[n + m + i, 0] = onset.level[i]
+    # Of what is no state the values at the nodes, less that at the start, over the time since: one order less.
+    for q in range(STAGES):
+        for i in range(n):
+            S.x[i] = onset.y[q, i]
+        _rates(P, S, W, S.t + _NODES[q] * h)
+        for r in range(2 * m + P.ne):
+            now = S.mult[r] if r < m else W.h[r - m]
+            change = (now - rows[n + r, 0]) / _NODES[q]
+            scale = 1.0 / h
+            for c in range(STAGES):
+                rows[n + r, c + 1] += _LAGRANGE[c, q] * change * scale
+                scale /= h
+
+
+@kernel
+def _misfit(P, C, S, W, h):
+    """The defect of the polynomials between the last two nodes, in units of the tolerance."""
+    rows, n, s, worst = W.step.rows, P.n, _BETWEEN * h, 0.0
+    for i in range(n):
+        value = rows[i, STAGES]
+        for c in range(STAGES - 1, -1, -1):
+            value = value * s + rows[i, c]
+        S.x[i] = value
+    if not _rates(P, S, W, S.t + s):
+        return math.inf
+    for i in range(n):
+        slope = STAGES * rows[i, STAGES]
+        for c in range(STAGES - 1, 0, -1):
+            slope = slope * s + c * rows[i, c]
+        scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
+        worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
+    return worst
+
+
+@kernel
+def _restore(P, S, W):
+    for i in range(P.n):
+        S.x[i] = W.onset.x[i]
+    for j in range(P.m):
+        S.mult[j] = W.onset.mult[j]
+
+
+@unit(types.float64, Problem, Control, State, Work, types.float64)
+def onset(P, C, S, W, longest):
+    """Overwrites W.step by the first step of a slip, of at most `longest`; returns its length, 0 where there is none."""
+    start, n, t = W.onset, P.n, S.t
+    start.solves = 0
+    for i in range(n):
+        start.x[i] = S.x[i]
+    for j in range(P.m):
+        start.mult[j] = S.mult[j]
+        if S.status[j] == SOLVED:
+            start.solves = 1
+    _hold(P, S, True)
+    call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.m + P.ne):
+        start.level[i] = W.h[i]
+    for i in range(n):
+        start.first[i] = W.dx[i]
+    # How the slip begins: with an acceleration, or at rest with a force that goes on to grow.
+    size, fastest = 1e-300, 0.0
+    for j in range(P.m):
+        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            start.level[j] = 0.0
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                start.level[k] = 0.0
+                fastest = max(fastest, abs(W.g[k]))
+                keep = S.mult[k]
+                S.mult[k] = -keep
+                call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+                size = max(size, abs(W.g[k]))
+                S.mult[k] = keep
+                call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    start.rests = 1 if fastest <= _AT_REST * size else 0
+    h = longest
+    if start.rests:
+        for i in range(n):
+            S.x[i] = start.x[i] + 1e-3 * h * start.first[i]
+        S.t = t + 1e-3 * h
+        for j in range(P.m):
+            if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+                _follow_force(P, S, W, j)
+                if start.beyond > 0.0:
+                    h = min(h, _STIFF * 1e-3 * longest / start.beyond)
+        S.t = t
+    for _ in range(_TRIES):
+        _restore(P, S, W)
+        _hold(P, S, True)
+        _guess(P, S, W, t, h)
+        for j in range(P.m):
+            S.mult[j] = start.mult[j]
+        misfit = math.inf
+        if _solve(P, C, S, W, t, h):
+            _polynomials(P, S, W, h)
+            misfit = _misfit(P, C, S, W, h)
+        _restore(P, S, W)
+        if misfit <= 1.0:
+            W.step.kind, W.step.mult_row = START, n
+            return h
+        h *= max(0.25, 0.9 * misfit**-0.125) if misfit < math.inf else 0.25
+        if h <= 1e-14 * (1.0 + abs(t)):
+            break
+    return 0.0

@@ -1,0 +1,78 @@
+"""Steps of a slip in a disc that comes to rest: |h| falls to 0 in finite time, at which the series of slip end."""
+
+import math
+
+from ..machine.compiling import kernel
+from ..machine.pointers import at, call_fields, call_linear
+from ..state import DISC
+from ..surface.closing import close
+from .steps import surface_rows
+
+_ROUNDING = 1e-28  # of |h|^2, beside the largest so far
+_NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
+_LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
+
+
+@kernel
+def _near_rest(P, C, S, W, j):
+    """|h|^2 of disc j from which on its slip is closed: there its direction is told no better by smaller steps."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    tolerance = C.rtol * math.sqrt(W.meeting.widest[j])
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        for e in range(P.dh_row[k], P.dh_row[k + 1]):
+            tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
+    return (_NEAR * tolerance) ** 2
+
+
+@kernel
+def _close(P, S, W, j, square):
+    """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by."""
+    _take_direction(P, S, W, j)
+    left = close(P, S, W, j, math.sqrt(square))
+    if left < 0.0:
+        return False
+    S.mult[j] = 0.5  # lambda is the mean that the components' multipliers say
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        S.x[i] += left * W.dx[i]
+    S.t += left
+    S.mult[j] = 1.0
+    for i in range(P.dim[j]):
+        S.mult[j + 1 + i] = W.closing_y[i]
+    return True
+
+
+@kernel
+def _take_direction(P, S, W, j):
+    """Leaves h/|h| in the multipliers of the components of disc j."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] = W.h[k] / math.sqrt(W.h[j])
+
+
+@kernel
+def come_to_rest_in_disc(P, C, S, W, h):
+    """(h, shortened so that no disc comes to rest within it; the disc that is at rest now, S moved to there, or -1)."""
+    rows, all_rows = W.step.rows, surface_rows(P, W.step.kind)
+    for j in range(P.m):
+        if P.kind[j] != DISC or S.status[j] != 1:
+            continue
+        square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
+        W.meeting.widest[j] = max(W.meeting.widest[j], square)
+        if not slope < 0.0:
+            continue
+        left = -2.0 * square / slope
+        if S.t + left < W.step.stop and square <= _near_rest(P, C, S, W, j) and _close(P, S, W, j, square):
+            return h, j
+        if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):
+            _take_direction(P, S, W, j)
+            return h, j
+        # How much the approach is going to bend, in direction and in speed.
+        first, second = 1e-300, 0.0
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            first += at(rows[all_rows[k]], 1) ** 2
+            second += at(rows[all_rows[k]], 2) ** 2
+        bends = math.sqrt(max(0.0, 1.0 - 0.25 * slope * slope / (square * first)))
+        bends += 2.0 * left * math.sqrt(second / first)
+        h = min(h, (1.0 - min(max(bends, _LEAST_LEFT), _MOST_LEFT)) * left)
+    return h, -1
