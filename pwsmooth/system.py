@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from .definition import checks, one_element
+from .definition import checks, discs, one_element
 from .definition.describe import DescribedSystem
 from .definition.drives import drive
 from .definition.family import spread
@@ -32,6 +32,7 @@ from .definition.lifting import plain
 from .definition.lowering import lower
 from .definition.mechanics import arguments_of, mechanism
 from .definition.notation import named_rows, rate_of, solved_for_rates, time_of, without_impulses
+from .definition.primitives import Disc
 from .definition.reading import read
 from .definition.regularity import Surface
 from .definition.reversal import backward
@@ -47,7 +48,7 @@ class HiddenTerm(NamedTuple):
     where : str
         The state whose rate contains it, or the algebraic unknown.
     switch : Switch
-        The multiplier lambda.
+        The multiplier lambda, or that of a disc.
     term : Expr
         In the unit of that rate.
 
@@ -267,6 +268,11 @@ class System(DescribedSystem):
         return self.definition.switches
 
     @property
+    def discs(self):
+        """Given discs and those found in ordinary notation."""
+        return self.definition.discs
+
+    @property
     def groups(self):
         """Name of a member of a family -> its names in all elements."""
         return (self._element or self.definition).groups
@@ -301,6 +307,9 @@ class System(DescribedSystem):
             surface = Surface(field, index, [e for _, e in inside])
             # On the surface: lambda*|v| is nonlinear in lambda, but vanishes with v.
             terms += [HiddenTerm(x.name, lam, hidden_part(e, lam)) for x, e in inside if surface.nonlinear(e)]
+        for disc in field.discs:
+            parts = ((x.name, discs.hidden_part(e, disc.components)) for x, e in equations)
+            terms += [HiddenTerm(name, disc.symbol, part) for name, part in parts if part != 0]
         return tuple(terms)
 
     def initial_state(self, x0, t0=None):
@@ -427,7 +436,7 @@ class System(DescribedSystem):
         """
         if self._view and self._view.kind == "smoothed":
             raise ValueError("`smoothed` of a smoothed view: take the view of the original system.")
-        if not self._field.switches:
+        if not self._lams:
             raise ValueError("this system has no switches: there is nothing to smooth.")
         family = sigmoid_of(sigmoid)
         lams, values = self._lams, self._by_switch(eps, "eps")
@@ -485,7 +494,7 @@ class System(DescribedSystem):
         if self._view:
             kind = self._view.kind
             raise ValueError(f"`layered` of a {kind} view: take the view of the original system.")
-        if not self._field.switches:
+        if not self._lams:
             raise ValueError("this system has no switches, so it has no layers.")
         family = sigmoid_of(sigmoid)
         states = list(self._field.states)
@@ -541,13 +550,13 @@ class System(DescribedSystem):
             return dict.fromkeys(self._lams, checks.positive(values, f"`{argument}`"))
         what = f"`{argument}`"
         return {
-            checks.lookup(key, self._lams, what, "switch"): checks.positive(value, f"{what} of {key}")
+            checks.lookup(_name_of(key), self._lams, what, "switch"): checks.positive(value, f"{what} of {key}")
             for key, value in self._spread(values, what).items()
         }
 
     @property
     def _lams(self):
-        return [lam for lam, _ in self._field.switches]
+        return [lam for lam, _ in self._field.switches] + [disc.symbol for disc in self._field.discs]
 
     def _constants(self, layered_states, given):
         """The time constant of every layered state: as given, else as its rate shows it."""
@@ -605,3 +614,8 @@ class System(DescribedSystem):
             system = cls(**{name: part for name, part in written.items() if name != "values"})
         # A run with kicks has one parameter more, their period.
         return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})
+
+
+def _name_of(switch):
+    """What a switch or a disc is found by."""
+    return switch.name if isinstance(switch, Disc) else switch

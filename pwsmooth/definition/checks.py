@@ -253,6 +253,13 @@ def lookup(key, symbols, what, owner):
     )
 
 
+def without_discs(model, what):
+    """Refuses what a system with discs does not have."""
+    discs = [mu.symbol for mu in model.multipliers if mu.kind == "disc"]
+    if discs:
+        raise ValueError(f"{what} of a system with a disc ({listing(discs)}) are not known; its `smoothed` view has them.")
+
+
 def all_of_kind(argument, items, kind):
     """`items`, objects of a kind, as a tuple."""
     items = several(items, f"`{argument}`")

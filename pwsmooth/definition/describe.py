@@ -160,6 +160,10 @@ class DescribedSystem(Described):
                         note=classes.get(s.name, ""))
                 for s in definition.switches
             ],
+            "discs": [
+                formula(f"{d.name} = {_vector(d.surfaces)}/|{_vector(d.surfaces)}|", d.name, "= h/|h|, h =", *d.surfaces)
+                for d in definition.discs
+            ],
             "hidden terms": [formula(str(term), term, note=f"   in {where}'") for where, _, term in hidden],
             "contacts": [
                 formula(f"0 <= {R.gap}, {R} >= 0", r"0 \leq", R.gap, r"\;\perp\;", R, r"\geq 0",
@@ -182,6 +186,10 @@ class DescribedSystem(Described):
             f"System with states {', '.join(listed([str(x) for x in system.states if x.name not in working]))}",
             rows.items(),
         )
+
+
+def _vector(parts):
+    return f"({', '.join(map(str, parts))})"
 
 
 def _event(spec, event):

@@ -150,6 +150,12 @@ class Lifting:
         """Registers a disc with its surfaces lifted."""
         if disc in self.discs:
             return
+        for other in self.discs:
+            if other.name == disc.name:
+                raise ValueError(
+                    f"two discs are named {disc.name!r}, with the surfaces {other.surfaces} and {disc.surfaces}; give each "
+                    "its own name."
+                )
         if any(isinstance(s, Component) for h in disc.surfaces for s in h.free_symbols):
             raise ValueError(
                 f"`surfaces` of Disc {disc.name!r} are {disc.surfaces}, in which the multiplier of a disc stands: give "
@@ -160,8 +166,8 @@ class Lifting:
         self._may_register = keep
         if still := [h for h in surfaces if not self._moves(h)]:
             raise ValueError(
-                f"`surfaces` of Disc {disc.name!r} contain {still[0]}, in which no state, no time stands: it is constant "
-                "between events. Give expressions of time and states."
+                f"`surfaces` of Disc {disc.name!r} contain {still[0]}, in which no state, no time stands: it is "
+                "constant between events. Give expressions of time and states."
             )
         self.discs[disc] = LiftedDisc(
             sp.Symbol(disc.name, real=True), tuple(map(plain, disc.components)), surfaces
@@ -351,7 +357,6 @@ class Lifting:
     def _choose(self, h, above, below, sides, at_zero=None):
         """above(sides) where h > 0, below(sides) where h < 0; `at_zero` for what is constant and 0."""
         at_zero = at_zero or below
-        self._refuse_components(h)
         if h.is_number:
             return (above if h > 0 else below if h < 0 else at_zero)(sides)
         inner = sorted((s for s in h.free_symbols if s in self.switches), key=lambda s: s.name)
@@ -391,8 +396,8 @@ class Lifting:
         lams = {lam for disc in self.discs.values() for lam in disc.components}
         if inside := sorted(map(str, h.free_symbols & lams)):
             raise ValueError(
-                f"{inside[0]} stands in the surface or condition {h}: where the field switches is told by time and states, "
-                "not by a multiplier. Write it with the surfaces of the disc."
+                f"{inside[0]} stands in the surface or condition {h}: where the field switches is told by time and "
+                "states, not by a multiplier. Write it with the surfaces of the disc."
             )
 
     def _factors(self, h):
@@ -400,6 +405,7 @@ class Lifting:
 
         None if a factor is no known surface and no new one may be made.
         """
+        self._refuse_components(h)
         sign, factors = 1, []
         for factor in sp.Mul.make_args(h):
             if factor.is_Pow:

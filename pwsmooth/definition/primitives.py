@@ -8,7 +8,7 @@
     Algebraic   an unknown that its residual determines inside the right-hand side
 
 `Switch`, `Memory`, the components of a `Disc` and the reaction of a `Unilateral` are sympy Symbols: they stand in
-expressions like any other name. What defines them is part of their identity, because sympy shares plain Symbols by name.
+expressions like any other name. What defines them is part of their identity, as sympy shares plain Symbols by name.
 Elements of one kind (multistate laws, spring-block chains) are in family.py.
 Chain: primitives (here) -> lifting.py -> system.py.
 """

@@ -15,7 +15,7 @@ from .family import Expansion
 from .lifting import Lifting, plain
 from .lowering import Field
 from .model import EventSpec, of_event
-from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
+from .primitives import Algebraic, Disc, Event, Memory, Reaction, Switch, Unilateral, symbols_of
 
 _INSTANT = {"new_switches": False}  # what is evaluated at instants makes no switches of its own
 
@@ -129,8 +129,8 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     )
     switches = tuple(lift.notation[lam] for lam, _ in field.switches)
     return Definition(
-        written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, tuple(lift.discs), memories, values,
-        families.groups, field,
+        written, seen, events, tuple(reactions), tuple(controls), algebraic, switches, tuple(lift.discs), memories,
+        values, families.groups, field,
     )  # fmt: skip
 
 
@@ -148,11 +148,6 @@ class _Names:
         first = self.by_name.setdefault(symbol.name, symbol)
         if first == symbol:
             return symbol
-        if isinstance(first, Component) and isinstance(symbol, Component):
-            raise ValueError(
-                f"two discs are named {symbol.disc.name!r}, with the surfaces {first.disc.surfaces} and "
-                f"{symbol.disc.surfaces}; give each its own name."
-            )
         if isinstance(first, Switch) and isinstance(symbol, Switch):
             raise ValueError(
                 f"two switches are named {symbol.name!r}, with the surfaces {first.surface} and "

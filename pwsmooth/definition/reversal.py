@@ -20,6 +20,11 @@ from .regularity import total_derivative
 
 def backward(field, parameters):
     """(field in s = -t, names of the contacts and events at which a run backward has to end)."""
+    if field.discs:
+        raise ValueError(
+            f"`t_span` decreases, but {field.discs[0].symbol} is a disc, at whose surfaces what was before is not told by "
+            "what is after; integrate forward."
+        )
     mirror = _mirror(field.time)
     ends = set()
     contacts = []

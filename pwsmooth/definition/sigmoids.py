@@ -165,6 +165,27 @@ class Sigmoid:
         return self.function(h / eps)
 
 
+    def smooth_component(self, h, surfaces, eps):
+        """A component of the vector switch h/|h|: Lambda(|h|/eps) h/|h|, of the surface `h` among all `surfaces`.
+
+        Raises
+        ------
+        ValueError
+            Lambda(s)/s, even in s, is no function of s^2 that has a value at 0: nothing that a series could be made of.
+        """
+        square = sp.Add(*(other**2 for other in surfaces))
+        if self.name == "algebraic":
+            return h / sp.sqrt(eps**2 + square)
+        w = sp.Dummy(positive=True)
+        factor = sp.simplify(self.function(sp.sqrt(w)) / sp.sqrt(w))
+        if not factor.subs(w, 0).is_finite:
+            raise ValueError(
+                f"`sigmoid` is {self.name!r}; of a Disc it is taken at |h|/eps, and {factor.subs(w, sp.Symbol('s') ** 2)} "
+                "has no form without a quotient 0/0 at s = 0. Take 'algebraic', or an expression such as u/(1 + u**4)**(1/4)."
+            )
+        return h / eps * factor.xreplace({w: square / eps**2})
+
+
 def _argument(value, what):
     """An expression of any symbols, a Dummy as well; text is refused, which sympy's functions would evaluate."""
     return value if isinstance(value, sp.Expr) else checks.expression(value, what)

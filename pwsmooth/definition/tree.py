@@ -21,7 +21,7 @@ from .controls import Control
 from .drives import Drive, rewritten, written
 from .family import Family, Member, MemberMemory, MemberSum
 from .model import Select
-from .primitives import Algebraic, Event, Memory, Reaction, Switch, Unilateral
+from .primitives import Algebraic, Component, Disc, Event, Memory, Reaction, Switch, Unilateral
 
 # What an expression is made of: sympy's own classes, whose parts are expressions or conditions.
 _OPERATIONS = {
@@ -64,6 +64,8 @@ _RECORDS: dict[str, tuple[type, Callable, Callable, tuple]] = {
             (_text, (dict,)),
         ),
         (Switch, lambda s: (s.name, s.surface), Switch, (_text, _expression)),
+        (Disc, lambda d: (d.name, d.surfaces), Disc, (_text, _several)),
+        (Component, lambda s: (s.disc, s.index), Component, ((Disc,), (int,))),
         (
             Memory,
             lambda s: (s.name, s.initial, s._assumptions_orig),

@@ -15,6 +15,7 @@ from math import isnan
 import sympy as sp
 
 from . import sigmoids
+from .discs import convex
 from .model import LayerState, Select
 from .pointwise import draw, value
 from .regularity import affine_in, classify, residual_of
@@ -25,10 +26,14 @@ def substitutes(system):
     model = system.model
     named = {str(layer.symbol): layer.equilibrium for layer in model.layer_states}
     widths = dict(model.smoothing)
+    sigmoid = sigmoids.sigmoid(model.sigmoid)
     for switch in system.switches if widths else ():
         if switch.surface in widths:
-            smooth = sigmoids.sigmoid(model.sigmoid).smooth(switch.surface, widths[switch.surface])
-            named[str(switch)] = sp.sympify(smooth, strict=True)
+            named[str(switch)] = sp.sympify(sigmoid.smooth(switch.surface, widths[switch.surface]), strict=True)
+    for disc in system.discs if widths else ():
+        for lam, h in zip(disc, disc.surfaces, strict=True):
+            if h in widths:
+                named[str(lam)] = sigmoid.smooth_component(h, disc.surfaces, widths[h])
     return named
 
 
@@ -53,7 +58,12 @@ def smoothed(field, sigmoid, eps):
             )
         blend.add(lam, sigmoid.smooth(h, eps[lam]), dict.fromkeys(one_sided, h))
         smoothing.append((h, eps[lam]))
-    return field.map(blend, switches=()), tuple(smoothing)
+    for disc in field.discs:
+        surfaces = tuple(map(blend, disc.surfaces))
+        for lam, h in zip(disc.components, surfaces, strict=True):
+            blend.add(lam, sigmoid.smooth_component(h, surfaces, eps[disc.symbol]), {})
+            smoothing.append((h, eps[disc.symbol]))
+    return field.map(blend, switches=(), discs=()), tuple(smoothing)
 
 
 class _Blend:
@@ -230,6 +240,8 @@ def filippov(field):
         for lam, _ in field.switches:
             if lam in e.free_symbols and hidden_part(e, lam) != 0:
                 e = Select(lam, e.xreplace({lam: sp.S.One}), e.xreplace({lam: sp.S.NegativeOne}))
+        for disc in field.discs:
+            e = convex(e, disc)
         return e
 
     return replace(

@@ -2,8 +2,8 @@
 
 from .machine.block import Bundle
 
-# Kinds of multiplier (order of pwsmooth.definition.model: a switch's regularity, then the other kinds). That of a disc is
-# lambda . lambda while it sticks and 1 while it slips; its components follow it.
+# Kinds of multiplier (order of pwsmooth.definition.model: a switch's regularity, then the other kinds). That of a disc
+# is lambda . lambda while it sticks and 1 while it slips; its components follow it.
 SLIDING, KINK, CROSSING, SECOND_ORDER, DISC, CONTACT, ALGEBRAIC, COMPONENT = range(8)
 
 # Status of a multiplier: +1 or -1 fixed (a contact: +1 open), SOLVED, or HELD with what it has: another one keeps its

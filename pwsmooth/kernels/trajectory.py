@@ -63,9 +63,9 @@ from .step.recording import (
     record_point,
     sample,
 )
+from .step.resting import come_to_rest_in_disc
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
-from .step.resting import come_to_rest_in_disc
 from .step.steps import (
     dot,
     keep_in_sight,

@@ -323,6 +323,7 @@ def _spread(h, states, columns):
 
 def _flat(model, states, columns, spreads) -> None:
     """Refuses noise along a curved surface: Ito's term would push off it, and the sliding condition lacks it."""
+    checks.without_discs(model, "diffusions")
     for m, spread in zip(model.multipliers, spreads):
         if m.kind != "switch" or m.regularity != "sliding" or spread != 0:
             continue

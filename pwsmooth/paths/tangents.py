@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..codegen import LANES, compile_model
+from ..definition import checks
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
@@ -104,6 +105,7 @@ class CompiledTangents:
 
     def __init__(self, model: Model, what: str):
         """What the programs do along steps: see Compiled.tangent()."""
+        checks.without_discs(model, "derivatives")
         self.model = model
         self.told = {"given": int(what != "jets"), "lanes": LANES.get(what, 0)}
         code = self.code = compile_model(model)

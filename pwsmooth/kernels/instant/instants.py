@@ -15,7 +15,6 @@ from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
 from ..state import (
     AMB_CHATTERING,
-    CONTACT,
     DISC,
     EV_ACCUMULATION,
     EV_CROSSING,
@@ -44,8 +43,8 @@ from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
-from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
+from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
     AT_BOUND,

@@ -1,9 +1,9 @@
 """The first step of a slip from rest in a disc: a collocation step, where the direction of slip is 0/0 at its start.
 
-At h = 0 the field of slip, with lambda = h/|h|, has no value. Where the force has just left the friction circle the slip
-begins as h ~ p t^2/2, and its direction is that of a stiff equation whose rate is infinite at t = 0: it has one bounded
-solution, the series of which diverges. Radau's collocation (Hairer and Wanner 1996, IV.5) never looks at t = 0, is
-stable however stiff, and gives that solution. Where the slip begins with an acceleration it does as well.
+At h = 0 the field of slip, with lambda = h/|h|, has no value. Where the force has just left the friction circle the
+slip begins as h ~ p t^2/2, and its direction is that of a stiff equation whose rate is infinite at t = 0: it has one
+bounded solution, the series of which diverges. Radau's collocation (Hairer and Wanner 1996, IV.5) never looks at t = 0,
+is stable however stiff, and gives that solution. Where the slip begins with an acceleration it does as well.
 """
 
 import math
@@ -76,7 +76,7 @@ def _rates(P, S, W, t):
 
 @kernel
 def _hold(P, S, held):
-    """Whether the multipliers of the discs that begin to slip say what lambda is, or the direction of their surfaces."""
+    """Lets the multipliers of the discs that begin to slip say what lambda is (`held`), or their surfaces."""
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
             S.mult[j] = 0.5 if held else 1.0
@@ -124,7 +124,7 @@ def _guess(P, S, W, t, h):
 
 @kernel
 def _follow_force(P, S, W, j):
-    """Leaves in S.mult the direction of the lambda that would hold disc j, and in onset.beyond by how much it exceeds 1."""
+    """Leaves in S.mult the direction of the lambda that would hold disc j, in onset.beyond its excess over 1."""
     for k in range(P.m):
         W.mask[k] = 1 if S.status[k] == SOLVED or P.disc_of[k] == j else 0
     call_newton(P.newton_unit, P, S, W)
@@ -151,7 +151,7 @@ def _nudge(P, W, q, i, reach):
 
 @kernel
 def _stage(P, S, W, q, t):
-    """Overwrites onset.k[q], the rates at node q, and onset.slope[q], their derivatives by the states; False if none."""
+    """Overwrites onset.k[q], the rates at node q, and onset.slope[q], their slopes by the states; False if none."""
     onset, n = W.onset, P.n
     for i in range(n):
         S.x[i] = onset.y[q, i]
@@ -284,7 +284,7 @@ def _restore(P, S, W):
 
 @unit(types.float64, Problem, Control, State, Work, types.float64)
 def onset(P, C, S, W, longest):
-    """Overwrites W.step by the first step of a slip, of at most `longest`; returns its length, 0 where there is none."""
+    """Overwrites W.step by the first step of a slip, of at most `longest`; returns its length, 0 if there is none."""
     start, n, t = W.onset, P.n, S.t
     start.solves = 0
     for i in range(n):

@@ -2,8 +2,8 @@
 
     n' = (1 - n n) G(n),   r' = r n.G(n),   dt = r dtau,   h = r n
 
-with t and x frozen (Antali and Stepan 2018 for limit directions). It comes to rest, at a time and with a mean lambda that
-follow, or passes by.
+with t and x frozen (Antali and Stepan 2018 for limit directions). It comes to rest, at a time and with a mean lambda
+that follow, or passes by.
 """
 
 import math
@@ -45,9 +45,9 @@ def _closing_rates(P, S, W, j, y, out, stage):
 
 @kernel
 def close(P, S, W, j, size):
-    """Time to rest from |h| = size in the direction that stands in S.mult, and the mean lambda on the way, in its place.
+    """Time to rest of disc j from |h| = size in the direction in S.mult, where the mean lambda on the way is left.
 
-    Negative where disc j passes by.
+    Negative where it passes by.
     """
     d, y, new, k = P.dim[j], W.closing_y, W.closing_new, W.closing_k
     W.layer.masked = 1 if mask_instant(P, S, W) else 0

@@ -113,7 +113,7 @@ def disc_norm(P, W, size, y, i):
 
 @kernel
 def _leaves(P, W, size, y, rates, i, reach):
-    """Whether switch i of the layer is farther out than `reach`, on its way outwards; of a disc, its first component."""
+    """Whether switch i of the layer is farther out than `reach`, and goes outwards; of a disc its first component."""
     j = W.instant.group[i]
     if P.kind[j] != COMPONENT:
         return abs(y[i]) > reach and y[i] * rates[i] > 0.0
