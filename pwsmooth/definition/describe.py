@@ -161,7 +161,7 @@ class DescribedSystem(Described):
                 for s in definition.switches
             ],
             "discs": [
-                formula(f"{d.name} = {_vector(d.surfaces)}/|{_vector(d.surfaces)}|", d.name, "= h/|h|, h =", *d.surfaces)
+                formula(f"{d.name} = h/|h|, h = {d.surfaces}", sp.Symbol(d.name), r"= h/|h|,\; h =", sp.Tuple(*d.surfaces))
                 for d in definition.discs
             ],
             "hidden terms": [formula(str(term), term, note=f"   in {where}'") for where, _, term in hidden],
@@ -186,10 +186,6 @@ class DescribedSystem(Described):
             f"System with states {', '.join(listed([str(x) for x in system.states if x.name not in working]))}",
             rows.items(),
         )
-
-
-def _vector(parts):
-    return f"({', '.join(map(str, parts))})"
 
 
 def _event(spec, event):

@@ -1,7 +1,7 @@
 """Vector surfaces: the multiplier of a `Disc` in the lowered model.
 
 A disc of d surfaces is 1 + d multipliers. Its own, with the name of the disc, is 1 in slip and in stick, where it is
-solved for, lambda . lambda: its bound is the friction circle. The d components are those of lambda: solved for in stick,
+solved for, lambda . lambda: its bound is the friction circle. The components are those of lambda, in stick solved for,
 
     dh_i/dt (t, x, lambda) = 0,   i = 1..d
 
@@ -78,7 +78,7 @@ def convex(e: sp.Expr, disc: LiftedDisc) -> sp.Expr:
     outside = on_sphere(e, disc.components)
     if not is_affine(outside, disc.components):
         raise ValueError(
-            f"`convention` is 'filippov', but around {disc.symbol} the field {e} has the values {outside}, which are not "
-            "affine in its components: their convex hull is no disc. Take 'hidden', or a law that is affine in lambda."
+            f"`convention` is 'filippov', but around {disc.symbol} the field {e} has the values {outside}, not affine "
+            "in its components: their convex hull is no disc. Take 'hidden', or a law that is affine in lambda."
         )
     return outside

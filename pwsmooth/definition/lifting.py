@@ -153,8 +153,8 @@ class Lifting:
         for other in self.discs:
             if other.name == disc.name:
                 raise ValueError(
-                    f"two discs are named {disc.name!r}, with the surfaces {other.surfaces} and {disc.surfaces}; give each "
-                    "its own name."
+                    f"two discs are named {disc.name!r}, with the surfaces {other.surfaces} and {disc.surfaces}; give "
+                    "each its own name."
                 )
         if any(isinstance(s, Component) for h in disc.surfaces for s in h.free_symbols):
             raise ValueError(

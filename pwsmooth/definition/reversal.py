@@ -22,8 +22,8 @@ def backward(field, parameters):
     """(field in s = -t, names of the contacts and events at which a run backward has to end)."""
     if field.discs:
         raise ValueError(
-            f"`t_span` decreases, but {field.discs[0].symbol} is a disc, at whose surfaces what was before is not told by "
-            "what is after; integrate forward."
+            f"`t_span` decreases, but {field.discs[0].symbol} is a disc: at its surfaces what is after does not tell "
+            "what was before. Integrate forward."
         )
     mirror = _mirror(field.time)
     ends = set()

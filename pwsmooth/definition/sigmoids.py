@@ -164,7 +164,6 @@ class Sigmoid:
             return h / sp.sqrt(eps**2 + h**2)
         return self.function(h / eps)
 
-
     def smooth_component(self, h, surfaces, eps):
         """A component of the vector switch h/|h|: Lambda(|h|/eps) h/|h|, of the surface `h` among all `surfaces`.
 
@@ -180,8 +179,8 @@ class Sigmoid:
         factor = sp.simplify(self.function(sp.sqrt(w)) / sp.sqrt(w))
         if not factor.subs(w, 0).is_finite:
             raise ValueError(
-                f"`sigmoid` is {self.name!r}; of a Disc it is taken at |h|/eps, and {factor.subs(w, sp.Symbol('s') ** 2)} "
-                "has no form without a quotient 0/0 at s = 0. Take 'algebraic', or an expression such as u/(1 + u**4)**(1/4)."
+                f"`sigmoid` is {self.name!r}, of which a Disc needs Lambda(s)/s, s = |h|/eps: here it has no form "
+                "without the quotient 0/0 at s = 0. Take 'algebraic', or an expression such as u/(1 + u**4)**(1/4)."
             )
         return h / eps * factor.xreplace({w: square / eps**2})
 
