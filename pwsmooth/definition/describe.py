@@ -161,7 +161,9 @@ class DescribedSystem(Described):
                 for s in definition.switches
             ],
             "discs": [
-                formula(f"{d.name} = h/|h|, h = {d.surfaces}", sp.Symbol(d.name), r"= h/|h|,\; h =", sp.Tuple(*d.surfaces))
+                formula(
+                    f"{d.name} = h/|h|, h = {d.surfaces}", sp.Symbol(d.name), r"= h/|h|,\; h =", sp.Tuple(*d.surfaces)
+                )
                 for d in definition.discs
             ],
             "hidden terms": [formula(str(term), term, note=f"   in {where}'") for where, _, term in hidden],

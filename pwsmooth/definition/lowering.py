@@ -19,7 +19,15 @@ import sympy as sp
 from .discs import LiftedDisc, is_affine
 from .model import EventSpec, Model, Multiplier, of_event
 from .pointwise import draw, value
-from .regularity import POINTS, beside_kinks, classify, residual_of, second_derivative, total_derivative
+from .regularity import (
+    POINTS,
+    TOLERANCE,
+    beside_kinks,
+    classify,
+    residual_of,
+    second_derivative,
+    total_derivative,
+)
 from .singular import watched
 
 
@@ -141,9 +149,9 @@ def _of_disc(field, disc):
     square = sp.Add(*(lam**2 for lam in disc.components))
     rates = [total_derivative(h, field.time, field.states, field.rates) for h in disc.surfaces]
     hidden = not all(is_affine(g, disc.components) for g in rates)
-    _can_hold(disc, rates)
+    regularity = _regularity(field, disc, rates)
     return [
-        Multiplier(disc.symbol, "disc", disc.symbol - square, disc.square),
+        Multiplier(disc.symbol, "disc", disc.symbol - square, disc.square, regularity),
         *(
             Multiplier(lam, "component", g, h, hidden=hidden)
             for lam, g, h in zip(disc.components, rates, disc.surfaces, strict=True)
@@ -151,19 +159,46 @@ def _of_disc(field, disc):
     ]
 
 
-def _can_hold(disc, rates):
-    """Refuses a disc whose multiplier has no power over all of its surfaces."""
-    slopes = sp.Matrix([[g.diff(lam) for lam in disc.components] for g in rates])
+def _regularity(field, disc, rates):
+    """Whether the multiplier can hold its surfaces ("sliding"), or stands in nothing but |h| ("kink"); else refused."""
+    slopes = [g.diff(lam) for g in rates for lam in disc.components]
+    affected = [
+        e
+        for e in (*field.rates, *(r for _, r in field.algebraic))
+        if not e.free_symbols.isdisjoint(disc.components)
+    ]
+    others = [e.diff(lam) for e in affected for lam in disc.components]
+    ranks, jumps = [], []
     for k in range(POINTS):
-        point = {s: draw(s, k) for s in slopes.free_symbols}
-        J = np.array([value(e, point) for e in slopes]).reshape(slopes.shape)
-        if np.isfinite(J).all() and np.linalg.matrix_rank(J) == len(J):
-            return
+        symbols = set().union(*(e.free_symbols for e in (*disc.surfaces, *slopes, *others)))
+        point = _on_surfaces(disc.surfaces, field.states, {s: draw(s, k) for s in symbols})
+        J = np.array([value(e, point) for e in slopes]).reshape(len(rates), -1)
+        if np.isfinite(J).all():
+            ranks.append(np.linalg.matrix_rank(J))
+            jumps.append(max((abs(value(e, point)) for e in others), default=0.0))
+    if max(ranks, default=0) == len(rates):
+        return "sliding"
+    if jumps and max(jumps) < TOLERANCE:
+        return "kink"
     shown = ", ".join(f"d({h})/dt = {g}" for h, g in zip(disc.surfaces, rates, strict=True))
     raise ValueError(
         f"disc {disc.symbol} cannot hold its surfaces at 0: {shown} do not depend on all of its components "
         f"{', '.join(map(str, disc.components))}. Give independent velocities on whose rates every component acts."
     )
+
+
+def _on_surfaces(surfaces, states, point):
+    """A point moved onto h = 0, as near as Newton's method comes in a few steps."""
+    coordinates = [x for x in states if any(x in h.free_symbols for h in surfaces)]
+    gradient = [h.diff(x) for h in surfaces for x in coordinates]
+    for _ in range(8):
+        h = np.array([value(e, point) for e in surfaces])
+        Dh = np.array([value(e, point) for e in gradient]).reshape(len(surfaces), -1)
+        if not (np.isfinite(h).all() and np.isfinite(Dh).all()) or not coordinates:
+            break
+        move = np.linalg.lstsq(Dh, h, rcond=None)[0]
+        point = point | {x: point[x] - float(d) for x, d in zip(coordinates, move, strict=True)}
+    return point
 
 
 def _slips_shown(field, m):

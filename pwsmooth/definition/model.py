@@ -181,7 +181,9 @@ class Multiplier:
     kind: str  # "switch" | "disc" | "component" | "contact" | "algebraic"
     residual: sp.Expr
     surface: sp.Expr | None = None  # h(t, x, mult; p); None for an algebraic unknown
-    regularity: str = "sliding"  # of a switch: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
+    regularity: str = (
+        "sliding"  # of a switch or disc: "kink" | "sliding" (relative degree 1) | "crossing" (higher)
+    )
     hidden: bool = False  # the residual is nonlinear in this multiplier
     impact: tuple[sp.Expr, ...] | None = None  # contact: the whole state after an impact
     second: sp.Expr | None = None  # d2h/dt2 of a switch that can slide to second order

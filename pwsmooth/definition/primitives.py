@@ -188,12 +188,12 @@ class Disc:
 
     @property
     def square(self):
-        """lambda . lambda: 1 in slip, less in stick."""
+        """Its square lambda . lambda: 1 in slip, less in stick."""
         return sp.Add(*(lam**2 for lam in self))
 
     @property
     def size(self):
-        """|h| = lambda . h, continuous: the slip speed where h is a velocity."""
+        """The size of h, |h| = lambda . h, continuous: the slip speed where h is a velocity."""
         return sp.Add(*(lam * h for lam, h in zip(self, self.surfaces, strict=True)))
 
 

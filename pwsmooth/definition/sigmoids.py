@@ -165,7 +165,21 @@ class Sigmoid:
         return self.function(h / eps)
 
     def smooth_component(self, h, surfaces, eps):
-        """A component of the vector switch h/|h|: Lambda(|h|/eps) h/|h|, of the surface `h` among all `surfaces`.
+        """A component of the vector switch of a `Disc`, Lambda(|h|/eps) h_i/|h|.
+
+        Parameters
+        ----------
+        h : Expr
+            Its surface h_i.
+        surfaces : sequence of Expr, length d
+            All surfaces of the disc.
+        eps : Expr or float, in the unit of h
+            Width of the layer, > 0.
+
+        Returns
+        -------
+        Expr
+            Dimensionless, between -1 and 1.
 
         Raises
         ------

@@ -40,7 +40,8 @@ SOLVED, HELD = 0, 2
     AMB_UPDATES,
     AMB_ACCUMULATION,
     AMB_CHATTERING,
-) = range(11)
+    AMB_NEAR_MISS,
+) = range(12)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
 # one of a slip in a disc.

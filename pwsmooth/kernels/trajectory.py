@@ -11,6 +11,7 @@ from numba import types
 
 from .fresh import restart_flags
 from .instant.contacts import stop_closed
+from .instant.discs import release_discs
 from .instant.folds import (
     HOP,
     HOPPED,
@@ -63,7 +64,7 @@ from .step.recording import (
     record_point,
     sample,
 )
-from .step.resting import come_to_rest_in_disc
+from .step.resting import PATIENCE, WORTH, come_to_rest_in_disc, is_stiff
 from .step.rhythm import forget_rhythm, note_rhythm
 from .step.roots import NO_ROOT
 from .step.steps import (
@@ -139,6 +140,8 @@ def find_multipliers(P, C, S, R, W):
         code = release_held(P, C, S, R, W)
         if code == GO_ON:
             code = _settle_again(P, C, S, R, W)
+        if code >= GO_ON and P.discs != 0:
+            code = release_discs(P, S, R, W)
         if code < GO_ON:
             return code
         W.step.sliding = int(any_is(P, S, SOLVED) or (P.jet_general != 0 and any_is(P, S, HELD)))
@@ -236,6 +239,13 @@ def propose(P, C, S, R, W):
             W.meeting.tau[at_rest] = 0.0
             code = _settle_again(P, C, S, R, W)
             return AGAIN if code == GO_ON else code
+        stiff, longest = is_stiff(P, S, W, h)
+        if stiff and step.time_row < 0 and step.kind != PAIR:
+            longer = call_onset(P.onset_unit, P, C, S, W, min(longest, min(C.max_step, step.stop - S.t)))
+            if longer > WORTH * h:
+                h, unsure = longer, 0
+            else:
+                h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
     step.singular, step.arcs, step.unsure = int(singular), int(arcs), unsure
     if unsure:
         h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)

@@ -142,15 +142,20 @@ class Arc(Bundle):
 class Onset(Bundle):
     """The first step of a slip from rest: see step/onset.py. Its size is n with discs, else 0."""
 
+    stiff: "int"  # explicit steps in a row that were as short as a slip is slow
+    wait: "int"  # steps before collocation is tried again
+    goes_on: "int"  # whether all slips have begun before
     rests: "int"  # whether the slip begins without acceleration
     solves: "int"  # whether it solves for multipliers
     beyond: "float"  # by how much the lambda that would hold a disc exceeds 1
     x: "f8[onset]"  # at its start
     first: "f8[onset]"  # rates there
+    second: "f8[onset]"  # half of their rates
     mult: "f8[m]"
     level: "f8[m + ne]"  # surfaces there
     rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
     toward: "f8[8, m]"  # that lambda
+    forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
     y: "f8[8, onset]"  # states at the nodes

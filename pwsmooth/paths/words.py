@@ -103,14 +103,19 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
             "chattering within atol",
             ("on the surface, as on average", "to and fro, ever more often"),
         ),
+        names.AMB_NEAR_MISS: ("near miss", ("stick", "slip on, as every motion beside this one")),
     }
     found = []
     for t, (index, kind, taken) in zip(times.tolist(), records.tolist(), strict=True):
         name, continuations = words[kind]
+        disc = index < len(model.multipliers) and model.multipliers[index].kind == "disc"
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"
         elif kind in (names.AMB_GRAZING, names.AMB_FOLD):
             choice = continuations[taken]
+        elif kind == names.AMB_REPELLING and disc:
+            continuations = ("leave along the first axis", "leave in another direction", "stay on the surface")
+            choice = continuations[0]
         elif kind == names.AMB_REPELLING:
             choice = "stay on the surface" if taken == 0 else f"leave to {taken:+d}"
         else:

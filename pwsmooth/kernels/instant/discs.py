@@ -10,15 +10,28 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_layer_unit, call_linear, call_newton
 from ..outcome import Outcome
-from ..state import DISC, EV_RESET, EV_STICK, EV_TANGENCY, GO_ON, SOLVED
-from ..step.recording import record_event
+from ..state import (
+    AMB_NEAR_MISS,
+    AMB_REPELLING,
+    DISC,
+    EV_RESET,
+    EV_STICK,
+    EV_TANGENCY,
+    GO_ON,
+    HELD,
+    NOTHING,
+    SOLVED,
+)
+from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import keep_on_surface, mask_solved
-from ..surface.sparse import entry, solve_dense
+from ..surface.sliding import keep_on_surface, mask_instant, mask_solved
+from ..surface.sparse import entry, has_force, solve_dense
 from .settling import layer_code
 
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of a residual, above which the force of a stick has jumped
+_LOOK = 1e-6  # of time, ahead
+_NUDGE = 1e-4  # of lambda, from a root that repels
 
 
 @kernel
@@ -44,6 +57,44 @@ def release(P, S, j):
 
 
 @kernel
+def _push(P, S, W, j):
+    """The largest component of G of disc j at the present lambda; leaves dG/dlambda in W.G."""
+    if mask_instant(P, S, W):
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            W.mask[k] = 0
+        call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    largest = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        largest = max(largest, abs(W.g[k]))
+    return largest
+
+
+@kernel
+def _settle_without_force(P, S, W, j):
+    """Disc j at h = 0, where its lambda does not act: it is carried away, or stays as long as nothing moves it."""
+    push = _push(P, S, W, j)
+    if push <= _MOVED:
+        for i in range(P.n):
+            W.instant.x[i] = S.x[i]
+            S.x[i] += _LOOK * W.dx[i]
+        t, S.t = S.t, S.t + _LOOK
+        push = _push(P, S, W, j)
+        S.t = t
+        for i in range(P.n):
+            S.x[i] = W.instant.x[i]
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] = W.g[k] if push > _MOVED else 0.0
+    if push > _MOVED:
+        release(P, S, j)
+        return
+    S.status[j], S.mult[j] = HELD, 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.status[k] = HELD
+
+
+@kernel
 def _pushes_back(P, W, j):
     """Whether dG/dlambda of disc j is negative in every direction, from the entries in W.G."""
     d, A = P.dim[j], W.disc
@@ -66,13 +117,12 @@ def _find_way_out(P, S, W, j):
     """Newton's method for G(n) = c n, |n| = 1 from the direction in S.mult; False if it does not converge to c > 0."""
     d, A, c = P.dim[j], W.disc, 0.0
     S.mult[j] = 0.5  # lambda is what its multipliers say
-    for sweep in range(30):
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for sweep in range(60):
+        _push(P, S, W, j)
         if sweep == 0:
             for r in range(d):
                 c += S.mult[j + 1 + r] * W.g[j + 1 + r]
-        square = 0.0
+        square, rest = 0.0, 0.0
         for r in range(d):
             n = S.mult[j + 1 + r]
             square += n * n
@@ -80,7 +130,11 @@ def _find_way_out(P, S, W, j):
                 A[r, k] = entry(P.g_row, P.g_col, W.G, j + 1 + r, j + 1 + k) - (c if r == k else 0.0)
             A[r, d], A[d, r] = -n, n
             A[r, d + 1] = c * n - W.g[j + 1 + r]
+            rest = max(rest, abs(A[r, d + 1]))
         A[d, d], A[d, d + 1] = 0.0, 0.5 * (1.0 - square)
+        if rest <= 1e-14 * (1.0 + abs(c)) and abs(square - 1.0) <= 1e-14:
+            S.mult[j] = 1.0  # also where every direction is one
+            return c > 0.0
         if not solve_dense(A, d + 1, 1):
             break
         change = abs(A[d, d + 1]) / (1.0 + abs(c))
@@ -108,7 +162,10 @@ def settle_disc(P, S, R, W, j, arrives):
         keep_on_surface(P, S, j + 1 + k, W)
         W.instant.mult[j + 1 + k] = S.mult[j + 1 + k]
     hold(P, S, j)
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    push = _push(P, S, W, j)
+    if not has_force(P, S, W, j):
+        _settle_without_force(P, S, W, j)
+        return GO_ON
     if P.hidden[j + 1] == 0 and _pushes_back(P, W, j):
         mask_solved(P, S, W)
         if call_newton(P.newton_unit, P, S, W) == 0:
@@ -119,12 +176,31 @@ def settle_disc(P, S, R, W, j, arrives):
         release(P, S, j)
         return GO_ON if _find_way_out(P, S, W, j) else Outcome.NO_ROOT
     S.layers += 1
+    if not arrives and push <= _MOVED and not _pushes_back(P, W, j):
+        record_ambiguity(S, R, j, AMB_REPELLING, 0)
+        W.instant.mult[j + 1] += _NUDGE
     for k in range(d):
         S.mult[j + 1 + k] = W.instant.mult[j + 1 + k]
         W.instant.group[k] = j + 1 + k
         W.instant.arrival[k] = 1 if arrives else 0
     code = layer_code(P, S, R, j, call_layer_unit(P.layer_unit, P, S, W, ARRIVE, d, 0, 0.0))
+    if code == GO_ON and arrives and S.status[j] == SOLVED:
+        _note_near_miss(P, S, R, W, j)
     return slip_by_layer(P, S, W, j) if code == GO_ON else code
+
+
+@kernel
+def _note_near_miss(P, S, R, W, j):
+    """Records a stick that only the motion exactly to h = 0 finds: its force exceeds the friction of any slip."""
+    for k in range(j, j + 1 + P.dim[j]):
+        W.instant.mult[k] = S.mult[k]
+    size = math.sqrt(S.mult[j])
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] /= size
+    if size > 0.0 and _find_way_out(P, S, W, j):
+        record_ambiguity(S, R, j, AMB_NEAR_MISS, 0)
+    for k in range(j, j + 1 + P.dim[j]):
+        S.mult[k] = W.instant.mult[k]
 
 
 @kernel
@@ -140,7 +216,7 @@ def slip_by_layer(P, S, W, j):
 def free_components(P, S):
     """The components of discs that a jump has taken off h = 0 are fixed from now on."""
     for j in range(P.m):
-        if P.kind[j] == DISC and S.status[j] != SOLVED:
+        if P.kind[j] == DISC and S.status[j] == 1:
             for k in range(j + 1, j + 1 + P.dim[j]):
                 S.status[k] = 1
 
@@ -161,12 +237,35 @@ def settle_discs(P, S, R, W, jumped):
         code = settle_disc(P, S, R, W, j, came != SOLVED and not jumped)
         if code != GO_ON:
             return code, True
-        if S.status[j] == SOLVED and came != SOLVED:
-            record_event(S, R, j, EV_STICK, came, 0)
-        elif came == SOLVED and S.status[j] != SOLVED:
+        if S.status[j] != 1 and came == 1:
+            record_event(S, R, j, EV_STICK, 1, 0)
+        elif S.status[j] == 1 and came != 1:
             record_event(S, R, j, EV_RESET, 0, 1)
         some = True
     return GO_ON, some
+
+
+@kernel
+def release_discs(P, S, R, W):
+    """Discs that stay at h = 0 without friction, on which something has begun to act: a code, NOTHING if none."""
+    some = False
+    for j in range(P.m):
+        if P.kind[j] != DISC or S.status[j] != HELD:
+            continue
+        acts = has_force(P, S, W, j)
+        if W.h[j] > 0.0:
+            # It has been carried away by less than a look ahead saw.
+            S.status[j], S.mult[j] = 1, 1.0
+            free_components(P, S)
+            some = True
+        elif acts or _push(P, S, W, j) > _MOVED:
+            code = settle_disc(P, S, R, W, j, False)
+            if code != GO_ON:
+                return code
+            if S.status[j] == 1:
+                record_event(S, R, j, EV_RESET, 0, 1)
+            some = True
+    return GO_ON if some else NOTHING
 
 
 @kernel
@@ -183,4 +282,6 @@ def resettle_discs(P, S, R, W):
             code = settle_disc(P, S, R, W, j, False)
             if code != GO_ON:
                 return code
+            if S.status[j] == 1:
+                record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON

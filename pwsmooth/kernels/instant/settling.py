@@ -7,6 +7,8 @@ from ..state import (
     AMB_HIDDEN_OSCILLATION,
     AMB_REPELLING,
     AMB_SEVERAL_ROOTS,
+    COMPONENT,
+    DISC,
     EV_RESET,
     GO_ON,
     HELD,
@@ -129,7 +131,7 @@ def release_held(P, C, S, R, W):
     for i in range(P.m + P.ne):
         W.meeting.tau[i] = 2.0
     for j in range(P.m):
-        if S.status[j] != HELD:
+        if S.status[j] != HELD or P.kind[j] == DISC or P.kind[j] == COMPONENT:
             continue
         if P.kind[j] == SLIDING or (P.kind[j] == SECOND_ORDER and held_by(P, S, W, j) < 0):
             W.instant.active[size] = j

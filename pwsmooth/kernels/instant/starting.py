@@ -20,7 +20,7 @@ from ..step.recording import record_point
 from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from .contacts import close_at_start
-from .discs import hold, settle_discs
+from .discs import settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
@@ -47,7 +47,9 @@ def start(P, C, S, R, W):
                 mult[j] = float(status[j])
     for j in range(m):
         if P.kind[j] == DISC and W.h[j] == 0.0:
-            hold(P, S, j)
+            mult[j] = (
+                0.5  # lambda is what the components' multipliers say: a direction of slip is not known yet
+            )
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT
     evaluate_surfaces(P, S, W)

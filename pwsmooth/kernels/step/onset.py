@@ -1,9 +1,10 @@
-"""The first step of a slip from rest in a disc: a collocation step, where the direction of slip is 0/0 at its start.
+"""A collocation step of a slip in a disc: the first one from rest, where its direction is 0/0, and stiff ones.
 
 At h = 0 the field of slip, with lambda = h/|h|, has no value. Where the force has just left the friction circle the
 slip begins as h ~ p t^2/2, and its direction is that of a stiff equation whose rate is infinite at t = 0: it has one
 bounded solution, the series of which diverges. Radau's collocation (Hairer and Wanner 1996, IV.5) never looks at t = 0,
-is stable however stiff, and gives that solution. Where the slip begins with an acceleration it does as well.
+is stable however stiff, and gives that solution. Where the slip begins with an acceleration it does as well; and where
+a slow slip follows a force that hardly exceeds the friction, and explicit steps would be as short as |h|.
 """
 
 import math
@@ -15,7 +16,7 @@ from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.sliding import mask_solved, put_on_level
-from ..surface.sparse import solve_dense
+from ..surface.sparse import has_force, solve_dense
 from ..work import Work
 
 STAGES = 8
@@ -86,6 +87,12 @@ def _hold(P, S, held):
 def _guess(P, S, W, t, h):
     """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
     onset, n, t0 = W.onset, P.n, S.t
+    if onset.goes_on:
+        for q in range(STAGES):
+            tau = _NODES[q] * h
+            for i in range(n):
+                onset.y[q, i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
+        return
     for q in range(STAGES):
         tau = _NODES[q] * h
         for i in range(n):
@@ -94,7 +101,7 @@ def _guess(P, S, W, t, h):
         for j in range(P.m):
             if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
                 continue
-            if onset.rests:
+            if onset.rests and onset.forced[j]:
                 _follow_force(P, S, W, j)
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         for j in range(P.m):
@@ -108,6 +115,13 @@ def _guess(P, S, W, t, h):
         S.t = t0 + tau
         for j in range(P.m):
             if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
+                continue
+            if not (onset.rests and onset.forced[j]):
+                for k in range(j + 1, j + 1 + P.dim[j]):
+                    way = 0.0
+                    for r in range(STAGES):
+                        way += h * _A[q, r] * onset.rate[r, k]
+                    put_on_level(P, S, k, way, W)
                 continue
             way = 0.0
             for r in range(STAGES):
@@ -286,9 +300,9 @@ def _restore(P, S, W):
 def onset(P, C, S, W, longest):
     """Overwrites W.step by the first step of a slip, of at most `longest`; returns its length, 0 if there is none."""
     start, n, t = W.onset, P.n, S.t
-    start.solves = 0
+    start.solves, start.goes_on = 0, 1
     for i in range(n):
-        start.x[i] = S.x[i]
+        start.x[i], start.second[i] = S.x[i], W.step.rows[i, 2]
     for j in range(P.m):
         start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
@@ -303,7 +317,9 @@ def onset(P, C, S, W, longest):
     size, fastest = 1e-300, 0.0
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            start.goes_on = 0
             start.level[j] = 0.0
+            start.forced[j] = 1 if has_force(P, S, W, j) else 0
             for k in range(j + 1, j + 1 + P.dim[j]):
                 start.level[k] = 0.0
                 fastest = max(fastest, abs(W.g[k]))
@@ -315,12 +331,12 @@ def onset(P, C, S, W, longest):
                 call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     start.rests = 1 if fastest <= _AT_REST * size else 0
     h = longest
-    if start.rests:
+    if start.rests and not start.goes_on:
         for i in range(n):
             S.x[i] = start.x[i] + 1e-3 * h * start.first[i]
         S.t = t + 1e-3 * h
         for j in range(P.m):
-            if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0 and start.forced[j]:
                 _follow_force(P, S, W, j)
                 if start.beyond > 0.0:
                     h = min(h, _STIFF * 1e-3 * longest / start.beyond)

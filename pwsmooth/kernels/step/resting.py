@@ -1,4 +1,5 @@
-"""Steps of a slip in a disc that comes to rest: |h| falls to 0 in finite time, at which the series of slip end."""
+"""Steps of a slip in a disc that is slow: |h| falls to 0 in finite time, at which the series of slip end, or stays small
+under a force that hardly exceeds the friction, where they are stiff."""
 
 import math
 
@@ -10,7 +11,35 @@ from .steps import surface_rows
 
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
+_STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
+_SEEN, WORTH, PATIENCE = (
+    5,
+    20.0,
+    50,
+)  # such steps in a row; a collocation step costs as many; until it is tried again
 _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
+
+
+@kernel
+def is_stiff(P, S, W, h):
+    """Whether explicit steps have been as short as they are because slips are slow: (that, for how long they stay so)."""
+    rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for j in range(P.m):
+        if P.kind[j] != DISC or S.status[j] != 1:
+            continue
+        square, slope, pull = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), 0.0
+        for r in range(j + 1, j + 1 + P.dim[j]):
+            for e in range(P.g_row[r], P.g_row[r + 1]):
+                if P.disc_of[P.g_col[e]] == j:
+                    pull = max(pull, abs(W.G[e]))
+        stiff = stiff or h * pull > _STIFF * math.sqrt(square)
+        longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
+    W.onset.stiff = W.onset.stiff + 1 if stiff else 0
+    if W.onset.wait > 0:
+        W.onset.wait -= 1
+        return False, longest
+    return W.onset.stiff > _SEEN and longest > WORTH * h, longest
 
 
 @kernel
