@@ -10,6 +10,8 @@ Chain: lifting.py, regularity.py -> lowering (here) -> system.py; the result is 
 
 from __future__ import annotations
 
+import contextlib
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -148,7 +150,8 @@ def _of_disc(field, disc):
     """The multiplier of a disc, lambda . lambda, and those of its components."""
     square = sp.Add(*(lam**2 for lam in disc.components))
     rates = [total_derivative(h, field.time, field.states, field.rates) for h in disc.surfaces]
-    hidden = not all(is_affine(g, disc.components) for g in rates)
+    inside = (*rates, *(r for _, r in field.algebraic))
+    hidden = not all(is_affine(e, disc.components) for e in inside)
     regularity = _regularity(field, disc, rates)
     return [
         Multiplier(disc.symbol, "disc", disc.symbol - square, disc.square, regularity),
@@ -161,24 +164,25 @@ def _of_disc(field, disc):
 
 def _regularity(field, disc, rates):
     """Whether the multiplier can hold its surfaces ("sliding"), or stands in nothing but |h| ("kink"); else refused."""
-    slopes = [g.diff(lam) for g in rates for lam in disc.components]
-    affected = [
-        e
-        for e in (*field.rates, *(r for _, r in field.algebraic))
-        if not e.free_symbols.isdisjoint(disc.components)
-    ]
-    others = [e.diff(lam) for e in affected for lam in disc.components]
-    ranks, jumps = [], []
+    lams, unknowns = disc.components, [a for a, _ in field.algebraic]
+    residuals = [r for _, r in field.algebraic]
+    tables = [sp.Matrix(len(es), len(by), [e.diff(s) for e in es for s in by])
+              for es, by in ((rates, lams), (rates, unknowns), (residuals, unknowns), (residuals, lams),
+                             ((*field.rates, *residuals), lams))]  # fmt: skip
+    symbols = set().union(*(e.free_symbols for e in (*disc.surfaces, *(e for table in tables for e in table))))
+    can_hold, jump = False, math.inf
     for k in range(POINTS):
-        symbols = set().union(*(e.free_symbols for e in (*disc.surfaces, *slopes, *others)))
         point = _on_surfaces(disc.surfaces, field.states, {s: draw(s, k) for s in symbols})
-        J = np.array([value(e, point) for e in slopes]).reshape(len(rates), -1)
-        if np.isfinite(J).all():
-            ranks.append(np.linalg.matrix_rank(J))
-            jumps.append(max((abs(value(e, point)) for e in others), default=0.0))
-    if max(ranks, default=0) == len(rates):
+        G, G_a, A, A_lam, jumps = (np.array([value(e, point) for e in t]).reshape(t.shape) for t in tables)
+        if not all(np.isfinite(t).all() for t in (G, G_a, A, A_lam, jumps)):
+            continue
+        with contextlib.suppress(np.linalg.LinAlgError):
+            J = G - G_a @ np.linalg.solve(A, A_lam) if unknowns else G
+            can_hold = can_hold or np.linalg.matrix_rank(J) == len(rates)
+            jump = max(0.0 if jump == math.inf else jump, np.abs(jumps).max())
+    if can_hold:
         return "sliding"
-    if jumps and max(jumps) < TOLERANCE:
+    if jump < TOLERANCE:
         return "kink"
     shown = ", ".join(f"d({h})/dt = {g}" for h, g in zip(disc.surfaces, rates, strict=True))
     raise ValueError(

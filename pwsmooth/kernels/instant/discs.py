@@ -8,7 +8,7 @@ direction there is one of the two and no layer is needed (the variational inequa
 import math
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_fields, call_layer_unit, call_linear, call_newton
+from ..machine.pointers import call_layer_unit, call_newton
 from ..outcome import Outcome
 from ..state import (
     AMB_NEAR_MISS,
@@ -24,12 +24,14 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import keep_on_surface, mask_instant, mask_solved
-from ..surface.sparse import entry, has_force, solve_dense
+from ..surface.sliding import keep_on_surface, mask_solved
+from ..surface.sparse import solve_dense
+from ..surface.vector import INSIDE, push_of_disc, pushes_back, slopes_of_disc
 from .settling import layer_code
 
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
-_MOVED = 1e-12  # of a residual, above which the force of a stick has jumped
+_MOVED = 1e-12  # of G, above which something acts
+_SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
 _LOOK = 1e-6  # of time, ahead
 _NUDGE = 1e-4  # of lambda, from a root that repels
 
@@ -37,7 +39,7 @@ _NUDGE = 1e-4  # of lambda, from a root that repels
 @kernel
 def hold(P, S, j):
     """From now on disc j sticks."""
-    S.status[j], S.mult[j] = SOLVED, 0.5
+    S.status[j], S.mult[j] = SOLVED, INSIDE
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.status[k] = SOLVED
 
@@ -49,7 +51,7 @@ def release(P, S, j):
     for k in range(j + 1, j + 1 + P.dim[j]):
         size += S.mult[k] ** 2
     size = math.sqrt(size)
-    S.status[j], S.mult[j], S.deflate[j] = 1, 1.0, 1
+    S.status[j], S.mult[j], S.deflate[j] = 1, INSIDE, 1
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.status[k] = 1
         S.deflate[k] = 0
@@ -57,30 +59,15 @@ def release(P, S, j):
 
 
 @kernel
-def _push(P, S, W, j):
-    """The largest component of G of disc j at the present lambda; leaves dG/dlambda in W.G."""
-    if mask_instant(P, S, W):
-        for k in range(j + 1, j + 1 + P.dim[j]):
-            W.mask[k] = 0
-        call_newton(P.newton_unit, P, S, W)
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    largest = 0.0
-    for k in range(j + 1, j + 1 + P.dim[j]):
-        largest = max(largest, abs(W.g[k]))
-    return largest
-
-
-@kernel
 def _settle_without_force(P, S, W, j):
     """Disc j at h = 0, where its lambda does not act: it is carried away, or stays as long as nothing moves it."""
-    push = _push(P, S, W, j)
+    push = push_of_disc(P, S, W, j)
     if push <= _MOVED:
         for i in range(P.n):
             W.instant.x[i] = S.x[i]
             S.x[i] += _LOOK * W.dx[i]
         t, S.t = S.t, S.t + _LOOK
-        push = _push(P, S, W, j)
+        push = push_of_disc(P, S, W, j)
         S.t = t
         for i in range(P.n):
             S.x[i] = W.instant.x[i]
@@ -95,30 +82,13 @@ def _settle_without_force(P, S, W, j):
 
 
 @kernel
-def _pushes_back(P, W, j):
-    """Whether dG/dlambda of disc j is negative in every direction, from the entries in W.G."""
-    d, A = P.dim[j], W.disc
-    for r in range(d):
-        for c in range(d):
-            a, b = j + 1 + r, j + 1 + c
-            A[r, c] = -entry(P.g_row, P.g_col, W.G, a, b) - entry(P.g_row, P.g_col, W.G, b, a)
-    # Cholesky's pivots.
-    for r in range(d):
-        if not A[r, r] > 0.0:
-            return False
-        for i in range(r + 1, d):
-            for c in range(r + 1, d):
-                A[i, c] -= A[i, r] * A[r, c] / A[r, r]
-    return True
-
-
-@kernel
 def _find_way_out(P, S, W, j):
     """Newton's method for G(n) = c n, |n| = 1 from the direction in S.mult; False if it does not converge to c > 0."""
-    d, A, c = P.dim[j], W.disc, 0.0
-    S.mult[j] = 0.5  # lambda is what its multipliers say
+    d, A, c, change = P.dim[j], W.disc, 0.0, math.inf
+    S.mult[j] = INSIDE
     for sweep in range(60):
-        _push(P, S, W, j)
+        slopes_of_disc(P, S, W, j)
+        push_of_disc(P, S, W, j)
         if sweep == 0:
             for r in range(d):
                 c += S.mult[j + 1 + r] * W.g[j + 1 + r]
@@ -127,13 +97,13 @@ def _find_way_out(P, S, W, j):
             n = S.mult[j + 1 + r]
             square += n * n
             for k in range(d):
-                A[r, k] = entry(P.g_row, P.g_col, W.G, j + 1 + r, j + 1 + k) - (c if r == k else 0.0)
+                A[r, k] -= c if r == k else 0.0
             A[r, d], A[d, r] = -n, n
             A[r, d + 1] = c * n - W.g[j + 1 + r]
             rest = max(rest, abs(A[r, d + 1]))
         A[d, d], A[d, d + 1] = 0.0, 0.5 * (1.0 - square)
         if rest <= 1e-14 * (1.0 + abs(c)) and abs(square - 1.0) <= 1e-14:
-            S.mult[j] = 1.0  # also where every direction is one
+            S.mult[j] = INSIDE  # also where every direction is one
             return c > 0.0
         if not solve_dense(A, d + 1, 1):
             break
@@ -145,10 +115,9 @@ def _find_way_out(P, S, W, j):
         if not change < math.inf:
             break
         if change <= 1e-13:
-            S.mult[j] = 1.0
-            return c > 0.0
-    S.mult[j] = 1.0
-    return False
+            break
+    S.mult[j] = INSIDE
+    return change <= 1e-13 and c > 0.0
 
 
 @kernel
@@ -162,21 +131,26 @@ def settle_disc(P, S, R, W, j, arrives):
         keep_on_surface(P, S, j + 1 + k, W)
         W.instant.mult[j + 1 + k] = S.mult[j + 1 + k]
     hold(P, S, j)
-    push = _push(P, S, W, j)
-    if not has_force(P, S, W, j):
+    slope = slopes_of_disc(P, S, W, j)
+    push = push_of_disc(P, S, W, j)
+    if slope == 0.0:
         _settle_without_force(P, S, W, j)
         return GO_ON
-    if P.hidden[j + 1] == 0 and _pushes_back(P, W, j):
+    strict = pushes_back(P, W, j)
+    if P.hidden[j + 1] == 0 and strict:
         mask_solved(P, S, W)
         if call_newton(P.newton_unit, P, S, W) == 0:
             return Outcome.NO_ROOT
         if S.mult[j] <= 1.0 + _BOUND:
-            S.mult[j] = min(S.mult[j], 1.0 - 2.0**-53)
+            S.mult[j] = min(S.mult[j], INSIDE)
             return GO_ON
         release(P, S, j)
         return GO_ON if _find_way_out(P, S, W, j) else Outcome.NO_ROOT
+    if not arrives and strict and push <= _SAME * slope:
+        mask_solved(P, S, W)
+        return GO_ON if call_newton(P.newton_unit, P, S, W) != 0 else Outcome.NO_ROOT
     S.layers += 1
-    if not arrives and push <= _MOVED and not _pushes_back(P, W, j):
+    if not arrives and push <= _MOVED and not strict:
         record_ambiguity(S, R, j, AMB_REPELLING, 0)
         W.instant.mult[j + 1] += _NUDGE
     for k in range(d):
@@ -252,13 +226,13 @@ def release_discs(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != HELD:
             continue
-        acts = has_force(P, S, W, j)
+        acts = slopes_of_disc(P, S, W, j) > 0.0
         if W.h[j] > 0.0:
             # It has been carried away by less than a look ahead saw.
             S.status[j], S.mult[j] = 1, 1.0
             free_components(P, S)
             some = True
-        elif acts or _push(P, S, W, j) > _MOVED:
+        elif acts or push_of_disc(P, S, W, j) > _MOVED:
             code = settle_disc(P, S, R, W, j, False)
             if code != GO_ON:
                 return code
@@ -274,11 +248,8 @@ def resettle_discs(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != SOLVED:
             continue
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        moved = False
-        for k in range(j + 1, j + 1 + P.dim[j]):
-            moved = moved or not abs(W.g[k]) <= _MOVED
-        if moved:
+        slope = slopes_of_disc(P, S, W, j)
+        if not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
             code = settle_disc(P, S, R, W, j, False)
             if code != GO_ON:
                 return code

@@ -19,6 +19,7 @@ from ..state import (
 from ..step.recording import record_point
 from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
+from ..surface.vector import INSIDE
 from .contacts import close_at_start
 from .discs import settle_discs
 from .resting import stay_at_rest
@@ -47,9 +48,7 @@ def start(P, C, S, R, W):
                 mult[j] = float(status[j])
     for j in range(m):
         if P.kind[j] == DISC and W.h[j] == 0.0:
-            mult[j] = (
-                0.5  # lambda is what the components' multipliers say: a direction of slip is not known yet
-            )
+            mult[j] = INSIDE
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT
     evaluate_surfaces(P, S, W)
@@ -80,6 +79,7 @@ def start(P, C, S, R, W):
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, S, R, W, True)
+        S.events = 0
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

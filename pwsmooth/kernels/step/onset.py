@@ -16,7 +16,8 @@ from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.sliding import mask_solved, put_on_level
-from ..surface.sparse import has_force, solve_dense
+from ..surface.sparse import solve_dense
+from ..surface.vector import INSIDE, push_of_disc, slopes_of_disc
 from ..work import Work
 
 STAGES = 8
@@ -76,14 +77,6 @@ def _rates(P, S, W, t):
 
 
 @kernel
-def _hold(P, S, held):
-    """Lets the multipliers of the discs that begin to slip say what lambda is (`held`), or their surfaces."""
-    for j in range(P.m):
-        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
-            S.mult[j] = 0.5 if held else 1.0
-
-
-@kernel
 def _guess(P, S, W, t, h):
     """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
     onset, n, t0 = W.onset, P.n, S.t
@@ -103,7 +96,7 @@ def _guess(P, S, W, t, h):
                 continue
             if onset.rests and onset.forced[j]:
                 _follow_force(P, S, W, j)
-        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+            push_of_disc(P, S, W, j)
         for j in range(P.m):
             onset.rate[q, j] = W.g[j]
             onset.toward[q, j] = S.mult[j]
@@ -307,7 +300,6 @@ def onset(P, C, S, W, longest):
         start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
             start.solves = 1
-    _hold(P, S, True)
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.m + P.ne):
         start.level[i] = W.h[i]
@@ -317,18 +309,13 @@ def onset(P, C, S, W, longest):
     size, fastest = 1e-300, 0.0
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
-            start.goes_on = 0
+            start.goes_on, start.mult[j] = 0, 1.0
             start.level[j] = 0.0
-            start.forced[j] = 1 if has_force(P, S, W, j) else 0
+            slope = slopes_of_disc(P, S, W, j)
+            start.forced[j] = 1 if slope > 0.0 else 0
+            size, fastest = max(size, slope), max(fastest, push_of_disc(P, S, W, j))
             for k in range(j + 1, j + 1 + P.dim[j]):
                 start.level[k] = 0.0
-                fastest = max(fastest, abs(W.g[k]))
-                keep = S.mult[k]
-                S.mult[k] = -keep
-                call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-                size = max(size, abs(W.g[k]))
-                S.mult[k] = keep
-                call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     start.rests = 1 if fastest <= _AT_REST * size else 0
     h = longest
     if start.rests and not start.goes_on:
@@ -343,7 +330,9 @@ def onset(P, C, S, W, longest):
         S.t = t
     for _ in range(_TRIES):
         _restore(P, S, W)
-        _hold(P, S, True)
+        for j in range(P.m):
+            if P.kind[j] == DISC and S.deflate[j] != 0 and S.status[j] == 1:
+                S.mult[j] = INSIDE
         _guess(P, S, W, t, h)
         for j in range(P.m):
             S.mult[j] = start.mult[j]

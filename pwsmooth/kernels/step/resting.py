@@ -1,5 +1,5 @@
-"""Steps of a slip in a disc that is slow: |h| falls to 0 in finite time, at which the series of slip end, or stays small
-under a force that hardly exceeds the friction, where they are stiff."""
+"""Steps of a slow slip in a disc: |h| falls to 0 in finite time, at which the series of slip end, or stays small under
+a force that hardly exceeds the friction, where they are stiff."""
 
 import math
 
@@ -7,6 +7,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import DISC
 from ..surface.closing import close
+from ..surface.vector import INSIDE
 from .steps import surface_rows
 
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
@@ -22,7 +23,7 @@ _LEAST_LEFT, _MOST_LEFT = 1e-3, 0.1  # of the time to rest, by a step towards it
 
 @kernel
 def is_stiff(P, S, W, h):
-    """Whether explicit steps have been as short as they are because slips are slow: (that, for how long they stay so)."""
+    """(Whether explicit steps have been as short as a slow slip makes them, for how long it stays slow)."""
     rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for j in range(P.m):
@@ -60,7 +61,7 @@ def _close(P, S, W, j, square):
     left = close(P, S, W, j, math.sqrt(square))
     if left < 0.0:
         return False
-    S.mult[j] = 0.5  # lambda is the mean that the components' multipliers say
+    S.mult[j] = INSIDE  # lambda is the mean that the components' multipliers say
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.n):
         S.x[i] += left * W.dx[i]

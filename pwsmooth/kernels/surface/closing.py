@@ -12,6 +12,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
 from .fast import defect, stage_point
 from .sliding import mask_instant
+from .vector import INSIDE
 
 _TOLERANCE = 1e-7  # of the direction and, relative, of the time
 _CLOSED = 1e-6  # of |h| at the beginning
@@ -52,7 +53,7 @@ def close(P, S, W, j, size):
     d, y, new, k = P.dim[j], W.closing_y, W.closing_new, W.closing_k
     W.layer.masked = 1 if mask_instant(P, S, W) else 0
     keep = S.mult[j]
-    S.mult[j] = 0.5  # lambda is what the components' multipliers say
+    S.mult[j] = INSIDE
     for i in range(len(y)):
         y[i] = 0.0
         for s in range(7):

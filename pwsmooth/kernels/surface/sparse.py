@@ -9,7 +9,6 @@ O(n), not O(n^3).
 """
 
 from ..machine.compiling import kernel
-from ..machine.pointers import call_fields, call_linear
 from ..state import CROSSING, KINK, SOLVED
 
 
@@ -24,21 +23,6 @@ def entry(row, col, values, i, j):
         else:
             hi = mid
     return values[lo] if lo < row[i + 1] and col[lo] == j else 0.0
-
-
-@kernel
-def has_force(P, S, W, j):
-    """Whether lambda acts on disc j where its surfaces are 0: not under a contact that is open, nor by |h| alone.
-
-    Leaves the model's functions and slopes in W.
-    """
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
-    for r in range(j + 1, j + 1 + P.dim[j]):
-        for c in range(j + 1, j + 1 + P.dim[j]):
-            if entry(P.g_row, P.g_col, W.G, r, c) != 0.0:
-                return True
-    return False
 
 
 @kernel

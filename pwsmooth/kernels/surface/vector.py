@@ -1,0 +1,87 @@
+"""G of a disc, the rates of its surfaces, as a function of its lambda alone: whatever else is solved follows."""
+
+from ..machine.compiling import kernel
+from ..machine.pointers import call_fields, call_linear, call_newton
+from .sliding import mask_instant
+from .sparse import entry
+
+# Of a disc's own multiplier: its lambda is what the multipliers of its components say. At 1 it is h/|h|, which is 0/0
+# where a slip begins.
+INSIDE = 1.0 - 2.0**-53
+_DELTA = 1e-4  # of lambda
+_NOTHING = 1e-10  # a slope by differences that is rounding, beside G
+
+
+@kernel
+def push_of_disc(P, S, W, j):
+    """The largest component of G of disc j, left in W.g, at the lambda of its components' multipliers."""
+    if mask_instant(P, S, W):
+        some = False
+        for k in range(P.m):
+            if P.disc_of[k] == j:
+                W.mask[k] = 0
+            some = some or W.mask[k] != 0
+        if some:
+            call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    largest = 0.0
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        largest = max(largest, abs(W.g[k]))
+    return largest
+
+
+@kernel
+def _follows(P, S, j):
+    """Whether anything but disc j is solved at every instant: a mass matrix, a closed contact, another stick."""
+    for k in range(P.m):
+        if S.status[k] == 0 and P.dim[k] == 0 and P.disc_of[k] != j:
+            return True
+    return False
+
+
+@kernel
+def slopes_of_disc(P, S, W, j):
+    """Overwrites W.disc[:d, :d] by dG/dlambda of disc j; returns its largest entry, 0 where lambda does not act.
+
+    That is so under a contact that is open, and where only |h| stands in the field.
+    """
+    d, A, largest = P.dim[j], W.disc, 0.0
+    if not _follows(P, S, j):
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        for r in range(d):
+            for c in range(d):
+                A[r, c] = entry(P.g_row, P.g_col, W.G, j + 1 + r, j + 1 + c)
+                largest = max(largest, abs(A[r, c]))
+        return largest
+    size = 1.0 + push_of_disc(P, S, W, j)
+    for c in range(d):
+        keep = S.mult[j + 1 + c]
+        S.mult[j + 1 + c] = keep + _DELTA
+        push_of_disc(P, S, W, j)
+        for r in range(d):
+            A[r, c] = W.g[j + 1 + r]
+        S.mult[j + 1 + c] = keep - _DELTA
+        push_of_disc(P, S, W, j)
+        for r in range(d):
+            A[r, c] = (A[r, c] - W.g[j + 1 + r]) / (2.0 * _DELTA)
+            largest = max(largest, abs(A[r, c]))
+        S.mult[j + 1 + c] = keep
+    push_of_disc(P, S, W, j)
+    return largest if largest > _NOTHING * size else 0.0
+
+
+@kernel
+def pushes_back(P, W, j):
+    """Whether the slopes in W.disc are negative in every direction; overwrites them."""
+    d, A = P.dim[j], W.disc
+    for r in range(d):
+        for c in range(r):
+            A[r, c] = A[c, r] = 0.5 * (A[r, c] + A[c, r])
+    # The pivots of Cholesky's decomposition of -A.
+    for r in range(d):
+        if not A[r, r] < 0.0:
+            return False
+        for i in range(r + 1, d):
+            for c in range(r + 1, d):
+                A[i, c] -= A[i, r] * A[r, c] / A[r, r]
+    return True
