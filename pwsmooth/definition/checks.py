@@ -420,6 +420,18 @@ def several(value, what):
     return tuple(value)
 
 
+def velocity(value, what):
+    """An expression, or two or three of them as a tuple: the components of a vector."""
+    if isinstance(value, (tuple, list, sp.Tuple, sp.MatrixBase)):
+        parts = tuple(expression(e, what) for e in value)
+        if len(parts) not in (2, 3):
+            raise ValueError(
+                f"{what} has {len(parts)} components; give one expression, or two or three of them."
+            )
+        return parts
+    return expression(value, what)
+
+
 def path(value, what):
     """`value` as a Path."""
     if not isinstance(value, (str, os.PathLike)) or not str(value) or "\0" in str(value):

@@ -122,8 +122,8 @@ class Pieces:
 
     Attributes
     ----------
-    force : Expr
-        In the unit of the strengths, per unit of load where there is one.
+    force : Expr or tuple of Expr
+        In the unit of the strengths, per unit of load where there is one; one for each component of the velocity.
     rates : dict of state to Expr
         dz/dt of the internal states.
     start : dict of state to (float or Expr)
@@ -152,7 +152,7 @@ class Pieces:
     (sigma0*z, {z: v - sigma0*z*Abs(v)/F_c}, sigma0*Abs(v)/F_c)
     """
 
-    force: sp.Expr
+    force: Any
     rates: Mapping[Any, sp.Expr] = dataclasses.field(default_factory=dict)
     start: Mapping[Any, Any] = dataclasses.field(default_factory=dict)
     scales: Mapping[Any, float] = dataclasses.field(default_factory=dict)
@@ -203,6 +203,7 @@ class Law:
 
     source: ClassVar[str] = ""  # where the equations and the defaults come from
     certainty: ClassVar[str] = ""  # "reconstructed" where the original was not available
+    in_plane: ClassVar[bool] = False  # whether it acts along velocities with components, too
     needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
 
     def __init_subclass__(cls) -> None:
@@ -257,7 +258,7 @@ class Law:
     # ---- for users and scenes
 
     @checks.door(
-        velocity=checks.expression,
+        velocity=checks.velocity,
         **dict.fromkeys(("position", "normal", "acceleration", "time"), checks.optional(checks.expression)),
         name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
     )  # fmt: skip
@@ -267,8 +268,11 @@ class Law:
 
         Parameters
         ----------
-        velocity, position : Expr
-            Motion at the joint; `needs` says whether the law uses the latter.
+        velocity : Expr or sequence of Expr, length 2 or 3
+            At the joint. With components, in the plane or in space, the force has as many; `in_plane` says whether the
+            law has such a form.
+        position : Expr
+            At the joint; `needs` says whether the law uses it.
         normal : Expr, optional
             Normal load; the law is per unit of load then. One that stays at zero is written Max(0, ...).
         acceleration : Expr, optional
@@ -291,8 +295,13 @@ class Law:
         Raises
         ------
         ValueError
-            An input that the law needs is missing.
+            An input that the law needs is missing; components of a velocity, along which the law has no form.
         """
+        if isinstance(velocity, tuple) and not self.in_plane:
+            raise ValueError(
+                f"`velocity` has {len(velocity)} components, and {type(self).__name__} is a law of one velocity; laws "
+                "in the plane are Coulomb, StaticKinetic, StribeckFriction, HiddenStatic, Dahl and LuGre."
+            )
         inputs = {"position": position, "acceleration": acceleration}
         for what in self.needs:
             if inputs[what] is None:
@@ -305,7 +314,7 @@ class Law:
         used = _names_in(pieces)
         return dataclasses.replace(
             pieces,
-            force=at.load * pieces.force,
+            force=at.each(lambda f: at.load * f, pieces.force),
             start={z: at.starts.get(z, 0.0) for z in pieces.rates},
             scales={z: at.scales.get(z, 1.0) for z in pieces.rates},
             parameters={s: value for s, value in values.items() if s.name in used},
@@ -453,7 +462,8 @@ def _ends_of(load, when):
 
 def _names_in(pieces):
     """Names of all symbols that stand in the pieces, those in surfaces of switches too."""
-    expressions = [pieces.force, *pieces.rates.values(), *pieces.outputs.values()]
+    force = pieces.force if isinstance(pieces.force, tuple) else (pieces.force,)
+    expressions = [*force, *pieces.rates.values(), *pieces.outputs.values()]
     expressions += [e for event in pieces.events for e in of_event(event)]
     expressions += [e for contact in pieces.contacts for e in (contact.gap, contact.restitution)]
     expressions += [item.residual for item in pieces.algebraic]

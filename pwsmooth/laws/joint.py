@@ -11,7 +11,7 @@ import sympy as sp
 
 from ..definition import checks
 from ..definition.family import Family
-from ..definition.primitives import Memory, Switch
+from ..definition.primitives import Disc, Memory, Switch
 
 __all__ = ["Joint"]
 
@@ -21,8 +21,8 @@ class Joint:
 
     Parameters
     ----------
-    v : Expr
-        Velocity.
+    v : Expr or sequence of Expr, length 2 or 3
+        Velocity; of a joint in the plane or in space its components.
     x, a : Expr, optional
         Position (or indentation) and acceleration.
     load : Expr, optional
@@ -54,7 +54,7 @@ class Joint:
     """
 
     @checks.door(
-        v=checks.expression, **dict.fromkeys(("x", "a", "load", "t"), checks.optional(checks.expression)),
+        v=checks.velocity, **dict.fromkeys(("x", "a", "load", "t"), checks.optional(checks.expression)),
         name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
     )  # fmt: skip
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
@@ -147,6 +147,114 @@ class Joint:
             A Switch; of a constant its sign.
         """
         return sp.sign(surface) if surface.is_number else Switch(self.label(name), surface)
+
+    @property
+    def surfaces(self) -> tuple[sp.Expr, ...]:
+        """The components of the velocity, one or several."""
+        return self.v if self.planar else (self.v,)
+
+    @property
+    def planar(self) -> bool:
+        """Whether the velocity has components."""
+        return isinstance(self.v, tuple)
+
+    @checks.door(function=checks.function)
+    def each(self, function: Any, *vectors: Any) -> Any:
+        """What a function makes of numbers, of every component of vectors.
+
+        Parameters
+        ----------
+        function : callable
+            Of as many expressions as there are vectors.
+        *vectors : Expr or sequence of Expr, length 2 or 3
+            Velocity, multiplier, state: single ones at a joint with one velocity.
+
+        Returns
+        -------
+        Expr or tuple of Expr
+            One, or one for each component.
+        """
+        return (
+            tuple(function(*row) for row in zip(*vectors, strict=True)) if self.planar else function(*vectors)
+        )
+
+    @checks.door(name=checks.text)
+    def slip(self, name: str) -> Any:
+        """The multiplier of the velocity: lambda = sign v, or v/|v| in the plane and in space.
+
+        Parameters
+        ----------
+        name : str
+            Without the joint's name.
+
+        Returns
+        -------
+        Switch or Disc
+            A Disc has a component for each of the velocity.
+        """
+        return Disc(self.label(name), self.v) if self.planar else self.switch(name, self.v)
+
+    def square(self, lam: Any) -> sp.Expr:
+        """Its square lambda . lambda, 1 in slip.
+
+        Parameters
+        ----------
+        lam : Switch or Disc
+            As `slip` makes it.
+
+        Returns
+        -------
+        Expr
+            Dimensionless.
+        """
+        return lam.square if self.planar else lam**2
+
+    def speed(self) -> sp.Expr:
+        """The size of the velocity, |v|.
+
+        Returns
+        -------
+        Expr
+            In the unit of the velocity; at a joint with components that of the disc named lam.
+        """
+        return self.slip("lam").size if self.planar else sp.Abs(self.v)
+
+    @checks.door(name=checks.text, scale=checks.positive)
+    def deflection(self, name: str, scale: float = 1.0) -> Any:
+        """An internal state for each component of the velocity.
+
+        Parameters
+        ----------
+        name : str
+            Without the joint's name; components get _x, _y, _z.
+        scale : float
+            Usual size in the state's unit.
+
+        Returns
+        -------
+        Symbol or tuple of Symbol
+            One at a joint with one velocity.
+        """
+        if not self.planar:
+            return self.state(name, scale=scale)
+        return tuple(self.state(f"{name}_{axis}", scale=scale) for axis, _ in zip("xyz", self.v, strict=False))
+
+    def rates(self, state: Any, rate: Any) -> dict[Any, Any]:
+        """Rates of what `deflection` has made.
+
+        Parameters
+        ----------
+        state : Symbol or tuple of Symbol
+            The state.
+        rate : Expr or tuple of Expr
+            Its rate.
+
+        Returns
+        -------
+        dict of Symbol to Expr
+            For the `rates` of Pieces.
+        """
+        return dict(zip(state, rate, strict=True)) if self.planar else {state: rate}
 
     def family(self, n: int) -> Family:
         """The elements of a multistate law.

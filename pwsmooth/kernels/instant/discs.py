@@ -14,6 +14,7 @@ from ..state import (
     AMB_NEAR_MISS,
     AMB_REPELLING,
     DISC,
+    EV_CROSSING,
     EV_RESET,
     EV_STICK,
     EV_TANGENCY,
@@ -213,8 +214,8 @@ def settle_discs(P, S, R, W, jumped):
             return code, True
         if S.status[j] != 1 and came == 1:
             record_event(S, R, j, EV_STICK, 1, 0)
-        elif S.status[j] == 1 and came != 1:
-            record_event(S, R, j, EV_RESET, 0, 1)
+        elif S.status[j] == 1:
+            record_event(S, R, j, EV_CROSSING if came == 1 else EV_RESET, came, 1)
         some = True
     return GO_ON, some
 

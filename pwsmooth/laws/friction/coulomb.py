@@ -25,12 +25,13 @@ class Coulomb(Law):
     """
 
     source = "Coulomb 1785"
+    in_plane = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     sigma2: float = parameter(0.0, "N s/m", "viscous friction", "nonnegative")
 
     def pieces(self, at, p):
-        lam = at.switch("lam", at.v)
-        return Pieces(force=p.F_c * lam + p.sigma2 * at.v, surfaces=(at.v,))
+        force = at.each(lambda lam, v: p.F_c * lam + p.sigma2 * v, at.slip("lam"), at.v)
+        return Pieces(force=force, surfaces=at.surfaces)
 
     def steady(self, v, p):
         return p.F_c * sp.sign(v) + p.sigma2 * v
@@ -59,6 +60,7 @@ class StaticKinetic(StribeckLaw):
     source = (
         "two-level law as hidden dynamics; fold of Jeffrey, On the mathematical basis of solid friction, sec. 4"
     )
+    in_plane = True
     F_c: float = parameter(1.0, "N", "kinetic friction force")
     F_s: float = parameter(1.5, "N", "static friction force")
     sigma2: float = parameter(0.0, "N s/m", "viscous friction", "nonnegative")
@@ -81,9 +83,11 @@ class StaticKinetic(StribeckLaw):
         return 3 * r * sp.cos(sp.acos(-1 / r) / 3) - 1
 
     def pieces(self, at, p):
-        lam = at.switch("lam", at.v)
-        friction = p.F_c * lam * (1 + self.rho(p) * (1 - lam**2))
-        return Pieces(force=friction + p.sigma2 * at.v, surfaces=(at.v,))
+        slip = at.slip("lam")
+        level = p.F_c * (1 + self.rho(p) * (1 - at.square(slip)))
+        return Pieces(
+            force=at.each(lambda lam, v: level * lam + p.sigma2 * v, slip, at.v), surfaces=at.surfaces
+        )
 
     def steady(self, v, p):
         return p.F_c * sp.sign(v) + p.sigma2 * v
@@ -102,14 +106,16 @@ class StribeckFriction(StribeckLaw):
     """
 
     source = "Stribeck 1902; the switching block g(v) Sgn(v) of Kikuuwe et al. 2006"
+    in_plane = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     F_s: float = parameter(1.5, "N", "static friction force")
     v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
 
     def pieces(self, at, p):
-        lam = at.switch("lam", at.v)
-        return Pieces(force=stribeck(at.v, p) * lam + p.sigma2 * at.v, surfaces=(at.v,))
+        level = stribeck(at.v, p)
+        force = at.each(lambda lam, v: level * lam + p.sigma2 * v, at.slip("lam"), at.v)
+        return Pieces(force=force, surfaces=at.surfaces)
 
 
 @law
@@ -131,16 +137,17 @@ class HiddenStatic(Law):
     """
 
     source = "Jeffrey, On the mathematical basis of solid friction, eq. (25)"
+    in_plane = True
     F_c: float = parameter(1.0, "N", "kinetic friction force")
     rho: float = parameter(3.0, "1", "strength of static friction", "nonnegative")
     beta: float = parameter(0.1, "s", "relaxation time")
 
     def pieces(self, at, p):
-        lam, z = at.switch("lam", at.v), at.state("z")
+        slip, z = at.slip("lam"), at.state("z")
         return Pieces(
-            force=p.F_c * lam * (1 + p.rho * z),
-            rates={z: (1 - lam**2 - z) / p.beta},
-            surfaces=(at.v,),
+            force=at.each(lambda lam: p.F_c * lam * (1 + p.rho * z), slip),
+            rates={z: (1 - at.square(slip) - z) / p.beta},
+            surfaces=at.surfaces,
             fastest_rate=1 / p.beta,
         )
 

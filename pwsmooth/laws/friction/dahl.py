@@ -30,21 +30,25 @@ class Dahl(Law):
     """
 
     source = "Dahl 1968, The Aerospace Corp. TOR-0158(3107-18)-1"
+    in_plane = True
     sigma0: float = parameter(1e5, "N/m", "stiffness at zero force")
     F_c: float = parameter(1.0, "N", "Coulomb force")
     alpha: float = parameter(1.0, "1", "exponent", structural=True)
 
     def pieces(self, at, p):
-        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
+        z, v = at.deflection("z", scale=self.F_c / self.sigma0), at.v
+        pull = p.alpha * p.sigma0 * at.speed() / p.F_c
         if p.alpha == 1:
-            rate = v - p.sigma0 * sp.Abs(v) * z / p.F_c
+            rate = at.each(lambda z, v: v - pull * z, z, v)
+        elif at.planar:
+            raise ValueError(f"`alpha` of Dahl is {self.alpha:g}; along a velocity with components it is 1.")
         else:
             share = p.sigma0 * z / p.F_c
             # Written for each sign of v, so that no surface jumps where v turns.
             ahead, back = (sp.Abs(1 - side * share) ** p.alpha * sp.sign(1 - side * share) for side in (1, -1))
             rate = v * sp.Piecewise((ahead, v > 0), (back, True))
-        pull = p.alpha * p.sigma0 * sp.Abs(v) / p.F_c
-        return Pieces(force=p.sigma0 * z, rates={z: rate}, surfaces=(v,), fastest_rate=pull)
+        force = at.each(lambda z: p.sigma0 * z, z)
+        return Pieces(force=force, rates=at.rates(z, rate), surfaces=at.surfaces, fastest_rate=pull)
 
     def steady(self, v, p):
         return p.F_c * sp.sign(v)

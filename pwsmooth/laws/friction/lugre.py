@@ -9,10 +9,8 @@ parameters violate; sigma1 that falls off with speed, sigma1 <= 4 g(v)/|v|, is a
 
 import math
 
-import sympy as sp
-
 from ..contract import Pieces, law, parameter
-from .stribeck import StribeckLaw, stribeck
+from .stribeck import StribeckLaw, fading, stribeck
 
 
 @law
@@ -33,6 +31,7 @@ class LuGre(StribeckLaw):
     """
 
     source = "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419-425"
+    in_plane = True
     sigma0: float = parameter(1e5, "N/m", "bristle stiffness")
     sigma1: float = parameter(math.sqrt(1e5), "N s/m", "bristle damping", "nonnegative")
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
@@ -41,11 +40,11 @@ class LuGre(StribeckLaw):
     v_s: float = parameter(1e-3, "m/s", "Stribeck velocity")
 
     def pieces(self, at, p):
-        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
-        pull = p.sigma0 * sp.Abs(v) / stribeck(v, p)
-        rate = v - pull * z
-        force = p.sigma0 * z + self.damping(v, p) * rate + p.sigma2 * v
-        return Pieces(force=force, rates={z: rate}, surfaces=(v,), fastest_rate=pull)
+        z, v = at.deflection("z", scale=self.F_c / self.sigma0), at.v
+        pull, damping = p.sigma0 * at.speed() / stribeck(v, p), self.damping(v, p)
+        rate = at.each(lambda z, v: v - pull * z, z, v)
+        force = at.each(lambda z, dz, v: p.sigma0 * z + damping * dz + p.sigma2 * v, z, rate, v)
+        return Pieces(force=force, rates=at.rates(z, rate), surfaces=at.surfaces, fastest_rate=pull)
 
     def damping(self, v, p):
         """Bristle damping sigma1(v).
@@ -81,4 +80,4 @@ class LuGreFadingDamping(LuGre):
     v_d: float = parameter(1e-3, "m/s", "velocity at which the bristle damping fades")
 
     def damping(self, v, p):
-        return p.sigma1 * sp.exp(-((v / p.v_d) ** 2))
+        return p.sigma1 * fading(v, p.v_d)

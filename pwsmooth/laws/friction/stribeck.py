@@ -6,8 +6,14 @@ from ..contract import Law
 
 
 def stribeck(v, p):
-    """g(v) of the parameters F_c, F_s, v_s: even and smooth, so that v = 0 is no surface of it."""
-    return p.F_c + (p.F_s - p.F_c) * sp.exp(-((v / p.v_s) ** 2))
+    """g(v) of the parameters F_c, F_s, v_s: even and smooth, so that v = 0 is no surface of it; v may be a vector."""
+    return p.F_c + (p.F_s - p.F_c) * fading(v, p.v_s)
+
+
+def fading(v, scale):
+    """exp(-|v/scale|^2) of a velocity, or of its components."""
+    parts = v if isinstance(v, tuple) else (v,)
+    return sp.exp(-sp.Add(*((part / scale) ** 2 for part in parts)))
 
 
 class StribeckLaw(Law):
