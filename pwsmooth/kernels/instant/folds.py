@@ -27,6 +27,8 @@ SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
 HOP = 3e-7
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
+# The same where the pair's steps are rounding of t: lambda_f - lambda ~ sqrt(t_f - t).
+_VANISHED = 1e-5
 
 
 @kernel
@@ -207,9 +209,10 @@ def _leave(W, toward):
 
 
 @kernel
-def lost_at_a_fold(P, C, S, R, W):
+def lost_at_a_fold(P, C, S, R, W, clear):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
+    Not recorded where that is `clear`: the pair's steps have vanished on the root's way there, whose speed is infinite.
     Returns a code; NOTHING where S stands at the fold's lambda.
     """
     for i in range(P.m):
@@ -219,10 +222,12 @@ def lost_at_a_fold(P, C, S, R, W):
             continue
         slope = _slope(P, S, W, S.t, S.x, S.mult, j)
         bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
-        if abs(slope) <= _NEAR * abs(bend):
+        if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
-            record_ambiguity(S, R, j, AMB_FOLD, 1)
             _leave(W, 1 if slope * bend < 0.0 else -1)
+            if clear:
+                return NOTHING
+            record_ambiguity(S, R, j, AMB_FOLD, 1)
             return Outcome.AMBIGUITY if C.strict else NOTHING
     return Outcome.SINGULAR
