@@ -215,7 +215,7 @@ class System(DescribedSystem):
         parameters : mapping of Symbol to float, in the units of the model
             Of the mechanism. Laws bring their own.
         outputs : mapping of str to Expr, optional
-            Beside "friction ...", the force or moment of each law.
+            Of coordinates, their derivatives and speeds, beside "friction ...", the force or moment of each law.
         **arguments
             More of a System: `events`, `algebraic`, `drives`.
 

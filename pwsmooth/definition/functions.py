@@ -200,7 +200,7 @@ class _Door:
     def __init__(self, n: int, m: int, k: int):
         random = np.random.default_rng(_SEED)
         scales = 10.0 ** random.uniform(-2, 2, _PROBES)
-        self.n = n
+        self.n, self.lam = n, np.zeros(m)
         self.points = [(s * random.uniform(), s * random.uniform(-1, 1, n), random.uniform(0.1, 2, k)) for s in scales]
 
     def _compiled(self, function: Any, what: str, arguments: str, complex_: bool = False) -> Any:
@@ -214,6 +214,7 @@ class _Door:
             inspect.signature(plain).bind(*arguments.split(", "))
         except (TypeError, ValueError) as error:
             raise TypeError(f"{what} is no function of ({arguments}): {error}.") from None
+        self._look_at_lengths(plain, what, arguments)
         number = types.complex128 if complex_ else types.float64
         kinds = {"t": number, "x": _read_only(number)}
         signature = tuple(kinds.get(a, _read_only(types.float64)) for a in arguments.split(", "))
@@ -227,6 +228,19 @@ class _Door:
                     f"and numpy's functions, without abs, comparisons and math. numba: {reason}"
                 ) from error
             raise TypeError(f"{what} cannot be compiled by numba: {reason}") from error
+
+    def _look_at_lengths(self, plain: Any, what: str, arguments: str) -> None:
+        """One run in Python, which looks where compiled code would read beyond its arrays."""
+        t, x, p = self.points[0]
+        given = {"t": t, "x": x, "lam": self.lam, "p": p}
+        lengths = ", ".join(f"{len(given[a])} in {a}" for a in arguments.split(", ")[1:])
+        try:
+            with np.errstate(all="ignore"):
+                plain(*(given[a] if a == "t" else given[a].copy() for a in arguments.split(", ")))
+        except Exception as error:
+            # Whatever else there is numba or the start of a run will tell: 1/0 is an error in Python alone.
+            if isinstance(error, IndexError) or "unpack" in str(error):
+                raise ValueError(f"{what} does not fit the lengths of its arguments, {lengths}: {error}.") from error
 
     def vector(self, function: Any, what: str, arguments: str, n: int) -> Any:
         """A function that returns n numbers."""

@@ -39,7 +39,8 @@ SOLVED, HELD = 0, 2
     AMB_UPDATES,
     AMB_ACCUMULATION,
     AMB_CHATTERING,
-) = range(11)
+    AMB_INDETERMINATE,
+) = range(12)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold.
 SLIP, GENERAL, PAIR, ARC = range(4)

@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .fresh import restart_flags
-from .instant.contacts import stop_closed
+from .instant.contacts import jams, stop_closed
 from .instant.folds import (
     HOP,
     HOPPED,
@@ -100,6 +100,8 @@ def run(P, C, S, R, W):
             code = advance(P, C, S, R, W)  # dense output, wanted times, the states there
         if code == GO_ON:
             code = act(P, C, S, R, W)  # crossing, stick, exit, fold, event, impact
+    if len(P.contact) > 0 and (code == Outcome.SINGULAR or code == Outcome.STEP_UNDERFLOW) and jams(P, S, W):
+        return Outcome.JAM
     return code if code < GO_ON else Outcome.FINISHED
 
 
@@ -158,7 +160,8 @@ def _find_roots(P, C, S, R, W):
         if folds:
             _remember_multipliers(P, S, W)
         if not follow(P, S, W):
-            return _leave_by_a_fold(P, C, S, R, W, False) if folds else Outcome.SINGULAR
+            vanished = P.pair != 0 and S.step < _ROUNDING * (1.0 + abs(S.t))
+            return _leave_by_a_fold(P, C, S, R, W, vanished) if folds else Outcome.SINGULAR
     W.instant.solved_there = 0
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):

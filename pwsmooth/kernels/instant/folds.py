@@ -12,7 +12,7 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_layer_unit, call_linear
 from ..outcome import Outcome
-from ..state import AMB_FOLD, GO_ON, NOTHING, SLIDING, SOLVED
+from ..state import AMB_FOLD, GO_ON, NOTHING, PAIR, SLIDING, SOLVED
 from ..step.recording import record_ambiguity
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
@@ -81,6 +81,17 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 
 
 @kernel
+def _is_fold_ahead(P, S, W, row, j, slope):
+    """Whether lambda_j, of this series, goes to its fold as sqrt(t_f - t) does: ever faster, not as by a touch.
+
+    Of such a root the square of the speed is the distance times the second derivative.
+    """
+    speed, growth = row[1], 2.0 * row[2]
+    bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
+    return speed * growth > 0.0 and speed * speed * abs(bend) < 4.0 * abs(slope * growth)
+
+
+@kernel
 def where_attraction_ends(P, C, S, s_end, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
@@ -108,11 +119,15 @@ def where_attraction_ends(P, C, S, s_end, W):
             # The steps by a fold are short: lambda hardly moves.
             if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, arc.there, arc.mult_there, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
+                if W.step.kind == PAIR and _is_fold_ahead(P, S, W, rows[mult_row + j], j, first):
+                    continue  # the pair's steps vanish on the way there
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
                     arc.touched = j
                     found = -1.0
             continue
         bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _inward(arc.mult_there[j])))
+        if W.step.kind == PAIR and last <= _NEAR * bend:
+            continue  # the rounding of a fold that it comes to: its steps vanish there, or the root is lost
         first = _slope_at(P, C, S, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
@@ -225,7 +240,7 @@ def lost_at_a_fold(P, C, S, R, W, clear):
         if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
-            _leave(W, 1 if slope * bend < 0.0 else -1)
+            _leave(W, 1 if bend > 0.0 else -1)  # past the fold g has the sign of its bend, and pushes lambda that way
             if clear:
                 return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)
