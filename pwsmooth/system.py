@@ -170,7 +170,9 @@ class System(DescribedSystem):
         lists = {name: checks.several(items, f"`{name}`") for name, items in lists.items()}
         for event in lists["events"]:
             if any(checks.is_function(getattr(event, part, None)) for part in ("surface", "update", "when")):
-                raise TypeError("`events` has one with functions, which belongs to System.from_functions; give formulas.")
+                raise TypeError(
+                    "`events` has one with functions, which belongs to System.from_functions; give formulas."
+                )
         outputs, parameters = (
             checks.mapping({} if value is None else value, f"`{name}`")
             for name, value in (("outputs", outputs), ("parameters", parameters))

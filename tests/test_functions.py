@@ -27,7 +27,11 @@ def coulomb_rates(t, x, lam, p):
 def hidden_rates(t, x, lam, p):
     rho, beta, k, c, N, sigma, omega = p
     y, v, z = x
-    return v, -sigma * np.sin(omega * t) - k * y - c * v - N * lam[0] * (1 + rho * z), (1 - lam[0] ** 2 - z) / beta
+    return (
+        v,
+        -sigma * np.sin(omega * t) - k * y - c * v - N * lam[0] * (1 + rho * z),
+        (1 - lam[0] ** 2 - z) / beta,
+    )
 
 
 def slaved_rates(t, x, lam, p):
@@ -162,7 +166,10 @@ def test_a_curved_surface_is_slid_on():
 
 def test_a_surface_that_moves_with_time_is_slid_on():
     drift = System.from_functions(
-        lambda t, x, lam, p: (-p[0] * lam[0],), "x", surfaces=[lambda t, x, p: x[0] - np.sin(t)], parameters={"a": 2}
+        lambda t, x, lam, p: (-p[0] * lam[0],),
+        "x",
+        surfaces=[lambda t, x, p: x[0] - np.sin(t)],
+        parameters={"a": 2},
     )
     run = solve(drift, (0, 7), [1.5], t_eval=np.linspace(2, 7, 40), **TIGHT)
     assert np.allclose(run["x"], np.sin(run.t), atol=1e-14)
@@ -170,7 +177,9 @@ def test_a_surface_that_moves_with_time_is_slid_on():
 
 
 def test_numbas_own_functions_serve_and_parameters_change_nothing_compiled():
-    block = System.from_functions(numba.njit(coulomb_rates), "y v", surfaces=[numba.njit(speed)], parameters=NAMED)
+    block = System.from_functions(
+        numba.njit(coulomb_rates), "y v", surfaces=[numba.njit(speed)], parameters=NAMED
+    )
     pushed = solve(block, (0, 20), [0.5, 0.3], parameters={"sigma": 0.2}, **TIGHT)
     reference = solve(coulomb(sigma=0.2), (0, 20), [0.5, 0.3], **TIGHT)
     assert pushed.t[-1] == reference.t[-1] and np.allclose(pushed.x[:, -1], reference.x[:, -1], atol=1e-9)

@@ -201,7 +201,9 @@ class _Door:
         random = np.random.default_rng(_SEED)
         scales = 10.0 ** random.uniform(-2, 2, _PROBES)
         self.n, self.lam = n, np.zeros(m)
-        self.points = [(s * random.uniform(), s * random.uniform(-1, 1, n), random.uniform(0.1, 2, k)) for s in scales]
+        self.points = [
+            (s * random.uniform(), s * random.uniform(-1, 1, n), random.uniform(0.1, 2, k)) for s in scales
+        ]
 
     def _compiled(self, function: Any, what: str, arguments: str, complex_: bool = False) -> Any:
         import numba
@@ -240,7 +242,9 @@ class _Door:
         except Exception as error:
             # Whatever else there is numba or the start of a run will tell: 1/0 is an error in Python alone.
             if isinstance(error, IndexError) or "unpack" in str(error):
-                raise ValueError(f"{what} does not fit the lengths of its arguments, {lengths}: {error}.") from error
+                raise ValueError(
+                    f"{what} does not fit the lengths of its arguments, {lengths}: {error}."
+                ) from error
 
     def vector(self, function: Any, what: str, arguments: str, n: int) -> Any:
         """A function that returns n numbers."""

@@ -156,7 +156,11 @@ def mechanism(method: Any) -> Mechanism:
 def _check_constraints(method: Any, lagrange: bool) -> None:
     """ValueError for constraints that the equations of a method do not keep."""
     if lagrange:
-        bent = [e for e, row in zip(method.coneqs, method.lam_coeffs.tolist()) if any(c.has(*method.q.diff()) for c in row)]
+        bent = [
+            e
+            for e, row in zip(method.coneqs, method.lam_coeffs.tolist())
+            if any(c.has(*method.q.diff()) for c in row)
+        ]
         if bent:
             raise ValueError(
                 f"`method` has the constraint {bent[0]}, which is nonlinear in the velocities: of nonholonomic ones rolling, "

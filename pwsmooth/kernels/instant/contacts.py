@@ -384,7 +384,11 @@ def _push(P, S, W, j):
 def _note_if_indeterminate(P, S, R, W, j):
     """Records that contact j, at rest in its normal direction, might as well be open if it is closed, or closed if open."""
     known = S.ambiguities > 0 and R.ambiguity_t[S.ambiguities - 1] == S.t
-    if known and R.ambiguity[S.ambiguities - 1, 0] == j and R.ambiguity[S.ambiguities - 1, 1] == AMB_INDETERMINATE:
+    if (
+        known
+        and R.ambiguity[S.ambiguities - 1, 0] == j
+        and R.ambiguity[S.ambiguities - 1, 1] == AMB_INDETERMINATE
+    ):
         return
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     closed = S.status[j] == SOLVED

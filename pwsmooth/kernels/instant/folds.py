@@ -84,11 +84,12 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 def _is_fold_ahead(P, S, W, row, j, slope):
     """Whether lambda_j, of this series, goes to its fold as sqrt(t_f - t) does: ever faster, not as by a touch.
 
-    Of such a root the square of the speed is the distance times the second derivative.
+    Of such a root the square of the speed is the distance times the second derivative, here of a polynomial over most of
+    the way.
     """
     speed, growth = row[1], 2.0 * row[2]
     bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
-    return speed * growth > 0.0 and speed * speed * abs(bend) < 4.0 * abs(slope * growth)
+    return speed * growth > 0.0 and speed * speed * abs(bend) < 32.0 * abs(slope * growth)
 
 
 @kernel
@@ -240,7 +241,9 @@ def lost_at_a_fold(P, C, S, R, W, clear):
         if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
-            _leave(W, 1 if bend > 0.0 else -1)  # past the fold g has the sign of its bend, and pushes lambda that way
+            _leave(
+                W, 1 if bend > 0.0 else -1
+            )  # past the fold g has the sign of its bend, and pushes lambda that way
             if clear:
                 return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)

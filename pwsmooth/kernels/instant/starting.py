@@ -85,4 +85,6 @@ def start(P, C, S, R, W):
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1
     record_point(P, S, R)
+    if code == GO_ON and C.strict and S.ambiguities > 0:
+        return Outcome.AMBIGUITY
     return code
