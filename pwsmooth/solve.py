@@ -127,8 +127,8 @@ def solve(
         }
         if refused := [what for what, so in asked.items() if so]:
             raise ValueError(
-                f"{refused[0]} for a system of functions, which runs forward on the pair, method 'rk', without noise and "
-                "derivatives; leave it out, or write the model in symbols."
+                f"{refused[0]} for a system of functions, which runs forward on the pair, method 'rk', without noise "
+                "and derivatives; leave it out, or write the model in symbols."
             )
     if with_respect_to is not None:
         from .derivatives import Derivatives, quantities, run_beside

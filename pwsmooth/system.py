@@ -263,13 +263,14 @@ class System(DescribedSystem):
         Parameters
         ----------
         f : callable
-            f(t, x, lam, p): dx/dt as a tuple of n numbers, or an array of shape (n,), in the units of the states per unit of
-            time. `x`, `lam` and `p` are arrays, in the order of `states`, `surfaces` and `parameters`. Terms that are
-            nonlinear in `lam` are hidden terms; it is called with lam up to 1.004 in size.
+            f(t, x, lam, p): dx/dt as a tuple of n numbers, or an array of shape (n,), in the units of the states per
+            unit of time. `x`, `lam` and `p` are arrays, in the order of `states`, `surfaces` and `parameters`. Terms
+            that are nonlinear in `lam` are hidden terms. It has to exist a little beyond lam = -1 and 1.
         states : sequence of str, length n
             Their names; "y v" will do.
         surfaces : mapping of str to callable, or sequence of callable
-            Multiplier -> h(t, x, p): lam = sign h off the surface h = 0. In a sequence they are named lam, or lam1, lam2, ...
+            Multiplier -> h(t, x, p), smooth: lam = sign h off the surface h = 0. In a sequence they are named lam, or
+            lam1, lam2, ...
         parameters : mapping of str to float, in the units of the model
             Values, in the order in which `p` holds them.
         events : sequence of Event
@@ -279,7 +280,8 @@ class System(DescribedSystem):
         Returns
         -------
         System
-            For `solve()` alone, on the explicit pair (`method="rk"`): with slips, sliding, hidden terms and located events.
+            For `solve()` alone, on the explicit pair (`method="rk"`): slips, sliding, hidden terms with their folds,
+            located events, accumulation and ambiguities as everywhere.
 
         Raises
         ------
@@ -289,9 +291,11 @@ class System(DescribedSystem):
 
         Notes
         -----
-        What it cannot do, for which formulas are needed: Taylor steps, and with them a tenth of the time; switches found in
-        ordinary notation, their classes, checks of the model; `smoothed` and `layered` views; contacts, memories, unknowns,
-        families, drives, outputs; noise, derivatives, runs backward in time; sweeps, orbits, equilibria, fits; saving.
+        What it cannot do, for want of formulas: Taylor and implicit steps; kinks and switches found in notation (a
+        kink of f needs a surface, or steps shorten there); surfaces in which a multiplier stands; `smoothed` and
+        `layered` views; contacts, memories, unknowns, families, drives, outputs; noise, derivatives, runs backward in
+        time; sweeps, orbits, equilibria, fits; saving. Two-folds are told as folds. Code is compiled in every process
+        anew.
 
         Source: Squire and Trapp, SIAM Review 40, 1998, for slopes by complex steps.
 
@@ -682,8 +686,8 @@ class FunctionSystem(System):
 
     def _refused(self, *_, **__):
         raise TypeError(
-            "this system is made of functions (System.from_functions), which solve() alone runs: there are no formulas to "
-            "take views, derivatives, switches or files from. Write the model in symbols for that."
+            "this system is made of functions (System.from_functions), which solve() alone runs: there are no formulas "
+            "to take views, derivatives, switches or files from. Write the model in symbols for that."
         )
 
     definition = _field = switches = hidden_terms = property(_refused)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 import sympy as sp
-from friction_oscillator import VALUES, coulomb, hidden, lam, z
+from friction_oscillator import VALUES, coulomb, hidden, z
 
 from pwsmooth import Event, Kicks, Outcome, Switch, System, find_equilibrium, solve, sweep
 
@@ -199,7 +199,7 @@ BAD = {
     "arguments": (dict(f=lambda t, x: (x[0],)), TypeError, r"`f` is no function of \(t, x, lam, p\)"),
     "too few rates": (dict(f=lambda t, x, lam, p: (x[0], 1.0), states="a b c"), ValueError, "2 values for 3 states"),
     "no vector": (dict(f=lambda t, x, lam, p: x[0]), TypeError, "`f` returns float64; give a tuple of 1"),
-    "not numba's": (dict(f=lambda t, x, lam, p: (str(x[0]).upper().nothing,)), TypeError, "cannot be compiled by numba"),
+    "not numba's": (dict(f=lambda t, x, lam, p: (str(x[0]).nothing,)), TypeError, "cannot be compiled by numba"),
     "writes": (dict(f=lambda t, x, lam, p: (x.fill(0.0), 1.0)), TypeError, "cannot be compiled by numba"),
     "a surface of math": (
         dict(surfaces=[lambda t, x, p: math.sin(x[0])]), TypeError, "does not compile for complex numbers",
@@ -211,14 +211,14 @@ BAD = {
     "a surface with abs": (
         dict(surfaces=[lambda t, x, p: x[0] * abs(x[0])]), ValueError, "other slopes by a complex step",
     ),
-    "a vector for a surface": (dict(surfaces=[lambda t, x, p: (x[0], 1.0)]), TypeError, "returns UniTuple.* give a number"),
+    "a vector for a surface": (dict(surfaces=[lambda t, x, p: (x[0], 1.0)]), TypeError, "returns UniTuple.* a number"),
     "names": (dict(states="x x"), ValueError, "x is given twice"),
     "no names": (dict(states=""), ValueError, "`states` is empty"),
     "a formula": (dict(events=[Event(x, update={x: 1})]), TypeError, "is a formula"),
     "an update": (
         dict(events=[Event(every=1, update=lambda t, x, p: (1.0, 2.0))]), ValueError, "2 values for 1 states",
     ),
-    "an index beyond": (dict(surfaces=[speed]), ValueError, "does not fit the lengths of its arguments, 1 in x, 0 in p"),
+    "an index beyond": (dict(surfaces=[speed]), ValueError, "not fit the lengths of its arguments, 1 in x, 0 in p"),
     "an unpacking": (dict(f=coulomb_rates, states="y v"), ValueError, "lengths of its arguments, 2 in x, 0 in lam"),
 }  # fmt: skip
 

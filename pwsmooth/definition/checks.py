@@ -363,8 +363,8 @@ def system(value, what, functions=False):
         )
     if getattr(value.model, "functions", None) and not functions:
         raise TypeError(
-            f"{what} is made of functions (System.from_functions), which solve() alone runs; write the model in symbols "
-            "for all else."
+            f"{what} is made of functions (System.from_functions), which solve() alone runs; write the model in "
+            "symbols for all else."
         )
     return value
 

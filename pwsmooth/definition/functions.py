@@ -12,7 +12,6 @@ Chain: primitives.py -> **functions** -> system.py; codegen/functions.py puts th
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -226,8 +225,8 @@ class _Door:
             reason = "; ".join(line.strip() for line in str(error).splitlines() if line.strip())[:400]
             if complex_:
                 raise TypeError(
-                    f"{what} does not compile for complex numbers, by which its slopes are taken: write it with + - * / "
-                    f"and numpy's functions, without abs, comparisons and math. numba: {reason}"
+                    f"{what} does not compile for complex numbers, by which its slopes are taken: write it with + - * "
+                    f"/ and numpy's functions, without abs, comparisons and math. numba: {reason}"
                 ) from error
             raise TypeError(f"{what} cannot be compiled by numba: {reason}") from error
 
@@ -271,8 +270,8 @@ class _Door:
         if complex_:
             if not isinstance(kind, types.Complex | types.Integer):
                 raise TypeError(
-                    f"{what} returns {kind} for complex numbers, by which its slopes are taken: leave out abs, real and "
-                    "the like."
+                    f"{what} returns {kind} for complex numbers, by which its slopes are taken: leave out abs, real "
+                    "and the like."
                 )
         elif not isinstance(kind, types.Float | types.Integer | types.Boolean):
             raise TypeError(f"{what} returns {kind}; give a number.")

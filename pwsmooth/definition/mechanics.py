@@ -163,13 +163,13 @@ def _check_constraints(method: Any, lagrange: bool) -> None:
         ]
         if bent:
             raise ValueError(
-                f"`method` has the constraint {bent[0]}, which is nonlinear in the velocities: of nonholonomic ones rolling, "
-                "which is linear in them, is known alone."
+                f"`method` has the constraint {bent[0]}, which is nonlinear in the velocities: of nonholonomic ones "
+                "rolling, which is linear in them, is known alone."
             )
     elif len(method._qdep) > len(method._udep):
         raise ValueError(
-            f"`method` closes {len(method._qdep)} loops by configuration_constraints and keeps {len(method._udep)} of them: "
-            "Kane's equations know a loop by its velocity_constraints and dependent speeds; give these too, or "
+            f"`method` closes {len(method._qdep)} loops by configuration_constraints and keeps {len(method._udep)} of "
+            "them: Kane's equations know a loop by its velocity_constraints and dependent speeds; give these too, or "
             "LagrangesMethod with hol_coneqs, which have multipliers."
         )
 

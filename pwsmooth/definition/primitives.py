@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
@@ -304,7 +305,7 @@ class Event:
     every: sp.Expr | None
     at: tuple[sp.Expr, ...]
     direction: int
-    update: tuple[tuple[sp.Symbol | str, sp.Expr], ...] | Callable
+    update: Any  # pairs (state or memory, Expr); in a system of functions a function, as the other two
     when: sp.Basic | Callable
     terminal: bool
     name: str | None

@@ -181,7 +181,7 @@ def _remember_multipliers(P, S, W):
 
 @kernel
 def _leave_by_a_fold(P, C, S, R, W, clear):
-    """From W.arc.mult_before, where Newton's method loses a root or the step vanishes (of the pair: `clear`): a code."""
+    """From W.arc.mult_before, where Newton's method loses a root or the step vanishes (a pair's: `clear`): a code."""
     code = lost_at_a_fold(P, C, S, R, W, clear)
     if clear and code == NOTHING:
         S.step = 1e-6 * (1.0 + abs(S.t))  # behind it nothing is singular

@@ -2,23 +2,24 @@ r"""
 Painlevé's rod
 ==============
 
-A rod slides with its lower end on rough ground, at the angle :math:`\theta` to it, and its end goes first: it is pushed, as
-chalk that screeches. Friction :math:`\mu N` and reaction :math:`N` turn it, and the acceleration of its end from the
-ground is
+A rod slides with its lower end on rough ground, at the angle :math:`\theta` to it, and its end goes first: it is
+pushed, as chalk that screeches. Friction :math:`\mu N` and reaction :math:`N` turn it, and the acceleration of its
+end from the ground is
 
 .. math::
 
     \ddot h = a N + b, \qquad a = \frac1m\bigl(1 + 3\cos\theta\,(\cos\theta + \mu\,\lambda\sin\theta)\bigr), \qquad
     b = l\,\dot\theta^2 \sin\theta - g, \qquad \lambda = \operatorname{sign} v.
 
-For :math:`\mu > 4/3` and slip to the left there are angles with :math:`a < 0`: friction presses the end down more than the
-reaction lifts it. **What does a rigid body do then?** With :math:`b < 0` no reaction keeps it off the ground
+For :math:`\mu > 4/3` and slip to the left there are angles with :math:`a < 0`: friction presses the end down more
+than the reaction lifts it. **What does a rigid body do then?** With :math:`b < 0` no reaction keeps it off the ground
 (*inconsistent*), with :math:`b > 0` two do (*indeterminate*), and on the way to :math:`a = b = 0` the
 reaction grows beyond all bounds (*jam*; Painlevé 1895, Génot and Brogliato 1999).
 """
 
 # %%
-# The rod with a rigid contact, and with a spring of the stiffness :math:`k` in its place: of mass 1 kg and half-length 1 m.
+# The rod, of mass 1 kg and half-length 1 m, with a rigid contact, and with a spring of the stiffness :math:`k` in its
+# place.
 import matplotlib.pyplot as plt
 import numpy as np
 import sympy as sp
@@ -88,11 +89,11 @@ marks = {"slides": "o", "parts": "^", "indeterminate": "s", "inconsistent": "x"}
 # %%
 # Sliding rods that tip over
 # --------------------------
-# No rod slides across :math:`a = 0`: those that neither stop nor part before are drawn into the point where both lines meet,
-# and jam there.
+# No rod slides across :math:`a = 0`: those that neither stop nor part before are drawn into the point where both lines
+# meet, and jam there.
 jams = [solve(rigid, (0, 0.3), start(0.5, rate, -6.0), dense_output=True) for rate in (1.8, 2.1, 2.4, 2.7, 3.0)]
 for run in jams:
-    print(f"{run.outcome.name} at t = {run.t[-1]:.6f}, a = {a(run['theta'][-1]):.1e}, N = {run['reaction'].max():.0f} N")
+    print(f"{run.outcome.name} at t = {run.t[-1]:.6f}, a = {a(run['theta'][-1]):.1e}, N = {run['N'].max():.0f} N")
 
 fig, ax = plt.subplots(figsize=(7, 4.2))
 for name, colour in colours.items():
@@ -111,9 +112,9 @@ plt.show()
 # %%
 # What it is the limit of
 # -----------------------
-# In the place of the rigid contact a spring that is ever stiffer, at an inconsistent start. The end sinks in, the force grows with
-# the indentation, and within a time that shrinks as :math:`\ln k/\sqrt k` its friction has stopped the slip, in a *tangential
-# impact*, or impact without collision. Then the end sticks and is thrown up, with
+# In the place of the rigid contact a spring that is ever stiffer, at an inconsistent start. The end sinks in, the force
+# grows with the indentation, and within a time that shrinks as :math:`\ln k/\sqrt k` its friction has stopped the slip,
+# in a *tangential impact*, or impact without collision. Then the end sticks and is thrown up, with
 #
 # .. math::
 #

@@ -382,7 +382,7 @@ def _push(P, S, W, j):
 
 @kernel
 def _note_if_indeterminate(P, S, R, W, j):
-    """Records that contact j, at rest in its normal direction, might as well be open if it is closed, or closed if open."""
+    """Records that contact j, at rest along its normal, might as well be open if it is closed, or closed if open."""
     known = S.ambiguities > 0 and R.ambiguity_t[S.ambiguities - 1] == S.t
     if (
         known

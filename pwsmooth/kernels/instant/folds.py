@@ -84,8 +84,8 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 def _is_fold_ahead(P, S, W, row, j, slope):
     """Whether lambda_j, of this series, goes to its fold as sqrt(t_f - t) does: ever faster, not as by a touch.
 
-    Of such a root the square of the speed is the distance times the second derivative, here of a polynomial over most of
-    the way.
+    Of such a root the square of the speed is the distance times the second derivative, here of a polynomial over most
+    of the way.
     """
     speed, growth = row[1], 2.0 * row[2]
     bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
