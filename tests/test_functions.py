@@ -58,6 +58,12 @@ def falling(t, x, lam, p):
     return x[1], -9.81
 
 
+def tank(t, x, lam, p):
+    if x[0] < 0:
+        raise ValueError("no tank")
+    return (-np.sqrt(x[0]),)
+
+
 def rebound(t, x, p):
     return x[0], -0.8 * x[1]
 
@@ -235,6 +241,10 @@ def test_what_is_not_finite_at_the_start_is_refused_and_later_an_outcome():
     root = System.from_functions(lambda t, x, lam, p: (1 - 2 * np.sqrt(x[0] - t),), "x")
     with pytest.raises(ValueError, match="the rate of x is nan at the start, t = 0"):
         solve(root, (0, 1), [-1])
+    with pytest.raises(ValueError, match=r"`f` raises ValueError\('no tank'.*\) at the start"):
+        solve(System.from_functions(tank, "level"), (0, 1), [-1])
+    emptied = solve(System.from_functions(tank, "level"), (0, 4), [1])
+    assert not emptied.success and emptied.t[-1] == pytest.approx(2, abs=1e-5)
     run = solve(System.from_functions(lambda t, x, lam, p: (x[0] ** 2,), "x"), (0, 2), [1])
     assert run.outcome in (Outcome.STEP_UNDERFLOW, Outcome.NOT_FINITE)
     assert run.t[-1] == pytest.approx(1, abs=1e-6)

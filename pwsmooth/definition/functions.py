@@ -128,17 +128,24 @@ def check_start(model: FunctionModel, t: float, x: list[float], p: tuple[float, 
     functions, state, values = model.functions, np.array(x), np.array(p)
     heights = []
     for mu, (h, _) in zip(model.multipliers, functions.surfaces, strict=True):
-        heights.append(h(t, state, values))
+        heights.append(_called(h, f"the surface of {mu.symbol}", t, state, values))
         _finite(heights[-1], f"the surface of {mu.symbol}", t)
     for side in (1.0, -1.0):
         lam = np.array([np.sign(h) or side for h in heights])
-        rates = np.asarray(functions.f(t, state, lam, values), float)
+        rates = np.asarray(_called(functions.f, "`f`", t, state, lam, values), float)
         if rates.shape != (len(model.states),):
             raise ValueError(
                 f"`f` returns {rates.size} rates for {len(model.states)} states {checks.listing(model.states)}."
             )
         for s, rate in zip(model.states, rates, strict=True):
             _finite(rate, f"the rate of {s}", t)
+
+
+def _called(function: Any, what: str, *arguments: Any) -> Any:
+    try:
+        return function(*arguments)
+    except Exception as error:  # whatever its author raises
+        raise ValueError(f"{what} raises {error!r} at the start, t = {arguments[0]:g}; mend it, or `x0`.") from error
 
 
 def _finite(value: float, what: str, t: float) -> None:
@@ -157,15 +164,12 @@ def _name(value: Any, what: str) -> str:
 def _event(
     event: Event, name: str, door: _Door, states: tuple, parameters: tuple, time: sp.Symbol
 ) -> tuple[Slot, EventSpec]:
-    formulas = [w for w in ("surface", "update", "when") if isinstance(getattr(event, w), sp.Expr | dict)]
-    if event.when not in (sp.true, sp.false) and not checks.is_function(event.when):
-        formulas.append("when")
-    if isinstance(event.update, tuple) and event.update:
-        formulas.append("update")
-    if formulas:
-        raise TypeError(
-            f"`{formulas[0]}` of event {name!r} is a formula; a system of functions takes a function of (t, x, p)."
-        )
+    given = {"surface": event.surface, "update": event.update, "when": event.when}
+    for what, value in given.items():
+        if not (value in (None, (), sp.true, sp.false) or checks.is_function(value)):
+            raise TypeError(
+                f"`{what}` of event {name!r} is a formula; a system of functions takes a function of (t, x, p)."
+            )
     by_name = {p.name: p for p in parameters}
     clock = [e for e in (event.every, *event.at) if e is not None]
     known = [e.xreplace({s: by_name[s.name] for s in e.free_symbols if s.name in by_name}) for e in clock]

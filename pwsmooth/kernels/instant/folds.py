@@ -228,7 +228,8 @@ def _leave(W, toward):
 def lost_at_a_fold(P, C, S, R, W, clear):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
-    Not recorded where that is `clear`: the pair's steps have vanished on the root's way there, whose speed is infinite.
+    Not recorded where that is `clear`, as the pair's steps have vanished on the root's way there, whose speed is
+    infinite, and it does not come back.
     Returns a code; NOTHING where S stands at the fold's lambda.
     """
     for i in range(P.m):
@@ -241,10 +242,12 @@ def lost_at_a_fold(P, C, S, R, W, clear):
         if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
-            _leave(
-                W, 1 if bend > 0.0 else -1
+            toward = (
+                1 if bend > 0.0 else -1
             )  # past the fold g has the sign of its bend, and pushes lambda that way
-            if clear:
+            _leave(W, toward)
+            W.arc.hop = HOP * (1.0 + abs(S.t))
+            if clear and not _root_is_back(P, S, W, j, toward):
                 return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             return Outcome.AMBIGUITY if C.strict else NOTHING
