@@ -145,7 +145,9 @@ def _called(function: Any, what: str, *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except Exception as error:  # whatever its author raises
-        raise ValueError(f"{what} raises {error!r} at the start, t = {arguments[0]:g}; mend it, or `x0`.") from error
+        raise ValueError(
+            f"{what} raises {error!r} at the start, t = {arguments[0]:g}; mend it, or `x0`."
+        ) from error
 
 
 def _finite(value: float, what: str, t: float) -> None:
