@@ -113,11 +113,23 @@ def solve(
     >>> solve(relay, (0, 5), {x: 0}).itinerary
     ('sgn(x - 2)=-1', 'sgn(x - 2) sliding')
     """
-    checks.system(system, "`system`")
+    checks.system(system, "`system`", functions=True)
     method = checks.name(method, "`method`")
     if parameters is not None:
         system = system.with_parameters(parameters)
     t0, t1 = checks.span(t_span, backward=True)
+    if system.model.functions:
+        asked = {
+            f"`method` is {method!r}": method not in ("auto", "rk"),
+            "`noise` is given": noise is not None,
+            "`with_respect_to` is given": with_respect_to is not None,
+            "`t_span` decreases": t0 > t1,
+        }
+        if refused := [what for what, so in asked.items() if so]:
+            raise ValueError(
+                f"{refused[0]} for a system of functions, which runs forward on the pair, method 'rk', without noise "
+                "and derivatives; leave it out, or write the model in symbols."
+            )
     if with_respect_to is not None:
         from .derivatives import Derivatives, quantities, run_beside
 

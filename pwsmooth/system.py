@@ -28,6 +28,7 @@ from .definition import checks, discs, one_element
 from .definition.describe import DescribedSystem
 from .definition.drives import drive
 from .definition.family import spread
+from .definition.functions import check_start, read_functions
 from .definition.lifting import plain
 from .definition.lowering import lower
 from .definition.mechanics import arguments_of, mechanism
@@ -168,6 +169,11 @@ class System(DescribedSystem):
         convention = checks.one_of("hidden", "filippov")(convention, "`convention`")
         lists = {"events": events, "contacts": contacts, "algebraic": algebraic}
         lists = {name: checks.several(items, f"`{name}`") for name, items in lists.items()}
+        for event in lists["events"]:
+            if any(checks.is_function(getattr(event, part, None)) for part in ("surface", "update", "when")):
+                raise TypeError(
+                    "`events` has one with functions, which belongs to System.from_functions; give formulas."
+                )
         outputs, parameters = (
             checks.mapping({} if value is None else value, f"`{name}`")
             for name, value in (("outputs", outputs), ("parameters", parameters))
@@ -212,7 +218,7 @@ class System(DescribedSystem):
         parameters : mapping of Symbol to float, in the units of the model
             Of the mechanism. Laws bring their own.
         outputs : mapping of str to Expr, optional
-            Beside "friction ...", the force or moment of each law.
+            Of coordinates, their derivatives and speeds, beside "friction ...", the force or moment of each law.
         **arguments
             More of a System: `events`, `algebraic`, `drives`.
 
@@ -250,6 +256,63 @@ class System(DescribedSystem):
         'stick (lam_theta sliding)'
         """
         return cls(**arguments_of(mechanism(method), friction, contacts, parameters, outputs, arguments))
+
+    @classmethod
+    def from_functions(cls, f, states, *, surfaces=(), parameters=None, events=()):
+        """A System of Python functions, which numba compiles, for those who have no formulas.
+
+        Parameters
+        ----------
+        f : callable
+            f(t, x, lam, p): dx/dt as a tuple of n numbers, or an array of shape (n,), in the units of the states per
+            unit of time. `x`, `lam` and `p` are arrays, in the order of `states`, `surfaces` and `parameters`. Terms
+            that are nonlinear in `lam` are hidden terms. It has to exist a little beyond lam = -1 and 1.
+        states : sequence of str, length n
+            Their names; "y v" will do.
+        surfaces : mapping of str to callable, or sequence of callable
+            Multiplier -> h(t, x, p), smooth: lam = sign h off the surface h = 0. In a sequence they are named lam, or
+            lam1, lam2, ...
+        parameters : mapping of str to float, in the units of the model
+            Values, in the order in which `p` holds them.
+        events : sequence of Event
+            With functions: `surface(t, x, p)`, `update(t, x, p)`, which returns the whole state after it, and
+            `when(t, x, p)`, which returns a bool. `every` and `at` are numbers.
+
+        Returns
+        -------
+        System
+            For `solve()` alone, on the explicit pair (`method="rk"`): slips, sliding, hidden terms with their folds,
+            located events, accumulation and ambiguities as everywhere.
+
+        Raises
+        ------
+        ValueError, TypeError
+            What is no function of these arguments, does not compile, or returns something else; a surface whose slopes
+            cannot be taken by a complex step. solve() refuses what is not finite at the start.
+
+        Notes
+        -----
+        What it cannot do, for want of formulas: Taylor and implicit steps; kinks and switches found in notation (a
+        kink of f needs a surface, or steps shorten there); surfaces in which a multiplier stands; `smoothed` and
+        `layered` views; contacts, memories, unknowns, families, drives, outputs; noise, derivatives, runs backward in
+        time; sweeps, orbits, equilibria, fits; saving. Two-folds are told as folds. Code is compiled in every process
+        anew.
+
+        Source: Squire and Trapp, SIAM Review 40, 1998, for slopes by complex steps.
+
+        Examples
+        --------
+        A block on a spring, pulled to and fro, with Coulomb friction:
+
+        >>> import numpy as np
+        >>> from pwsmooth import System, solve
+        >>> def f(t, x, lam, p):
+        ...     return x[1], np.sin(t) - x[0] - p[0] * lam[0]
+        >>> block = System.from_functions(f, "y v", surfaces=[lambda t, x, p: x[1]], parameters={"F_c": 0.6})
+        >>> solve(block, (0, 20), {"y": 1, "v": 0}).itinerary[:3]
+        ('lam=-1', 'lam sliding', 'lam=1')
+        """
+        return FunctionSystem(read_functions(f, states, surfaces, parameters, events))
 
     # ---- what a system knows
 
@@ -614,6 +677,38 @@ class System(DescribedSystem):
             system = cls(**{name: part for name, part in written.items() if name != "values"})
         # A run with kicks has one parameter more, their period.
         return system.with_parameters({p.name: written["values"][p.name] for p in system.parameters})
+
+
+class FunctionSystem(System):
+    """A System of functions: without formulas, and so without what needs them."""
+
+    def __init__(self, definition):
+        self._element = definition
+        self.parameters, self.model = definition.parameters, definition.model
+        self._arguments, self._convention, self._view, self._notes, self._cache = (), "hidden", None, (), {}
+
+    def initial_state(self, x0, t0=None):
+        start = super().initial_state(x0, t0)
+        if t0 is not None:
+            check_start(self.model, t0, start, self.parameter_values)
+        return start
+
+    def _refused(self, *_, **__):
+        raise TypeError(
+            "this system is made of functions (System.from_functions), which solve() alone runs: there are no formulas "
+            "to take views, derivatives, switches or files from. Write the model in symbols for that."
+        )
+
+    definition = _field = switches = discs = hidden_terms = property(_refused)
+    smoothed = layered = _backward = _extended = _written = _refused
+
+    def _described(self):
+        rows = {
+            "switches": [f"{mu.symbol} = sign(h)" for mu in self.model.multipliers],
+            "events": [event.name for event in self.model.events],
+            "parameters": [f"{p} = {value:g}" for p, value in self.parameters.items()],
+        }
+        return f"System of functions with states {', '.join(map(str, self.states))}", rows.items()
 
 
 def _name_of(switch):

@@ -607,3 +607,64 @@ def test_a_tip_jumps_late_by_the_power_of_a_passed_fold():
         )
     fold = np.arccos(-1 / 3) + np.sqrt(8.0)
     assert abs(1e-2 * t - fold - 4 * np.pi - names["late"][-1]) < 1e-8
+
+
+def work_of_friction(run, pairs):
+    """The work between start and end that outputs (force, velocity) take, by Gauss and Legendre between events."""
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    times = np.unique(np.concatenate([run.t, *(np.linspace(s.start, s.end, 60) for s in run.segments)]))
+    total = 0.0
+    for a, b in zip(times, times[1:]):
+        at = (a + b) / 2 + (b - a) / 2 * nodes
+        total += (b - a) / 2 * sum(run(at, force) * run(at, speed) for force, speed in pairs) @ weights
+    return total
+
+
+def test_the_energy_of_each_mechanism_goes_into_its_friction():
+    found = page("mechanisms")
+    for name, pairs in (
+        ("swing", [("friction shoulder", "u1"), ("friction elbow", "u2")]),
+        ("turning", [("friction", "slip")]),
+        ("fall", [("friction a", "a_dot")]),
+        ("thrown", [("friction", "slip")]),
+    ):
+        run = found[name]
+        lost = run["energy"][0] - run["energy"][-1]
+        assert lost > 0.5, name
+        assert abs(lost - work_of_friction(run, pairs)) < 1e-9, name
+        assert run.event_times("stick").size, name
+
+
+def test_each_mechanism_takes_25_lines_from_its_model_to_its_picture():
+    (path,) = GALLERY.glob("*/plot_mechanisms.py")
+    _, _, *sections = re.split(r"^# %%$", path.read_text().partition('"""\n\n')[2], flags=re.M)
+    sections = [path.read_text().partition("# %%\n")[2].partition("# %%\n")[0], *sections]
+    for section in sections:
+        lines = [line for line in section.splitlines() if line.strip() and not line.startswith("#")]
+        assert 10 < len(lines) <= 25 + 6 * ("import sympy" in section), lines
+
+
+def test_the_disc_rolls_when_its_slip_is_used_up():
+    """v' = -mu g (1 + 2) of a disc."""
+    run = page("mechanisms")["thrown"]
+    assert abs(run.events[0].time - 8 / (9 * 0.981)) < 1e-12
+
+
+def test_painleves_rod_answers_as_the_signs_of_its_closed_form():
+    found = page("painleve_rod")
+    a = found["a"](found["angles"])[None, :] * np.ones_like(found["rates"])[:, None]
+    b = found["b"](found["angles"][None, :], found["rates"][:, None])
+    expected = np.where(
+        a > 0, np.where(b < 0, "slides", "parts"), np.where(b < 0, "inconsistent", "indeterminate")
+    )
+    assert np.array_equal(expected, found["answers"])
+    assert {run.outcome.name for run in found["jams"]} == {"JAM"}
+
+
+def test_the_stiff_springs_of_painleves_rod_have_the_limit_of_a_tangential_impact():
+    """What is away from it is due to the weight during the impact, whose length is arccosh(sqrt(k)...)/sqrt(|a| k)."""
+    found, k = page("painleve_rod"), np.array([1e6, 1e8, 1e10])
+    a = -found["a"](found["angle"])
+    length = np.arccosh(a**1.5 * np.sqrt(k) / found["c"] / 9.81) / np.sqrt(a * k)
+    away = (np.array(found["released"])[1:] - found["limit"]) / (9.81 * length)
+    assert np.all((away > 1) & (away < 2.5))

@@ -228,3 +228,41 @@ def test_accelerations_that_are_unknowns_are_no_sticks():
     assert shades == [3, 3]
     middle, length = zip(*(longest_slip(run) for run in runs))
     assert length[0] > 1 and (middle[0], length[0]) == pytest.approx((middle[1], length[1]), abs=1e-9)
+
+
+def test_constraints_that_are_nonlinear_in_velocities_are_refused():
+    """Appell and Hamel's: the vertical speed is that of the horizontal one."""
+    x, y, z = me.dynamicsymbols("x y z")
+    speeds = x.diff() ** 2 + y.diff() ** 2
+    lagrange = me.LagrangesMethod(
+        (speeds + z.diff() ** 2) / 2 - z, [x, y, z], nonhol_coneqs=[z.diff() ** 2 - speeds]
+    )
+    lagrange.form_lagranges_equations()
+    with pytest.raises(ValueError, match="nonlinear in the velocities: of nonholonomic ones rolling"):
+        System.from_mechanics(lagrange)
+
+
+def test_a_knife_edge_is_linear_in_velocities_and_runs():
+    """x' sin(a) = y' cos(a): on a slope it goes to and fro, x = (g/(2 w^2)) sin(w t)^2 (Neimark & Fufaev 1972)."""
+    x, y, a = me.dynamicsymbols("x y a")
+    lagrange = me.LagrangesMethod(
+        (x.diff() ** 2 + y.diff() ** 2 + a.diff() ** 2) / 2 + x, [x, y, a],
+        nonhol_coneqs=[x.diff() * sp.sin(a) - y.diff() * sp.cos(a)],
+    )  # fmt: skip
+    lagrange.form_lagranges_equations()
+    start = {"x": 0, "y": 0, "a": 0, "x_dot": 0, "y_dot": 0, "a_dot": 1.5}
+    run = solve(System.from_mechanics(lagrange), (0, 4), start, **TIGHT)
+    assert run["x"][-1] == pytest.approx(np.sin(6) ** 2 / 4.5, abs=1e-9)
+
+
+def test_loops_that_kanes_equations_do_not_keep_are_refused():
+    x, y, u, w = me.dynamicsymbols("x y u w")
+    frame, point = me.ReferenceFrame("N"), me.Point("P")
+    point.set_vel(frame, u * frame.x + w * frame.y)
+    kane = me.KanesMethod(
+        frame, q_ind=[x], u_ind=[u, w], q_dependent=[y], kd_eqs=[x.diff() - u, y.diff() - w],
+        configuration_constraints=[x**2 + y**2 - 1],
+    )  # fmt: skip
+    kane.kanes_equations([me.Particle("bead", point, sp.Integer(1))], [])
+    with pytest.raises(ValueError, match="closes 1 loops by configuration_constraints and keeps 0 of them"):
+        System.from_mechanics(kane)

@@ -136,8 +136,6 @@ OWN = [
     for name in HAZARDS
     for method in built_in(name, fast=True).methods
     if method in ("event-driven", "event-driven, layered", "event-driven, 8(5,3) pair", "smoothed path")
-    # The pair's error test shortens its steps for ever at a fold: it ends there, which the page of hazards says.
-    and (name, method) != ("near-fold", "event-driven, 8(5,3) pair")
 ]
 # A smoothed contact creeps, follows its folds with delay and holds small kicks: another answer than the limit's.
 STAND_IN = {"near-fold", "noise", "long-stick"}

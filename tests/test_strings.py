@@ -122,6 +122,8 @@ DOORS = {
     "slope of a sigmoid": lambda s: sigmoid("erf").slope(s),
     "inverse of a sigmoid": lambda s: sigmoid(2 / sp.pi * sp.atan(x)).inverse(s),
     "from_mechanics": lambda s: System.from_mechanics(s),
+    "from_functions": lambda s: System.from_functions(s, "x"),
+    "states of functions": lambda s: System.from_functions(lambda t, x, lam, p: (1.0,), s),
     "friction of a mechanism": lambda s: System.from_mechanics(pendulum(), friction={s: Coulomb()}),
     "values of a mechanism": lambda s: System.from_mechanics(pendulum(), parameters={k: s}),
     "contacts of a mechanism": lambda s: System.from_mechanics(pendulum(), contacts=[s]),

@@ -246,5 +246,11 @@ def compile_model(model: Model) -> Compiled:
     """
     found = _compiled.get(model)
     if found is None:
-        found = _compiled[model] = Compiled(model)
+        found = _compiled[model] = _from_functions(model) if model.functions else Compiled(model)
     return found
+
+
+def _from_functions(model):
+    from .functions import CompiledFunctions
+
+    return CompiledFunctions(model)

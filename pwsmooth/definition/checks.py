@@ -364,13 +364,23 @@ key = instance((str, sp.Symbol), "a Symbol or its name")
 function = instance(Callable, "a function")
 
 
-def system(value, what):
-    """`value`, which has to be a System or a view of one."""
+def system(value, what, functions=False):
+    """`value`, which has to be a System or a view of one; of functions only where `functions` says so."""
     if isinstance(value, type) or not (hasattr(value, "model") and hasattr(value, "initial_state")):
         raise TypeError(
             f"{what} is {shown(value)}; give a System, such as System({{x: -x}}), or one of its views."
         )
+    if getattr(value.model, "functions", None) and not functions:
+        raise TypeError(
+            f"{what} is made of functions (System.from_functions), which solve() alone runs; write the model in "
+            "symbols for all else."
+        )
     return value
+
+
+def is_function(value):
+    """Whether a value is Python code: functions, numba's too, and no Symbol, which can be called as well."""
+    return callable(value) and not isinstance(value, (sp.Basic, type))
 
 
 def array(value, what):

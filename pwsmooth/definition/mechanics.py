@@ -131,6 +131,7 @@ def mechanism(method: Any) -> Mechanism:
         call = "form_lagranges_equations()" if lagrange else "kanes_equations(bodies, loads)"
         raise ValueError(f"`method` has no equations yet; call its {call} first.") from None
     dependent, multipliers, (time,) = 0, [], {q.args[0] for q in method.q}
+    _check_constraints(method, lagrange)
     if lagrange:
         speeds = [sp.Symbol(f"{q.func.__name__}_dot", real=True) for q in method.q]
         rates = dict(zip(method.q, speeds))
@@ -152,6 +153,27 @@ def mechanism(method: Any) -> Mechanism:
     return Mechanism(time, plain, speeds, dependent, multipliers, M, F)
 
 
+def _check_constraints(method: Any, lagrange: bool) -> None:
+    """ValueError for constraints that the equations of a method do not keep."""
+    if lagrange:
+        bent = [
+            e
+            for e, row in zip(method.coneqs, method.lam_coeffs.tolist())
+            if any(c.has(*method.q.diff()) for c in row)
+        ]
+        if bent:
+            raise ValueError(
+                f"`method` has the constraint {bent[0]}, which is nonlinear in the velocities: of nonholonomic ones "
+                "rolling, which is linear in them, is known alone."
+            )
+    elif len(method._qdep) > len(method._udep):
+        raise ValueError(
+            f"`method` closes {len(method._qdep)} loops by configuration_constraints and keeps {len(method._udep)} of "
+            "them: Kane's equations know a loop by its velocity_constraints and dependent speeds; give these too, or "
+            "LagrangesMethod with hol_coneqs, which have multipliers."
+        )
+
+
 def arguments_of(
     found: Mechanism, friction: Any, contacts: Any, parameters: Any, outputs: Any, others: dict[str, Any]
 ) -> dict[str, Any]:
@@ -160,6 +182,7 @@ def arguments_of(
         dict(checks.mapping({} if given is None else given, f"`{name}`"))
         for name, given in (("parameters", parameters), ("outputs", outputs), ("friction", friction))
     )
+    shown = {name: found._plain(e, f"`outputs`, {name!r}") for name, e in shown.items()}
     found.check_inertia(values)
     parts = {name: list(others.pop(name, ())) for name in ("events", "algebraic")}
     parts["contacts"] = list(checks.all_of_kind("contacts", contacts, Unilateral))

@@ -278,6 +278,7 @@ class Model:
     smoothing: tuple[tuple[sp.Expr, sp.Symbol], ...] = field(default=())
     # No field: only a model with families whose copies are not written out has families (template.FamilyModel).
     families = cast(Any, None)
+    functions = cast(Any, None)  # only a model made of functions has them (functions.FunctionModel)
 
     @functools.cached_property
     def _hash(self) -> int:

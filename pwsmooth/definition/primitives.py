@@ -15,8 +15,9 @@ Chain: primitives (here) -> lifting.py -> system.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
@@ -382,6 +383,7 @@ class Event:
     ----------
     surface : Expr, optional
         h(t, x): the event is a zero of it. Exactly one of `surface`, `every`, `at` is given.
+        In `System.from_functions` surface(t, x, p), update(t, x, p) and when(t, x, p) are functions.
     every : float or Expr, in units of time, optional
         The event happens at every, 2*every, ...
     at : float, Expr or sequence of them, length n, in units of time, optional
@@ -418,12 +420,12 @@ class Event:
     ('TERMINATED', ['turn', 'turn', 'third'])
     """
 
-    surface: sp.Expr | None
+    surface: sp.Expr | Callable | None
     every: sp.Expr | None
     at: tuple[sp.Expr, ...]
     direction: int
-    update: tuple[tuple[sp.Symbol | str, sp.Expr], ...]
-    when: sp.Basic
+    update: Any  # pairs (state or memory, Expr); in a system of functions a function, as the other two
+    when: sp.Basic | Callable
     terminal: bool
     name: str | None
 
@@ -447,7 +449,7 @@ class Event:
         direction = checks.one_of(1, -1, 0)(direction, "`direction` of an Event")
         if causes[0] != "surface" and direction:
             raise ValueError(f"`direction` has no meaning for an Event with `{causes[0]}`; leave it out.")
-        if surface is not None:
+        if surface is not None and not checks.is_function(surface):
             surface = checks.expression(surface, "`surface` of an Event")
             if not surface.free_symbols:
                 raise ValueError(f"`surface` of an Event is the constant {surface}; it never reaches zero.")
@@ -460,20 +462,22 @@ class Event:
             at = tuple(checks.expression(a, "`at` of an Event") for a in at)
             if not at or any(a.is_number and not a.is_finite for a in at):
                 raise ValueError(f"`at` of an Event is {at}; give finite instants.")
-        if update is not None and not isinstance(update, Mapping):
-            raise TypeError(
-                f"`update` of an Event is {checks.shown(update)}; give a dict of state or memory to value."
+        if not checks.is_function(update):
+            if update is not None and not isinstance(update, Mapping):
+                raise TypeError(
+                    f"`update` of an Event is {checks.shown(update)}; give a dict of state or memory to value."
+                )
+            update = tuple(
+                (checks.named(key), checks.expression(value, f"`update` of an Event, value of {key}"))
+                for key, value in (update or {}).items()
             )
-        update = tuple(
-            (checks.named(key), checks.expression(value, f"`update` of an Event, value of {key}"))
-            for key, value in (update or {}).items()
-        )
-        when = sp.true if when is True else sp.false if when is False else when
-        if isinstance(when, sp.Symbol) or not isinstance(when, sp.logic.boolalg.Boolean):
-            raise TypeError(
-                f"`when` of an Event is {checks.shown(when)}; give a condition, as sp.Eq(flag, 0) or v > 0."
-            )
-        when = checks.plain_states(when, "`when` of an Event")
+        if not checks.is_function(when):
+            when = sp.true if when is True else sp.false if when is False else when
+            if isinstance(when, sp.Symbol) or not isinstance(when, sp.logic.boolalg.Boolean):
+                raise TypeError(
+                    f"`when` of an Event is {checks.shown(when)}; give a condition, as sp.Eq(flag, 0) or v > 0."
+                )
+            when = checks.plain_states(when, "`when` of an Event")
         terminal = checks.flag(terminal, "`terminal` of an Event")
         name = None if name is None else _name(name, "Event")
         values = (surface, every, at or (), direction, update, when, terminal, name)

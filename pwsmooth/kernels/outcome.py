@@ -41,6 +41,8 @@ class Outcome(IntEnum):
     TIME_LIMIT = -14
     SINGULAR_POINT = -15
     IRREVERSIBLE = -16
+    INCONSISTENT_CONTACT = -17
+    JAM = -18
 
     @property
     def text(self) -> str:
@@ -64,7 +66,7 @@ _TEXTS = {
     Outcome.NOT_FINITE: "The right-hand side became nan or infinite: look at the last state for a pole, a "
     "negative base of a power, or a missing branch.",
     Outcome.STEP_UNDERFLOW: "The step fell below the spacing of numbers at this time: a singularity is near, "
-    'or the tolerance cannot be met; try a looser `rtol`, or another `method` ("rk" passes no fold of hidden terms).',
+    "or the tolerance cannot be met; try a looser `rtol`, or another `method`.",
     Outcome.TOO_MANY_STEPS: "The bound on steps was reached: raise `max_steps`, or shorten `t_span`.",
     Outcome.EVENTS_ACCUMULATE: "An event resets the state so that it fires again ever sooner, and no event says what "
     "holds from the limit time on: write a contact as `Unilateral`, or let a terminal event stop the run.",
@@ -77,6 +79,11 @@ _TEXTS = {
     "system may be unbounded; check the sign of the hidden term.",
     Outcome.SINGULAR: "The equations of the sliding, closed or algebraic multipliers are singular: two of them "
     "may constrain the same motion.",
+    Outcome.INCONSISTENT_CONTACT: "No reaction or impulse keeps the bodies of a rigid contact apart, as its friction "
+    "pushes them together (Painleve's paradox, inconsistent): in nature a tangential impact stops the slip, of which "
+    "rigid laws say nothing; take a compliant contact (`pwsmooth.laws.contact`), or less friction.",
+    Outcome.JAM: "The reaction of a slipping contact grows beyond all bounds, as its friction comes to push as hard as "
+    "it holds (Painleve's paradox, dynamic jam): a compliant contact (`pwsmooth.laws.contact`) decides what follows.",
     Outcome.IRREVERSIBLE: "Backward in time the past is not unique from here: forward the motion has come to a "
     "stick or to rest, an event has set a memory, or an impact returned nothing. Start before it and go forward.",
     Outcome.LAYER_UNSETTLED: "The layer system neither settled nor left within its bound: a hidden "

@@ -41,7 +41,8 @@ SOLVED, HELD = 0, 2
     AMB_ACCUMULATION,
     AMB_CHATTERING,
     AMB_NEAR_MISS,
-) = range(12)
+    AMB_INDETERMINATE,
+) = range(13)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
 # one of a slip in a disc.

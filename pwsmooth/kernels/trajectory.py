@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .fresh import restart_flags
-from .instant.contacts import stop_closed
+from .instant.contacts import jams, stop_closed
 from .instant.discs import release_discs
 from .instant.folds import (
     HOP,
@@ -104,6 +104,8 @@ def run(P, C, S, R, W):
             code = advance(P, C, S, R, W)  # dense output, wanted times, the states there
         if code == GO_ON:
             code = act(P, C, S, R, W)  # crossing, stick, exit, fold, event, impact
+    if len(P.contact) > 0 and (code == Outcome.SINGULAR or code == Outcome.STEP_UNDERFLOW) and jams(P, S, W):
+        return Outcome.JAM
     return code if code < GO_ON else Outcome.FINISHED
 
 
@@ -160,10 +162,12 @@ def _find_roots(P, C, S, R, W):
     """The roots of g; NOTHING, or where one is lost what is made of it."""
     mask_solved(P, S, W)
     if W.instant.solved_there == 0:
-        if P.jet_fold != 0:
+        folds = P.jet_fold != 0 or P.pair != 0
+        if folds:
             _remember_multipliers(P, S, W)
         if not follow(P, S, W):
-            return _leave_by_a_fold(P, C, S, R, W) if P.jet_fold != 0 else Outcome.SINGULAR
+            vanished = P.pair != 0 and S.step < _ROUNDING * (1.0 + abs(S.t))
+            return _leave_by_a_fold(P, C, S, R, W, vanished) if folds else Outcome.SINGULAR
     W.instant.solved_there = 0
     for j in range(P.m):
         if S.status[j] == SOLVED and P.kind[j] < CONTACT and abs(S.mult[j]) > 1.0 + max(1e-9, C.rtol):
@@ -182,9 +186,11 @@ def _remember_multipliers(P, S, W):
 
 
 @kernel
-def _leave_by_a_fold(P, C, S, R, W):
-    """From W.arc.mult_before, where Newton's method loses a root or the step vanishes: a code."""
-    code = lost_at_a_fold(P, C, S, R, W)
+def _leave_by_a_fold(P, C, S, R, W, clear):
+    """From W.arc.mult_before, where Newton's method loses a root or the step vanishes (a pair's: `clear`): a code."""
+    code = lost_at_a_fold(P, C, S, R, W, clear)
+    if clear and code == NOTHING:
+        S.step = 1e-6 * (1.0 + abs(S.t))  # behind it nothing is singular
     return call_unit(P.instant_unit, P, C, S, R, W) if code == NOTHING else code
 
 
@@ -246,7 +252,8 @@ def propose(P, C, S, R, W):
                 h, unsure = longer, 0
             else:
                 h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
-    step.singular, step.arcs, step.unsure = int(singular), int(arcs), unsure
+    step.singular, step.unsure = int(singular), unsure
+    step.arcs = int(arcs or (P.pair != 0 and step.sliding != 0))
     if unsure:
         h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)
     W.end.stopped = 0
@@ -258,11 +265,12 @@ def propose(P, C, S, R, W):
             h = left
             W.end.stopped = 1
         elif h <= 1e-15 * abs(S.t) + 1e-300:
-            if not arcs:
+            # Within rounding of a fold: an arc on the root that does not attract, the pair on the one that does.
+            by_pair = P.pair != 0 and step.sliding != 0
+            if not arcs and not by_pair:
                 return Outcome.STEP_UNDERFLOW
-            # Within rounding of a fold, on the root that does not attract.
             _remember_multipliers(P, S, W)
-            code = _leave_by_a_fold(P, C, S, R, W)
+            code = _leave_by_a_fold(P, C, S, R, W, by_pair)
             return AGAIN if code == GO_ON else Outcome.STEP_UNDERFLOW if code == Outcome.SINGULAR else code
     step.length = h
     return GO_ON

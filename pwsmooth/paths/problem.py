@@ -37,7 +37,8 @@ class CompiledProblem:
         self._fixed_symbols = set(text.parameters) | (families.template.constants if families else set())
         self.kind = self._numbers("multipliers", [_kind(mu) for mu in text.multipliers])
         hidden = self._numbers("multipliers", [int(mu.hidden) for mu in text.multipliers])
-        folds = bool(np.any((self.kind != state.ALGEBRAIC) & (hidden != 0)))
+        # What has no series has no arcs by a fold either: the pair comes to it by short steps.
+        folds = self.has_jets and bool(np.any((self.kind != state.ALGEBRAIC) & (hidden != 0)))
         self.fold = compile_model(fold_model(model)) if folds else None
         self.sigmoid = compile_model(sigmoid(model.sigmoid).model())
         finite = any(layer.ratio != sp.oo for layer in model.layer_states)

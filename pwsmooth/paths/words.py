@@ -94,6 +94,7 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         names.AMB_HIDDEN_OSCILLATION: ("hidden oscillation", ("the layer never comes to rest",)),
         names.AMB_FOLD: ("fold", ("touch and stay on the surface", "leave by the fold")),
         names.AMB_IMPACTS: ("simultaneous impacts", ("together", "one after the other")),
+        names.AMB_INDETERMINATE: ("indeterminate contact", ("part", "stay closed", "tangential impact")),
         names.AMB_UPDATES: CONFLICTING_UPDATES,
         names.AMB_ACCUMULATION: (
             "events that accumulate",
@@ -111,7 +112,7 @@ def ambiguities_in_words(model: Model, times: np.ndarray, records: np.ndarray) -
         disc = index < len(model.multipliers) and model.multipliers[index].kind == "disc"
         if kind in (names.AMB_TWO_FOLD, names.AMB_HIDDEN_OSCILLATION):
             choice = "stopped"
-        elif kind in (names.AMB_GRAZING, names.AMB_FOLD):
+        elif kind in (names.AMB_GRAZING, names.AMB_FOLD, names.AMB_INDETERMINATE):
             choice = continuations[taken]
         elif kind == names.AMB_REPELLING and disc:
             continuations = ("leave along the first axis", "leave in another direction", "stay on the surface")

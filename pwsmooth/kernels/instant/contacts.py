@@ -6,14 +6,22 @@ Velocities first. With u the rates of the gaps and D_ij the change of u_i by a u
 
 over all that touch and act on each other; one alone rebounds with -e u. Then, among those that neither approach nor
 part, forces:  0 <= R  complementary to  d2h/dt2 >= 0. D is the matrix dg/dR of the residuals g = d2h/dt2.
+
+Friction stands in D, so that a = D_jj may be negative, of a slipping contact alone d2h/dt2 = a R + b (Painleve 1895):
+with b < 0 no R >= 0 keeps the bodies apart (inconsistent), with b > 0 both R = 0 and R = -b/a do (indeterminate), and
+where a comes to 0 from above R grows beyond all bounds (jam). Genot & Brogliato, Eur. J. Mech. A 18, 1999.
 Chain: instants.py, starting.py -> **this file** -> sparse.py, sliding.py.
 """
 
+import math
+
 from ..intervals import forget_intervals, note_interval
 from ..machine.compiling import kernel
-from ..machine.pointers import call_act, call_fields, call_newton
+from ..machine.pointers import call_act, call_fields, call_linear, call_newton
+from ..outcome import Outcome
 from ..state import (
     AMB_IMPACTS,
+    AMB_INDETERMINATE,
     EV_CLOSED,
     EV_IMPACT,
     EV_OPENING,
@@ -26,13 +34,14 @@ from ..state import (
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
 from ..surface.sliding import keep_on_surface, mask_solved, surface_rounding
-from ..surface.sparse import entry, solve_dense
+from ..surface.sparse import entry, solve_dense, solve_masked
 from .surface_rates import approach_speed, evaluate_surfaces
 
-UNSOLVABLE, UNCHANGED, CHANGED = -1, 0, 1
+INCONSISTENT, UNSOLVABLE, UNCHANGED, CHANGED = -2, -1, 0, 1
 PRESSING = -1  # known zeros of the gap of a contact that rests and is pressed from now on
 _HEAVY = float(2**30)  # a reaction beside which all other forces are small
 _EQUAL = 1e-12  # of the largest speed or force: what is smaller is rounding
+_JAM = 1e-6  # of what friction does to a gap, beside which the rest of its reaction is small
 _SINGULAR = 1e10  # an impulse or force so many times the others comes of a singular matrix
 
 
@@ -216,15 +225,17 @@ def _apart_from_single_impacts(P, S, W, size):
 
 @kernel
 def _collide(P, S, R, W, size):
-    """Impacts of the touching contacts, those that act on each other together; False where they have no solution."""
+    """Impacts of the touching contacts, those that act on each other together; whether they have a solution: a code."""
     contacts = W.contacts
     approaching, together = False, False
     for a in range(size):
         approaching = approaching or contacts.speed[a] < -contacts.at_rest[a]
     if not approaching:
-        return True
-    if size > 1:
-        _find_couplings(P, S, W, size)
+        return UNCHANGED
+    _find_couplings(P, S, W, size)
+    for a in range(size):
+        if contacts.speed[a] < -contacts.at_rest[a] and contacts.delassus[a, a] < 0.0:
+            return INCONSISTENT  # an impulse along the friction of the slip drives the bodies into each other
     for a in range(size if size > 1 else 0):
         contacts.load[a] = contacts.speed[a]
         if contacts.speed[a] < -contacts.at_rest[a]:
@@ -232,7 +243,7 @@ def _collide(P, S, R, W, size):
             together = together or _coupled(W.contacts, a, size)
     if together:
         if not _complementarity(W.contacts, size):
-            return False
+            return UNSOLVABLE
         if _apart_from_single_impacts(P, S, W, size) > 1e-9:
             record_ambiguity(S, R, contacts.touching[0], AMB_IMPACTS, 0)
     for a in range(size):
@@ -256,7 +267,7 @@ def _collide(P, S, R, W, size):
             note_interval(S.last[j], S.t)
             record_event(S, R, j, EV_IMPACT, 1, 1)
     W.instant.jumped = 1
-    return True
+    return CHANGED
 
 
 @kernel
@@ -287,7 +298,7 @@ def part_or_press(P, S, W, j):
 
 @kernel
 def _settle_forces(P, S, R, W, size):
-    """Closes and opens the touching contacts that neither approach nor part; False if no forces solve that."""
+    """Closes and opens the touching contacts that neither approach nor part; whether some forces do that: a code."""
     contacts = W.contacts
     largest, resting, was_closed = 0.0, contacts.chosen, contacts.load
     some = False
@@ -304,7 +315,7 @@ def _settle_forces(P, S, R, W, size):
             some = True
             W.instant.look_again = 1
         largest = max(largest, S.mult[j])
-    added = -1
+    added, settled = -1, not some
     for _ in range(64 + 16 * size if some else 0):
         mask_solved(P, S, W)
         solved = call_newton(P.newton_unit, P, S, W) != 0
@@ -318,7 +329,7 @@ def _settle_forces(P, S, R, W, size):
             added = -1
             continue
         if not solved:
-            return False
+            return UNSOLVABLE
         largest = max(largest, now)
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
         wrong = -1
@@ -336,11 +347,17 @@ def _settle_forces(P, S, R, W, size):
                 if fails:
                     wrong = a
         if wrong < 0:
+            settled = True
             break
         j = contacts.touching[wrong]
         added = wrong if S.status[j] != SOLVED else -1
         S.status[j] = SOLVED if added >= 0 else 1
         S.mult[j] = 0.0
+    if not settled:
+        return INCONSISTENT
+    for a in range(size):
+        if resting[a]:
+            _note_if_indeterminate(P, S, R, W, contacts.touching[a])
     for a in range(size):
         j = contacts.touching[a]
         if S.status[j] == SOLVED and was_closed[a] == 0.0:
@@ -349,12 +366,52 @@ def _settle_forces(P, S, R, W, size):
             _open(S, R, j, 2)
         elif S.status[j] != SOLVED and resting[a]:
             S.deflate[j] = 2
-    return True
+    return UNCHANGED
+
+
+@kernel
+def _push(P, S, W, j):
+    """d(d2h_j/dt2)/dR_j, whatever else is solved for following: a of the equation above; nan where that is singular."""
+    mask_solved(P, S, W)
+    W.mask[j] = 1
+    for i in range(P.m):
+        W.linear.rhs[i] = 0.0
+    W.linear.rhs[j] = 1.0
+    return 1.0 / W.linear.rhs[j] if solve_masked(P, W) and W.linear.rhs[j] != 0.0 else math.nan
+
+
+@kernel
+def _note_if_indeterminate(P, S, R, W, j):
+    """Records that contact j, at rest along its normal, might as well be open if it is closed, or closed if open."""
+    known = S.ambiguities > 0 and R.ambiguity_t[S.ambiguities - 1] == S.t
+    if (
+        known
+        and R.ambiguity[S.ambiguities - 1, 0] == j
+        and R.ambiguity[S.ambiguities - 1, 1] == AMB_INDETERMINATE
+    ):
+        return
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    closed = S.status[j] == SOLVED
+    if (S.mult[j] > 0.0 if closed else W.g[j] > 0.0) and _push(P, S, W, j) < 0.0:
+        record_ambiguity(S, R, j, AMB_INDETERMINATE, int(closed))
+
+
+@kernel
+def jams(P, S, W):
+    """Whether the reaction of a closed contact has all but lost its hold: where a = 0 it would be infinite."""
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    for c in range(len(P.contact)):
+        j = P.contact[c]
+        if S.status[j] == SOLVED:
+            friction = friction_on(P, W, j)
+            if abs(entry(P.g_row, P.g_col, W.G, j, j) * S.mult[j]) < _JAM * friction:
+                return True
+    return False
 
 
 @kernel
 def settle_contacts(P, S, R, W):
-    """Looks at all contacts together; UNSOLVABLE, UNCHANGED or CHANGED, with `jumped` set where velocities jump."""
+    """Looks at all contacts together; how that ends, with `jumped` set where velocities jump."""
     contacts = W.contacts
     before = S.events
     for c in range(len(P.contact)):
@@ -363,8 +420,9 @@ def settle_contacts(P, S, R, W):
             _open(S, R, j, 3)  # R has come to 0, and d2h/dt2 with it
             W.instant.hit[j] = False
     size = _find_touching(P, S, R, W)
-    if not _collide(P, S, R, W, size):
-        return UNSOLVABLE
+    code = _collide(P, S, R, W, size)
+    if code < UNCHANGED:
+        return code
     for a in range(size):
         j = contacts.touching[a]
         contacts.speed[a] = approach_speed(P, S, j, W)
@@ -372,18 +430,25 @@ def settle_contacts(P, S, R, W):
             if S.status[j] == SOLVED:
                 _open(S, R, j, 1)
             S.deflate[j] = 1
-    if not _settle_forces(P, S, R, W, size):
-        return UNSOLVABLE
+    code = _settle_forces(P, S, R, W, size)
+    if code < UNCHANGED:
+        return code
     return CHANGED if S.events > before else UNCHANGED
 
 
 @kernel
 def close_at_start(P, S, R, W):
-    """Closes the contacts that touch at rest at the start of a run; False where their forces have no solution."""
+    """Closes the contacts that touch at rest at the start of a run; whether forces do that: a code."""
     before = S.events
-    solved = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
+    code = _settle_forces(P, S, R, W, _find_touching(P, S, R, W))
     S.events = before  # what holds from the start is no event
-    return solved
+    return code
+
+
+@kernel
+def outcome_of(code):
+    """How a run ends where contacts are not settled."""
+    return Outcome.INCONSISTENT_CONTACT if code == INCONSISTENT else Outcome.SINGULAR
 
 
 @kernel

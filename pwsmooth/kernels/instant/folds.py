@@ -12,7 +12,7 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_layer_unit, call_linear
 from ..outcome import Outcome
-from ..state import AMB_FOLD, GO_ON, NOTHING, SLIDING, SOLVED
+from ..state import AMB_FOLD, GO_ON, NOTHING, PAIR, SLIDING, SOLVED
 from ..step.recording import record_ambiguity
 from ..step.roots import NO_ROOT
 from ..step.steps import dot, powers
@@ -27,6 +27,8 @@ SHORTEST_HOP = 0.2  # as a share of it, where the step ends soon behind the fold
 HOP = 3e-7
 _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
+# The same where the pair's steps are rounding of t: lambda_f - lambda ~ sqrt(t_f - t).
+_VANISHED = 1e-5
 
 
 @kernel
@@ -79,6 +81,18 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 
 
 @kernel
+def _is_fold_ahead(P, S, W, row, j, slope):
+    """Whether lambda_j, of this series, goes to its fold as sqrt(t_f - t) does: ever faster, not as by a touch.
+
+    Of such a root the square of the speed is the distance times the second derivative, here of a polynomial over most
+    of the way.
+    """
+    speed, growth = row[1], 2.0 * row[2]
+    bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
+    return speed * growth > 0.0 and speed * speed * abs(bend) < 32.0 * abs(slope * growth)
+
+
+@kernel
 def where_attraction_ends(P, C, S, s_end, W):
     """Where within the step a root ceases to attract that began as attracting; inf if none does.
 
@@ -106,11 +120,15 @@ def where_attraction_ends(P, C, S, s_end, W):
             # The steps by a fold are short: lambda hardly moves.
             if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, arc.there, arc.mult_there, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
+                if W.step.kind == PAIR and _is_fold_ahead(P, S, W, rows[mult_row + j], j, first):
+                    continue  # the pair's steps vanish on the way there
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
                     arc.touched = j
                     found = -1.0
             continue
         bend = abs(_bend(P, S, W, t + s_end, arc.there, arc.mult_there, j, last, _inward(arc.mult_there[j])))
+        if W.step.kind == PAIR and last <= _NEAR * bend:
+            continue  # the rounding of a fold that it comes to: its steps vanish there, or the root is lost
         first = _slope_at(P, C, S, 0.0, j, W)
         alone = P.g_row[j + 1] - P.g_row[j] == 1
         if first >= 0.0 and not alone:
@@ -207,9 +225,11 @@ def _leave(W, toward):
 
 
 @kernel
-def lost_at_a_fold(P, C, S, R, W):
+def lost_at_a_fold(P, C, S, R, W, clear):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
+    Not recorded where that is `clear`, as the pair's steps have vanished on the root's way there, whose speed is
+    infinite, and it does not come back.
     Returns a code; NOTHING where S stands at the fold's lambda.
     """
     for i in range(P.m):
@@ -219,10 +239,16 @@ def lost_at_a_fold(P, C, S, R, W):
             continue
         slope = _slope(P, S, W, S.t, S.x, S.mult, j)
         bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
-        if abs(slope) <= _NEAR * abs(bend):
+        if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
+            toward = (
+                1 if bend > 0.0 else -1
+            )  # past the fold g has the sign of its bend, and pushes lambda that way
+            _leave(W, toward)
+            W.arc.hop = HOP * (1.0 + abs(S.t))
+            if clear and not _root_is_back(P, S, W, j, toward):
+                return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)
-            _leave(W, 1 if slope * bend < 0.0 else -1)
             return Outcome.AMBIGUITY if C.strict else NOTHING
     return Outcome.SINGULAR

@@ -43,7 +43,7 @@ from ..surface.sliding import keep_on_surface, surface_rounding
 from ..surface.sparse import link
 from ..work import Work
 from .accumulation import AT_ONCE, is_passed, pass_accumulation
-from .contacts import UNCHANGED, UNSOLVABLE, part_or_press, settle_contacts, stop_closed
+from .contacts import UNCHANGED, outcome_of, part_or_press, settle_contacts, stop_closed
 from .discs import free_components, resettle_discs, settle_discs, slip_by_layer
 from .firing import events, sides_after_crossing, sides_after_jump, step_inside
 from .holding import (
@@ -392,8 +392,8 @@ def at_instant(P, C, S, R, W):
                 # What the contacts do has its own consequences: look again, at nothing but these.
                 _forget_what_was_met(P, S, W)
             contacts = settle_contacts(P, S, R, W)
-            if contacts == UNSOLVABLE:
-                return Outcome.SINGULAR
+            if contacts < UNCHANGED:
+                return outcome_of(contacts)
             if turn > 0 and contacts == UNCHANGED:
                 break
         code, switched = NOTHING, True

@@ -20,7 +20,7 @@ from ..step.recording import record_point
 from ..surface.sliding import mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from ..surface.vector import INSIDE
-from .contacts import close_at_start
+from .contacts import UNCHANGED, close_at_start, outcome_of
 from .discs import settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
@@ -56,8 +56,10 @@ def start(P, C, S, R, W):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
-    if len(P.contact) > 0 and not close_at_start(P, S, R, W):
-        return Outcome.SINGULAR
+    if len(P.contact) > 0:
+        contacts = close_at_start(P, S, R, W)
+        if contacts < UNCHANGED:
+            return outcome_of(contacts)
     stay_at_rest(P, C, S, R, W)
     S.events, size = 0, 0
     for j in range(m):
@@ -93,4 +95,6 @@ def start(P, C, S, R, W):
             if i >= m:
                 S.side[i - m] = 1 if order > 0 else -1
     record_point(P, S, R)
+    if code == GO_ON and C.strict and S.ambiguities > 0:
+        return Outcome.AMBIGUITY
     return code
