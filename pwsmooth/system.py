@@ -211,8 +211,9 @@ class System(DescribedSystem):
             Lagrange's equations are named after the coordinates, `theta_dot` for theta.
         friction : mapping, optional
             Velocity -> law of `pwsmooth.laws`, or (law, normal load). A velocity is a joint's or a speed's name, or an
-            expression of speeds, such as a slip velocity. The law opposes it, in newtons or newton metres. Its states
-            and parameters carry the velocity's name; of several expressions their number among the laws.
+            expression of speeds, such as a slip velocity; two or three of them in a tuple are the components of a slip
+            in the plane or in space. The law opposes it, in newtons or newton metres. Its states and parameters carry
+            the velocity's name; of several expressions their number among the laws.
         contacts : sequence of Unilateral
             Gaps as expressions of the coordinates; their reactions act along the gaps.
         parameters : mapping of Symbol to float, in the units of the model

@@ -4,6 +4,7 @@
     Abs(a), Max(a, b), ...    ->  Select(lambda, a, -a), Select(lambda, a, b), ...
     Piecewise((a, x > y), (b, True))  ->  Select(lambda, a, b),  lambda the switch of x - y
     floor u                   ->  Select(lambda, even, odd),  lambda the switch of sin(pi u), which tells their parity
+    u/sqrt(u^2 + w^2)         ->  the first component of the Disc of (u, w), in the rate of a velocity among them
 
 Surfaces equal up to a constant factor are one switch. A product surface, sign(x*y), is taken factor by factor:
 its zero set has a corner that no single multiplier describes. An inner switch inside an outer surface is a
@@ -57,6 +58,9 @@ class Lifting:
         self.switches: dict[sp.Symbol, sp.Expr] = {}  # multiplier -> lifted surface, the inner ones first
         self.notation: dict[sp.Symbol, Switch] = {}  # multiplier -> its switch as the user would write it
         self.discs: dict[Disc, LiftedDisc] = {}
+        self._directions: dict[
+            sp.Expr, tuple[Disc, tuple]
+        ] = {}  # sum of squares -> its disc, (base, component) of each
         self._kinks: set[Select] = set()  # selections whose branches agree on their surface
         self._written: dict[Select, sp.Expr] = {}  # ... and the notation that they come from
         self._by_surface: dict[sp.Expr, tuple[int, sp.Symbol]] = {}
@@ -92,6 +96,8 @@ class Lifting:
         return self._memo[key]
 
     def _node(self, e, sides):
+        if self._directions and (found := self._direction(e)) is not None:
+            return self._lift(found, sides)
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e, sides)
         if isinstance(e, (sp.Max, sp.Min)):
@@ -145,6 +151,53 @@ class Lifting:
         if found is None:
             return self._register(surface, switch)
         return found[0] * found[1]
+
+    def take_directions(self, equations):
+        """Makes discs of the directions v/|v| in `equations`, pairs of a symbol and what its rate says.
+
+        Where the symbol is one of the components: of friction, not of what pulls to a centre.
+        """
+        for x, e in equations:
+            for power in sorted(e.atoms(sp.Pow), key=sp.default_sort_key):
+                parts = _squares(power.base) if power.exp == -sp.S.Half else None
+                if parts is None or power.base in self._directions or x not in power.base.free_symbols:
+                    continue
+                if not all(self._moves(base) for base, _ in parts):
+                    continue
+                disc = Disc(
+                    f"dir({', '.join(str(base) for base, _ in parts)})", [root * base for base, root in parts]
+                )
+                places = tuple((base, lam / root) for (base, root), lam in zip(parts, disc, strict=True))
+                self._directions[power.base] = disc, places
+        for _, e in equations:
+            for node in sp.preorder_traversal(e):
+                for power in (node, *node.args):
+                    # What is no direction times something has a pole, and stays one.
+                    pole = power.is_Pow and power.exp == -sp.S.Half and power.base in self._directions
+                    if pole and not (node.is_Mul and self._direction(node) is not None) and power is not node:
+                        del self._directions[power.base]
+
+    def _direction(self, e):
+        """What stands for |v| and for a product with 1/|v|; None where `e` is neither, or no multiple of one."""
+        if e.is_Pow and e.base in self._directions and e.exp.is_positive and (2 * e.exp).is_odd:
+            return self._directions[e.base][0].size ** (2 * e.exp)
+        inverse = next(
+            (f for f in e.args if f.is_Pow and f.exp == -sp.S.Half and f.base in self._directions), None
+        )
+        if not e.is_Mul or inverse is None:
+            return None
+        places, terms = self._directions[inverse.base][1], []
+        others = [f for f in e.args if f is not inverse]
+        for base, lam in places:
+            for f in others:
+                if f in (base, -base):
+                    return sp.Mul(*(g for g in others if g is not f)) * (lam if f == base else -lam)
+        for term in sp.Add.make_args(sp.expand_mul(sp.Mul(*others))):
+            base, lam = next(((b, lam) for b, lam in places if b in sp.Mul.make_args(term)), (None, None))
+            if base is None:
+                return None
+            terms.append(term / base * lam)
+        return sp.Add(*terms)
 
     def _disc(self, disc):
         """Registers a disc with its surfaces lifted."""
@@ -486,6 +539,18 @@ def plain(symbol):
     if isinstance(symbol, (Switch, Component, Memory, Reaction)):
         return sp.Symbol(symbol.name, **symbol._assumptions_orig)
     return symbol
+
+
+def _squares(e):
+    """(base, root of its coefficient) of every term of a sum of two or three squares; None where it is none."""
+    parts = []
+    for term in sp.Add.make_args(e):
+        squares = [f for f in sp.Mul.make_args(term) if f.is_Pow and f.exp == 2]
+        coefficient = term / squares[-1] if squares else sp.S.Zero
+        if not coefficient.is_positive:
+            return None
+        parts.append((squares[-1].base, sp.sqrt(coefficient)))
+    return parts if len(parts) in (2, 3) else None
 
 
 def _branch(e, lam, side):

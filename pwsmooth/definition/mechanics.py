@@ -174,6 +174,11 @@ def _check_constraints(method: Any, lagrange: bool) -> None:
         )
 
 
+def _components(found: Mechanism, key: Any) -> tuple[sp.Expr, ...]:
+    """The velocities of a law in the plane or in space."""
+    return tuple(found.velocity(part)[1] for part in key)
+
+
 def arguments_of(
     found: Mechanism, friction: Any, contacts: Any, parameters: Any, outputs: Any, others: dict[str, Any]
 ) -> dict[str, Any]:
@@ -195,12 +200,18 @@ def arguments_of(
             raise TypeError(
                 f"`friction` of {key} is {checks.shown(law)}; give a law of pwsmooth.laws, or (law, load)."
             )
-        name, v = found.velocity(key)
-        name = name or (str(number) if len(laws) > 1 else "")
-        there = found.positions.get(v)
-        pieces = law.attach(velocity=v, position=there, normal=normal, time=found.time, name=name)
-        forcing += found.along(v, -pieces.force)
-        named = {f"friction {name}".strip(): pieces.force, **pieces.outputs}
+        own_name, v = ("", _components(found, key)) if isinstance(key, (tuple, list)) else found.velocity(key)
+        name = own_name or (str(number) if len(laws) > 1 else "")
+        pieces = law.attach(
+            velocity=v, position=found.positions.get(v), normal=normal, time=found.time, name=name
+        )
+        label = f"friction {name}".strip()
+        named = {label: (v, pieces.force)}
+        if isinstance(v, tuple):
+            named = {f"{label} {axis}": part for axis, part in zip("xyz", zip(v, pieces.force))}
+        for part, force in named.values():
+            forcing += found.along(part, -force)
+        named = {label: force for label, (_, force) in named.items()} | dict(pieces.outputs)
         for mine, theirs in ((rates, pieces.rates), (values, pieces.parameters), (shown, named)):
             if common := {*map(str, mine)} & {*map(str, theirs)}:
                 raise ValueError(

@@ -96,6 +96,9 @@ def read(rates, time, parameters, outputs, events, contacts, algebraic, sampled,
     moving |= {time, *states, *unknowns, *map(plain, reactions), *pieces, *controls}
     stand_ins = {u: value for u, (value, *_) in (*pieces.items(), *controls.items())}
     lift = Lifting(moving, [s for s in symbols if isinstance(s, Switch)], stand_ins)
+    inside = dict(zip(unknowns, (item.residual for item in algebraic), strict=True))
+    said = [(e, *(inside[s] for s in e.free_symbols if s in inside)) for _, e in pairs]
+    lift.take_directions([(x, sp.Tuple(*es)) for x, es in zip(states, said, strict=True)])
     # Rates first: their surfaces give the switches their order.
     lifted = {
         "rates": tuple(lift(e) for _, e in pairs),

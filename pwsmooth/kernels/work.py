@@ -155,6 +155,7 @@ class Onset(Bundle):
     level: "f8[m + ne]"  # surfaces there
     rate: "f8[8, m]"  # residuals at the nodes with the lambda guessed
     toward: "f8[8, m]"  # that lambda
+    goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node

@@ -25,9 +25,9 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import keep_on_surface, mask_solved
+from ..surface.sliding import mask_solved
 from ..surface.sparse import solve_dense
-from ..surface.vector import INSIDE, push_of_disc, pushes_back, slopes_of_disc
+from ..surface.vector import INSIDE, push_of_disc, pushes_back, put_disc, slopes_of_disc
 from .settling import layer_code
 
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
@@ -128,9 +128,10 @@ def settle_disc(P, S, R, W, j, arrives):
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
     d = P.dim[j]
-    for k in range(d):
-        keep_on_surface(P, S, j + 1 + k, W)
-        W.instant.mult[j + 1 + k] = S.mult[j + 1 + k]
+    for k in range(j + 1, j + 1 + d):
+        W.instant.mult[k] = S.mult[k]
+        W.onset.goal[k] = 0.0
+    put_disc(P, S, j, W.onset.goal, W)
     hold(P, S, j)
     slope = slopes_of_disc(P, S, W, j)
     push = push_of_disc(P, S, W, j)

@@ -15,9 +15,9 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
-from ..surface.sliding import mask_solved, put_on_level
+from ..surface.sliding import mask_solved
 from ..surface.sparse import solve_dense
-from ..surface.vector import INSIDE, push_of_disc, slopes_of_disc
+from ..surface.vector import INSIDE, push_of_disc, put_disc, slopes_of_disc
 from ..work import Work
 
 STAGES = 8
@@ -111,10 +111,10 @@ def _guess(P, S, W, t, h):
                 continue
             if not (onset.rests and onset.forced[j]):
                 for k in range(j + 1, j + 1 + P.dim[j]):
-                    way = 0.0
+                    onset.goal[k] = 0.0
                     for r in range(STAGES):
-                        way += h * _A[q, r] * onset.rate[r, k]
-                    put_on_level(P, S, k, way, W)
+                        onset.goal[k] += h * _A[q, r] * onset.rate[r, k]
+                put_disc(P, S, j, onset.goal, W)
                 continue
             way = 0.0
             for r in range(STAGES):
@@ -123,7 +123,8 @@ def _guess(P, S, W, t, h):
                     along += onset.toward[r, k] * onset.rate[r, k]
                 way += h * _A[q, r] * abs(along)
             for k in range(j + 1, j + 1 + P.dim[j]):
-                put_on_level(P, S, k, way * onset.toward[q, k], W)
+                onset.goal[k] = way * onset.toward[q, k]
+            put_disc(P, S, j, onset.goal, W)
         for i in range(n):
             onset.y[q, i] = S.x[i]
     S.t = t0
@@ -152,7 +153,10 @@ def _nudge(P, W, q, i, reach):
         if P.disc_of[j] >= 0 and W.onset.slips[P.disc_of[j]]:
             for e in range(P.dh_row[j], P.dh_row[j + 1]):
                 if P.dh_col[e] == i and W.dh[e] != 0.0:
-                    nudge = min(nudge, 1e-6 * W.onset.size[P.disc_of[j]] / abs(W.dh[e]))
+                    size, slope = W.onset.size[P.disc_of[j]], abs(W.dh[e])
+                    # A surface that is no state is known to the rounding of what it is made of.
+                    rounding = 0.0 if P.surface_state[j] >= 0 else 1e-16 * slope * abs(W.onset.y[q, i])
+                    nudge = min(nudge, max(1e-6 * size, math.sqrt(rounding * size)) / slope)
     return nudge
 
 
@@ -211,7 +215,7 @@ def _solve(P, C, S, W, t, h):
                 A[row, STAGES * n] = -rest
         if not solve_dense(A, STAGES * n, 1):
             return False
-        change = 0.0
+        change, total = 0.0, 0.0
         for q in range(STAGES):
             for i in range(n):
                 step = A[q * n + i, STAGES * n]
@@ -219,7 +223,8 @@ def _solve(P, C, S, W, t, h):
                 way = abs(onset.y[q, i] - onset.x[i]) + 10.0 * C.atol[i]
                 change = max(change, (abs(step) - 4e-15 * abs(onset.y[q, i])) / way)
                 onset.y[q, i] += step
-        if not change < math.inf or (sweep > 5 and change > before):
+                total += step
+        if not abs(total) < math.inf or (sweep > 5 and change > before):
             return False
         if change <= 1e-12 or (sweep > 2 and change <= _ALIKE and change > 0.5 * before):
             return True
@@ -277,7 +282,10 @@ def _misfit(P, C, S, W, h):
         for c in range(STAGES - 1, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = C.atol[i] + C.rtol * max(abs(S.x[i]), h * abs(rows[i, 1]))
-        worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
+        defect = abs(h * (slope - W.dx[i])) / (_DEFECT * scale)
+        if not defect < math.inf:
+            return math.inf
+        worst = max(worst, defect)
     return worst
 
 
