@@ -1,0 +1,216 @@
+"""Discs in notation, laws, mechanisms, views and files; what they refuse, by name."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from sympy.physics import mechanics as me
+
+from pwsmooth import Disc, Event, Solution, System, Unilateral, lyapunov_exponents, solve
+from pwsmooth.laws.friction import (
+    GMS,
+    Coulomb,
+    Dahl,
+    HiddenStatic,
+    LuGre,
+    StaticKinetic,
+    StribeckFriction,
+)
+
+t, x, y, z, u, v, w = sp.symbols("t x y z u v w", real=True)
+lam = Disc("lam", (u, v))
+
+
+def test_a_block_thrown_on_a_plane_stops_and_stays():
+    speed = sp.sqrt(u**2 + v**2)
+    written, given = (
+        solve(System({x: u, y: v, u: -first / 2, v: -second / 2}), (0, 4), {x: 0, y: 0, u: 0.6, v: 0.8})
+        for first, second in ((u / speed, v / speed), lam)
+    )
+    for run in (written, given):
+        assert [event.kind for event in run.events] == ["stick"]
+        assert run.events[0].time == pytest.approx(2, abs=1e-12)
+        assert run.x[:2, -1] == pytest.approx([0.6, 0.8], abs=1e-11)
+        assert not run.x[2:, -1].any()
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (lambda s: -(u - 1) / s, lambda s: -v / s),  # over a belt
+        (lambda s: -(u - 1) * sp.exp(-s) / s, lambda s: -v * sp.exp(-s) / s - s * v),
+    ],
+)
+def test_a_direction_in_ordinary_notation_is_a_disc(first, second):
+    s = sp.sqrt((u - 1) ** 2 + v**2)
+    system = System({u: first(s), v: second(s)})
+    (disc,) = system.discs
+    assert set(disc.surfaces) == {u - 1, v}
+    run = solve(system, (0, 20), {u: 1.3, v: 0.4})
+    assert run.itinerary[-1].startswith("stick") and run.x[:, -1] == pytest.approx([1, 0], abs=1e-12)
+
+
+def test_a_direction_to_a_centre_is_no_friction():
+    r = sp.sqrt(x**2 + y**2)
+    spring = System({x: u, y: v, u: -(r - 1) * x / r, v: -(r - 1) * y / r})
+    assert spring.discs == () and any(event.singular for event in spring.model.events)
+    mixed = System({u: -(u + 1) / sp.sqrt(u**2 + v**2), v: -v / sp.sqrt(u**2 + v**2)})
+    assert mixed.discs == ()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Coulomb(),
+        StaticKinetic(F_s=1.3),
+        StribeckFriction(F_s=1.3, v_s=0.1),
+        HiddenStatic(rho=1.0, beta=0.3),
+        Dahl(sigma0=50.0),
+        LuGre(sigma0=50.0, sigma1=1.0, sigma2=0.1, v_s=0.1),
+    ],
+    ids=lambda law: type(law).__name__,
+)
+def test_a_law_in_the_plane_is_the_scalar_one_along_a_line(law):
+    plane, line = law.attach(velocity=(u, v)), law.attach(velocity=u)
+    push = 2 * sp.sin(t)
+    angle = 0.7
+    turned = [push * np.cos(angle), push * np.sin(angle)]
+    both = System(
+        {x: u, y: v, u: turned[0] - x - plane.force[0], v: turned[1] - y - plane.force[1], **plane.rates},
+        time=t, parameters=plane.parameters,
+    )  # fmt: skip
+    one = System({x: u, u: push - x - line.force, **line.rates}, time=t, parameters=line.parameters)
+    runs = [solve(s, (0, 8), dict.fromkeys(s.states, 0.0), rtol=1e-11, atol=1e-13) for s in (both, one)]
+    times = [[(e.kind, round(e.time, 8)) for e in run.events] for run in runs]
+    if both.model.multipliers[0].regularity == "sliding":
+        assert times[0] == times[1] and times[0]
+    assert runs[0]["x"][-1] == pytest.approx(runs[1]["x"][-1] * np.cos(angle), abs=1e-9)
+    assert runs[0]["y"][-1] == pytest.approx(runs[1]["x"][-1] * np.sin(angle), abs=1e-9)
+
+
+def test_a_mass_matrix_unsolved_and_solved_give_the_same_events():
+    M = sp.Matrix([[2, sp.Rational(1, 2)], [sp.Rational(1, 2), 1]])
+    for rho in (0, 2):
+        force = {
+            u: 1.9 * sp.cos(t / 4) - x - lam[0] * (1 + rho * (1 - lam.square)),
+            v: sp.sin(t / 4) - y - lam[1] * (1 + rho * (1 - lam.square)),
+        }
+        solved = M.inv() * sp.Matrix(list(force.values()))
+        systems = (
+            System({x: u, y: v}, mass_matrix=M, forcing=force, time=t),
+            System({x: u, y: v, u: solved[0], v: solved[1]}, time=t),
+        )
+        runs = [solve(s, (0, 20), {x: 0.3, y: 0.1, u: 0.5, v: -0.4}, rtol=1e-11, atol=1e-13) for s in systems]
+        kinds = [[e.kind for e in run.events] for run in runs]
+        assert kinds[0] == kinds[1] and len(kinds[0]) >= 2
+        assert runs[0].event_times() == pytest.approx(runs[1].event_times(), abs=1e-9)
+
+
+def test_a_hopping_block_slides_only_while_it_is_on_the_floor():
+    floor = Unilateral(z, restitution=0.5, name="R")
+    R = floor.reaction
+    block = System({x: u, y: v, z: w, u: -R * lam[0] / 50, v: -R * lam[1] / 50, w: R - 1})
+    start = {x: 0, y: 0, z: 1, u: 0.3, v: 0.4, w: 0}
+    run = solve(block, (0, 30), start)
+    assert run.itinerary[-1] == "stick (lam sliding), contact (R) closed"
+    # Bounces and all, the floor gives what gravity takes: a friction of 1/50 of that stops 0.5 at t = 25.
+    assert run.event_times("stick")[-1] == pytest.approx(25, abs=1e-8)
+    dropped = solve(block, (0, 20), start | {u: 0, v: 0})
+    assert not dropped.x[:2].any()
+
+
+def test_kicks_and_resets_take_a_stick_off():
+    kicked = System({u: -lam[0] / 2, v: -lam[1] / 2}, events=[Event(every=3, update={u: u + 1})], time=t)
+    run = solve(kicked, (0, 8.5), {u: 0, v: 0})
+    assert [(e.kind, e.time) for e in run.events if e.switch == "lam"] == [
+        ("slip by reset", 3), ("stick", pytest.approx(5)), ("slip by reset", 6), ("stick", pytest.approx(8)),
+    ]  # fmt: skip
+
+
+def test_the_smoothed_view_tends_to_the_exact_motion():
+    system = System({x: u, y: v, u: 1.6 * sp.cos(t / 4) - x - lam[0], v: sp.sin(t / 4) - y - lam[1]}, time=t)
+    start = {x: 0.3, y: 0.1, u: 0.5, v: -0.4}
+    exact = solve(system, (0, 10), start, rtol=1e-11, atol=1e-13).x[:2, -1]
+    off = [
+        np.abs(solve(system.smoothed({lam: eps}), (0, 10), start).x[:2, -1] - exact).max()
+        for eps in (1e-2, 1e-4)
+    ]
+    assert off[1] < 0.05 * off[0] and off[1] < 1e-3
+
+
+def test_a_solution_with_a_disc_is_saved_and_found_again(tmp_path):
+    system = System({u: 0.2 - lam[0] / 2, v: -lam[1] / 2})
+    run = solve(system, (0, 4), {u: 0.6, v: 0.8}, dense_output=True)
+    run.save(tmp_path / "disc.npz")
+    again = Solution.load(tmp_path / "disc.npz")
+    assert again.system.discs == (lam,) and again.itinerary == run.itinerary
+    assert (
+        again(0.3, "lam_x")
+        == run(0.3, "lam_x")
+        == pytest.approx(run(0.3, "u") / np.hypot(*run(0.3)), abs=1e-12)
+    )
+    assert run["lam_x"][-1] == pytest.approx(0.4)
+
+
+def test_a_pin_that_slides_on_a_table():
+    q1, q2, theta = me.dynamicsymbols("q1 q2 theta")
+    u1, u2, spin = me.dynamicsymbols("u1 u2 spin")
+    time = me.dynamicsymbols._t
+    N, O = me.ReferenceFrame("N"), me.Point("O")
+    O.set_vel(N, 0)
+    B = N.orientnew("B", "Axis", [theta, N.z])
+    B.set_ang_vel(N, spin * N.z)
+    G = O.locatenew("G", q1 * N.x + q2 * N.y)
+    G.set_vel(N, u1 * N.x + u2 * N.y)
+    rod = me.RigidBody("rod", G, B, 1, (me.inertia(B, 0, 0, sp.Rational(1, 3)), G))
+    pin = G.locatenew("pin", B.x / 2).v2pt_theory(G, N, B)
+    kane = me.KanesMethod(
+        N, [q1, q2, theta], [u1, u2, spin],
+        kd_eqs=[u1 - q1.diff(time), u2 - q2.diff(time), spin - theta.diff(time)],
+    )  # fmt: skip
+    kane.kanes_equations([rod], [(G, 0 * N.x)])
+    slip = (pin.dot(N.x), pin.dot(N.y))
+    system = System.from_mechanics(kane, friction={slip: Coulomb(F_c=1.2)})
+    start = {"q1": 0, "q2": 0, "theta": 0.5, "u1": 0.4, "u2": 0.3, "spin": 1}
+    run = solve(system, (0, 6), start, dense_output=True, rtol=1e-11, atol=1e-13)
+    assert run.itinerary[:2] == ("slip (lam)", "stick (lam sliding)")
+    # In stick the pin is a fixed joint, and the rod turns about it at constant speed.
+    assert np.ptp(run["spin"][run.t > run.events[0].time]) < 1e-10
+    times = np.linspace(0, run.events[0].time, 20001)
+    energy = sum(m * run(times, s) ** 2 / 2 for s, m in (("u1", 1), ("u2", 1), ("spin", 1 / 3)))
+    turn, rate = run(times, "theta"), run(times, "spin")
+    power = 1.2 * np.hypot(
+        run(times, "u1") - rate * np.sin(turn) / 2, run(times, "u2") + rate * np.cos(turn) / 2
+    )
+    lost = np.sum((power[1:] + power[:-1]) / 2 * np.diff(times))
+    assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Disc("lam", (u,)), "it is a Switch"),
+        (lambda: Disc("lam", (u, v, x, y)), "are 4; give two or three"),
+        (lambda: Disc("lam", (u, u)), "twice"),
+        (lambda: Disc("lam", (u, sp.Integer(1))), "the constant 1"),
+        (lambda: System({x: u, y: v, u: -Disc("p", (x, y))[0], v: -Disc("p", (x, y))[1]}), "cannot hold"),
+        (lambda: System({u: -lam[0], v: -x, x: u}), "cannot hold"),
+        (lambda: System({u: -lam[0], v: -Disc("lam", (u, v - 1))[1]}), "two discs are named 'lam'"),
+        (lambda: System({u: -lam[0] * sp.sign(lam[1] - x), v: -lam[1], x: u}), "stands in the surface"),
+        (lambda: System({u: -(lam[0] ** 3), v: -lam[1]}, convention="filippov"), "no disc"),
+        (lambda: System({u: -lam[0], v: -lam[1]}).smoothed(1e-3, "tanh"), "0/0"),
+        (lambda: GMS().attach(velocity=(u, v)), "a law of one velocity"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_says_why(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_what_a_disc_does_not_have_is_said_before_anything_runs():
+    system, start = System({u: 0.2 - lam[0] / 2, v: -lam[1] / 2}), {u: 0.6, v: 0.8}
+    with pytest.raises(ValueError, match="derivatives of a system with a disc"):
+        solve(system, (0, 1), start, with_respect_to=["u"])
+    with pytest.raises(ValueError, match="derivatives of a system with a disc"):
+        lyapunov_exponents(system, start, 10)
+    with pytest.raises(ValueError, match="Integrate forward"):
+        solve(system, (1, 0), start)
