@@ -311,7 +311,7 @@ class System(DescribedSystem):
         ...     return x[1], np.sin(t) - x[0] - p[0] * lam[0]
         >>> block = System.from_functions(f, "y v", surfaces=[lambda t, x, p: x[1]], parameters={"F_c": 0.6})
         >>> solve(block, (0, 20), {"y": 1, "v": 0}).itinerary[:3]
-        ('lam=-1', 'lam sliding', 'lam=1')
+        ('lam=-1', 'lam sliding', 'lam=-1')
         """
         return FunctionSystem(read_functions(f, states, surfaces, parameters, events))
 

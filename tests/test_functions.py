@@ -237,6 +237,8 @@ def test_bad_functions_are_refused_with_what_is_wrong(case):
         System.from_functions(**(good | given))
 
 
+# What compiled code raises is told and goes no further.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_what_is_not_finite_at_the_start_is_refused_and_later_an_outcome():
     root = System.from_functions(lambda t, x, lam, p: (1 - 2 * np.sqrt(x[0] - t),), "x")
     with pytest.raises(ValueError, match="the rate of x is nan at the start, t = 0"):

@@ -91,7 +91,10 @@ def read_functions(f: Any, states: Any, surfaces: Any, parameters: Any, events: 
     time = sp.Symbol("t", real=True)
     every = [s.name for s in (time, *x, *values, *lams)]
     if twice := sorted({name for name in every if every.count(name) > 1}):
-        raise ValueError(f"{checks.listing(map(sp.Symbol, twice))} is given twice; names have to differ.")
+        raise ValueError(
+            f"{', '.join(twice)} is given twice among `states`, `surfaces`, `parameters` and the time t; names have to "
+            "differ."
+        )
     if not x:
         raise ValueError("`states` is empty; give the names of the states, as in 'y v'.")
     door = _Door(len(x), len(lams), len(values))
@@ -248,7 +251,8 @@ class _Door:
             # Whatever else there is numba or the start of a run will tell: 1/0 is an error in Python alone.
             if isinstance(error, IndexError) or "unpack" in str(error):
                 raise ValueError(
-                    f"{what} does not fit the lengths of its arguments, {lengths}: {error}."
+                    f"{what} does not fit the lengths of its arguments, {lengths}, as `states`, `surfaces` and "
+                    f"`parameters` have them: {error}."
                 ) from error
 
     def vector(self, function: Any, what: str, arguments: str, n: int) -> Any:

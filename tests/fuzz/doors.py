@@ -414,6 +414,16 @@ def subjects():
         "System.with_parameters": (system.with_parameters, dict(parameters={k: 2})),
         "System.layered": (hidden.layered, dict(ratios={z: 1.0}, eps_ratio={"lam": 1.0}, time_constant={z: k})),
         "System.initial_state": (system.initial_state, dict(x0=start)),
+        "System.from_functions": (
+            System.from_functions,
+            dict(
+                f=lambda t, x, lam, p: (-p[0] * lam[0],),
+                states="a",
+                surfaces={"lam": lambda t, x, p: x[0]},
+                parameters={"k": 1.0},
+                events=[Event(lambda t, x, p: x[0] - 9)],
+            ),
+        ),
         "solve smoothed": (solve, dict(system=smooth, t_span=(0, 0.1), x0=start, **short)),
         "solve stiff": (solve, dict(system=free, t_span=(0, 1), x0=start, method="stiff", **short)),
         "solve kicked": (solve, dict(system=system, t_span=(0, 1), x0=start, noise=kicks, **short)),

@@ -81,15 +81,13 @@ def _is_near(P, S, W, t, x, mult, j, slope):
 
 
 @kernel
-def _is_fold_ahead(P, S, W, row, j, slope):
-    """Whether lambda_j, of this series, goes to its fold as sqrt(t_f - t) does: ever faster, not as by a touch.
+def _is_fold_ahead(P, S, W, speed, j, slope, h):
+    """Whether lambda_j comes to its fold, by a step of length h, as sqrt(t_f - t) does and not as by a touch.
 
-    Of such a root the square of the speed is the distance times the second derivative, here of a polynomial over most
-    of the way.
+    Then h is its distance over twice its speed, and not over its speed.
     """
-    speed, growth = row[1], 2.0 * row[2]
     bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
-    return speed * growth > 0.0 and speed * speed * abs(bend) < 32.0 * abs(slope * growth)
+    return abs(slope) > 1.5 * h * abs(speed * bend)
 
 
 @kernel
@@ -120,7 +118,7 @@ def where_attraction_ends(P, C, S, s_end, W):
             # The steps by a fold are short: lambda hardly moves.
             if speed * s_end < 1e-6 and _is_near(P, S, W, t + s_end, arc.there, arc.mult_there, j, last):
                 first = _slope(P, S, W, t, S.x, S.mult, j)
-                if W.step.kind == PAIR and _is_fold_ahead(P, S, W, rows[mult_row + j], j, first):
+                if W.step.kind == PAIR and _is_fold_ahead(P, S, W, speed, j, first, s_end):
                     continue  # the pair's steps vanish on the way there
                 if not _is_near(P, S, W, t, S.x, S.mult, j, first):
                     arc.touched = j
