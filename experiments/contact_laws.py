@@ -11,9 +11,10 @@ Hypotheses, written after pilot runs of 20 to 100 revolutions and before the ful
     all eight within 10 %.
 (2) One e at all speeds is enough: laws with the same e(v) differ by no more than their errors, whatever their elastic
     part is. Two laws with a linear elastic part and the e(v) of two others run beside them for that.
-(3) If (2) fails, then because the load m r omega^2 presses the joint together by delta_0, and a bounce slower than
-    sqrt(2 F_0 delta_0/m) or so no longer leaves: laws with the same e(v) and the same delta_0 are the same. A third law
-    beside them has Hertz's exponent and the delta_0 of the linear one.
+(3) If (2) fails, then because the load F_0 = m r omega^2 presses the joint together by delta_0, and a bounce slower
+    than v_c ~ sqrt(2 F_0 delta_0/m) no longer leaves: a series of bounces from v on has log(v/v_c)/log(1/e) of them
+    with a constant e, and about 3/(2 b v_c) with Hunt and Crossley's 1 - e = 2 b v/3. Laws with the same e(v) and the
+    same delta_0 are the same. A third law beside them has Hertz's exponent and the delta_0 of the linear one.
 (4) What the law leaves its mark on is the peak force: K^(2/5) v^(6/5) with Hertz's exponent, sqrt(K) v of linear laws.
 
 Method: laws are tuned for each clearance by Newton's method on a drop test (free impact of the slider's mass at
@@ -44,13 +45,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import NullLocator
 from scipy.optimize import root_scalar
 from scipy.stats import bootstrap
 from studytools import Study, claim, command, part
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from paper_figures.contact import COLOUR, DASH
+from paper_figures.contact import COLOUR
 from pwsmooth.analysis.variations import variations
 from pwsmooth.laws.contact import (
     BaiImpact,
@@ -136,10 +138,20 @@ def load(rpm):
     return MASS * CRANK * (2 * math.pi * rpm / 60) ** 2
 
 
+def linear_stiffness(K, speed):
+    """Of the spring (N/m) that an elastic impact at this speed indents as deeply as K delta^(3/2)."""
+    return MASS * speed**2 / maximal_indentation(K, 1.5, MASS, speed) ** 2
+
+
+def stiffer(linear, rpm):
+    """K of Hertz's exponent that yields as much to the joint's load as the spring."""
+    return linear**1.5 / math.sqrt(load(rpm))
+
+
 def laws(clearance, e, speed, rpm):
     """The eight laws of the joint by name, and those beside them."""
     K, factor = stiffness(clearance), float(exact_eta(e))
-    linear = MASS * speed**2 / maximal_indentation(K, 1.5, MASS, speed) ** 2
+    linear = linear_stiffness(K, speed)
     lasts = float(contact_duration(K, 1.5, MASS, speed))
     exact = dict(c_r=e, eta="zhang-sharf")
     residual = dict(gamma=10 / lasts, beta=lasts / 30)
@@ -155,7 +167,7 @@ def laws(clearance, e, speed, rpm):
     }
     beside = {
         "Hertz, linear": HertzImpact(K=linear, n=1.0, **exact),
-        "Hertz, stiffer": HertzImpact(K=linear**1.5 / math.sqrt(load(rpm)), **exact),
+        "Hertz, stiffer": HertzImpact(K=stiffer(linear, rpm), **exact),
         "Hunt-Crossley, linear": HuntCrossley(K=linear, n=1.0, b=factor / speed, release="zero force"),
     }
     return eight, beside
@@ -430,12 +442,275 @@ def run(config):
     return data
 
 
+# ---- what it says
+
+EIGHT = ("Hertz", "Liu", "Bai", "Hunt-Crossley", "Kelvin-Voigt", "linear residual", "R1", "R2")
+SHOWN = {
+    "impacts": "impacts", "hard": "fast impacts", "loss": "sum of v^2", "flight": "flight", "contact": "contact",
+    "growth": "exponent",
+}  # fmt: skip
+# Pairs of one e at all speeds, whatever the mass is (R1 and R2: within 0.4 % of each other).
+ALIKE = (
+    ("Hertz", "Liu"),
+    ("Hertz", "Bai"),
+    ("Hertz", "Hertz, linear"),
+    ("Hunt-Crossley", "Hunt-Crossley, linear"),
+)
+LINEAR = ("Kelvin-Voigt", "linear residual")
+
+
+def setting(data, clearance, rpm, e):
+    """The cases of a setting by law."""
+    return {c["law"]: c for c in data["cases"] if (c["clearance"], c["rpm"], c["e"]) == (clearance, rpm, e)}
+
+
+def middle_of(data):
+    """The cases of the setting that has the laws beside the eight."""
+    at = next(c for c in data["cases"] if c["law"] == "Hertz, linear")
+    return setting(data, at["clearance"], at["rpm"], at["e"])
+
+
+def settings(data):
+    """(clearance, rpm) of all settings with the first restitution."""
+    return sorted({(c["clearance"], c["rpm"]) for c in data["cases"] if c["e"] == data["cases"][0]["e"]})
+
+
+def apart(one, other, names=tuple(SHOWN)):
+    """(distance in standard errors, statistic, other over one) of the two cases' worst statistic."""
+    found = []
+    for name in names:
+        (a, da), (b, db) = one[name], other[name]
+        found.append((abs(a - b) / math.hypot(da, db), name, b / a))
+    return max(found)
+
+
+def told(case, name, digits=3):
+    value, error = case[name]
+    return f"{value:.{digits}g} +- {error:.1g}"
+
+
 def claims(data):
-    return []
+    cases, e = middle_of(data), data["cases"][0]["e"]
+    off = max(abs(law["at"] - e) for law in data["laws"].values())
+    # From a third to three times the reference speed, four values a decade.
+    ranges = {name: (min(law["e"][6:11]), max(law["e"][6:11])) for name, law in data["laws"].items()}
+    result = [
+        claim("the laws have one restitution at the reference speed: drop tests", f"{e:g} within 1e-8",
+              f"off by {off:.0e} at most; from a third to three times that speed e is "
+              + ", ".join(f"{a:.3f} to {b:.3f} ({name})" for name, (a, b) in ranges.items() if b - a > 1e-3)
+              + ", of the others the same", off < 1e-8, "Newton's method has not come to an end", origin="derived"),
+    ]  # fmt: skip
+    if data["check"] is not None:
+        both = data["check"]
+        result.append(
+            claim("deviations grow as the saltation matrices say", "within 1e-4",
+                  f"over {both['impacts']} impacts by exp({both['two runs']:.5f}), two runs, and exp("
+                  f"{both['matrix']:.5f}), the matrix; directions {both['angle']:.0e} apart",
+                  abs(both["two runs"] - both["matrix"]) < 1e-4 and both["angle"] < 1e-4, "they do not",
+                  origin="independent")
+        )  # fmt: skip
+    pairs = np.mean([cases[law]["error of pairs"] for law in EIGHT])
+    result.append(
+        claim("blocks of ten revolutions are independent: twice as long ones give the same errors", "ratio 1",
+              f"mean ratio {pairs:.2f}", abs(pairs - 1) < 0.2, "errors are too small, by this factor")
+    )  # fmt: skip
+    spread = {}
+    for name in SHOWN:
+        values = {law: cases[law][name][0] for law in EIGHT}
+        low, high = min(values, key=values.get), max(values, key=values.get)
+        spread[name] = (values[high] / values[low], low, high)
+    result.append(
+        claim("hypothesis 1: with one e at one speed the eight laws do the same", "all within 10 %",
+              "; ".join(f"{SHOWN[name]} {told(cases[low], name)} ({low}) to {told(cases[high], name)} ({high})"
+                        for name, (_, low, high) in spread.items()),
+              max(ratio for ratio, *_ in spread.values()) < 1.1,
+              "the law of which e falls with the speed bounces on where others have come to rest")
+    )  # fmt: skip
+    same = [(apart(cases[a], cases[b]), a, b) for a, b in ALIKE]
+    result.append(
+        claim("hypothesis 2: laws with the same e at all speeds do the same", "within 3.5 standard errors",
+              "; ".join(f"{a} and {b}: {SHOWN[name]} times {ratio:.3f}, {z:.1f} errors apart"
+                        for (z, name, ratio), a, b in same),
+              max(z for (z, *_), *_ in same) < 3.5, "the load keeps a contact closed the sooner the more it yields")
+    )  # fmt: skip
+    z, name, ratio = apart(cases["Hertz, linear"], cases["Hertz, stiffer"])
+    result.append(
+        claim("hypothesis 3: so do laws with the same e at all speeds and one deflection under the joint's load",
+              "within 3.5 standard errors",
+              f"Hertz, linear and Hertz, stiffer: {SHOWN[name]} times {ratio:.3f}, {z:.1f} errors apart; "
+              + "; ".join(f"{SHOWN[n]} {told(cases['Hertz, linear'], n)} and {told(cases['Hertz, stiffer'], n)}"
+                          for n in SHOWN),
+              z < 3.5, "something else matters too")
+    )  # fmt: skip
+    at = cases["Hertz"]["clearance"]
+    slow, fast = (
+        setting(data, at, pick(rpm for c, rpm in settings(data) if c == at), e) for pick in (min, max)
+    )
+    above, below = (x["Hunt-Crossley"]["impacts"][0] / x["Hertz"]["impacts"][0] for x in (slow, fast))
+    result.append(
+        claim("away from the reference speed it is e(v) that parts the laws: slower impacts are livelier with Hunt and "
+              "Crossley's law, faster ones duller", "more impacts than with Hertz's at a slow crank, fewer at a fast",
+              f"{above:.2f} times at {slow['Hertz']['rpm']:g} rpm, {below:.2f} times at {fast['Hertz']['rpm']:g} rpm; "
+              "restitution of the bounces there "
+              + " and ".join(f"{told(x['Hunt-Crossley'], 'restitution')} (Hertz {told(x['Hertz'], 'restitution')})"
+                             for x in (slow, fast)), above > 1 > below, "it is not so")
+    )  # fmt: skip
+    slopes = {law: cases[law]["slope"] for law in cases}
+    straight = {law: 1.0 if law in LINEAR or law.endswith(", linear") else 1.2 for law in cases}
+    result.append(
+        claim("hypothesis 4: peaks rise as v^(6/5) with Hertz's exponent, as v with linear laws", "within 0.1",
+              ", ".join(f"{told(cases[law], 'slope', 4)} ({law})" for law in cases),
+              all(abs(slopes[law][0] - straight[law]) < 0.1 for law in cases), "other powers")
+    )  # fmt: skip
+    K = stiffness(cases["Hertz"]["clearance"])
+    speed = data["laws"]["Hertz"]["speed"][8]  # the reference's place in `restitutions`
+    K = {
+        "Liu": 1.0,
+        "Bai": 1.5,
+        "Hertz, stiffer": stiffer(linear_stiffness(K, speed), cases["Hertz"]["rpm"]) / K,
+    }
+    ratios = {law: (cases[law]["peak"][0] / cases["Hertz"]["peak"][0], K[law] ** 0.4) for law in K}
+    result.append(
+        claim("and as K^(2/5)", "within 3 %",
+              ", ".join(f"{found:.3f} of {expected:.3f} ({law}, {K[law]:.3g} K)"
+                        for law, (found, expected) in ratios.items()),
+              all(abs(found / expected - 1) < 0.03 for found, expected in ratios.values()), "another power")
+    )  # fmt: skip
+    return result
+
+
+def verdict(data):
+    cases = middle_of(data)
+    held = {c.statement[11]: c.holds for c in claims(data) if c.statement.startswith("hypothesis")}
+    often = cases["Hunt-Crossley"]["impacts"][0] / cases["Hertz"]["impacts"][0]
+    constant = [cases[law]["impacts"][0] for law in ("Hertz", "Liu", "Bai", "Hertz, linear", "Hertz, stiffer")]
+    said = [
+        "One e at one speed is enough."
+        if held["1"]
+        else "The law matters: one e at one speed is not enough. Hunt and Crossley's, whose e nears 1 at small speeds, "
+        f"lets the joint bounce {often:.1f} times as often.",
+        "One e at all speeds is."
+        if held["2"]
+        else "Nor quite is one e at all speeds: laws of one constant e, but of other stiffness or exponent, "
+        f"are up to {max(constant) / min(constant):.2f} times apart in their impacts.",
+        "Those that also yield alike to the joint's load do the same."
+        if held["3"]
+        else "Nor is the same deflection under the joint's load beside it.",
+        "Peaks keep the law's exponent." if held["4"] else "Peaks do not keep the law's exponent.",
+    ]
+    return " ".join(said)
+
+
+MARK = dict(zip(EIGHT, "osD^v<>P"))
+BESIDE = {
+    "Hertz, linear": ("Hertz", "1"), "Hertz, stiffer": ("Hertz", "2"), "Hunt-Crossley, linear": ("Hunt-Crossley", "1"),
+}  # fmt: skip
+
+
+def look(law):
+    """Colour and mark of a law; the colour is that of the figures on contact."""
+    base, mark = BESIDE.get(law, (law, MARK.get(law)))
+    filled = "none" if law in ("Liu", "Hunt-Crossley", "linear residual", "R2") else "full"
+    return dict(
+        color=COLOUR[{"Liu": "Wang-Liu-Ma"}.get(base, base)], marker=mark, fillstyle=filled, markersize=3.5
+    )
+
+
+def joint(case):
+    return f"{1e3 * case['clearance']:g} mm, {case['rpm']:g} rpm"
+
+
+def finish(figure, ax):
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", fontsize=7, ncols=2)
+
+
+def ticks(axis, values):
+    axis.set_ticks(values, [f"{v:g}" for v in values])
+    axis.set_minor_locator(NullLocator())
 
 
 def draw(data):
-    return new_figure(3.5, 3.0)
+    return {"": draw_middle(data), "settings": draw_settings(data)}
+
+
+def draw_middle(data):
+    """What the laws are, which impacts they lead to, and their statistics, in one joint."""
+    figure = new_figure(3.5, 7.6)
+    top, middle, bottom = figure.subplots(3, 1, height_ratios=(1, 1.2, 1.4))
+    cases, speed = middle_of(data), data["laws"]["Hertz"]["speed"][8]
+    for k, law in enumerate(EIGHT):
+        e = data["laws"][law]
+        line = dict(linewidth=1.0, **look(law))
+        top.semilogx(e["speed"], e["e"], markevery=(k % 4, 4), **line)
+        v, rate, _ = np.array(cases[law]["by speed"]).T
+        middle.loglog(v, 8 * rate, markevery=(k % 3, 3), **line)
+    for ax in (top, middle):
+        ax.axvline(speed, color="0.7", linewidth=0.7, zorder=0)
+    top.set(
+        xlabel="speed of a free impact (m/s)",
+        ylabel="restitution",
+        ylim=(0.3, 1.02),
+        title="Tuned at one speed",
+    )
+    middle.set(
+        xlabel="speed of an impact (m/s)",
+        ylabel="impacts a turn, a decade",
+        title=f"Impacts at {joint(cases['Hertz'])}",
+    )
+    for k, law in enumerate((*EIGHT, *BESIDE)):
+        for j, name in enumerate(SHOWN):
+            value, error, scale = *cases[law][name], cases["Hertz"][name][0]
+            bottom.errorbar(
+                j + 0.075 * (k - 5), value / scale, 2 * error / scale, linestyle="none", elinewidth=0.8,
+                label=law if j == 0 else None, **look(law),
+            )  # fmt: skip
+    bottom.axhline(1, color="0.7", linewidth=0.7, zorder=0)
+    bottom.set(yscale="log", ylabel="over that of Hertz", title=f"{joint(cases['Hertz'])}, two standard errors")
+    bottom.set_xticks(range(len(SHOWN)), [label.replace(" ", "\n", 1) for label in SHOWN.values()], fontsize=7)
+    ticks(bottom.yaxis, [0.5, 1, 2, 5, 10])
+    finish(figure, bottom)
+    return figure
+
+
+def draw_settings(data):
+    """Over all settings against the speed that a joint gives its impacts; and peak forces."""
+    figure = new_figure(3.5, 7.4)
+    axes = figure.subplots(3, 1)
+    e = data["cases"][0]["e"]
+    for ax, name, title in zip(axes, ("impacts", "contact"), ("Impacts", "Share of time in contact")):
+        for k, law in enumerate(EIGHT):
+            found = []
+            for clearance, rpm in settings(data):
+                cases = setting(data, clearance, rpm, e)
+                (value, error), (scale, _) = (cases[x].get(name, (None, None)) for x in (law, "Hertz"))
+                if value and scale:
+                    unit = 2 * math.pi * rpm / 60 * math.sqrt(CRANK * clearance)
+                    found.append((unit * 1.04 ** (k - 3.5), value / scale, 2 * error / scale))
+            if found:
+                x, y, bar = np.array(sorted(found)).T
+                ax.errorbar(x, y, bar, linestyle="none", elinewidth=0.8, label=law, **look(law))
+        ax.axhline(1, color="0.7", linewidth=0.7, zorder=0)
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel=r"$\omega\sqrt{rc}$ (m/s)",
+            ylabel="over that of Hertz",
+            title=title,
+        )
+    cases, bottom = middle_of(data), axes[2]
+    for law in EIGHT:
+        v, _, peak = np.array(cases[law]["by speed"]).T
+        hard = v > 5e-3
+        unit = (stiffness(cases["Hertz"]["clearance"]) ** 0.4 * MASS**0.6 * v**1.2)[hard]
+        bottom.semilogx(v[hard], peak[hard] / unit, linewidth=0.8, **look(law))
+    # F = K delta^(3/2) at the depth of an elastic impact.
+    bottom.axhline(1.25**0.6, color="0.4", linewidth=0.9, linestyle="--")
+    bottom.text(1, 1.25**0.6, "elastic, slider's mass", transform=bottom.get_yaxis_transform(), ha="right", va="bottom",
+                fontsize=7)  # fmt: skip
+    bottom.set(xlabel="speed of an impact (m/s)", ylabel=r"peak / $K^{2/5}m^{3/5}v^{6/5}$",
+               title=f"Median peaks at {joint(cases['Hertz'])}")  # fmt: skip
+    finish(figure, axes[0])
+    return figure
 
 
 STUDY = Study(
@@ -451,6 +726,7 @@ STUDY = Study(
     run=run,
     claims=claims,
     draw=draw,
+    verdict=verdict,
 )  # fmt: skip
 
 if __name__ == "__main__":
