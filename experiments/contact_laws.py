@@ -585,7 +585,9 @@ def claims(data):
             "the motion is chaotic whatever the law: largest exponents are positive",
             "by two standard errors, all",
             f"{known - len(calm)} of {known}; a turn it is "
-            + "; ".join(f"{told(c, 'growth')} ({c['law']}, {joint(c)}, e = {c['e']:g})" for c in calm or [cases["Hertz"]]),
+            + "; ".join(
+                f"{told(c, 'growth')} ({c['law']}, {joint(c)}, e = {c['e']:g})" for c in calm or [cases["Hertz"]]
+            ),
             not calm, "there the law settles on a motion that repeats itself, and others do not",
         )
     )  # fmt: skip
@@ -695,30 +697,21 @@ def draw_middle(data):
 
 
 def draw_settings(data):
-    """Over all settings against the speed that a joint gives its impacts; and peak forces."""
-    figure = new_figure(3.5, 7.4)
+    """Over all settings in the order of the speed that a joint gives its impacts; and peak forces."""
+    figure = new_figure(3.5, 7.6)
     axes = figure.subplots(3, 1)
     e = data["cases"][0]["e"]
-    for ax, name, title in zip(axes, ("impacts", "contact"), ("Impacts", "Share of time in contact")):
-        for k, law in enumerate(EIGHT):
-            found = []
-            for clearance, rpm in settings(data):
-                cases = setting(data, clearance, rpm, e)
-                (value, error), (scale, _) = (cases[x].get(name, (None, None)) for x in (law, "Hertz"))
-                if value and scale:
-                    unit = 2 * math.pi * rpm / 60 * math.sqrt(CRANK * clearance)
-                    found.append((unit * 1.04 ** (k - 3.5), value / scale, 2 * error / scale))
-            if found:
-                x, y, bar = np.array(sorted(found)).T
-                ax.errorbar(x, y, bar, linestyle="none", elinewidth=0.8, label=law, **look(law))
-        ax.axhline(1, color="0.7", linewidth=0.7, zorder=0)
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel=r"$\omega\sqrt{rc}$ (m/s)",
-            ylabel="over that of Hertz",
-            title=title,
-        )
+    places = sorted(settings(data), key=lambda at: at[1] * math.sqrt(at[0]))
+    for k, law in enumerate(EIGHT):
+        for ax, name in zip(axes, ("impacts", "contact")):
+            found = np.array([setting(data, *at, e)[law].get(name, (np.nan, np.nan)) for at in places], float)
+            ax.errorbar(np.arange(len(places)) + 0.09 * (k - 3.5), found[:, 0], 2 * found[:, 1], linestyle="none",
+                        elinewidth=0.8, label=law, **look(law))  # fmt: skip
+    axes[0].set(yscale="log", ylabel="impacts a turn", title=f"e = {e:g} at one speed: impacts")
+    axes[1].set(ylabel="share of time in contact", title="Time in contact")
+    for ax in axes[:2]:
+        ax.set_xticks(range(len(places)), [f"{1e3 * c:g}\n{rpm:g}" for c, rpm in places], fontsize=7)
+    axes[1].set_xlabel("clearance (mm) and speed of the crank (rpm)")
     cases, bottom = middle_of(data), axes[2]
     for law in EIGHT:
         v, _, peak = np.array(cases[law]["by speed"]).T
@@ -727,8 +720,15 @@ def draw_settings(data):
         bottom.semilogx(v[hard], peak[hard] / unit, linewidth=0.8, **look(law))
     # F = K delta^(3/2) at the depth of an elastic impact.
     bottom.axhline(1.25**0.6, color="0.4", linewidth=0.9, linestyle="--")
-    bottom.text(1, 1.25**0.6, "elastic, slider's mass", transform=bottom.get_yaxis_transform(), ha="right", va="bottom",
-                fontsize=7)  # fmt: skip
+    bottom.text(
+        0.98,
+        0.97,
+        "dashed: elastic, slider's mass",
+        transform=bottom.transAxes,
+        ha="right",
+        va="top",
+        fontsize=7,
+    )
     bottom.set(xlabel="speed of an impact (m/s)", ylabel=r"peak / $K^{2/5}m^{3/5}v^{6/5}$",
                title=f"Median peaks at {joint(cases['Hertz'])}")  # fmt: skip
     finish(figure, axes[0])
