@@ -113,7 +113,9 @@ _parts_file: list[Path] = []  # of the study that runs as a command
 def part(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """function(*arguments) as plain data; a study that was killed finds it again, in NAME.parts.json."""
     if name not in _parts:
+        before = time.process_time()
         _parts[name] = plain(function(*arguments))
+        _parts["seconds"] = _parts.get("seconds", 0.0) + time.process_time() - before
         for file in _parts_file:
             write_json(file, _parts)
     return _parts[name]
@@ -138,7 +140,8 @@ def result(study: Study, fast: bool = False) -> dict:
     config = study.fast if fast else study.full
     if not _parts_file:
         _parts.clear()
-    begun = time.process_time()
+    # Of a run that goes on, what the killed one has spent on its parts too.
+    begun = time.process_time() - _parts.get("seconds", 0.0)
     data = plain(study.run(config))
     return {
         "study": study.name,

@@ -247,12 +247,12 @@ PHASES = {"cos": r"$\cos r_1k\,\cos r_2k$", "sin": r"$\cos r_1k\,\sin(r_2k)/k$"}
 
 def draw(fast):
     """The four panels."""
-    figure = new_figure(6.4, 5.2)
+    figure = new_figure(6.4, 7.0)
     (left, middle), (right, plane) = figure.subplots(2, 2)
     u = np.linspace(-6, 6, 1201)
     left.plot(u, contact_coefficient(u), color=COLOUR["exact"], label="exact integral")
     for side in (u[u < -0.3], u[u > 0.3]):
-        label = "asymptotic,\nfirst term" if side[0] > 0 else None
+        label = "asymptotic, first term" if side[0] > 0 else None
         left.plot(side, first_term(side), ":", color=COLOUR["approximation"], linewidth=2, label=label)
     peak = math.pi / (2 * RHO)
     for sign in (1, -1):
@@ -265,7 +265,8 @@ def draw(fast):
     )
     left.set(xlim=(-6, 6), ylim=(-2.1, 2.1), xlabel=r"$v/\varepsilon$", ylabel=r"$\mu$")
     left.set_title(r"(i) Gaussian envelope, $\rho=3/2$")
-    left.legend(loc="upper left", handlelength=1.6, borderaxespad=0)
+    below = dict(loc="upper center", bbox_to_anchor=(0.45, -0.24), handlelength=2.0, labelspacing=0.3)
+    left.legend(**below)
 
     v = np.linspace(-1, 1, 4001)
     for eps, colour, dash in zip((0.2, 0.05, 0.005), ("#999999", "#666666", COLOUR["exact"]), (":", "--", "-")):
@@ -297,7 +298,7 @@ def draw(fast):
         ylabel=r"$\mu$, normalised",
     )
     right.set_title("(iii) other envelopes and phases")
-    right.legend(loc="lower right", handlelength=2.0, fontsize=6.5, borderaxespad=0, labelspacing=0.2)
+    right.legend(**below)
 
     r2 = np.linspace(0.1, 1.5, 8 if fast else 29)
     for kind, colour, mark in (("cos", COLOUR["left"], "s"), ("sin", COLOUR["right"], "^")):
@@ -313,7 +314,7 @@ def draw(fast):
                 label=f"{PHASES[kind]}: height {height:g}",
             )
     plane.plot(MIXED[1], MIXED[0], "o", markersize=4, color=COLOUR["mark"], label="phases of (iii)")
-    plane.set(xlabel=r"$r_2$", ylabel=r"$r_1$", xlim=(0, 1.5), ylim=(0, 3.8))
+    plane.set(xlabel=r"$r_2$", ylabel=r"$r_1$", xlim=(0, 1.5), ylim=(0, 3))
     plane.set_title("(iv) mixed phases that have a peak")
-    plane.legend(loc="upper left", fontsize=6.5, labelspacing=0.2, borderaxespad=0)
+    plane.legend(**below)
     return figure, claims()

@@ -143,7 +143,7 @@ def draw(fast):
             )
         ax.set(xlabel="velocity (µm/s)", ylabel="force (N)", ylim=(-2.4, 2.4))
         ax.set_title(rf"({letter}) $\sigma_i$ = {sigma} N s/µm")
-    panels[0, 1].legend(loc="center")
+    panels[0, 1].legend(loc="center", handlelength=1.0)
     cases = [(gms, s, "GMS", COLOUR["left"]) for s in SIGMAS[1:]]
     cases += [(new, s, "multistate law", COLOUR["right"]) for s in SIGMAS[1:]]
     window = np.linspace(*WINDOW, 8001)

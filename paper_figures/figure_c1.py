@@ -89,11 +89,11 @@ def claims(found):
 def draw(fast):
     """A panel for each parameter."""
     found = curves()
-    figure = new_figure(6.4, 3.7)
+    figure = new_figure(6.4, 4.9)
     shades = ("#9ECAE1", "#4292C6", "#08519C", "#08204A")
     for ax, (name, (_, title, label)) in zip(figure.subplots(1, 3), SWEEPS.items()):
         for colour, mark, (value, p, force, e, _) in zip(shades, "os^D", found[name]):
-            text = label % value + f": $e={e:.2f}$, {1e3 * p[-1]:.0f} mm"
+            text = label % value + f":\n$e={e:.2f}$, {1e3 * p[-1]:.0f} mm"
             ax.plot(
                 1e3 * p,
                 force,
@@ -106,7 +106,7 @@ def draw(fast):
             )
         ax.axhline(0, color="#999999", linewidth=0.6, zorder=0)
         ax.set(title=title, xlabel="indentation (mm)", ylim=(0, None))
-        ax.legend(loc="upper center", bbox_to_anchor=(0.45, -0.2), fontsize=7, handlelength=1.6)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.45, -0.18), handlelength=1.2)
         if name == "beta":
             ax.set_ylabel("force (N)")
     return figure, claims(found)

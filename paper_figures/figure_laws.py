@@ -136,9 +136,9 @@ def break_away(ax):
         if not run.success:
             raise RuntimeError(f"{name}: {run.message}")
         ax.plot(times, run(times, "friction"), dash, color=COLOUR[colour], linewidth=1.3, label=name)
-    ax.set(xlabel="time (s)", xlim=(0, 2.4), ylim=(-1.3, 2.0), yticks=(0, 1))
+    ax.set(xlabel="time (s)", xlim=(0, 2.4), ylim=(-3.6, 2.0), yticks=(0, 1))
     ax.set_title("break-away, force 1 N/s", fontsize=8.5)
-    ax.legend(loc="lower right", fontsize=7, borderaxespad=0)
+    ax.legend(loc="lower right", borderaxespad=0, handlelength=1.2)
 
 
 def draw(fast):
@@ -173,5 +173,5 @@ def draw(fast):
     handles.append(
         Line2D([], [], color=COLOUR["exact"], linewidth=0.9, label="inset: steady force (N) over mm/s")
     )
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=7.5)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure, claims(curves, apart)

@@ -112,7 +112,7 @@ def draw(fast):
         linestyle=(0, (4, 2)),
         label="two-level Coulomb",
     )
-    panels[0, 1].set(xlabel="time (s)", ylabel="displacement (m)")
+    panels[0, 1].set(xlabel="time (s)", ylabel="displacement (m)", ylim=(-0.2, 4.7))
     panels[0, 1].set_title("(b) stick-slip")
     panels[0, 1].legend(loc="upper left")
 
@@ -141,7 +141,7 @@ def draw(fast):
     for (name, x), (colour, style) in zip(drifts.items(), looks):
         text = "Dahl, other force" if name == "Dahl" else name
         panels[1, 2].plot(cycles, 1e6 * x, color=COLOUR[colour], label=text, linestyle=style)
-    panels[1, 2].set(xlabel="cycles of 1 s", ylabel="displacement (µm)")
+    panels[1, 2].set(xlabel="cycles of 1 s", ylabel="displacement (µm)", ylim=(-20, 560))
     panels[1, 2].set_title("(f) drift")
     panels[1, 2].legend()
     return figure, claims(slow, belt, ideal, lags, peaks, hunt, drifts)

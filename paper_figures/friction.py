@@ -42,7 +42,7 @@ def lag_panels(velocity, cases, times):
                   label=f"{rate} Hz")  # fmt: skip
     left.set(xlabel="time (s)", ylabel="velocity v (µm/s)", xlim=(0, 2))
     left.set_title("(a) input")
-    left.legend(loc="upper left", bbox_to_anchor=(0, -0.2), ncols=2)
+    left.legend(loc="upper left", bbox_to_anchor=(-0.15, -0.2), ncols=2, handlelength=1.5, columnspacing=0.8)
     for rate, lag, colour in cases:
         # The last cycle alone: ten cycles on one another are one broad line.
         cycle = times[times >= times[-1] - 1 / rate]

@@ -242,11 +242,20 @@ def _stem(module: ModuleType) -> str:
     return module.__name__.rpartition(".")[2]
 
 
+def _legible(figure: Any) -> None:
+    """No legend below 6 pt where the figure is printed in one column, 3.5 in wide."""
+    least = 6 * figure.get_figwidth() / 3.5
+    for legend in [*figure.legends, *(ax.get_legend() for ax in figure.axes)]:
+        for text in legend.get_texts() if legend else ():
+            text.set_fontsize(max(text.get_fontsize(), least))
+
+
 def _make_one(module: ModuleType, out: Path, fast: bool) -> list[Claim]:
     from . import plotting
 
     with plotting.style():
         figure, claims = module.draw(fast)
+        _legible(figure)
         rendered = {}
         for suffix in ("png", "pdf"):
             buffer = io.BytesIO()

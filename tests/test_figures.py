@@ -185,6 +185,21 @@ def test_an_output_place_that_cannot_be_written_is_named(only, tmp_path):
         figures.make(out=tmp_path / "file")
 
 
+def test_no_legend_is_below_six_points_in_one_column(only, tmp_path):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 3))
+    left, right = figure.subplots(1, 2)
+    for ax in (left, right):
+        ax.plot([0, 1], label="line")
+    left.legend(fontsize=7)
+    figure.legend(fontsize=14)
+    only(a_figure(draw=lambda fast: (figure, [])))
+    figures.make(out=tmp_path, jobs=1)
+    # 6 pt in a picture that is printed at half its width.
+    assert [legend.get_texts()[0].get_fontsize() for legend in (left.get_legend(), *figure.legends)] == [12, 14]
+
+
 def test_the_figures_that_need_no_solver_are_drawn_with_their_claims(tmp_path):
     made = figures.make(["2", "4"], out=tmp_path, fast=True)
     claims = {n: e["claims"] for n, e in json.loads((tmp_path / "claims.json").read_text()).items()}

@@ -24,6 +24,7 @@ from .saltation import Saltation, at, saltations, tangent_projector
 from .tangents import Deviations, Readings, Slopes
 
 _TOLERANCE = 1e-12  # of a step's transition matrix: whole step against two halves
+_AT_ONCE = 2**13  # parts of steps, whose equations take a hundred megabytes
 _DEEPEST = 10  # halvings; the steps resolve the solution already, so few are ever needed
 
 
@@ -273,17 +274,24 @@ def _refined(line, steps, J, p, piece, ends) -> np.ndarray:
 
     Looked at is the product alone: what a part of a decay is off by, those behind it take away.
     """
-    result = _collocate(line, steps, J, p, piece, np.zeros(len(ends)), ends)
-    rough = np.arange(len(ends))
-    for depth in range(1, _DEEPEST + 1):
-        parts = 2**depth
-        marks = ends[rough, None] * np.arange(parts + 1) / parts
+
+    def product_of(which, parts):
+        marks = ends[which, None] * np.arange(parts + 1) / parts
         low, high = marks[:, :-1].ravel(), marks[:, 1:].ravel()
-        factors = _collocate(line, steps, J, p, np.repeat(piece[rough], parts), low, high)
-        factors = factors.reshape(len(rough), parts, line.N, line.N)
+        factors = _collocate(line, steps, J, p, np.repeat(piece[which], parts), low, high)
+        factors = factors.reshape(len(which), parts, line.N, line.N)
         while factors.shape[1] > 1:
             factors = factors[:, 1::2] @ factors[:, ::2]
-        product = factors[:, 0]
+        return factors[:, 0]
+
+    def product_in(parts):
+        groups = np.array_split(rough, max(1, -(-len(rough) * parts // _AT_ONCE)))
+        return np.concatenate([product_of(which, parts) for which in groups])
+
+    rough = np.arange(len(ends))
+    result = product_in(1)
+    for depth in range(1, _DEEPEST + 1):
+        product = product_in(2**depth)
         off = np.abs(product - result[rough]).max(axis=(1, 2), initial=0.0)
         result[rough] = product
         rough = rough[~(off <= _TOLERANCE * (1 + np.abs(product).max(axis=(1, 2), initial=0.0)))]
