@@ -13,7 +13,7 @@ from ..outcome import Outcome
 from ..state import DISC, EV_RESET, EV_STICK, EV_TANGENCY, GO_ON, SOLVED
 from ..step.recording import record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import keep_on_surface, mask_solved
+from ..surface.sliding import mask_solved, put_in_slip
 from ..surface.sparse import entry, solve_dense
 from .settling import layer_code
 
@@ -104,8 +104,8 @@ def settle_disc(P, S, R, W, j, arrives):
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
     d = P.dim[j]
+    put_in_slip(P, S, j, 0.0, S.mult, W)
     for k in range(d):
-        keep_on_surface(P, S, j + 1 + k, W)
         W.instant.mult[j + 1 + k] = S.mult[j + 1 + k]
     hold(P, S, j)
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)

@@ -27,6 +27,15 @@ from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_or
 
 
 @kernel
+def _is_at_rest(P, S, W, j):
+    """Whether all surfaces of disc j are 0 but for rounding."""
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        if abs(W.h[k]) > surface_rounding(P, S, k, W):
+            return False
+    return True
+
+
+@kernel
 def start(P, C, S, R, W):
     """The first instant: overwrites status, multipliers, sides and known zeros of S, records the point; a code."""
     S.started = 1
@@ -45,14 +54,20 @@ def start(P, C, S, R, W):
             if P.kind[j] < CONTACT:
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
+    evaluate_surfaces(P, S, W)
     for j in range(m):
-        if P.kind[j] == DISC and W.h[j] == 0.0:
-            hold(P, S, j)
+        if P.kind[j] == DISC and _is_at_rest(P, S, W, j):
+            mult[j] = 0.5  # its lambda, 0, is what the multipliers of its components say
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT
+    for j in range(m):
+        if P.kind[j] == DISC and mult[j] == 0.5:
+            hold(P, S, j)
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
+        if i < m and P.kind[i] == DISC:
+            instant.hit[i] = status[i] == SOLVED
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0 and not close_at_start(P, S, R, W):
@@ -78,6 +93,7 @@ def start(P, C, S, R, W):
     code = settle_at_rest(P, C, S, R, W, size) if size > 0 else GO_ON
     if code == GO_ON and P.discs != 0:
         code, _ = settle_discs(P, S, R, W, True)
+        S.events = 0  # what holds from the start is no event
     # What the switches have become acts on the contacts that were looked at before them.
     instant.look_again = int(size > 0 and len(P.contact) > 0)
     slipping = not any_is(P, S, SOLVED)

@@ -14,7 +14,7 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
-from ..surface.sliding import mask_solved, put_on_level
+from ..surface.sliding import mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
 from ..work import Work
 
@@ -115,8 +115,7 @@ def _guess(P, S, W, t, h):
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     along += onset.toward[r, k] * onset.rate[r, k]
                 way += h * _A[q, r] * abs(along)
-            for k in range(j + 1, j + 1 + P.dim[j]):
-                put_on_level(P, S, k, way * onset.toward[q, k], W)
+            put_in_slip(P, S, j, way, onset.toward[q], W)
         for i in range(n):
             onset.y[q, i] = S.x[i]
     S.t = t0
