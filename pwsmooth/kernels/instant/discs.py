@@ -13,7 +13,7 @@ from ..outcome import Outcome
 from ..state import DISC, EV_RESET, EV_STICK, EV_TANGENCY, GO_ON, SOLVED
 from ..step.recording import record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import mask_solved, put_in_slip
+from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import entry, solve_dense
 from .settling import layer_code
 
@@ -36,7 +36,8 @@ def release(P, S, j):
     for k in range(j + 1, j + 1 + P.dim[j]):
         size += S.mult[k] ** 2
     size = math.sqrt(size)
-    S.status[j], S.mult[j], S.deflate[j] = 1, 1.0, 1
+    # Until its first step is made h/|h| is 0/0, or a rounding's direction: lambda is what its multipliers say.
+    S.status[j], S.mult[j], S.deflate[j] = 1, INSIDE, 1
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.status[k] = 1
         S.deflate[k] = 0
@@ -91,9 +92,9 @@ def _find_way_out(P, S, W, j):
         if not change < math.inf:
             break
         if change <= 1e-13:
-            S.mult[j] = 1.0
+            S.mult[j] = INSIDE
             return c > 0.0
-    S.mult[j] = 1.0
+    S.mult[j] = INSIDE
     return False
 
 
@@ -114,7 +115,7 @@ def settle_disc(P, S, R, W, j, arrives):
         if call_newton(P.newton_unit, P, S, W) == 0:
             return Outcome.NO_ROOT
         if S.mult[j] <= 1.0 + _BOUND:
-            S.mult[j] = min(S.mult[j], 1.0 - 2.0**-53)
+            S.mult[j] = min(S.mult[j], INSIDE)
             return GO_ON
         release(P, S, j)
         return GO_ON if _find_way_out(P, S, W, j) else Outcome.NO_ROOT

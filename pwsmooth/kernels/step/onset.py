@@ -292,6 +292,8 @@ def onset(P, C, S, W, longest):
         start.mult[j] = S.mult[j]
         if S.status[j] == SOLVED:
             start.solves = 1
+        elif P.kind[j] == DISC:
+            start.mult[j] = 1.0
     _hold(P, S, True)
     call_fields(P.fields, t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for i in range(P.m + P.ne):

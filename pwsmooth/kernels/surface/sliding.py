@@ -16,7 +16,7 @@ from .sparse import entry, solve_dense, solve_masked
 
 # At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
-_INSIDE = 1.0 - 2.0**-53
+INSIDE = 1.0 - 2.0**-53
 
 
 @unit(types.int64, Problem, State, Work)
@@ -41,7 +41,7 @@ def newton(P, S, W):
             if mask[j]:
                 mult[j] += b[j]
                 if abs(mult[j]) == 1.0 and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
-                    mult[j] *= _INSIDE
+                    mult[j] *= INSIDE
                 change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
         if not change < math.inf or (change == 0.0 and rest > 1e-14):
             return 0  # the second where a slope is infinite, as that of a root at 0
