@@ -31,9 +31,7 @@ def block():
 def oscillator():
     """A spring in the plane, forced along an ellipse."""
     lam = Disc("lam", (vx, vy))
-    return System(
-        {x: vx, y: vy, vx: 1.6 * sp.cos(t / 4) - x - lam[0], vy: sp.sin(t / 4) - y - lam[1]}, time=t
-    )
+    return System({x: vx, y: vy, vx: 1.6 * sp.cos(t / 4) - x - lam[0], vy: sp.sin(t / 4) - y - lam[1]}, time=t)
 
 
 def at_rest(solution):
@@ -45,7 +43,9 @@ def at_rest(solution):
 
 @pytest.mark.parametrize("ratio", [1.001, 1.0012, 1.5, 3, 100])
 def test_a_block_thrown_across_an_incline_rests_where_the_closed_form_says(block, ratio):
-    thrown = solve(block, (0, 1.1 * ratio / (ratio**2 - 1)), [0, 0, 0, 1], parameters={"F1": 1, "mu": ratio}, **TIGHT)
+    thrown = solve(
+        block, (0, 1.1 * ratio / (ratio**2 - 1)), [0, 0, 0, 1], parameters={"F1": 1, "mu": ratio}, **TIGHT
+    )
     time, place = at_rest(thrown)
     down, across = 1 / (4 * (ratio**2 - 1)), 2 * ratio / (4 * ratio**2 - 1)
     assert time == pytest.approx(ratio / (ratio**2 - 1), rel=1e-11)
@@ -62,7 +62,9 @@ def test_a_block_thrown_in_any_direction(block):
 def test_a_point_in_space_comes_to_rest():
     lam = Disc("lam", (vx, vy, vz))
     force = (0.2, -0.1, 0.15)
-    space = System({x: vx, y: vy, z: vz} | {v: F - n / 2 for v, F, n in zip((vx, vy, vz), force, lam, strict=True)})
+    space = System(
+        {x: vx, y: vy, z: vz} | {v: F - n / 2 for v, F, n in zip((vx, vy, vz), force, lam, strict=True)}
+    )
     s = solve(space, (0, 2), [0, 0, 0, 0.3, 0.5, -0.4], **TIGHT)
     assert s.events[0].time == pytest.approx(1.710159947004360, abs=1e-12)
     assert s.x[:3, -1] == pytest.approx([0.32345096, 0.29878062, -0.20020611], abs=1e-8)
@@ -180,7 +182,9 @@ def test_an_ellipse_of_friction_along_the_slip():
 def test_a_force_beyond_the_circle_moves_a_body_of_two_inertias_in_its_own_direction():
     """A(F - n) = c n with |n| = 1 and A = diag(1, 1/4)."""
     lam = Disc("lam", (vx, vy))
-    s = solve(System({x: vx, y: vy, vx: 0.8 - lam[0], vy: (0.9 - lam[1]) / 4}), (0, 1e-3), [0, 0, 0, 0], **TIGHT)
+    s = solve(
+        System({x: vx, y: vy, vx: 0.8 - lam[0], vy: (0.9 - lam[1]) / 4}), (0, 1e-3), [0, 0, 0, 0], **TIGHT
+    )
     # F is constant: the way out is a line.
     c, n = 0.08358766501991, np.array([0.73828821, 0.67448537])
     assert s.x[2:, -1] == pytest.approx(1e-3 * c * n, abs=1e-11)

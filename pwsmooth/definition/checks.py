@@ -257,7 +257,9 @@ def without_discs(model, what):
     """Refuses what a system with discs does not have."""
     discs = [mu.symbol for mu in model.multipliers if mu.kind == "disc"]
     if discs:
-        raise ValueError(f"{what} of a system with a disc ({listing(discs)}) are not known; its `smoothed` view has them.")
+        raise ValueError(
+            f"{what} of a system with a disc ({listing(discs)}) are not known; its `smoothed` view has them."
+        )
 
 
 def all_of_kind(argument, items, kind):

@@ -164,7 +164,6 @@ class Sigmoid:
             return h / sp.sqrt(eps**2 + h**2)
         return self.function(h / eps)
 
-
     def smooth_component(self, h, surfaces, eps):
         """A component of the vector switch h/|h|: Lambda(|h|/eps) h/|h|, of the surface `h` among all `surfaces`.
 

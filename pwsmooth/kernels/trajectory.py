@@ -31,7 +31,6 @@ from .machine.pointers import at, call_onset, call_unit
 from .outcome import Outcome
 from .state import (
     AGAIN,
-    ALGEBRAIC,
     BROKEN,
     CONTACT,
     CROSSING,

@@ -13,9 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pwsmooth import solve
-
-from . import polar
+from . import judging, polar
 from .affine import draw_options
 from .judging import ILL, RECORDED, REFUSED, RIGHT, UNDECIDED, WRONG, Played, Verdict
 
@@ -216,11 +214,11 @@ def _rest(F, mu, x, v):
     across = v - along * e
     if along < 0:  # mu |v| + F.v without cancellation
         t = (across @ across * mu**2 + m * along**2) / (mu * u - f * along) / m
-        twice = mu * across * (4 * mu * across @ across) / (2 * mu * u - f * along) if False else None
     else:
         t = (mu * u + f * along) / m
-    del_along = (f * (u**2 + along**2) + 2 * mu * u * along) / (4 * m)
-    moved = del_along * e + (2 * mu * u + f * along) * across / (4 * mu**2 - f**2)
+    moved = (f * (u**2 + along**2) + 2 * mu * u * along) / (4 * m) * e + (2 * mu * u + f * along) * across / (
+        4 * mu**2 - f**2
+    )
     return float(t), np.append(x + moved, np.zeros(len(v)))
 
 
@@ -376,15 +374,17 @@ def run(played, one, how):
     given = dict(parameters=values(played.model, one, played.known), max_steps=STEPS, **one.options)
     start, end, t0 = start_of(one).tolist(), float(one.instants[-1]), one.t0
     if how == "dense":
-        s = solve(played.system, (t0, end), start, dense_output=True, **given)
+        s = judging.solve(played.system, (t0, end), start, dense_output=True, **given)
         inside = one.instants[one.instants <= s.t[-1]]
-        return Run(inside, s(inside), list(s.events), s.success, s.outcome, list(s.ambiguities))
+        x = s(inside)
+        x[:, inside == s.t[-1]] = s.x[:, -1:]
+        return Run(inside, x, list(s.events), s.success, s.outcome, list(s.ambiguities))
     if how != "pieces":
-        s = solve(played.system, (t0, end), start, t_eval=one.instants, strict=how == "strict", **given)
+        s = judging.solve(played.system, (t0, end), start, t_eval=one.instants, strict=how == "strict", **given)
         return Run(s.t, s.x, list(s.events), s.success, s.outcome, list(s.ambiguities))
     out = Run(np.zeros(0), np.zeros((len(start), 0)), [], True, None, [])
     for end in one.instants:
-        s = solve(played.system, (t0, float(end)), start, t_eval=[end], **given)
+        s = judging.solve(played.system, (t0, float(end)), start, t_eval=[end], **given)
         out.events += list(s.events)
         out.ambiguities += list(s.ambiguities)
         out.success, out.outcome = s.success, s.outcome
@@ -410,7 +410,11 @@ def play(played, seed):
 
 
 def _how(seed):
-    return str(np.random.default_rng([43, seed]).choice(["asked", "dense", "pieces", "strict"], p=[0.6, 0.15, 0.15, 0.1]))
+    return str(
+        np.random.default_rng([43, seed]).choice(
+            ["asked", "dense", "pieces", "strict"], p=[0.6, 0.15, 0.15, 0.1]
+        )
+    )
 
 
 def told(M, events):
@@ -468,7 +472,7 @@ def judge(M, one, solution, expected):
     if one.exact and same and len(theirs) == 1:
         t, rest = one.exact
         late = np.append(late, theirs[0][0] - one.t0 - t)
-        if got[-1] is not None and until - one.t0 > t:
+        if until - one.t0 > t:
             error = max(error, float(np.abs(got[-1] - rest).max()))
     if same and error <= allowed and np.all(np.abs(late) <= allowed):
         return Verdict(RIGHT, error=max(error, np.abs(late).max(initial=0)) / scale)
@@ -479,7 +483,8 @@ def judge(M, one, solution, expected):
         return Verdict(WRONG, f"events {[e[1:] for e in ours][:9]} but {[e[1:] for e in theirs][:9]}", error)
     worst = np.abs(late[: len(times)]) if same and len(late) >= len(times) else np.zeros(0)
     if not np.isfinite(states) or (
-        error <= max(allowed, 20 * states) and (not same or np.all(worst <= np.maximum(allowed, 20 * times[: len(worst)])))
+        error <= max(allowed, 20 * states)
+        and (not same or np.all(worst <= np.maximum(allowed, 20 * times[: len(worst)])))
     ):
         return Verdict(ILL, "" if np.isfinite(states) else "other events", error)
     what = "" if same else f" events {ours[:6]} but {theirs[:6]}"

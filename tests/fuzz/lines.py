@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
-from pwsmooth import solve
-
+from . import judging
 from .judging import REFUSED, RIGHT, WRONG, Played, Verdict
 
 TITLE = "discs on lines"
@@ -134,7 +133,7 @@ def play(played, seed):
 
 
 def _solve(system, one, start, end=None, **more):
-    return solve(system, (0, end or one.end), [float(u) for u in start], parameters=_given(system, one.p),
+    return judging.solve(system, (0, end or one.end), [float(u) for u in start], parameters=_given(system, one.p),
                  max_steps=STEPS, **one.options, **more)  # fmt: skip
 
 
@@ -192,7 +191,11 @@ def _captured(played, one):
         return Verdict(REFUSED, s.outcome.name)
     if [e.kind for e in s.events] != ["stick"] or abs(s.events[0].time - rest) > 1e-12 * (1 + rest):
         return Verdict(WRONG, f"against F: {[str(e) for e in s.events]}, rest {rest}")
-    s = _solve(played.system["S"], one, [*[0] * d, -v * math.cos(1e-3), v * math.sin(1e-3), *[0] * (d - 2)], 2 * rest)
+    if abs(s.x[0, -1] + v * rest / 2) > 1e-12 * v * rest or np.any(s.x[1:, -1]):
+        return Verdict(WRONG, f"against F: rests at {s.x[:, -1]}, not at {-v * rest / 2}")
+    s = _solve(
+        played.system["S"], one, [*[0] * d, -v * math.cos(1e-3), v * math.sin(1e-3), *[0] * (d - 2)], 2 * rest
+    )
     if not s.success:
         return Verdict(REFUSED, f"beside, {s.outcome.name}")
     if len(s.events):
@@ -200,7 +203,9 @@ def _captured(played, one):
     u = s.x[d:]
     kept = np.linalg.norm(u, axis=0) * mu + F * u[0]
     drift = float(np.abs(kept - kept[0] - (F * F - mu * mu) * s.t).max() / (F * v))
-    return Verdict(RIGHT if drift < 1e-10 else WRONG, "" if drift < 1e-10 else f"identity off by {drift:.1e}", drift)
+    return Verdict(
+        RIGHT if drift < 1e-10 else WRONG, "" if drift < 1e-10 else f"identity off by {drift:.1e}", drift
+    )
 
 
 def script(number, seed):

@@ -456,8 +456,7 @@ def settle(P, t, y, lam, slips, came, jumped, log, found, margin, longest):
     rest = ~slips
     for trial in range(2**K):
         # Subsets of the discs at rest that begin to slip, the smaller first.
-        mask = trial if trial < 3 or K < 3 else trial
-        valid = True
+        mask, valid = trial, True
         for k in range(K):
             out[k] = (mask >> k) & 1 == 1
             valid = valid and (rest[k] or not out[k])
@@ -487,7 +486,11 @@ def settle(P, t, y, lam, slips, came, jumped, log, found, margin, longest):
             return DONE, t
         for k in range(K):
             if out[k] and k != came:
-                log[found[0], 0], log[found[0], 1], log[found[0], 2] = t, k, RESET if P.thr[k] == 1 or jumped else FOLD
+                log[found[0], 0], log[found[0], 1], log[found[0], 2] = (
+                    t,
+                    k,
+                    RESET if P.thr[k] == 1 or jumped else FOLD,
+                )
                 found[0] += 1
         return release(P, t, y, lam, slips, out, c, longest)
     return UNDECIDED, t

@@ -17,22 +17,13 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_point
-from ..surface.sliding import mask_instant, surface_rounding
+from ..surface.sliding import is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
 from .contacts import close_at_start
 from .discs import hold, settle_discs
 from .resting import stay_at_rest
 from .settling import settle_at_rest
 from .surface_rates import any_is, approach_speed, evaluate_surfaces, leading_order
-
-
-@kernel
-def _is_at_rest(P, S, W, j):
-    """Whether h of disc j is 0, or changes by as much in less than the clock resolves."""
-    fastest = 0.0
-    for k in range(j + 1, j + 1 + P.dim[j]):
-        fastest = max(fastest, abs(W.g[k]))
-    return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * (1.0 + abs(S.t)) * fastest
 
 
 @kernel
@@ -54,9 +45,8 @@ def start(P, C, S, R, W):
             if P.kind[j] < CONTACT:
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
-    evaluate_surfaces(P, S, W)
     for j in range(m):
-        if P.kind[j] == DISC and _is_at_rest(P, S, W, j):
+        if P.kind[j] == DISC and is_at_rest(P, S, j, W):
             mult[j] = 0.5  # its lambda, 0, is what the multipliers of its components say
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT

@@ -109,6 +109,18 @@ def keep_on_surface(P, S, j, W):
 
 
 @kernel
+def is_at_rest(P, S, j, W):
+    """Whether h of disc j is 0, or changes by as much in less than the clock resolves. Overwrites W.dx, W.h and W.g."""
+    keep, fastest = S.mult[j], 0.0
+    S.mult[j] = 1.0  # h/|h|
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    S.mult[j] = keep
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        fastest = max(fastest, abs(W.g[k]))
+    return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * (1.0 + abs(S.t)) * fastest
+
+
+@kernel
 def put_in_slip(P, S, j, size, toward, W):
     """Puts S.x where the surfaces of disc j are `size` in the direction `toward` (m,), by the least change.
 
