@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from pwsmooth import Disc, System, solve
+from pwsmooth import Disc, Event, Memory, System, solve
 
 t, x, y, z, vx, vy, vz = sp.symbols("t x y z vx vy vz", real=True)
 F1, F2, mu, rho = sp.symbols("F1 F2 mu rho", real=True)
@@ -223,3 +223,36 @@ def test_a_circular_force_drives_a_circle():
 def test_what_holds_from_the_start_is_no_event(block):
     s = solve(block, (0, 1), [0, 0, 0, 0], parameters={"F1": 2}, **TIGHT)
     assert s.itinerary == ("slip (lam)",) and len(s.events) == 0
+
+
+def turned(events=()):
+    """Coordinates turned by 0.4: a block that has stopped has the velocity 0 but for rounding."""
+    c, s = math.cos(0.4), math.sin(0.4)
+    lam = Disc("lam", (c * vx - s * vy, s * vx + c * vy))
+    push = (F1 - mu * lam[0], F2 - mu * lam[1])
+    return System(
+        {x: vx, y: vy, vx: c * push[0] + s * push[1], vy: c * push[1] - s * push[0]},
+        events=events, parameters={F1: 0.5, F2: 0.2, mu: 1},
+    )  # fmt: skip
+
+
+def test_a_clock_leaves_at_rest_what_rests():
+    count = Memory("count")
+    ticking = turned([Event(every=0.5, update={count: count + 1}, name="clock")])
+    s = solve(ticking, (0, 9), [0, 0, 0.6, -0.4], **TIGHT)
+    assert [e.kind for e in s.events if e.switch == "lam"] == ["stick"] and s["count"][-1] >= 17
+
+
+def test_a_run_goes_on_from_where_another_has_stopped():
+    once = solve(turned(), (0, 9), [0, 0, 0.6, -0.4], **TIGHT)
+    again = solve(turned(), (9, 18), once.x[:, -1], **TIGHT)
+    assert once.itinerary[-1] == "stick (lam sliding)" and again.itinerary == ("stick (lam sliding)",)
+    assert again.x[:2, -1] == pytest.approx(once.x[:2, -1], abs=1e-15)
+
+
+def test_a_kick_moves_a_block_that_rests():
+    kicked = turned([Event(at=5, update={vx: vx + 0.6, vy: vy - 0.4}, name="kick")])
+    s = solve(kicked, (0, 10), [0, 0, 0.6, -0.4], **TIGHT)
+    stops = [e.time for e in s.events if e.kind == "stick"]
+    assert len(stops) == 2 and stops[1] - 5 == pytest.approx(stops[0], abs=1e-12)
+    assert s.x[:2, -1] == pytest.approx(2 * s.x[:2, np.searchsorted(s.t, 4.9)], abs=1e-12)

@@ -266,7 +266,7 @@ def way_out(P, t, y, lam, slips, out, c):
                 c[k] += lam[k, i] * dy[P.index[k, i]]
             c[k] = max(c[k], 0.0)
     A, b, u, other = np.empty((size, size)), np.empty(size), np.empty(size), np.empty(size)
-    for sweep in range(60):
+    for _ in range(60):
         for col in range(-1, size):
             a = 0
             for k in range(K):
@@ -364,7 +364,7 @@ def begin(P, y, t, lam, slips, out, c, span):
                 continue
             d = P.d[k]
             e = d + 1
-            for turn in range(12):
+            for _ in range(12):
                 A, b = np.zeros((_NODES * e, _NODES * e)), np.zeros(_NODES * e)
                 for q in range(_NODES):
                     now = t + span * _S[q]
@@ -511,7 +511,7 @@ def release(P, t, y, lam, slips, out, c, span):
             for i in range(P.d[k]):
                 r += y[P.index[k, i]] ** 2
             span = min(span, 0.01 * np.sqrt(r))
-    for trial in range(8):
+    for _ in range(8):
         there, way = y.copy(), lam.copy()
         if begin(P, there, t, way, slips, out, c, span):
             y[:], lam[:] = there, way
@@ -581,7 +581,7 @@ def run(P, start, t, instants, log, found, margin, steps):
             level += P.event[i] * start[i]
         armed = level < 0.0
     rising, falling = np.zeros(K), np.zeros(K, np.bool_)
-    for count in range(400_000):
+    for _ in range(400_000):
         steps[0] += 1
         while asked < len(instants) and Y[N + K] >= instants[asked]:
             unpack(P, Y, slips, y, lam)
