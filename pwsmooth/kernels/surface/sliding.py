@@ -110,13 +110,17 @@ def keep_on_surface(P, S, j, W):
 
 @kernel
 def is_at_rest(P, S, j, W):
-    """Whether h of disc j is 0, or changes by as much in less than the clock resolves. Overwrites W.dx, W.h and W.g."""
+    """Whether h of disc j is 0, or changes by as much in less than the clock resolves; W has the fields of its slip."""
     keep, fastest = S.mult[j], 0.0
-    S.mult[j] = 1.0  # h/|h|
+    S.mult[j] = 1.0  # its lambda is h/|h| in the rates; residuals g have the multipliers of its components
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     S.mult[j] = keep
     for k in range(j + 1, j + 1 + P.dim[j]):
-        fastest = max(fastest, abs(W.g[k]))
+        rate = W.dh[P.dh_row[P.m + P.ne] + k]
+        for e in range(P.dh_row[k], P.dh_row[k + 1]):
+            rate += W.dh[e] * W.dx[P.dh_col[e]]
+        fastest = max(fastest, abs(rate))
     return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * (1.0 + abs(S.t)) * fastest
 
 
