@@ -18,6 +18,7 @@ from ..surface.sparse import entry, solve_dense
 from .settling import layer_code
 
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
+_SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
 _MOVED = 1e-12  # of a residual, above which the force of a stick has jumped
 
 
@@ -147,9 +148,48 @@ def free_components(P, S):
 
 
 @kernel
+def _stands(P, S, j):
+    """Whether disc j is at h = 0: it sticks, or has just begun to slip."""
+    return P.kind[j] == DISC and (S.status[j] == SOLVED or S.deflate[j] != 0)
+
+
+@kernel
+def _settle_with_others(P, S, R, W):
+    """All discs at h = 0, each with what the others do, over and over until none changes; a code.
+
+    Block by block that is the variational inequality on the product of their balls: what one does decides whether
+    another slips.
+    """
+    count = 0
+    for j in range(P.m):
+        if _stands(P, S, j):
+            count += 1
+    for _ in range(_SWEEPS if count > 1 else 0):
+        change = 0.0
+        for j in range(P.m):
+            if not _stands(P, S, j):
+                continue
+            was = S.status[j]
+            for k in range(P.dim[j]):
+                W.instant.arrival[k] = 0
+                W.closing_y[k] = S.mult[j + 1 + k]
+            code = settle_disc(P, S, R, W, j, False)
+            if code != GO_ON:
+                return code
+            if S.status[j] == SOLVED:
+                S.deflate[j] = 0
+            change += 1.0 if S.status[j] != was else 0.0
+            for k in range(P.dim[j]):
+                change = max(change, abs(S.mult[j + 1 + k] - W.closing_y[k]))
+        if change <= _ALIKE:
+            break
+    return GO_ON
+
+
+@kernel
 def settle_discs(P, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
-    some = False
+    some, joins = False, False
     for j in range(P.m):
         if P.kind[j] != DISC or not W.instant.hit[j]:
             continue
@@ -157,16 +197,29 @@ def settle_discs(P, S, R, W, jumped):
         if came == SOLVED and not jumped:
             release(P, S, j)
             record_event(S, R, j, EV_TANGENCY, 0, 1)
+            W.instant.came[j] = S.status[j]
             some = True
             continue
+        W.instant.came[j] = came
         code = settle_disc(P, S, R, W, j, came != SOLVED and not jumped)
         if code != GO_ON:
             return code, True
-        if S.status[j] == SOLVED and came != SOLVED:
-            record_event(S, R, j, EV_STICK, came, 0)
-        elif came == SOLVED and S.status[j] != SOLVED:
-            record_event(S, R, j, EV_RESET, 0, 1)
-        some = True
+        some = joins = True
+    if joins:
+        for j in range(P.m):
+            if P.kind[j] == DISC and not W.instant.hit[j]:
+                W.instant.came[j] = S.status[j]
+        code = _settle_with_others(P, S, R, W)
+        if code != GO_ON:
+            return code, True
+        for j in range(P.m):
+            if P.kind[j] != DISC:
+                continue
+            came = W.instant.came[j]
+            if S.status[j] == SOLVED and came != SOLVED:
+                record_event(S, R, j, EV_STICK, came, 0)
+            elif came == SOLVED and S.status[j] != SOLVED:
+                record_event(S, R, j, EV_RESET, 0, 1)
     return GO_ON, some
 
 
@@ -182,6 +235,5 @@ def resettle_discs(P, S, R, W):
             moved = moved or not abs(W.g[k]) <= _MOVED
         if moved:
             code = settle_disc(P, S, R, W, j, False)
-            if code != GO_ON:
-                return code
+            return _settle_with_others(P, S, R, W) if code == GO_ON else code
     return GO_ON
