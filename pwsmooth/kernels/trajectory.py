@@ -32,7 +32,6 @@ from .machine.pointers import at, call_onset, call_unit
 from .outcome import Outcome
 from .state import (
     AGAIN,
-    ALGEBRAIC,
     BROKEN,
     CONTACT,
     CROSSING,
@@ -76,7 +75,7 @@ from .step.steps import (
     reach_singular_surface,
     refine_by_pair,
 )
-from .surface.sliding import follow, keep_on_surface, mask_solved
+from .surface.sliding import follow, keep_on_surface, mask_solved, put_in_slip
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
@@ -206,8 +205,12 @@ def propose(P, C, S, R, W):
     S.steps += 1
     step.start, step.time_row, step.fold, step.toward, step.stop = S.t, -1, -1, 0, next_stop(C, S)
     span, h, singular = 1.0 + abs(S.t), math.nan, False
-    if P.discs != 0 and _begins_to_slip(P, S):
-        h = call_onset(P.onset_unit, P, C, S, W, min(S.step, min(C.max_step, step.stop - S.t)))
+    begins = P.discs != 0 and _begins_to_slip(P, S)
+    if begins:
+        # Behind a pass within rounding the last step says nothing of what is ahead.
+        h = call_onset(
+            P.onset_unit, P, C, S, W, min(max(S.step, 1e-3 * span), min(C.max_step, step.stop - S.t))
+        )
         if not h > 0.0:
             return Outcome.STEP_UNDERFLOW
     elif P.pair == 0:
@@ -215,7 +218,7 @@ def propose(P, C, S, R, W):
         singular = step.mult_row < 0
         if singular and P.jet_fold == 0 and P.step_unit == 0:
             return Outcome.SINGULAR
-    if P.step_unit != 0 and step.kind != START and not h > max(1e-9 * S.step, 1e-13 * span):
+    if P.step_unit != 0 and not begins and not h > max(1e-9 * S.step, 1e-13 * span):
         # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as delta^1.5 at
         # touch-down.
         h = propose_pair(P, C, S, W)
@@ -406,7 +409,9 @@ def advance(P, C, S, R, W):
         return Outcome.NOT_FINITE
     if step.sliding:
         for j in range(P.m):
-            if S.status[j] == SOLVED and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT and P.kind[j] != DISC:
+            if S.status[j] == SOLVED and P.kind[j] == DISC:
+                put_in_slip(P, S, j, 0.0, S.mult, W)
+            elif S.status[j] == SOLVED and P.kind[j] < DISC:
                 keep_sliding(P, S, j, W)
             elif S.status[j] == HELD and (P.kind[j] == KINK or P.kind[j] == CROSSING):
                 keep_on_surface(P, S, j, W)

@@ -178,6 +178,8 @@ class EventDriven:
             )
         # Which of the methods of one step; none with series.
         self.one_step = options.method if options.method in METHODS else "" if parts.has_jets else "rk"
+        if self.one_step:
+            checks.without_discs(model, f"steps of method {self.one_step!r}")
         rtol = max(options.rtol, FINEST_OF_ONE_STEP) if self.one_step else options.rtol
         atol = options.atol
         # Their polynomials have degree 7 at most.

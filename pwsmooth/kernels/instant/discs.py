@@ -25,11 +25,12 @@ from ..state import (
 )
 from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
-from ..surface.sliding import mask_solved
+from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
-from ..surface.vector import INSIDE, push_of_disc, pushes_back, put_disc, slopes_of_disc
+from ..surface.vector import push_of_disc, pushes_back, slopes_of_disc
 from .settling import layer_code
 
+_SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
 _BOUND = 1e-13  # by which lambda . lambda may exceed 1 in a stick
 _MOVED = 1e-12  # of G, above which something acts
 _SAME = 1e-9  # of lambda: by less the force of a stick has not jumped
@@ -128,10 +129,9 @@ def settle_disc(P, S, R, W, j, arrives):
     It comes in the direction of slip in the components' multipliers (`arrives`), or from the lambda that stands there.
     """
     d = P.dim[j]
+    put_in_slip(P, S, j, 0.0, S.mult, W)
     for k in range(j + 1, j + 1 + d):
         W.instant.mult[k] = S.mult[k]
-        W.onset.goal[k] = 0.0
-    put_disc(P, S, j, W.onset.goal, W)
     hold(P, S, j)
     slope = slopes_of_disc(P, S, W, j)
     push = push_of_disc(P, S, W, j)
@@ -198,26 +198,78 @@ def free_components(P, S):
 
 
 @kernel
+def _stands(P, S, j):
+    """Whether disc j is at h = 0: it sticks, or has just begun to slip."""
+    return P.kind[j] == DISC and (S.status[j] == SOLVED or (S.status[j] == 1 and S.deflate[j] != 0))
+
+
+@kernel
+def _settle_with_others(P, S, R, W):
+    """All discs at h = 0, each with what the others do, over and over until none changes; a code.
+
+    Block by block that is the variational inequality on the product of their balls: what one does decides whether
+    another slips.
+    """
+    count = 0
+    for j in range(P.m):
+        if _stands(P, S, j):
+            count += 1
+    for _ in range(_SWEEPS if count > 1 else 0):
+        change = 0.0
+        for j in range(P.m):
+            if not _stands(P, S, j):
+                continue
+            was = S.status[j]
+            for k in range(P.dim[j]):
+                W.closing_y[k] = S.mult[j + 1 + k]
+            code = settle_disc(P, S, R, W, j, False)
+            if code != GO_ON:
+                return code
+            if S.status[j] == SOLVED:
+                S.deflate[j] = 0
+            change += 1.0 if S.status[j] != was else 0.0
+            for k in range(P.dim[j]):
+                change = max(change, abs(S.mult[j + 1 + k] - W.closing_y[k]))
+        if change <= _ALIKE:
+            break
+    return GO_ON
+
+
+@kernel
 def settle_discs(P, S, R, W, jumped):
     """Every disc that has come to h = 0 or whose force has left the friction circle; a code, and whether one has."""
-    some = False
+    some, joins = False, False
+    for j in range(P.m):
+        if P.kind[j] == DISC:
+            W.instant.came[j] = S.status[j]
     for j in range(P.m):
         if P.kind[j] != DISC or not W.instant.hit[j]:
             continue
-        came = S.status[j]
-        if came == SOLVED and not jumped:
+        some = True
+        if S.status[j] == SOLVED and not jumped:
             release(P, S, j)
             record_event(S, R, j, EV_TANGENCY, 0, 1)
-            some = True
+            W.instant.came[j] = 1
+            W.instant.hit[j] = False
             continue
-        code = settle_disc(P, S, R, W, j, came != SOLVED and not jumped)
+        code = settle_disc(P, S, R, W, j, S.status[j] == 1 and not jumped)
         if code != GO_ON:
             return code, True
-        if S.status[j] != 1 and came == 1:
-            record_event(S, R, j, EV_STICK, 1, 0)
-        elif S.status[j] == 1:
-            record_event(S, R, j, EV_CROSSING if came == 1 else EV_RESET, came, 1)
-        some = True
+        joins = True
+    if joins:
+        code = _settle_with_others(P, S, R, W)
+        if code != GO_ON:
+            return code, True
+        for j in range(P.m):
+            if P.kind[j] != DISC:
+                continue
+            came, went = W.instant.came[j], S.status[j]
+            if went != 1 and came == 1:
+                record_event(S, R, j, EV_STICK, 1, 0)
+            elif went == 1 and came != 1:
+                record_event(S, R, j, EV_RESET, 0, 1)
+            elif went == 1 and W.instant.hit[j]:
+                record_event(S, R, j, EV_CROSSING, 1, 1)
     return GO_ON, some
 
 
@@ -252,9 +304,14 @@ def resettle_discs(P, S, R, W):
             continue
         slope = slopes_of_disc(P, S, W, j)
         if not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
+            for k in range(P.m):
+                if P.kind[k] == DISC:
+                    W.instant.came[k] = S.status[k]
             code = settle_disc(P, S, R, W, j, False)
-            if code != GO_ON:
-                return code
-            if S.status[j] == 1:
-                record_event(S, R, j, EV_RESET, 0, 1)
+            if code == GO_ON:
+                code = _settle_with_others(P, S, R, W)
+            for k in range(P.m):
+                if P.kind[k] == DISC and S.status[k] == 1 and W.instant.came[k] != 1:
+                    record_event(S, R, k, EV_RESET, 0, 1)
+            return code
     return GO_ON

@@ -9,6 +9,7 @@ from ..state import (
     ACTS,
     AMB_UPDATES,
     CONTACT,
+    DISC,
     DUE,
     EV_EVENT,
     EV_RESET,
@@ -21,7 +22,7 @@ from ..state import (
     UNRECORDED,
 )
 from ..step.recording import put_on_tape, record_ambiguity, record_event
-from ..surface.sliding import surface_rounding
+from ..surface.sliding import is_at_rest, surface_rounding
 from .accumulation import events_accumulate
 from .surface_rates import evaluate_surfaces
 
@@ -182,7 +183,8 @@ def sides_after_jump(P, S, R, W):
             continue
         if instant.hit[j] and W.h[j] == W.firing.switch_level[j]:
             continue  # the jump has not moved it: it is met, within the tolerance of the series that say so
-        if abs(W.h[j]) <= surface_rounding(P, S, j, W):
+        on = is_at_rest(P, S, j, W) if P.kind[j] == DISC else abs(W.h[j]) <= surface_rounding(P, S, j, W)
+        if on:
             if S.status[j] == HELD and P.kind[j] != SECOND_ORDER:
                 continue
             if not instant.hit[j]:

@@ -17,9 +17,8 @@ from ..state import (
     SOLVED,
 )
 from ..step.recording import record_point
-from ..surface.sliding import mask_instant, surface_rounding
+from ..surface.sliding import INSIDE, is_at_rest, mask_instant, surface_rounding
 from ..surface.unknowns import solve_unknowns
-from ..surface.vector import INSIDE
 from .contacts import UNCHANGED, close_at_start, outcome_of
 from .discs import settle_discs
 from .resting import stay_at_rest
@@ -47,13 +46,15 @@ def start(P, C, S, R, W):
                 status[j] = 1 if W.h[j] >= 0.0 else -1
                 mult[j] = float(status[j])
     for j in range(m):
-        if P.kind[j] == DISC and W.h[j] == 0.0:
+        if P.kind[j] == DISC and is_at_rest(P, S, j, W):
             mult[j] = INSIDE
     if mask_instant(P, S, W) and not solve_unknowns(P, S, W):
         return Outcome.NO_ROOT
     evaluate_surfaces(P, S, W)
     for i in range(m + P.ne):
         instant.hit[i] = abs(W.h[i]) <= surface_rounding(P, S, i, W) and P.rows_slip[i] >= 0
+        if i < m and P.kind[i] == DISC:
+            instant.hit[i] = mult[i] == INSIDE
     for i in range(P.ne):
         S.side[i] = 1 if W.h[m + i] >= 0.0 else -1
     if len(P.contact) > 0:

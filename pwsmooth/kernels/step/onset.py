@@ -15,9 +15,9 @@ from numba import types
 from ..machine.compiling import kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
-from ..surface.sliding import mask_solved
+from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
-from ..surface.vector import INSIDE, push_of_disc, put_disc, slopes_of_disc
+from ..surface.vector import push_of_disc, slopes_of_disc
 from ..work import Work
 
 STAGES = 8
@@ -114,7 +114,7 @@ def _guess(P, S, W, t, h):
                     onset.goal[k] = 0.0
                     for r in range(STAGES):
                         onset.goal[k] += h * _A[q, r] * onset.rate[r, k]
-                put_disc(P, S, j, onset.goal, W)
+                put_in_slip(P, S, j, 1.0, onset.goal, W)
                 continue
             way = 0.0
             for r in range(STAGES):
@@ -123,8 +123,8 @@ def _guess(P, S, W, t, h):
                     along += onset.toward[r, k] * onset.rate[r, k]
                 way += h * _A[q, r] * abs(along)
             for k in range(j + 1, j + 1 + P.dim[j]):
-                onset.goal[k] = way * onset.toward[q, k]
-            put_disc(P, S, j, onset.goal, W)
+                onset.goal[k] = onset.toward[q, k]
+            put_in_slip(P, S, j, way, onset.goal, W)
         for i in range(n):
             onset.y[q, i] = S.x[i]
     S.t = t0

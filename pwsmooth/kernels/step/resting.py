@@ -7,7 +7,7 @@ from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import DISC
 from ..surface.closing import close
-from ..surface.vector import INSIDE
+from ..surface.sliding import INSIDE
 from .steps import surface_rows
 
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
@@ -93,9 +93,11 @@ def come_to_rest_in_disc(P, C, S, W, h):
             continue
         left = -2.0 * square / slope
         if S.t + left < W.step.stop and square <= _near_rest(P, C, S, W, j) and _close(P, S, W, j, square):
+            W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
         if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):
             _take_direction(P, S, W, j)
+            W.meeting.widest[j] = 0.0
             return h, j
         # How much the approach is going to bend, in direction and in speed.
         first, second = 1e-300, 0.0

@@ -11,11 +11,11 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
 from .fast import defect, stage_point
-from .sliding import mask_instant
-from .vector import INSIDE
+from .sliding import INSIDE, mask_instant
 
 _TOLERANCE = 1e-7  # of the direction and, relative, of the time
 _CLOSED = 1e-6  # of |h| at the beginning
+_STRAIGHT = 1e-9  # of the speed of approach
 _PASSED = 1.5
 _STEPS = 2000
 _D = 3  # components at most: the state is n, then r, t, and the integral of lambda
@@ -68,7 +68,7 @@ def close(P, S, W, j, size):
         fastest = max(fastest, abs(W.g[j + 1 + i]))
     W.layer.pace = 1.0 / fastest
     along = _closing_rates(P, S, W, j, y, k, 0)
-    step, left = 0.1, -1.0
+    step, left, turned = 0.1, -1.0, math.inf
     for _ in range(_STEPS):
         for s in range(1, 7):
             for i in range(len(y)):
@@ -86,7 +86,13 @@ def close(P, S, W, j, size):
                 k[0, i] = k[6, i]
             if y[_D] > _PASSED:
                 break
-            if y[_D] < _CLOSED and along < 0.0:
+            turns = 0.0
+            for i in range(d):
+                turns = max(turns, abs(k[0, i]))
+            # Along a direction that it no longer leaves the rest is a line, which may be long beside the turning.
+            straight = turns <= min(turned, _STRAIGHT * abs(along) * W.layer.pace)
+            turned = turns
+            if (y[_D] < _CLOSED or straight) and along < 0.0:
                 rest = y[_D] / abs(along)
                 left = y[_D + 1] + rest
                 for i in range(d):

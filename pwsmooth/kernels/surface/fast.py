@@ -200,7 +200,10 @@ def _outward(P, S, W, size, y, rates):
 
 @kernel
 def _set_pace(P, S, W, size):
-    """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that."""
+    """Leaves in W.layer.pace the power of 2 that brings the fastest switch's rate to size 1, if it is far from that.
+
+    Returns that rate.
+    """
     fastest = 0.0
     for i in range(size):
         j = W.instant.group[i]
@@ -213,6 +216,7 @@ def _set_pace(P, S, W, size):
     W.layer.pace = 1.0
     if 0.0 < fastest < math.inf and not 1e-2 <= fastest <= 1e2:
         W.layer.pace = 2.0 ** -math.floor(math.log2(fastest))
+    return W.layer.pace * fastest
 
 
 @kernel
@@ -231,8 +235,8 @@ def integrate(P, S, W, size):
         reach = max(reach, 10.0 * abs(y[i]))
     for i in range(nz):
         y[size + i] = W.layer.z[i]
-    _set_pace(P, S, W, size)
-    tau, step, scale = 0.0, 1e-3, 0.0
+    # A start within rounding of a root is at rest: what it moves by is no scale.
+    tau, step, scale = 0.0, 1e-3, 1e-6 * _set_pace(P, S, W, size)
     _rates(P, S, W, size, y, k, 0)
     quiet, small = 0, 1e-7
     for taken in range(1, 200001):

@@ -12,11 +12,12 @@ from ..machine.compiling import inlined_kernel, kernel, unit
 from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import ALGEBRAIC, COMPONENT, CONTACT, SECOND_ORDER, SOLVED, Problem, State
 from ..work import Work
-from .sparse import solve_masked
+from .sparse import entry, solve_dense, solve_masked
 
-# At exactly +1 and -1 the fields are those of slip. They differ from the affine form by a power of a surface that has
+# At exactly +1 and -1 the fields are those of slip; just inside, lambda of a disc is what the multipliers of its
+# components say, where h/|h| is 0/0. Of a switch they differ from the affine form by a power of a surface that has
 # it, sqrt(|h|) of a rounding say.
-_INSIDE = 1.0 - 2.0**-53
+INSIDE = 1.0 - 2.0**-53
 
 
 @unit(types.int64, Problem, State, Work)
@@ -41,7 +42,7 @@ def newton(P, S, W):
             if mask[j]:
                 mult[j] += b[j]
                 if abs(mult[j]) == 1.0 and P.kind[j] != ALGEBRAIC and P.kind[j] != CONTACT:
-                    mult[j] *= _INSIDE
+                    mult[j] *= INSIDE
                 change = max(change, abs(b[j]) / (1.0 + abs(mult[j])))
         if not change < math.inf or (change == 0.0 and rest > 1e-14):
             return 0  # the second where a slope is infinite, as that of a root at 0
@@ -94,15 +95,9 @@ def keep_on_surface(P, S, j, W):
     if P.surface_state[j] >= 0:
         S.x[P.surface_state[j]] = 0.0
         return
-    put_on_level(P, S, j, 0.0, W)
-
-
-@kernel
-def put_on_level(P, S, j, level, W):
-    """Puts S.x on h_j = level, along the surface's gradient."""
     for _ in range(3):
         call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        if W.h[j] == level:
+        if W.h[j] == 0.0:
             return
         call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
         square = 0.0
@@ -111,7 +106,56 @@ def put_on_level(P, S, j, level, W):
         if not square > 0.0:
             return
         for e in range(P.dh_row[j], P.dh_row[j + 1]):
-            S.x[P.dh_col[e]] -= W.dh[e] * (W.h[j] - level) / square
+            S.x[P.dh_col[e]] -= W.dh[e] * W.h[j] / square
+
+
+@kernel
+def is_at_rest(P, S, j, W):
+    """Whether h of disc j is 0, or changes by as much in less than the clock resolves; W has the fields of its slip."""
+    keep, fastest = S.mult[j], 0.0
+    S.mult[j] = 1.0  # its lambda is h/|h| in the rates; residuals g have the multipliers of its components
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+    S.mult[j] = keep
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        rate = W.dh[P.dh_row[P.m + P.ne] + k]
+        for e in range(P.dh_row[k], P.dh_row[k + 1]):
+            rate += W.dh[e] * W.dx[P.dh_col[e]]
+        fastest = max(fastest, abs(rate))
+    return W.h[j] == 0.0 or math.sqrt(W.h[j]) <= 1e-15 * (1.0 + abs(S.t)) * fastest
+
+
+@kernel
+def put_in_slip(P, S, j, size, toward, W):
+    """Puts S.x where the surfaces of disc j are `size` in the direction `toward` (m,), by the least change.
+
+    All rows at once, Dh Dh' u = h - level: one after another they would spoil each other where gradients are not
+    orthogonal.
+    """
+    d, A, states = P.dim[j], W.disc, size == 0.0
+    for k in range(j + 1, j + 1 + d):
+        states = states and P.surface_state[k] >= 0
+    if states:
+        for k in range(j + 1, j + 1 + d):
+            S.x[P.surface_state[k]] = 0.0
+        return
+    for _ in range(3):
+        call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+        call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
+        there = True
+        for r in range(d):
+            k = j + 1 + r
+            A[r, d] = W.h[k] - size * toward[k]
+            there = there and A[r, d] == 0.0
+            for c in range(d):
+                A[r, c] = 0.0
+                for e in range(P.dh_row[k], P.dh_row[k + 1]):
+                    A[r, c] += W.dh[e] * entry(P.dh_row, P.dh_col, W.dh, j + 1 + c, P.dh_col[e])
+        if there or not solve_dense(A, d, 1):
+            return
+        for r in range(d):
+            for e in range(P.dh_row[j + 1 + r], P.dh_row[j + 2 + r]):
+                S.x[P.dh_col[e]] -= W.dh[e] * A[r, d]
 
 
 @kernel

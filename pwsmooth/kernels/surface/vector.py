@@ -2,23 +2,11 @@
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
-from .sliding import mask_instant, put_on_level
+from .sliding import mask_instant
 from .sparse import entry
 
-# Of a disc's own multiplier: its lambda is what the multipliers of its components say. At 1 it is h/|h|, which is 0/0
-# where a slip begins.
-INSIDE = 1.0 - 2.0**-53
-_SWEEPS = 6  # over surfaces whose gradients are not at right angles
 _DELTA = 1e-4  # of lambda
 _NOTHING = 1e-10  # a slope by differences that is rounding, beside G
-
-
-@kernel
-def put_disc(P, S, j, goal, W):
-    """Puts S.x where the surfaces of disc j are as in `goal`, component after component."""
-    for _ in range(_SWEEPS if P.surface_state[j + 1] < 0 else 1):
-        for k in range(j + 1, j + 1 + P.dim[j]):
-            put_on_level(P, S, k, goal[k], W)
 
 
 @kernel
