@@ -273,9 +273,14 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 )
         past = _passed(there, here, walk, begin, end)
         if past is not None:
-            there = walk.at_parameter(here, past, there)
-            if there is None:
+            bound, reach = walk.at_parameter(here, past, there), np.linalg.norm(there.u - here.u)
+            # One so much farther than the point beyond the bound is of another branch.
+            if bound is None or np.linalg.norm(bound.u - here.u) > 2 * reach:
+                if ds > shortest_step:
+                    ds *= 0.3
+                    continue
                 return f"no orbit was found at {name} = {past:g}."
+            there = bound
         if broken := not_repeated(there.orbit):
             return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
