@@ -32,8 +32,8 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
-# Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square root
-# of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
+# Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
+# root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
 _APART = (1e-6, 1e-8, 1e-10)
 
 
@@ -89,7 +89,8 @@ class Bifurcation:
     @property
     def jumps(self) -> bool:
         """Whether the Poincare map jumps there, so that the branch ends."""
-        return self.kind == CAPTURE or self.kind == ADDING and not self.change.before  # type: ignore[union-attr]
+        parts = self.kind == ADDING and (self.beyond is None or not self.change.before)  # type: ignore[union-attr]
+        return self.kind == CAPTURE or parts
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"

@@ -91,7 +91,7 @@ def _grazing(place: Place, spot: Spot) -> tuple[Lead, ...]:
     if not run.success:
         return ()
     T = base.forcing_period
-    window = Window(map_.contact, 1, 0.0, (map_.before + map_.behind) * D / T, map_.before * D / T)
+    window = Window(map_.name, 1, 0.0, (map_.before + map_.behind) * D / T, map_.before * D / T)
     return (Lead("grazing impact", (Windowed(start, window), run.x[:, -1], False)),)
 
 

@@ -2,6 +2,7 @@
 
     grazing of a stop, a surface, an event; grazing-sliding    the smallest s h of a window is 0 (windows.py)
     adding-sliding                                             the smallest 1 -+ lambda of a stick without bounds is 0
+    the same of what is let go by a fold                       the speed of its release is 0 (impacts.py)
     crossing-sliding, switching-sliding                        the largest s dh/dt over the layer is 0 at an arrival
     exit by a fold                                             d(dh/dt)/d lambda is 0 at the end where a stick is left
     border collision                                           h is 0 on the section
@@ -19,8 +20,8 @@ import numpy as np
 
 from ..paths.linearised import linearise
 from .conditions import Condition, Place, factors, on_circle, pairs
-from .holding import Strength
-from .impacts import FromImpact, ImpactImage
+from .holding import strength_of
+from .impacts import EventImage, FromImpact
 from .parts import function_of
 from .pieces import spectrum, spread
 from .poincare import RETURN, Word, after_start
@@ -79,7 +80,7 @@ class Touch(Condition):
         """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
         found = self.impacts(place)
         image = None if found is None else found[0].image(found[1], ())
-        if not isinstance(image, ImpactImage):
+        if not isinstance(image, EventImage):
             return None
         A, B = image.pencil
         K = B - A
@@ -89,6 +90,30 @@ class Touch(Condition):
         if name == f"{self.kind} twice":
             return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
         return ""
+
+
+class LetGo(Condition):
+    """What a fold lets go has no speed there: a moment later the layer could have held it (impacts.py).
+
+    On the other side of the curve it does, so that the orbits that are let go end there.
+    """
+
+    of_multipliers = False
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([place.image.speed])
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        return {f"{self.kind} + {change}": value for change, value in place.image.more.items()}
+
+    def ends(self, name: str) -> str:
+        return "there the fold comes to the end of the layer, and a slip begins with no speed"
+
+    def admissible(self, place: Place) -> bool:
+        return True
 
 
 class TwoSided(Condition):
@@ -270,7 +295,7 @@ class Arrival(AtEvent):
     def quantity(
         self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
     ) -> tuple[Any, float, np.ndarray]:
-        strength = Strength(line.model, self.switch, side)
+        strength = strength_of(line.model, self.switch, side)
         at = np.array([t]), x[:, None], mult[:, None], p
         mult = strength.level(line.model, *at)[:, 0]
         return strength.expression, float(strength.functions(line.model)[0](*at)[0]), mult
