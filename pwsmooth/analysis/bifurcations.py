@@ -19,7 +19,7 @@ from .arclength import Point, Walk
 from .bracketing import zero_between
 from .captures import CAPTURE
 from .conditions import factors, on_circle, pairs
-from .itineraries import Change, change_between, same_itinerary
+from .itineraries import JUMP, Change, change_between, same_itinerary
 from .jumps import ADDING, jump_between
 from .orbits import refined_to
 from .periodic_orbit import PeriodicOrbit
@@ -148,7 +148,7 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
         for reach in _APART:
             apart = _apart(walk, here, there, left, right, reach)
             change = change_between(*(p.orbit for p in apart))
-            if change.name != "jump of the orbit":
+            if change.name != JUMP:
                 break
         # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
         before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
@@ -157,7 +157,7 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             # The flight is as high as the square of the distance from it: lower than roundings it is none.
             width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
-            if change.name == "jump of the orbit" and (found := jump_between(walk, left, right)) is not None:
+            if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
                 found = found._replace(change=found.change or change)
                 return [*bifurcations, Bifurcation(*found, beyond=behind.orbit)]
             bifurcations.append(

@@ -26,7 +26,7 @@ from .conditions import Critical, Place
 from .curve_starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
 from .curve_walk import CurveWalk, Spot
 from .impacts import FromImpact
-from .itineraries import Change, change_between
+from .itineraries import JUMP, Change, change_between
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
 from .recutting import exact, of_orbit, touched
@@ -117,7 +117,7 @@ def _of_one_side(walk: CurveWalk, place: Place, kind: str, side: str) -> tuple[L
 def change_along(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     """What happens between two orbits of a curve; a jump at the threshold of a layer is a capture."""
     change = change_between(one, other)
-    if change.name == "jump of the orbit" and (at_threshold(one) or at_threshold(other)):
+    if change.name == JUMP and (at_threshold(one) or at_threshold(other)):
         return replace(change, name=CAPTURE)
     return change
 

@@ -3,7 +3,7 @@
     capture           an arrival is just held, or just not                    captures.py
     adding-sliding    a stick of a hidden term could just hold no more        holding.py, windows.py
                       or is just let go                                       impacts.py
-    grazing           a stop or an event is just touched, where the branch finds no orbit beyond
+    grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
 
 Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
 """
@@ -118,6 +118,8 @@ def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
             return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
     model, best = here.orbit.system.model, None
     kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
+    # Static friction holds at once what just comes to rest.
+    kinds |= {str(mu.symbol): ("grazing-sliding", "stick") for mu in model.multipliers if mu.hidden}
     for event in model.events:
         if event.surface is not None and not event.singular:
             kinds[event.name] = ("grazing of an event", "reset")
