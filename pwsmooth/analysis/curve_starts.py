@@ -12,6 +12,7 @@ import sympy as sp
 
 from ..definition import checks
 from .bifurcations import Bifurcation
+from .chatter import CHATTER, EndOfChatter, accumulates, chatter_cut
 from .captures import CAPTURE, capture_cut, condition_at
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
@@ -29,7 +30,7 @@ TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event"
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
-FOLLOWED = (CAPTURE, *SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
+FOLLOWED = (CAPTURE, *SMOOTH, *TOUCHES, *ARRIVALS, *EXITS, CHATTER)
 _OF_ORBITS = (*SMOOTH, *TOUCHES, BORDER, CAPTURE)
 
 
@@ -38,6 +39,8 @@ def condition_of(lead: Lead, name: str, names: tuple[str, str]) -> Condition:
     kind, event = lead.kind, lead.event
     if kind in TOUCHES and isinstance(lead.cut[0], FromRelease):
         return LetGo(kind)
+    if kind == CHATTER:
+        return EndOfChatter(kind, *event)
     if kind == BORDER:
         return Border(event)
     if kind == CAPTURE:
@@ -67,6 +70,13 @@ def given(
         if start.kind not in FOLLOWED:
             raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
         orbit, kind, name = start.orbit, start.kind, start.name
+        if start.kind == CHATTER:
+            rests = accumulates((start.orbit, start.beyond))
+            switch = (*start.change.before, *start.change.after)[0].switch  # type: ignore[union-attr]
+            found = "no contact closes" if rests is None else chatter_cut(rests, switch)
+            if isinstance(found, str):
+                raise ValueError(f"`start` is an {kind} that is not followed: {found}.")
+            return rests, name, Lead(kind, *found, begins=False)
         if start.change is not None and start.kind in (*ARRIVALS, *EXITS):
             cut, event = at_event(orbit, kind, start.change)
             return orbit, name, Lead(kind, cut, event, begins=False)
