@@ -3,7 +3,8 @@
     two conditions on multipliers        the curve of the other one passes there
     resonances 1:1, 1:2                  the fold or flip passes, the torus begins with theta = 0, pi
     degenerate flip, symmetry breaking   the fold of the doubled orbit begins, along the critical eigenvector
-    degenerate grazing                   the fold of orbits with a slow impact begins, at speed 0
+    degenerate grazing                   the fold of orbits with a slow impact, in one or in several periods, begins, at
+                                         speed 0
     a change of itinerary on a curve     the curve of that change passes, or begins
     a multiplier on one side of a change the fold, flip, ... of that side's orbits ends there
 
@@ -31,7 +32,7 @@ from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
 from .recutting import exact, of_orbit, touched
 from .segments import Shooting
-from .tangencies import SIDES, Touch, TwoSided
+from .tangencies import DEGENERATE, SIDES, Touch, TwoSided
 from .windows import Window, Windowed
 
 _ASIDE = 1e-4  # of the scaled parameters: so far beside a change the orbits of one side are started from
@@ -50,8 +51,8 @@ def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
         return (Lead("torus", cut, extra=(_RESONANCES[name],)),)
     if name == f"degenerate {condition.kind}" and isinstance(condition, Critical):
         return _doubled(place, condition)
-    if name == "degenerate grazing" and isinstance(condition, Touch):
-        found = condition.impacts(place)
+    if name.startswith(DEGENERATE) and isinstance(condition, Touch):
+        found = condition.impacts(place, int(name.rpartition(" ")[2]) if "period" in name else 1)
         return () if found is None else (Lead("fold", (*found, False)),)
     if isinstance(condition, TwoSided) and second.endswith(tuple(SIDES)):
         return _of_one_side(walk, place, *second.split(", "))

@@ -14,6 +14,7 @@ Chain: conditions.py, windows.py, impacts.py -> **tangencies** -> curve_walk.py.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ from .pieces import spectrum, spread
 from .poincare import RETURN, Word, after_start
 from .segments import Shooting
 
+DEGENERATE = "degenerate grazing"
+SEVERAL = (2, 3)  # periods with one impact in all
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
 _ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
 SIDES = {"below": -1.0, "above": 1.0}
@@ -58,10 +61,14 @@ class Touch(Condition):
             if np.isfinite(near.others) else 1.0,
         }  # fmt: skip
         side = self.side_of_impacts(place)
-        return found if side is None else {"degenerate grazing": side, **found}
+        if side is None:
+            return found
+        # Where orbits with an impact in each period change sides, those with one in several do too: that is known.
+        more = {f"{DEGENERATE}, period {m}": self.side_of_impacts(place, m) for m in SEVERAL if place.map.driven}
+        return {DEGENERATE: side, **{name: other / side for name, other in more.items() if other and side}, **found}
 
-    def impacts(self, place: Place) -> tuple[FromImpact, np.ndarray] | None:
-        """The motion from contact to contact, and its point there; None where none is described."""
+    def impacts(self, place: Place, periods: int = 1) -> tuple[FromImpact, np.ndarray] | None:
+        """The motion from contact to contact some periods later, and its point there; None where none is described."""
         map_, near, T = place.map, place.image.approach, 1.0
         if isinstance(map_, Shooting):
             return None
@@ -73,12 +80,15 @@ class Touch(Condition):
             T = map_.forcing_period
         at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
         behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
-        contact = FromImpact(map_.base, map_.window.name, behind, before)
+        # In the periods between the orbit touches too, and does not hit: there the wall is left out.
+        behind, before = (periods - 1 + behind) / periods, before / periods
+        base = replace(map_.base, count=periods * map_.base.count) if periods > 1 else map_.base
+        contact = FromImpact(base, map_.window.name, behind, before)
         return contact, np.append(near.x, near.place if map_.driven else D)
 
-    def side_of_impacts(self, place: Place) -> float | None:
+    def side_of_impacts(self, place: Place, periods: int = 1) -> float | None:
         """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
-        found = self.impacts(place)
+        found = self.impacts(place, periods)
         image = None if found is None else found[0].image(found[1], ())
         if not isinstance(image, EventImage):
             return None
