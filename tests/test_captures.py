@@ -159,3 +159,9 @@ def test_captures_end_where_what_is_held_is_let_go_at_once():
     curve = follow_curve(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("capture + crossing-sliding")
     assert end.values["omega"] == pytest.approx(0.86061, abs=1e-4) and "reached sigma = 5." in curve.ends
+
+
+def test_what_a_layer_could_hold_is_compiled_once():
+    model = hidden().layered({z: sp.oo}).model
+    rates = [strength_of(model, "lam", 1).functions(model)[1].__closure__ for _ in range(2)]
+    assert [cell.cell_contents for cell in rates[0]][0] is [cell.cell_contents for cell in rates[1]][0]

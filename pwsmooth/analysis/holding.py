@@ -123,9 +123,11 @@ class Strength:
 
     def __init__(self, model: Model, name: str, side: int) -> None:
         self.j, self.side = index_of(model, name), side
+        self.hidden = model.multipliers[self.j].hidden
         self.lam = model.multipliers[self.j].symbol
         self.there = sp.Dummy(real=True)
         self.rates: dict[Model, Any] = {}
+        self.known: dict[Model, tuple[Any, Any, Any]] = {}
         self.expression = side * total_derivative(
             model.multipliers[self.j].surface, model.time, model.states, model.rhs
         )
@@ -133,6 +135,10 @@ class Strength:
     def level(self, model: Model, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> np.ndarray:
         """The multipliers (m, nt) with that of the switch where s dh/dt is largest; of any model of these states."""
         value, *slopes = self._functions(model)
+        if not self.hidden:
+            found = np.array(mult, float)
+            found[self.j] = np.where(slopes[0](t, x, found, p) >= 0, 1.0, -1.0)
+            return found
         lam = np.linspace(-1.0, 1.0, _LAYER)
         times = np.repeat(t, _LAYER)
         many = np.repeat(mult, _LAYER, axis=1)
@@ -176,5 +182,9 @@ class Strength:
         return self.rates[model]
 
     def _functions(self, model: Model) -> tuple[Any, Any, Any]:
-        e = self.expression
-        return tuple(function_of(model, one) for one in (e, e.diff(self.lam), e.diff(self.lam, 2)))  # type: ignore[return-value]
+        if model not in self.known:
+            e = self.expression
+            slope = e.diff(self.lam)
+            each = (function_of(model, one) for one in (e, slope, slope.diff(self.lam)))
+            self.known[model] = tuple(each)  # type: ignore[assignment]
+        return self.known[model]
