@@ -191,4 +191,6 @@ def test_the_last_bounces_of_complete_chatter_are_those_of_the_fixed_point():
         slope = (next_of(later, restitution) - w) / ((1 - later) * (2 + later) / 6 - w)
         assert slope == pytest.approx(grows, rel=1e-5)
         beside = fixed(r + 1e-6)
-        assert [w_r, grows_r] == pytest.approx([(beside[k] - fixed(r - 1e-6)[k]) / 2e-6 for k in (0, 1)], rel=1e-8)
+        assert [w_r, grows_r] == pytest.approx(
+            [(beside[k] - fixed(r - 1e-6)[k]) / 2e-6 for k in (0, 1)], rel=1e-8
+        )

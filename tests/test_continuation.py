@@ -324,7 +324,10 @@ def test_a_step_does_not_lead_to_another_part_of_the_branch():
     # Static friction with a memory: from here to a larger frequency the branch turns at 0.9723, and comes back below
     # itself. A step along its tangent of 0.1 has a solution there, and both tangents point the same way.
     orbit = find_orbit(
-        hidden(omega=0.752542372881356, sigma=4), {y: -1, v: 1, z: 0}, period=2 * sp.pi / FREQUENCY, transient=200
+        hidden(omega=0.752542372881356, sigma=4),
+        {y: -1, v: 1, z: 0},
+        period=2 * sp.pi / FREQUENCY,
+        transient=200,
     )
     branch = follow(orbit, "omega", to=3, back=0.4, step=0.005, most=40)
     kinds = [one.kind for one in branch.bifurcations]

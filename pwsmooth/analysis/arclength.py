@@ -232,7 +232,9 @@ class Walk:
         # Within one itinerary the branch is smooth, and a chord lies along both tangents: one that does not leads to
         # another part of it, or to another branch. Between two itineraries it may have a corner.
         way = there.u - here.u
-        along = min(there.tangent @ here.tangent, *(p.tangent @ way / np.linalg.norm(way) for p in (here, there)))
+        along = min(
+            there.tangent @ here.tangent, *(p.tangent @ way / np.linalg.norm(way) for p in (here, there))
+        )
         if along < _ALONG and same_itinerary(here.orbit, there.orbit):
             return None
         return there

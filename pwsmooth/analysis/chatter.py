@@ -31,7 +31,6 @@ from ..definition.regularity import total_derivative
 from ..paths.linearised import linearise
 from .conditions import Place
 from .holding import index_of
-from .itineraries import CHATTER
 from .parts import function_of
 from .periodic_orbit import PeriodicOrbit
 from .poincare import Word, after_start
@@ -181,9 +180,10 @@ def _ratio(e: float) -> float:
 def expressions(model: Model, name: str) -> tuple[sp.Expr, sp.Expr]:
     """w and e of an impact at the state before it."""
     mu = model.multipliers[index_of(model, name)]
+    assert mu.surface is not None and mu.impact is not None
     free = {other.symbol: sp.Integer(0) for other in model.multipliers if other.kind == "contact"}
     rates = [e.xreplace(free) for e in model.rhs]
-    h = [mu.surface]
+    h: list[sp.Expr] = [mu.surface]
     for _ in range(3):
         h.append(total_derivative(h[-1], model.time, model.states, rates))
     behind = dict(zip(model.states, mu.impact))
@@ -195,10 +195,15 @@ def expressions(model: Model, name: str) -> tuple[sp.Expr, sp.Expr]:
 def approach(model: Model, name: str) -> sp.Expr:
     """dh/dt of a contact that is open."""
     mu = model.multipliers[index_of(model, name)]
-    return total_derivative(mu.surface, model.time, model.states, model.rhs).xreplace({mu.symbol: sp.Integer(0)})
+    assert mu.surface is not None
+    return total_derivative(mu.surface, model.time, model.states, model.rhs).xreplace(
+        {mu.symbol: sp.Integer(0)}
+    )
 
 
-def chatter_cut(orbit: PeriodicOrbit, switch: str) -> tuple[tuple[Any, np.ndarray, bool], tuple[str, int]] | str:
+def chatter_cut(
+    orbit: PeriodicOrbit, switch: str
+) -> tuple[tuple[Any, np.ndarray, bool], tuple[str, int]] | str:
     """The map without a window, its point, and from which impact on the bounces accumulate; why not, in words."""
     if not isinstance(orbit.map, Stroboscopic):
         return "it is no orbit of a driven system"
@@ -219,7 +224,5 @@ def chatter_cut(orbit: PeriodicOrbit, switch: str) -> tuple[tuple[Any, np.ndarra
 
 def accumulates(orbits: Sequence[PeriodicOrbit | None]) -> PeriodicOrbit | None:
     """The first of some orbits in which a contact closes behind bounces."""
-    return next((o for o in orbits if o is not None and any(kind == "closed contact" for _, kind, _ in o.word)), None)
-
-
-__all__ = ["CHATTER", "EndOfChatter", "accumulates", "chatter_cut"]
+    closes = (o for o in orbits if o is not None and any(kind == "closed contact" for _, kind, _ in o.word))
+    return next(closes, None)

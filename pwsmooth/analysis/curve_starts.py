@@ -12,13 +12,13 @@ import sympy as sp
 
 from ..definition import checks
 from .bifurcations import Bifurcation
-from .chatter import CHATTER, EndOfChatter, accumulates, chatter_cut
 from .captures import CAPTURE, capture_cut, condition_at
+from .chatter import EndOfChatter, accumulates, chatter_cut
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
 from .holding import not_held
 from .impacts import FromRelease, from_impact, from_release
-from .itineraries import Change
+from .itineraries import CHATTER, Change
 from .jumps import ADDING
 from .periodic_orbit import PeriodicOrbit
 from .recutting import Cut, of_orbit, touched
@@ -73,17 +73,19 @@ def given(
         if start.kind == CHATTER:
             rests = accumulates((start.orbit, start.beyond))
             switch = (*start.change.before, *start.change.after)[0].switch  # type: ignore[union-attr]
-            found = "no contact closes" if rests is None else chatter_cut(rests, switch)
-            if isinstance(found, str):
-                raise ValueError(f"`start` is an {kind} that is not followed: {found}.")
-            return rests, name, Lead(kind, *found, begins=False)
+            bounces = "no contact closes" if rests is None else chatter_cut(rests, switch)
+            if isinstance(bounces, str):
+                raise ValueError(f"`start` is an {kind} that is not followed: {bounces}.")
+            return rests, name, Lead(kind, *bounces, begins=False)
         if start.change is not None and start.kind in (*ARRIVALS, *EXITS):
             cut, event = at_event(orbit, kind, start.change)
             return orbit, name, Lead(kind, cut, event, begins=False)
         if start.kind == ADDING and start.jumps and start.change.before:  # type: ignore[union-attr]
             release = from_release(orbit.map, orbit.x)
             if release is None:
-                raise ValueError(f"`start` is an {kind} of an orbit that no fold lets go; start from another one.")
+                raise ValueError(
+                    f"`start` is an {kind} of an orbit that no fold lets go; start from another one."
+                )
             return orbit, name, Lead(kind, (*release, False), begins=False)
         if start.kind in TOUCHES and start.change is not None:
             change, phase = start.change, start.change.time

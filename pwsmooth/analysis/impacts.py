@@ -189,7 +189,8 @@ class FromImpact(FromEvent):
         h_w, h_t, _ = line.gradient(contact.surface, t, x, mult, p)
         speed = -_speed_of(line, index, t, x, mult, p)
         h = float(function_of(model, contact.surface)(np.array([t]), x[:, None], mult[:, None], p)[0])
-        return Happening(h, h_w, h_t, *line.jump(contact.impact, t, x, mult, p), speed)
+        behind, R_w, R_t = line.jump(contact.impact, t, x, mult, p)
+        return Happening(h, h_w, h_t, behind, R_w, R_t, speed)
 
     def systems(self) -> tuple[Any, Any]:
         free = in_window(self.base.system, Window(self.name, 1, 0, 0, 0))
@@ -267,15 +268,16 @@ def from_release(map_: Any, x: np.ndarray) -> tuple[FromRelease, np.ndarray] | N
     if best is None:
         return None
     _, t, release, state = best
-    return replace(release, **_windows(run, t)), np.append(state, t)
+    behind, before = _windows(run, t)
+    return replace(release, behind=behind, before=before), np.append(state, t)
 
 
-def _windows(run: Solution, t: float) -> dict[str, float]:
+def _windows(run: Solution, t: float) -> tuple[float, float]:
     """How wide the windows behind an event and before it are, in parts of the run: half the way to other events."""
     D = float(run.t[-1] - run.t[0])
     away = (np.array([e.time for e in run.events if e.time != t]) - t) % D
     behind, before = (float(away.min()) / D, 1 - float(away.max()) / D) if away.size else (1.0, 1.0)
-    return {"behind": min(WIDEST, behind / 2), "before": min(WIDEST, before / 2)}
+    return min(WIDEST, behind / 2), min(WIDEST, before / 2)
 
 
 def _speed_of(line: Any, index: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> float:
@@ -303,4 +305,4 @@ def from_impact(map_: Any, x: np.ndarray) -> tuple[FromImpact, np.ndarray] | Non
     if best is None:
         return None
     _, t, name, state = best
-    return FromImpact(map_, name, **_windows(run, t)), np.append(state, t)
+    return FromImpact(map_, name, *_windows(run, t)), np.append(state, t)

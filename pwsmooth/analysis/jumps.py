@@ -105,7 +105,7 @@ def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
     at = np.array(places[:1])
     if functions[0](at, *run.dense(at), run.tape.p)[0] < -within:
         return None
-    time = (t - orbit.map.start_time) / orbit.period % 1.0
+    time = (t - release.start_time) / orbit.period % 1.0
     return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
 
 

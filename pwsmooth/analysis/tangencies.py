@@ -64,8 +64,14 @@ class Touch(Condition):
         if side is None:
             return found
         # Where orbits with an impact in each period change sides, those with one in several do too: that is known.
-        more = {f"{DEGENERATE}, period {m}": self.side_of_impacts(place, m) for m in SEVERAL if place.map.driven}
-        return {DEGENERATE: side, **{name: other / side for name, other in more.items() if other and side}, **found}
+        more = {
+            f"{DEGENERATE}, period {m}": self.side_of_impacts(place, m) for m in SEVERAL if place.map.driven
+        }
+        return {
+            DEGENERATE: side,
+            **{name: other / side for name, other in more.items() if other and side},
+            **found,
+        }
 
     def impacts(self, place: Place, periods: int = 1) -> tuple[FromImpact, np.ndarray] | None:
         """The motion from contact to contact some periods later, and its point there; None where none is described."""
