@@ -366,7 +366,7 @@ def test_slips_that_grow_as_a_square_root_are_no_jump():
         hidden(rho=0.25, sigma=1.4).layered({z: sp.oo}), {y: 0.5, v: 0.3}, period=2 * sp.pi,
         symmetry={y: -y, v: -v}, transient=50,
     )  # fmt: skip
-    (last,) = follow(orbit, "sigma", to=0.5, back=5).bifurcations
+    (last,) = follow(orbit, "sigma", to=0.5, back=5.2, step=0.005, longest_step=0.1).bifurcations
     assert last.kind == "adding-sliding" and last.parameter == pytest.approx(1, abs=1e-8)
 
 
