@@ -293,13 +293,16 @@ class Walk:
 
 
 def quiet_time(run: Solution, period: float) -> float | None:
-    """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay."""
+    """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay.
+
+    Also of a short slip, where that is farther from its ends.
+    """
     times = np.array([e.time for e in run.events])
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
     if edge > NEAR * period:
         return None
     middle, length = longest_slip(run)
-    return middle if length >= 4 * NEAR * period else None
+    return middle if length >= 4 * min(NEAR * period, edge) else None
 
 
 def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:

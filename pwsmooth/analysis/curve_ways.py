@@ -31,6 +31,7 @@ _RUN_OUT = 5e-3  # of the ranges: so near to its end a curve may have no more po
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 # So many orbits in a row with such a part of the longest step between them: a step doubles with each, else.
 _LAST, _STUCK = 40, 1e-3
+_AT = 1e-14  # of the ranges: on the border
 _STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
@@ -148,8 +149,9 @@ class Way:
         for k in (0, 1):
             u, scale = there.u[n + k], walk.sizes[n + k]
             low, high = self.bounds[k] / scale
-            past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
-            if past is not None and u != past:
+            over, under = u >= high - _AT and u > here.u[n + k], u <= low + _AT and u < here.u[n + k]
+            past = high if over else low if under else None
+            if past is not None and abs(u - past) > _AT:
                 at = walk.at(here, there, n + k, past)
                 return at, f"{walk.names[k]} = {past * scale:.9g}"
             if past is not None:
