@@ -5,8 +5,10 @@
 Bifurcation sets by one call each (`pwsmooth.bifurcation_set`), of the slaved limit, beta << eps (z = 1 - lam^2: static
 friction answers at once), over (omega, sigma) at rho = 3 and over (rho, sigma) at omega = 1. The hidden term stays: it
 is what folds the layer, and with it sticks end at a fold. The relaxing limit, eps << beta (0.1 z' = 1 - lam^2 - z, z a
-state of the motion, none of the layer), can be had as one more of `Config.planes`; it is not among the kept results:
-its branches turn many times and meet cascades of flips, and were not all followed within its time.
+state of the motion, none of the layer), can be had as one more of `Config.planes`; it is not among the kept results.
+Sticks are canards there: on the way through them branches have multipliers up to 1e28 while the drive changes by 1e-8,
+and folds and flips lie as near to each other, so that their curves end without a point of codimension 2. All branches
+are followed, in about 4 minutes of processor time; the set was not finished after 10.
 
 Check: at random points of each plane a sweep of many starts finds the attractors there by brute force. A set admits an
 attractor if the orbit, followed over either parameter until it turns back, jumps or loses its stability, is so up to a
@@ -24,7 +26,9 @@ carries the others. From (omega, sigma) = (1.174944, 2.493826) on its symmetry b
 begins at (rho, sigma) = (1.460385, 2.790978) and leads to more static friction. Where the layer could hold more and
 more the map jumps: curves of captures, of orbits of one and of two periods, end at (0.860610, 4.130876), where what is
 just held is let go at once and crossing-sliding is continuous. A block at rest begins to move where its stick parts, at
-sigma = 1 for rho below 1/2.
+sigma = 1 for rho below 1/2. There, at (1/2, 1), begin the folds of the moving block and the curve on which its unstable
+orbit ends, whose stick is only just let go (adding-sliding): both lead to rho = 5, and the latter over all frequencies.
+At slow drives an asymmetric orbit ends where a slip comes to rest for a moment (grazing-sliding).
 
 Usage: python experiments/bifurcation_sets.py [--fast] [--out DIR] [--draw FILE.json]
 """

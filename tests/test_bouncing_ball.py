@@ -11,7 +11,8 @@ import pytest
 import sympy as sp
 from scipy.optimize import brentq
 
-from pwsmooth import System, Unilateral, find_orbit, follow
+from pwsmooth import System, Unilateral, find_orbit, follow, follow_curve
+from pwsmooth.analysis.chatter import fixed
 
 t, x, v = sp.symbols("t x v", real=True)
 G, e = sp.symbols("Gamma e", positive=True)
@@ -163,3 +164,33 @@ def test_beyond_it_the_ball_bounces_for_ever(chattering):
         orbit for orbit in branch.orbits if orbit.system.parameters[G] > branch.bifurcations[0].parameter + 1e-6
     ]
     assert beyond and all({kind for _, kind, _ in orbit.word} == {"impact"} for orbit in beyond)
+
+
+def test_the_end_of_complete_chatter_is_followed_over_the_restitution(chattering):
+    end = follow(chattering, G, to=1.6).bifurcations[0]
+    curve = follow_curve(end, {G: (1.02, 2.6), e: (0.1, 0.9)})
+    assert curve.ends == ("reached e = 0.9.", "reached e = 0.1.")
+    # Bounces by roots of the gap: they accumulate on one side, and come to no end on the other.
+    for gamma, restitution in curve.values[:, ::20].T:
+        assert bounces(gamma - 3e-8, restitution)[1] is not None
+        assert bounces(gamma + 3e-8, restitution)[1] is None
+
+
+def next_of(r, restitution):
+    """w of the bounce behind one that ends at a part r of the time to the opening."""
+    return restitution * (1 - r) * (1 + 2 * r) / (6 * r**2)
+
+
+def test_the_last_bounces_of_complete_chatter_are_those_of_the_fixed_point():
+    # With e = r^2 (2 + r)/(1 + 2 r) a bounce of w* = (1 - r)(2 + r)/6 is followed by one of w*, shorter by r.
+    for r in (0.3, 0.66):
+        w, grows, w_r, grows_r = fixed(r)
+        restitution, later = r**2 * (2 + r) / (1 + 2 * r), r * (1 + 1e-6)
+        # Of a bounce that begins at s = 1 before the contact opens, and ends at r: h = 0, and the next one's w.
+        assert (1 - r) * (2 + r) / 6 == pytest.approx(next_of(r, restitution), rel=1e-14)
+        slope = (next_of(later, restitution) - w) / ((1 - later) * (2 + later) / 6 - w)
+        assert slope == pytest.approx(grows, rel=1e-5)
+        beside = fixed(r + 1e-6)
+        assert [w_r, grows_r] == pytest.approx(
+            [(beside[k] - fixed(r - 1e-6)[k]) / 2e-6 for k in (0, 1)], rel=1e-8
+        )

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from pwsmooth import Event, Switch, System, find_orbit, follow, follow_curve, solve
 from pwsmooth.analysis.capture import capture_threshold, critical_ratio
 from pwsmooth.analysis.captures import clearances
+from pwsmooth.analysis.holding import strength_of
 from pwsmooth.analysis.separatrix import frozen
 
 RANGES = {"ratio_z": (1e-3, 2), "sigma": (0.5, 6)}
@@ -159,3 +160,12 @@ def test_captures_end_where_what_is_held_is_let_go_at_once():
     curve = follow_curve(capture, {"omega": (0.4, 3), "sigma": (0.5, 5)})
     (end,) = curve.of_kind("capture + crossing-sliding")
     assert end.values["omega"] == pytest.approx(0.86061, abs=1e-4) and "reached sigma = 5." in curve.ends
+
+
+def test_what_a_layer_could_hold_is_compiled_once():
+    model = hidden().layered({z: sp.oo}).model
+    strength = strength_of(model, "lam", 1)
+    assert strength_of(model, "lam", 1) is strength
+    assert strength._rate(model) is strength._rate(model) and strength._functions(model) is strength._functions(
+        model
+    )

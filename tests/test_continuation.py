@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import sympy as sp
 from friction_oscillator import coulomb, hidden, v, y, z
+from friction_oscillator import omega as FREQUENCY
 
 from pwsmooth import Event, System
+from pwsmooth.analysis.arclength import only_way
 from pwsmooth.analysis.continuation import branch_off, follow
 from pwsmooth.analysis.fixed_points import TOLERANCE
 from pwsmooth.analysis.orbits import find_orbit, refine
@@ -316,6 +318,82 @@ def test_a_branch_ends_where_the_map_jumps_and_says_so():
     assert "jumps" in branch.end
     assert branch.values[-1] == pytest.approx(continuous.parameter, abs=1e-5)  # ends within its shortest steps
     assert all([kind for _, kind, _ in orbit.word] == ["crossing"] for orbit in branch.orbits)
+
+
+def test_a_step_does_not_lead_to_another_part_of_the_branch():
+    # Static friction with a memory: from here to a larger frequency the branch turns at 0.9723, and comes back below
+    # itself. A step along its tangent of 0.1 has a solution there, and both tangents point the same way.
+    orbit = find_orbit(
+        hidden(omega=0.752542372881356, sigma=4),
+        {y: -1, v: 1, z: 0},
+        period=2 * sp.pi / FREQUENCY,
+        transient=200,
+    )
+    branch = follow(orbit, "omega", to=3, back=0.4, step=0.005, most=40)
+    kinds = [one.kind for one in branch.bifurcations]
+    assert kinds[:2] == ["switching-sliding", "fold"]
+    # Until it turns, the orbits of this branch attract: so trajectories find them, and none beyond.
+    turn = branch.bifurcations[1].parameter
+    for frequency, found in ((turn - 1e-4, True), (turn + 1e-4, False)):
+        start = dict(zip("yvz", branch.orbits[branch.places[1] - 1].x))
+        there = find_orbit(
+            hidden(omega=frequency, sigma=4), start, period=2 * sp.pi / FREQUENCY, transient=400, count=1,
+            phase=branch.orbits[branch.places[1] - 1].map.phase,
+        )  # fmt: skip
+        assert (not _is_symmetric(there)) == found
+
+
+def _is_symmetric(orbit):
+    """Whether an orbit of the friction oscillator is its own mirror image half a period later."""
+    half = orbit.map.over(orbit.x, orbit.period / 2).x[:2, -1]
+    return bool(np.abs(half + orbit.x[:2]).max() < 1e-4)
+
+
+def test_a_step_that_jumps_to_another_branch_is_shortened():
+    # Slaved, over rho at sigma = 4.3, around the fold at 3.4279: a step led from the asymmetric orbit to another, and
+    # the change between them was looked for where neither is.
+    orbit = find_orbit(
+        hidden(rho=4.06779661, sigma=4.3).layered({z: sp.oo}), {y: 0.5, v: 0.3}, period=2 * sp.pi, transient=400
+    )
+    branch = follow(orbit, "rho", to=0, back=5, step=0.005, longest_step=0.1, most=30)
+    assert branch.bifurcations[0].kind == "fold"
+    assert all(one.kind != "jump of the orbit" and 0 <= one.parameter <= 5 for one in branch.bifurcations)
+
+
+def test_slips_that_grow_as_a_square_root_are_no_jump():
+    # Coulomb friction and a little more: below sigma = 1 the block rests, and beyond it slips for 4.2 sqrt(sigma - 1).
+    orbit = find_orbit(
+        hidden(rho=0.25, sigma=1.4).layered({z: sp.oo}), {y: 0.5, v: 0.3}, period=2 * sp.pi,
+        symmetry={y: -y, v: -v}, transient=50,
+    )  # fmt: skip
+    (last,) = follow(orbit, "sigma", to=0.5, back=5.2, step=0.005, longest_step=0.1).bifurcations
+    assert last.kind == "adding-sliding" and last.parameter == pytest.approx(1, abs=1e-8)
+
+
+def test_an_unstable_orbit_that_is_a_rounding_off_after_two_periods_repeats():
+    # Beside the end of its branch what a period is off by grows by 1e4 in the next one: that is no other period.
+    orbit = find_orbit(
+        hidden(rho=1.2, sigma=2).layered({z: sp.oo}), {y: 0.78, v: -1.03}, period=2 * sp.pi,
+        symmetry={y: -y, v: -v}, transient=50,
+    )  # fmt: skip
+    branch = follow(orbit, "sigma", to=0.5)
+    assert branch.end.startswith("adding-sliding")
+    assert np.abs(branch.orbits[-1].map_multipliers).max() > 1e4
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_the_way_on_is_the_null_vector(across):
+    rng = np.random.default_rng(7)
+    for n in (2, 30, 93):
+        DF = rng.normal(size=(n, n + 1))
+        exact = np.linalg.svd(DF)[2][-1]
+        direction = rng.normal(size=n + 1)
+        if across:
+            direction -= (direction @ exact) * exact
+        found, alone = only_way(DF, direction)
+        assert alone and abs(abs(found @ exact) - 1) < 1e-12
+        assert across or found @ direction > 0
+    assert not only_way(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 1.0, 0.0]))[1]
 
 
 def test_a_branch_goes_on_when_its_section_comes_to_lie_in_a_stick():

@@ -155,14 +155,15 @@ def grazing_amplitude(frequency):
     return np.sqrt((1 - frequency**2) ** 2 + frequency**2 / 100)
 
 
-def one_impact(frequency):
+def one_impact(frequency, periods=1):
     """m0 and m1, where the orbit behind an impact of speed v is the forced one and a free one v (m0, m1)."""
-    M = expm(2 * math.pi / frequency * np.array([[0, 1], [-1, -0.1]]))
+    M = expm(2 * math.pi * periods / frequency * np.array([[0, 1], [-1, -0.1]]))
     return np.linalg.solve(M - np.eye(2), [0, 1.8]), M
 
 
-def fold_amplitude(frequency):
-    (m0, m1), _ = one_impact(frequency)
+def fold_amplitude(frequency, periods=1):
+    """Of the orbit with one impact in some periods."""
+    (m0, m1), _ = one_impact(frequency, periods)
     speed = m0 / (m0**2 + (0.8 + m1) ** 2 / frequency**2)
     return math.hypot(1 - speed * m0, speed * (0.8 + m1) / frequency) * grazing_amplitude(frequency)
 
@@ -408,6 +409,50 @@ def test_a_stick_of_static_friction_is_parted_where_the_drive_comes_to_its_large
     fold = np.sqrt((1 + np.maximum(rho, 0.5)) / (3 * np.maximum(rho, 0.5)))
     assert np.ptp(rho) == 5 and len(rho) > 20
     assert np.abs(sigma - np.where(rho < 0.5, 1, fold * (1 + rho * (1 - fold**2)))).max() < 1e-10
+
+
+def test_folds_and_partings_of_static_friction_lead_to_the_end_of_its_layer(slaved):
+    """Beside a stick that a fold just lets go the map has a square root; from release to release it has none."""
+    orbit = symmetric(slaved, rho=0.75, sigma=2)
+    branch = follow(orbit, "sigma", to=0.5, longest_step=0.1)
+    assert [one.kind for one in branch.bifurcations] == ["fold", "adding-sliding"]
+    assert branch.end.startswith("adding-sliding")
+    ranges = {"rho": (0, 5), "sigma": (0.5, 5)}
+    folds, parted = (follow_curve(one, ranges) for one in branch.bifurcations)
+    for curve in (folds, parted):
+        assert np.ptp(curve.values[0]) > 4.49 and curve.admissible.all()
+        (end,) = curve.points
+        assert end.name == f"{curve.kind} + exit by a fold"
+        # The fold of lam (1 + rho (1 - lam^2)) comes to lam = 1 at rho = 1/2, and there it holds 1.
+        assert list(end.values.values()) == pytest.approx([0.5, 1], abs=1e-7)
+
+
+@pytest.mark.parametrize("rho", [0.75, 0.65])
+def test_a_fold_beside_a_stick_that_parts_is_as_near_to_it_as_a_short_slip_says(slaved, rho):
+    # What is let go with the force D = mu_s - 1 too much slips for sqrt(6 D) and by 3 D^2/2 (the drive is at its
+    # largest). Let go earlier by b it slips by (6 D)^(3/2) b/6 more, and half of that comes back through the spring
+    # k = 3.1: sigma = sigma_0 + b^2/2 - (k/12) (6 D)^(3/2) b. The next terms are some D^(1/2) of these, here 17 %.
+    fold, parting = follow(symmetric(slaved, rho=rho, sigma=2), "sigma", to=0.5, longest_step=0.1).bifurcations
+    lam = math.sqrt((1 + rho) / (3 * rho))
+    more = lam * (1 + rho * (1 - lam**2)) - 1
+    gap = (3.1 / 12) ** 2 * (6 * more) ** 3 / 2
+    assert parting.parameter - fold.parameter == pytest.approx(gap, rel=math.sqrt(more))
+
+
+def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved):
+    # A slip that comes to rest for a moment is held there: the Poincare map jumps, and the orbit is regular up to it.
+    from friction_oscillator import omega, v, y
+
+    at = slaved.with_parameters({"omega": 0.4, "sigma": 4.6})
+    orbit = find_orbit(at, {y: 0.5, v: 0.3}, period=2 * sp.pi / omega, transient=300)
+    branch = follow(orbit, "omega", to=0.6, longest_step=0.1)
+    assert branch.end.startswith("grazing-sliding") and len(orbit.word) == 6
+    curve = follow_curve(branch.bifurcations[-1], {"omega": (0.4, 3), "sigma": (0.5, 5)})
+    assert curve.ends == ("reached sigma = 5.", "reached omega = 0.4.")
+    # Two routes: over the drive, at the frequency where the curve leaves the plane.
+    (other,) = follow(orbit, "sigma", to=4, longest_step=0.1).bifurcations
+    assert other.kind == "grazing-sliding"
+    assert curve.values[1, curve.values[0] == 0.4] == pytest.approx(other.parameter, abs=other.uncertainty)
 
 
 def test_a_curve_that_leads_no_further_says_so():

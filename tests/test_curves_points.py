@@ -91,7 +91,7 @@ def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
     orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
     grazing = follow_curve(orbit, ranges, kind="grazing impact")
-    third, second, first = grazing.points
+    third, second, first = grazing.of_kind("degenerate grazing")
     assert all(point.begins == ("fold",) for point in grazing.points)
     short, long = follow_curve(third, ranges), follow_curve(second, ranges)
     for folds in (short, long):
@@ -105,6 +105,33 @@ def test_folds_of_impacting_orbits_begin_at_degenerate_grazing_and_lead_back():
     assert np.ptp(frequency) == pytest.approx(2.45)
     assert np.abs(amplitude - grazing_amplitude(frequency)).max() < 1e-10
     assert DAMPED * 2 == pytest.approx(end.values["w"], abs=ON_CURVE)
+
+
+@pytest.fixture(scope="module")
+def grazing():
+    quiet = hammer.with_parameters({A: 0.8 * grazing_amplitude(1.4)})
+    orbit = find_orbit(quiet, {x: -0.5, u: 0}, period=2 * sp.pi / w)
+    return follow_curve(orbit, {w: (0.55, 3), A: (0, 10)}, kind="grazing impact")
+
+
+def test_grazing_is_degenerate_for_several_periods_where_the_free_motion_is_back_in_phase(grazing):
+    # m0 of m periods is sin(m T damped frequency) but for a factor: 0 at 2 m/n of the damped frequency.
+    for m in (2, 3):
+        found = [point.values["w"] for point in grazing.of_kind(f"degenerate grazing, period {m}")]
+        exact = [2 * m * DAMPED / n for n in range(1, 30) if n % m and 0.55 < 2 * m * DAMPED / n < 3]
+        assert found == pytest.approx(exact[::-1], abs=ON_CURVE)
+
+
+@pytest.mark.parametrize("m, n", [(2, 5), (3, 7)])
+def test_folds_of_orbits_with_one_impact_in_several_periods_begin_there(grazing, m, n):
+    points = grazing.of_kind(f"degenerate grazing, period {m}")
+    point = min(points, key=lambda one: abs(one.values["w"] - 2 * m * DAMPED / n))
+    folds = follow_curve(point, {w: (0.55, 3), A: (0, 10)})
+    assert len(folds.orbits) > 20 and folds.admissible.all()
+    assert max(abs(p - fold_amplitude(q, m)) for q, p in folds.values.T) < ON_CURVE
+    # Of their orbits the exact map is the one of m periods, with one impact in all.
+    middle = folds.orbits[len(folds.orbits) // 2]
+    assert middle.map.count == m and [kind for _, kind, _ in middle.word] == ["impact"]
 
 
 def test_each_of_two_curves_of_the_friction_oscillator_leads_to_the_other():

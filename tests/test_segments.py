@@ -13,7 +13,7 @@ from pwsmooth.analysis.continuation import branch_off, follow
 from pwsmooth.analysis.fixed_points import TOLERANCE
 from pwsmooth.analysis.multipliers import cyclic_multipliers
 from pwsmooth.analysis.orbits import find_orbit
-from pwsmooth.analysis.segments import Shooting
+from pwsmooth.analysis.segments import Shooting, cut
 from tests.fuzz import orbits as planted
 from tests.fuzz.judging import WRONG
 
@@ -202,3 +202,18 @@ def test_turns_of_a_pendulum_are_the_same_however_many_it_has_made():
 def test_bad_numbers_of_segments_are_refused():
     with pytest.raises(ValueError, match="`segments`"):
         find_orbit(coulomb(), {y: 0.5, v: 0.3}, **FORCED, segments=0)
+
+
+@pytest.mark.parametrize("rate", [2.6, 2.8, 3.0, 3.2, 3.4, 3.6])
+def test_segments_that_are_cut_anew_do_not_begin_where_an_event_has_come_near(rate):
+    # x' = rate x + cos t, and a kink where x passes 0: an old segment begins 1e-9 of the period behind that.
+    kinked = System({x: rate * x + sp.cos(t) + sp.Abs(x) / 10}, time=t)
+    orbit = find_orbit(kinked, {x: 0}, **FORCED)
+    times = [e.time / orbit.period for one in orbit.runs() for e in one.events if e.kind == "crossing"]
+    assert times
+    for at in times:
+        # The growth up to there is as much as one segment has: there a new one would begin.
+        shooting = Shooting(orbit.map, ((at + 1e-9,),))
+        X = np.append(orbit.x, orbit.map.over(orbit.x, (at + 1e-9) * orbit.period).x[0, -1])
+        cuts, *_ = cut(shooting, X, shooting.image(X, ()))
+        assert cuts[0] and min(abs(place - other) for place in cuts[0] for other in times) > 2.9e-3

@@ -27,6 +27,7 @@ from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
 NEAR = 0.03  # of the period: an event so near to the section moves it
+_ALONG = 0.8  # cosine between tangents and the chord of a step
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
 
 
@@ -228,8 +229,13 @@ class Walk:
             return None
         if ds > _MOVES and _sticks(there) and not _sticks(here):
             return None  # a shorter step comes near enough to move the section first
-        # Within one itinerary the branch is smooth; between two it may have a corner.
-        if there.tangent @ here.tangent < 0.8 and same_itinerary(here.orbit, there.orbit):
+        # Within one itinerary the branch is smooth, and a chord lies along both tangents: one that does not leads to
+        # another part of it, or to another branch. Between two itineraries it may have a corner.
+        way = there.u - here.u
+        along = min(
+            there.tangent @ here.tangent, *(p.tangent @ way / np.linalg.norm(way) for p in (here, there))
+        )
+        if along < _ALONG and same_itinerary(here.orbit, there.orbit):
             return None
         return there
 
@@ -287,13 +293,16 @@ class Walk:
 
 
 def quiet_time(run: Solution, period: float) -> float | None:
-    """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay."""
+    """The middle of the longest slip of a run that begins in a stick or near to an event; None where it may stay.
+
+    Also of a short slip, where that is farther from its ends.
+    """
     times = np.array([e.time for e in run.events])
     edge = min(times[0] - run.t[0], run.t[-1] - times[-1]) if times.size else math.inf
     if edge > NEAR * period:
         return None
     middle, length = longest_slip(run)
-    return middle if length >= 4 * NEAR * period else None
+    return middle if length >= 4 * min(NEAR * period, edge) else None
 
 
 def _begun(orbit: PeriodicOrbit) -> tuple[Shooting, np.ndarray, Image] | None:
@@ -315,7 +324,20 @@ def _sticks(point: Point) -> bool:
 
 
 def only_way(DF: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Unit null vector of DF (n, n + 1), to the side of `direction`; whether there is no other one."""
-    _, sizes, rows = np.linalg.svd(DF)
-    tangent = rows[-1] if rows[-1] @ direction >= 0 else -rows[-1]
+    """Unit null vector of DF (n, n + 1), to the side of `direction`; whether there is no other one.
+
+    From two bordered systems: singular vectors of 30 segments' equations cost a hundred times as much.
+    """
+    sizes, last = np.linalg.svd(DF, compute_uv=False), np.append(np.zeros(len(DF)), 1.0)
+    border = direction / (np.linalg.norm(direction) or 1.0)
+    try:
+        for _ in range(2):
+            tangent = np.linalg.solve(np.vstack([DF, border]), last)
+            border = tangent / np.linalg.norm(tangent)
+        tangent = border
+    except np.linalg.LinAlgError:  # the direction is across it, or there are others
+        tangent = np.linalg.svd(DF)[2][-1]
+    if not np.isfinite(tangent).all():
+        tangent = np.linalg.svd(DF)[2][-1]
+    tangent = tangent if tangent @ direction >= 0 else -tangent
     return tangent, bool(sizes[-1] > MULTIPLIERS * max(1.0, sizes[0]))

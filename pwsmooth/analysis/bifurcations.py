@@ -19,7 +19,7 @@ from .arclength import Point, Walk
 from .bracketing import zero_between
 from .captures import CAPTURE
 from .conditions import factors, on_circle, pairs
-from .itineraries import Change, change_between, same_itinerary
+from .itineraries import JUMP, Change, change_between, same_itinerary
 from .jumps import ADDING, jump_between
 from .orbits import refined_to
 from .periodic_orbit import PeriodicOrbit
@@ -32,7 +32,9 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
-_APART = 1e-6  # of the arc, to either side of a change: there its events stand apart and can be named
+# Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
+# root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
+_APART = (1e-6, 1e-8, 1e-10)
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,8 @@ class Bifurcation:
     @property
     def jumps(self) -> bool:
         """Whether the Poincare map jumps there, so that the branch ends."""
-        return self.kind == CAPTURE or self.kind == ADDING and not self.change.before  # type: ignore[union-attr]
+        parts = self.kind == ADDING and (self.beyond is None or not self.change.before)  # type: ignore[union-attr]
+        return self.kind == CAPTURE or parts
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
@@ -142,16 +145,19 @@ def bifurcations_between(walk: Walk, here: Point, there: Point) -> list[Bifurcat
             return bifurcations + _smooth_all(walk, here, there)
         left, right, part = change_enclosed(walk, here, there)
         left, right, width = _cornered(walk, here, there, left, right, part)
-        apart = _apart(walk, here, there, left, right)
+        for reach in _APART:
+            apart = _apart(walk, here, there, left, right, reach)
+            change = change_between(*(p.orbit for p in apart))
+            if change.name != JUMP:
+                break
         # So near to a grazing that the touch has no derivative, the orbits a little away have the multipliers.
         before, behind = (far if near.orbit.degenerate else near for near, far in zip((left, right), apart))
         bifurcations += _smooth_all(walk, here, before)
-        change = change_between(*(p.orbit for p in apart))
         if change.name == "lift-off":
             # The flight is as high as the square of the distance from it: lower than roundings it is none.
             width = max(width, math.sqrt(np.finfo(float).eps) * (1 + abs(walk.value(left))))
         if not of_no_effect(change, *(p.orbit for p in apart)):
-            if change.name == "jump of the orbit" and (found := jump_between(walk, left, right)) is not None:
+            if change.name == JUMP and (found := jump_between(walk, left, right)) is not None:
                 found = found._replace(change=found.change or change)
                 return [*bifurcations, Bifurcation(*found, beyond=behind.orbit)]
             bifurcations.append(
@@ -166,7 +172,7 @@ def of_no_effect(change: Change, one: PeriodicOrbit, other: PeriodicOrbit) -> bo
     if change.name != "change of order":
         return False
     off = np.abs(one.jacobian - other.jacobian).max(initial=0.0)
-    return bool(off <= 100 * _APART * np.abs(one.jacobian).max(initial=0.0))
+    return bool(off <= 100 * _APART[0] * np.abs(one.jacobian).max(initial=0.0))
 
 
 def collapse_between(
@@ -260,14 +266,14 @@ def _last(walk: Walk, point: Point, way: np.ndarray, length: float) -> Point:
     return point
 
 
-def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point) -> list[Point]:
+def _apart(walk: Walk, here: Point, there: Point, left: Point, right: Point, reach: float) -> list[Point]:
     """Points of the two itineraries a little away from the change."""
     found = []
     for point, end in ((left, here), (right, there)):
         chord = end.u - point.u
         length = float(np.linalg.norm(chord))
         way = chord / length if length > 0 else point.tangent
-        further = walk.correct(point.u + min(_APART, length) * way, way, end.tangent)
+        further = walk.correct(point.u + min(reach, length) * way, way, end.tangent)
         same = further is not None and same_itinerary(further.orbit, point.orbit)
         found.append(further if same and further is not None else point)
     return found

@@ -24,7 +24,7 @@ import sympy as sp
 
 from ..results.solution import Solution
 from .conditions import Condition, Place
-from .holding import Strength, held, not_held
+from .holding import Strength, held, not_held, strength_of
 from .periodic_orbit import PeriodicOrbit
 from .recutting import Cut
 from .sections import Stroboscopic
@@ -104,7 +104,7 @@ class AtFold(Arrival):
         if found is None or not_held(model, self.switch):
             return {}
         _, _, t, x, mult, side = found
-        rate = Strength(model, self.switch, side).functions(held(model, self.switch))[1]
+        rate = strength_of(model, self.switch, side).functions(held(model, self.switch))[1]
         p = np.array(place.map.system.parameter_values, float)
         return {"capture + crossing-sliding": float(rate(np.array([t]), x[:, None], mult[:, None], p)[0])}
 
@@ -144,7 +144,7 @@ def clearances(orbit: PeriodicOrbit) -> list[tuple[str, int, float]]:
         side, number = int(e.note.split(" to ")[0]), counts.get(e.switch, 0)
         x, mult = run.x[:, column], run.mult[:, column]
         if e.switch in hidden:
-            clearance = _at_fold(Strength(model, e.switch, side), model, e.time, x, mult, p)
+            clearance = _at_fold(strength_of(model, e.switch, side), model, e.time, x, mult, p)
         elif hidden:
             clearance = math.nan
         else:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .impacts import ImpactImage
+from .impacts import EventImage
 from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
 from .poincare import Word
@@ -49,15 +49,15 @@ class Place(NamedTuple):
         return len(self.x) // self.map.number if isinstance(self.map, Shooting) else len(self.x)
 
     def critical(self, root: int) -> np.ndarray:
-        """DP - root; of a motion from an impact to the next one the pencil of its multipliers."""
-        if isinstance(self.image, ImpactImage):
+        """DP - root; of a motion from an event to the next one the pencil of its multipliers."""
+        if isinstance(self.image, EventImage):
             A, B = self.image.pencil
             return B - root * A
         return critical(self.map, self.DP, root)
 
     @property
     def multipliers(self) -> np.ndarray:
-        if isinstance(self.image, ImpactImage):
+        if isinstance(self.image, EventImage):
             from scipy.linalg import eigvals
 
             A, B = self.image.pencil
@@ -168,10 +168,11 @@ class Critical(Condition):
         rest = others(place.multipliers, [complex(self.root)])
         double = "1:1 resonance" if self.root > 0 else "1:2 resonance"
         image = place.image
-        if isinstance(image, ImpactImage):
+        if isinstance(image, EventImage):
             # The pencil's leading coefficient has the speed as a factor.
             found = {
-                f"{self.kind} + grazing impact": image.speed,
+                **{f"{self.kind} + {change}": value for change, value in image.more.items()},
+                f"{self.kind} + {place.map.touches}": image.speed,
                 double: float(w @ image.pencil[0] @ v) / (image.speed or np.nan),
             }
         else:
@@ -181,17 +182,17 @@ class Critical(Condition):
             found |= {"cusp": float(slopes[0, : len(v)] @ v), f"fold + {flip}": factors(rest, -1)}
         else:
             found[f"{self.kind} + fold"] = factors(rest, 1)
-            if not isinstance(place.map, Shooting) and not isinstance(image, ImpactImage):
+            if not isinstance(place.map, Shooting) and not isinstance(image, EventImage):
                 degenerate = flip_coefficient(place.map, image, place.x, v, w)
                 found[f"degenerate {self.kind}"] = degenerate
         return found | {f"{self.kind} + torus": pairs(rest)}
 
     def ends(self, name: str) -> str:
-        return (
-            "there the impact has no speed, and beyond it the curve is virtual"
-            if "grazing impact" in name
-            else ""
-        )
+        if "grazing impact" in name:
+            return "there the impact has no speed, and beyond it the curve is virtual"
+        if "exit by a fold" in name:
+            return "there the fold comes to the end of the layer, and what is let go has no speed"
+        return "beyond it nothing parts the stick" if "adding-sliding" in name else ""
 
     def admissible(self, place: Place) -> bool:
         return getattr(place.image, "speed", 1.0) > -TOUCHED and super().admissible(place)

@@ -24,6 +24,7 @@ from .captures import CAPTURE
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBranch
 from .equilibrium_branches import coordinate, follow_equilibrium, value_at
+from .itineraries import JUMP
 from .jumps import end_at
 from .periodic_orbit import PeriodicOrbit, none_found
 from .repetition import SAME, not_repeated
@@ -261,24 +262,26 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
                 continue
             there = walk.turn(here, ds)
             if there is None:
-                found_end = end_at(walk, here, 100 * ds * walk.scale)
-                if found_end is None:
-                    return walk.why_ended(here, ds)
-                last = Bifurcation(*found_end)
-                branch.bifurcations.append(last)
-                branch.places.append(len(branch.orbits))
-                return (
-                    f"{last.kind} at {name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` "
-                    "follows it over two parameters."
-                )
+                return _ended(branch, walk, here, ds)
         past = _passed(there, here, walk, begin, end)
         if past is not None:
-            there = walk.at_parameter(here, past, there)
-            if there is None:
+            bound, reach = walk.at_parameter(here, past, there), np.linalg.norm(there.u - here.u)
+            # One so much farther than the point beyond the bound is of another branch.
+            if bound is None or np.linalg.norm(bound.u - here.u) > 2 * reach:
+                if ds > shortest_step:
+                    ds *= 0.3
+                    continue
                 return f"no orbit was found at {name} = {past:g}."
+            there = bound
         if broken := not_repeated(there.orbit):
             return f"at {name} = {walk.value(there):.10g} there is {broken}"
         found = bifurcations_between(walk, here, there)
+        if any(b.kind == JUMP for b in found):
+            # The step has come to another branch: a shorter one keeps to this one, or finds its end.
+            if ds > shortest_step:
+                ds *= 0.3
+                continue
+            return _ended(branch, walk, here, ds)
         shorter = collapse_between(walk, here, there, found)
         if shorter is not None:
             count, ends = shorter
@@ -299,6 +302,20 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
+
+
+def _ended(branch: Branch, walk: Walk, here: Point, ds: float) -> str:
+    """Why no step leads on from a point, in words; what the branch ends at, if that has a name, is its last one."""
+    found = end_at(walk, here, 100 * ds * walk.scale)
+    if found is None:
+        return walk.why_ended(here, ds)
+    last = Bifurcation(*found)
+    branch.bifurcations.append(last)
+    branch.places.append(len(branch.orbits))
+    return (
+        f"{last.kind} at {walk.name} = {last.parameter:.10g}: no orbit was found beyond it. `follow_curve` follows it "
+        "over two parameters."
+    )
 
 
 def _away(walk: Walk, here: Point, there: Point, found: list[Bifurcation]) -> Point:

@@ -13,15 +13,16 @@ import sympy as sp
 from ..definition import checks
 from .bifurcations import Bifurcation
 from .captures import CAPTURE, capture_cut, condition_at
+from .chatter import EndOfChatter, accumulates, chatter_cut
 from .codimension import Codimension2, Lead
 from .conditions import BranchPoint, Condition, Critical, Torus
 from .holding import not_held
-from .impacts import from_impact
-from .itineraries import Change
+from .impacts import FromRelease, from_impact, from_release
+from .itineraries import CHATTER, Change
 from .jumps import ADDING
 from .periodic_orbit import PeriodicOrbit
 from .recutting import Cut, of_orbit, touched
-from .tangencies import TOGETHER, Arrival, Border, Exit, Touch
+from .tangencies import TOGETHER, Arrival, Border, Exit, LetGo, Touch
 from .windows import PartedImage, Windowed
 
 BORDER = "border collision"
@@ -29,12 +30,17 @@ TOUCHES = ("grazing impact", "grazing", "grazing-sliding", "grazing of an event"
 EXITS = ("exit by a fold",)
 ARRIVALS = ("crossing-sliding", "switching-sliding")
 SMOOTH = ("fold", "flip", "symmetry breaking", "torus", "branch point")
-FOLLOWED = (CAPTURE, *SMOOTH, *TOUCHES, *ARRIVALS, *EXITS)
+FOLLOWED = (CAPTURE, *SMOOTH, *TOUCHES, *ARRIVALS, *EXITS, CHATTER)
 _OF_ORBITS = (*SMOOTH, *TOUCHES, BORDER, CAPTURE)
 
 
-def condition_of(kind: str, name: str, names: tuple[str, str], event: Any) -> Condition:
-    """The condition that a bifurcation of this kind, found over the parameter `name`, puts on its curve."""
+def condition_of(lead: Lead, name: str, names: tuple[str, str]) -> Condition:
+    """The condition that what a curve begins with, found over the parameter `name`, puts on it."""
+    kind, event = lead.kind, lead.event
+    if kind in TOUCHES and isinstance(lead.cut[0], FromRelease):
+        return LetGo(kind)
+    if kind == CHATTER:
+        return EndOfChatter(kind, *event)
     if kind == BORDER:
         return Border(event)
     if kind == CAPTURE:
@@ -64,9 +70,23 @@ def given(
         if start.kind not in FOLLOWED:
             raise ValueError(f"`start` is a {start.kind}; followed are {followed}.")
         orbit, kind, name = start.orbit, start.kind, start.name
+        if start.kind == CHATTER:
+            rests = accumulates((start.orbit, start.beyond))
+            switch = (*start.change.before, *start.change.after)[0].switch  # type: ignore[union-attr]
+            bounces = "no contact closes" if rests is None else chatter_cut(rests, switch)
+            if isinstance(bounces, str):
+                raise ValueError(f"`start` is an {kind} that is not followed: {bounces}.")
+            return rests, name, Lead(kind, *bounces, begins=False)
         if start.change is not None and start.kind in (*ARRIVALS, *EXITS):
             cut, event = at_event(orbit, kind, start.change)
             return orbit, name, Lead(kind, cut, event, begins=False)
+        if start.kind == ADDING and start.jumps and start.change.before:  # type: ignore[union-attr]
+            release = from_release(orbit.map, orbit.x)
+            if release is None:
+                raise ValueError(
+                    f"`start` is an {kind} of an orbit that no fold lets go; start from another one."
+                )
+            return orbit, name, Lead(kind, (*release, False), begins=False)
         if start.kind in TOUCHES and start.change is not None:
             change, phase = start.change, start.change.time
             letters = max(change.before, change.after, key=len)
@@ -93,9 +113,9 @@ def given(
             raise ValueError(f"`switch` is {border}; give a function of states {checks.listing(model.states)}.")
         return orbit, name, Lead(kind, of_orbit(orbit, orbit.map), border, begins=False)
     if kind not in TOUCHES:
-        # Beside a slow impact DP has no bound; the motion from impact to impact has.
+        # Beside a slow impact or release DP has no bound; the motion from one to the next has.
         slow = kind in ("fold", "flip") and orbit.segments is None
-        found = from_impact(orbit.map, orbit.x) if slow else None
+        found = (from_impact(orbit.map, orbit.x) or from_release(orbit.map, orbit.x)) if slow else None
         cut = of_orbit(orbit, orbit.map) if found is None else (*found, False)
         return orbit, name, Lead(kind, cut, begins=False)
     model = orbit.system.model

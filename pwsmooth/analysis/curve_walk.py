@@ -21,7 +21,7 @@ from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
 from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
 from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
-from .impacts import FromImpact, from_impact
+from .impacts import FromEvent
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
 from .recutting import anew, at_section, exact, narrowed
@@ -34,6 +34,7 @@ _MOST_NEWTON = 8
 _CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
 _SLOW = 1e-2  # of the last correction: what is not less takes new slopes
 _GROWS = 1e2  # of the map's slope: what segments make less
+HARDLY = 1e-5  # in the unit of dh/dt: the speed of a release that may as well be none
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 
 
@@ -192,8 +193,8 @@ class CurveWalk(Walk):
         In segments where deviations grow too much on the way, in others where they have changed.
         """
         here = self.segmented(here)
-        if isinstance(self.map, FromImpact):
-            found = from_impact(here.orbit.map, here.orbit.x)
+        if isinstance(self.map, FromEvent):
+            found = self.map.again(here.orbit.map, here.orbit.x)
             if found is not None:
                 self.map = dataclasses.replace(self.map, behind=found[0].behind, before=found[0].before)
             return here
@@ -254,7 +255,7 @@ class CurveWalk(Walk):
     def cut(self, here: Any) -> Any:
         """The same orbit in segments to stay; None where it is in segments or deviations do not grow on the way."""
         grown = np.abs(here.orbit.jacobian).max(initial=0.0)
-        if self.must or isinstance(self.map, (Shooting, FromImpact)) or not grown > _GROWS:
+        if self.must or isinstance(self.map, (Shooting, FromEvent)) or not grown > _GROWS:
             return None
         self.must = True
         there = self.segmented(here)
@@ -323,13 +324,15 @@ class CurveWalk(Walk):
 def _orbit(condition: Condition, place: Place, off: float, steps: int, held: bool) -> PeriodicOrbit:
     """The orbit at a point of a curve, as one of the exact map."""
     map_, x, image, word = exact(place.map), place.x, place.image, condition.word(place)
-    if isinstance(place.map, FromImpact):
+    if isinstance(place.map, FromEvent):
         map_, x = place.map.exact(x, image)
         there = map_.image(x, ())
-        # Of an impact without speed there is no exact map: what it was made from has the multipliers.
+        # Of an event without speed there is no exact map: what it was made from has the multipliers. Whether the
+        # exact motion has a release that is as slow is a matter of rounding.
         if there.success:
-            image, off = there, float(np.abs((there.x - x) / (1 + np.abs(x))).max())
-            word = image.word
+            if image.speed > HARDLY or place.map.touches != "adding-sliding":
+                off, word = float(np.abs((there.x - x) / (1 + np.abs(x))).max()), there.word
+            image = there
     found = off <= _REPEATED and condition.admissible(place)
     message = "continued" if found else "virtual: it is none of the exact system"
     orbit = orbit_of(map_, x, image, off, steps, found, message, (False, held))

@@ -16,7 +16,7 @@ from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
 from .curve_starts import TOUCHES
-from .curve_walk import CurveWalk, Spot, where
+from .curve_walk import HARDLY, CurveWalk, Spot, where
 from .emanating import change_along, leads, leads_of_change, of_capture
 from .itineraries import Change, same_itinerary
 from .orbits import refine
@@ -27,9 +27,11 @@ _MOST_HALVED = 100
 _ROUNDING = 1e-9  # of a test function, as multipliers have it: a change of sign there is none
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
+_RUN_OUT = 5e-3  # of the ranges: so near to its end a curve may have no more points
 _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 # So many orbits in a row with such a part of the longest step between them: a step doubles with each, else.
 _LAST, _STUCK = 40, 1e-3
+_AT = 1e-14  # of the ranges: on the border
 _STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
@@ -66,6 +68,8 @@ class Way:
                     continue
                 here = self._last(here, ds)
                 spots.append(here)
+                if said := self._run_out(spots):
+                    return self._ended(spots, said)
                 why, change = self._lost(here)
                 beyond = self._beyond(here, change) if self.virtual else None
                 if beyond is None:
@@ -145,8 +149,9 @@ class Way:
         for k in (0, 1):
             u, scale = there.u[n + k], walk.sizes[n + k]
             low, high = self.bounds[k] / scale
-            past = high if u >= high and u > here.u[n + k] else low if u <= low and u < here.u[n + k] else None
-            if past is not None and u != past:
+            over, under = u >= high - _AT and u > here.u[n + k], u <= low + _AT and u < here.u[n + k]
+            past = high if over else low if under else None
+            if past is not None and abs(u - past) > _AT:
                 at = walk.at(here, there, n + k, past)
                 return at, f"{walk.names[k]} = {past * scale:.9g}"
             if past is not None:
@@ -186,6 +191,9 @@ class Way:
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             return spot, f"{name} at {where(walk, spot)}: {why}."
+        slow = f"{walk.condition.kind} + adding-sliding"
+        if min(abs(spot.tests.get(slow, math.inf)) for spot in (here, there)) < HARDLY:
+            return None  # their words are of different motions
         if here is not self.born and not same_itinerary(here.orbit, there.orbit):
             left, right, _ = change_enclosed(walk, here, there)
             change = change_along(left.orbit, right.orbit)
@@ -221,15 +229,30 @@ class Way:
 
     def _short_of(self, here: Spot, there: Spot, name: str, why: str) -> tuple[Spot, str]:
         """The end of a curve whose last part has no points to Newton's method: extrapolated in its test function."""
-        walk, spots = self.walk, [here]
+        spots = [here]
         last = self._before(here, there, lambda spot: not self._nearer(spots, spot, name))
-        e = np.array([spot.tests[name] for spot in spots[-_EXTRAPOLATED:]])
-        at = np.array([list(walk.parameters(spot).values()) for spot in spots[-_EXTRAPOLATED:]])
-        weights = [np.prod(np.delete(e, k) / (np.delete(e, k) - e[k])) for k in range(len(e))]
-        values = dict(zip(walk.names, map(float, weights @ at)))
+        return last, self._at_zero(spots, name, why)
+
+    def _at_zero(self, spots: list[Spot], name: str, why: str) -> str:
+        """The point at which a test function vanishes beyond the last spots of a curve, added; in words."""
+        last = spots[-_EXTRAPOLATED:]
+        values = dict(zip(self.walk.names, map(float, extrapolated(last, name) * self.walk.scales)))
         where_ = ", ".join(f"{q} = {value:.7g}" for q, value in values.items())
-        self.points.append(Codimension2(name, values, last.orbit, f"{why} (extrapolated)"))
-        return last, f"{name} at {where_} (extrapolated): {why}."
+        self.points.append(Codimension2(name, values, last[-1].orbit, f"{why} (extrapolated)"))
+        return f"{name} at {where_} (extrapolated): {why}."
+
+    def _run_out(self, spots: list[Spot]) -> str:
+        """Whether steps have grown shorter and shorter towards a point at which the curve ends, in words."""
+        for name in spots[-1].tests:
+            why, parts = self.walk.condition.ends(name), [spots[-1]]
+            for spot in spots[-2::-1]:
+                if abs(spot.tests.get(name, math.nan)) > 1.1 * abs(parts[0].tests[name]):
+                    parts.insert(0, spot)
+            if not why or len(parts) < _EXTRAPOLATED:
+                continue
+            if np.linalg.norm(extrapolated(parts[-_EXTRAPOLATED:], name) - spots[-1].at) < _RUN_OUT:
+                return self._at_zero(parts, name, why)
+        return ""
 
     @staticmethod
     def _nearer(spots: list[Spot], spot: Spot, name: str) -> bool:
@@ -309,6 +332,13 @@ class Way:
         one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
         same = np.allclose(one, other, rtol=0.1, atol=0.1)
         return bool(aside < 0.2 * math.sqrt(length) and along and same)
+
+
+def extrapolated(spots: list[Spot], name: str) -> np.ndarray:
+    """Both parameters, scaled, where a test function vanishes, from its values at some points."""
+    e = np.array([spot.tests[name] for spot in spots])
+    weights = [np.prod(np.delete(e, k) / (np.delete(e, k) - e[k])) for k in range(len(e))]
+    return np.array(weights) @ np.array([spot.at for spot in spots])
 
 
 def _test(name: str) -> Callable[[Spot], float]:

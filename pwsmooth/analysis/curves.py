@@ -194,7 +194,7 @@ def follow_curve(
     lengths = step, longest_step, shortest_step
     with within(Budget(_COUNTED)) as counted:
         return _both_sides(
-            lead, condition_of(lead.kind, name, both, lead.event), both, bounds, lengths, most, virtual,
+            lead, condition_of(lead, name, both), both, bounds, lengths, most, virtual,
             lambda: _COUNTED - counted.left >= budget.left or budget.late(),
         )  # fmt: skip
 

@@ -3,7 +3,8 @@
     two conditions on multipliers        the curve of the other one passes there
     resonances 1:1, 1:2                  the fold or flip passes, the torus begins with theta = 0, pi
     degenerate flip, symmetry breaking   the fold of the doubled orbit begins, along the critical eigenvector
-    degenerate grazing                   the fold of orbits with a slow impact begins, at speed 0
+    degenerate grazing                   the fold of orbits with a slow impact, in one or in several periods, begins, at
+                                         speed 0
     a change of itinerary on a curve     the curve of that change passes, or begins
     a multiplier on one side of a change the fold, flip, ... of that side's orbits ends there
 
@@ -26,12 +27,12 @@ from .conditions import Critical, Place
 from .curve_starts import ARRIVALS, EXITS, SMOOTH, TOUCHES, at_event
 from .curve_walk import CurveWalk, Spot
 from .impacts import FromImpact
-from .itineraries import Change, change_between
+from .itineraries import JUMP, Change, change_between
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
 from .recutting import exact, of_orbit, touched
 from .segments import Shooting
-from .tangencies import SIDES, Touch, TwoSided
+from .tangencies import DEGENERATE, SIDES, Touch, TwoSided
 from .windows import Window, Windowed
 
 _ASIDE = 1e-4  # of the scaled parameters: so far beside a change the orbits of one side are started from
@@ -50,8 +51,8 @@ def leads(walk: CurveWalk, spot: Spot, name: str) -> tuple[Lead, ...]:
         return (Lead("torus", cut, extra=(_RESONANCES[name],)),)
     if name == f"degenerate {condition.kind}" and isinstance(condition, Critical):
         return _doubled(place, condition)
-    if name == "degenerate grazing" and isinstance(condition, Touch):
-        found = condition.impacts(place)
+    if name.startswith(DEGENERATE) and isinstance(condition, Touch):
+        found = condition.impacts(place, int(name.rpartition(" ")[2]) if "period" in name else 1)
         return () if found is None else (Lead("fold", (*found, False)),)
     if isinstance(condition, TwoSided) and second.endswith(tuple(SIDES)):
         return _of_one_side(walk, place, *second.split(", "))
@@ -91,7 +92,7 @@ def _grazing(place: Place, spot: Spot) -> tuple[Lead, ...]:
     if not run.success:
         return ()
     T = base.forcing_period
-    window = Window(map_.contact, 1, 0.0, (map_.before + map_.behind) * D / T, map_.before * D / T)
+    window = Window(map_.name, 1, 0.0, (map_.before + map_.behind) * D / T, map_.before * D / T)
     return (Lead("grazing impact", (Windowed(start, window), run.x[:, -1], False)),)
 
 
@@ -117,7 +118,7 @@ def _of_one_side(walk: CurveWalk, place: Place, kind: str, side: str) -> tuple[L
 def change_along(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     """What happens between two orbits of a curve; a jump at the threshold of a layer is a capture."""
     change = change_between(one, other)
-    if change.name == "jump of the orbit" and (at_threshold(one) or at_threshold(other)):
+    if change.name == JUMP and (at_threshold(one) or at_threshold(other)):
         return replace(change, name=CAPTURE)
     return change
 

@@ -112,12 +112,22 @@ def _with_own(model: Model, j: int, own: Multiplier) -> Model:
     return replace(model, multipliers=(*model.multipliers[:j], own, *model.multipliers[j + 1 :]))
 
 
+@functools.lru_cache(maxsize=64)
+def strength_of(model: Model, name: str, side: int) -> Strength:
+    """That of a switch and a side, whose functions are made once for each model that it is looked at along."""
+    return Strength(model, name, side)
+
+
 class Strength:
     """c of a switch and a side: how much more the layer could hold against what lets go to the other side."""
 
     def __init__(self, model: Model, name: str, side: int) -> None:
         self.j, self.side = index_of(model, name), side
+        self.hidden = model.multipliers[self.j].hidden
         self.lam = model.multipliers[self.j].symbol
+        self.there = sp.Dummy(real=True)
+        self.rates: dict[Model, Any] = {}
+        self.known: dict[Model, tuple[Any, Any, Any]] = {}
         self.expression = side * total_derivative(
             model.multipliers[self.j].surface, model.time, model.states, model.rhs
         )
@@ -125,6 +135,10 @@ class Strength:
     def level(self, model: Model, t: np.ndarray, x: np.ndarray, mult: np.ndarray, p: np.ndarray) -> np.ndarray:
         """The multipliers (m, nt) with that of the switch where s dh/dt is largest; of any model of these states."""
         value, *slopes = self._functions(model)
+        if not self.hidden:
+            found = np.array(mult, float)
+            found[self.j] = np.where(slopes[0](t, x, found, p) >= 0, 1.0, -1.0)
+            return found
         lam = np.linspace(-1.0, 1.0, _LAYER)
         times = np.repeat(t, _LAYER)
         many = np.repeat(mult, _LAYER, axis=1)
@@ -161,10 +175,16 @@ class Strength:
 
     def _rate(self, model: Model) -> Any:
         """dc/dt: that of s dh/dt at a lambda which stays where that is largest, while the motion has its own."""
-        there = sp.Dummy(real=True)
-        wider = replace(model, parameters=(*model.parameters, there))
-        return function_of(wider, speed_of(wider, self.expression.xreplace({self.lam: there})))
+        if model not in self.rates:
+            wider = replace(model, parameters=(*model.parameters, self.there))
+            e = self.expression.xreplace({self.lam: self.there})
+            self.rates[model] = function_of(wider, speed_of(wider, e))
+        return self.rates[model]
 
     def _functions(self, model: Model) -> tuple[Any, Any, Any]:
-        e = self.expression
-        return tuple(function_of(model, one) for one in (e, e.diff(self.lam), e.diff(self.lam, 2)))  # type: ignore[return-value]
+        if model not in self.known:
+            e = self.expression
+            slope = e.diff(self.lam)
+            each = (function_of(model, one) for one in (e, slope, slope.diff(self.lam)))
+            self.known[model] = tuple(each)  # type: ignore[assignment]
+        return self.known[model]

@@ -31,6 +31,7 @@ __all__ = ["Change", "change_between", "same_itinerary"]
 # Events that both orbits have differ by the square root of the bracket at most: 1e-6 at a bracket of 1e-12.
 _TOGETHER = 1e-3
 _AT_ONCE = 1e-12  # of the period: events of one instant, whose order is that of their roundings
+JUMP, CHATTER = "jump of the orbit", "end of complete chatter"
 _ORBIT = checks.instance(PeriodicOrbit, "a PeriodicOrbit, as find_orbit() gives it")
 
 
@@ -215,7 +216,7 @@ def change_between(one: PeriodicOrbit, other: PeriodicOrbit) -> Change:
     name = _name(gone, come, _status_before(before if len(gone) > len(come) else after, time))
     if far or name is None and len(gone) + len(come) < 2:
         # Events far apart change at once: the orbit after is not the continuation of the one before.
-        return Change("jump of the orbit", tuple(old), tuple(new), time)
+        return Change(JUMP, tuple(old), tuple(new), time)
     return Change(name or "change of itinerary", gone, come, time)
 
 
@@ -229,7 +230,7 @@ def _chatter(old: list[Letter], new: list[Letter]) -> Change | None:
             "impact"
         }:
             time = next(x.time for x in rests if x.kind == "closed contact")
-            return Change("end of complete chatter", tuple(old), tuple(new), time)
+            return Change(CHATTER, tuple(old), tuple(new), time)
     return None
 
 

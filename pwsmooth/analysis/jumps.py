@@ -2,7 +2,8 @@
 
     capture           an arrival is just held, or just not                    captures.py
     adding-sliding    a stick of a hidden term could just hold no more        holding.py, windows.py
-    grazing           a stop or an event is just touched, where the branch finds no orbit beyond
+                      or is just let go                                       impacts.py
+    grazing           a stop, an event or static friction is just touched, where the branch finds no orbit beyond
 
 Chain: arclength.py, captures.py, recutting.py -> **jumps** -> bifurcations.py, continuation.py.
 """
@@ -12,11 +13,15 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .arclength import Point, Walk
 from .captures import CAPTURE, at_threshold, clearances
-from .holding import not_held
+from .holding import not_held, strength_of
+from .impacts import from_release
 from .itineraries import Change, Letter, same_itinerary
 from .orbits import refine
+from .parts import minima
 from .periodic_orbit import PeriodicOrbit
 from .recutting import touched
 from .sections import Stroboscopic
@@ -84,14 +89,37 @@ def parted(orbit: PeriodicOrbit, within: float) -> Change | None:
     return Change(ADDING, (), (Letter(time, name, "slip by fold", 0, -side),), time)
 
 
+def let_go(orbit: PeriodicOrbit, within: float) -> Change | None:
+    """The stick of a hidden term that is just let go, whose layer could have held it with `within` more."""
+    found = from_release(orbit.map, orbit.x)
+    if found is None:
+        return None
+    release, z = found
+    t, D = float(z[-1]), release.duration
+    _, stays = release.systems()
+    run = release._solve(stays, (t, t + release.behind * D), z[:-1], True)
+    functions = strength_of(orbit.system.model, release.name, -release.side).functions(run.model)
+    places = minima(run, functions) if run.success else []
+    if not places:
+        return None
+    at = np.array(places[:1])
+    if functions[0](at, *run.dense(at), run.tape.p)[0] < -within:
+        return None
+    time = (t - release.start_time) / orbit.period % 1.0
+    return Change(ADDING, (Letter(time, release.name, "slip by fold", 0, release.side),), (), time)
+
+
 def end_at(walk: Walk, here: Point, width: float) -> Jump | None:
     """What a branch ends at where the map jumps: a capture, the grazing of a stop or of an event."""
     if at_threshold(here.orbit):
         return Jump(CAPTURE, walk.name, walk.value(here), width, here.orbit)
-    if (change := parted(here.orbit, _GRAZED)) is not None:
-        return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
+    for ends in (parted, let_go):
+        if (change := ends(here.orbit, _GRAZED)) is not None:
+            return Jump(ADDING, walk.name, walk.value(here), width, here.orbit, change)
     model, best = here.orbit.system.model, None
     kinds = {str(mu.symbol): ("grazing impact", "impact") for mu in model.multipliers if mu.kind == "contact"}
+    # Static friction holds at once what just comes to rest.
+    kinds |= {str(mu.symbol): ("grazing-sliding", "stick") for mu in model.multipliers if mu.hidden}
     for event in model.events:
         if event.surface is not None and not event.singular:
             kinds[event.name] = ("grazing of an event", "reset")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..results.solution import Solution
-from .impacts import FromImpact, ImpactImage
+from .impacts import EventImage, FromEvent
 from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
@@ -27,7 +27,7 @@ def exact(map_: Any) -> Any:
     """The map of the system itself, without what a curve has put into it."""
     if isinstance(map_, Shooting):
         return Shooting(exact(map_.map), map_.cuts)
-    return map_.base if isinstance(map_, (Windowed, FromImpact)) else map_
+    return map_.base if isinstance(map_, (Windowed, FromEvent)) else map_
 
 
 def begun(inner: Any, x: np.ndarray) -> tuple[Pieces, np.ndarray, Any] | None:
@@ -42,10 +42,10 @@ def begun(inner: Any, x: np.ndarray) -> tuple[Pieces, np.ndarray, Any] | None:
 def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must: bool) -> Cut | None:
     """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not."""
     new: Any
-    if isinstance(map_, FromImpact):
-        # What a slow impact makes large no segments make less.
+    if isinstance(map_, FromEvent):
+        # What a slow event makes large no segments make less.
         if not (
-            isinstance(image, ImpactImage) and growth(image.pencil[1][:-1, :-1], sizes(image.runs)) > TOO_LONG
+            isinstance(image, EventImage) and growth(image.pencil[1][:-1, :-1], sizes(image.runs)) > TOO_LONG
         ):
             return None
         inner, x = map_.exact(x, image)

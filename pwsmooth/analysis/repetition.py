@@ -34,12 +34,13 @@ def not_repeated(orbit: PeriodicOrbit) -> str:
     if len(run.t) < 2 or run.t[-1] < times[-1]:
         return f"the orbit closes after one period, but is not run through in the next: {why_stopped(run)}"
     growth = np.linalg.norm(orbit.jacobian) ** (2 if orbit.symmetric else 1)
-    slack = _REPEATED * max(run.tolerances["rtol"], TOLERANCE) * (1 + growth)
-    off = np.abs(run.x - x[:, None]).max(axis=1) / (1 + np.abs(x))
-    moved = np.flatnonzero(off > (math.sqrt(slack) if orbit.degenerate else slack))
+    # What a period is off grows once more in the next one.
+    slack = _REPEATED * max(run.tolerances["rtol"], TOLERANCE) * (1 + growth) * np.array([1.0, 1 + growth])
+    off = np.abs(run.x - x[:, None]) / (1 + np.abs(x[:, None]))
+    moved = np.flatnonzero((off > (np.sqrt(slack) if orbit.degenerate else slack)).any(axis=1))
     if not moved.size:
         return ""
-    return _why_not_repeated(orbit, moved, off[moved], x, run.x)
+    return _why_not_repeated(orbit, moved, off.max(axis=1)[moved], x, run.x)
 
 
 def _not_repeated_in_segments(orbit: PeriodicOrbit) -> str:

@@ -93,7 +93,8 @@ class Stroboscopic(_Map):
     def with_parameters(self, values: Mapping[Any, float]) -> Any:
         other = super().with_parameters(values)
         if self.period.free_symbols:
-            other.__dict__.pop("forcing_period", None)
+            for name in ("forcing_period", "_period_slopes"):
+                other.__dict__.pop(name, None)
         return other
 
     def doubled(self) -> Stroboscopic:
@@ -142,8 +143,14 @@ class Stroboscopic(_Map):
 
     def _period_slope(self, name: Any) -> float:
         """dT/dq by a parameter."""
-        q = checks.lookup(name, self.system.parameters, "`parameters`", "parameter")
-        return value(self.period.diff(q), self.system.parameters) if q in self.period.free_symbols else 0.0
+        return self._period_slopes.get(
+            checks.lookup(name, self.system.parameters, "`parameters`", "parameter"), 0.0
+        )
+
+    @functools.cached_property
+    def _period_slopes(self) -> dict[sp.Symbol, float]:
+        """dT/dq by every parameter of the period: each segment of an orbit asks for them."""
+        return {q: value(slope, self.system.parameters) for q, slope in _slopes_of(self.period)}
 
     @property
     def start_time(self) -> float:
@@ -214,6 +221,11 @@ class Stroboscopic(_Map):
         return Image(
             run.x[:, -1], span[1] - span[0], (run,), found.matrix, by_parameter, tuple(found.degenerate)
         )
+
+
+@functools.lru_cache(maxsize=64)
+def _slopes_of(period: sp.Expr) -> tuple[tuple[sp.Symbol, sp.Expr], ...]:
+    return tuple((q, period.diff(q)) for q in period.free_symbols)
 
 
 @dataclass(frozen=True)

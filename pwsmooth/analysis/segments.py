@@ -171,17 +171,23 @@ def restless(shooting: Shooting, image: Image, held: bool) -> bool:
     if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
         return True
     near = _CLOSE * image.time / shooting.map.turns
+    before = image.by_legs[-1]
     for runs, (_, begin, end) in zip(image.by_legs, shooting.legs):
-        early, late = runs[0], runs[-1]
-        if begin > 0 and (not held and sticks_at_start(early) or np.any(_inner(early) < early.t[0] + near)):
+        if begin > 0 and not _keeps_off(before[-1], runs[0], near, held):
             return True
-        if end != shooting.map.end and np.any(_inner(late) > late.t[-1] - near):
-            return True
+        before = runs
         # The next return must not come within the last segment but one.
         time = sum(run.t[-1] - run.t[0] for run in runs)
         if end == math.inf and begin > _LATEST * (begin + time):
             return True
     return False
+
+
+def _keeps_off(before: Solution, run: Solution, near: float, held: bool) -> bool:
+    """Whether no event is near to the beginning of a run, behind another one, which slides only if it is `held`."""
+    if not held and sticks_at_start(run) or np.any(_inner(run) < run.t[0] + near):
+        return False
+    return not np.any(_inner(before) > before.t[-1] - near)
 
 
 def _inner(run: Solution) -> np.ndarray:
@@ -204,12 +210,16 @@ def sizes(runs: Sequence[Solution]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A little part of the orbit, from one candidate to the next: its leg, point, the point's way, its matrix."""
+    """A little part of the orbit, from one candidate to the next: its leg, point, the point's way, its matrix.
+
+    `begins` is False where an old segment begins that an event has come near to: no new one may.
+    """
 
     leg: Leg
     x: np.ndarray
     way: np.ndarray
     matrix: np.ndarray
+    begins: bool = True
 
 
 def cut(
@@ -253,7 +263,10 @@ def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_P
     parameters = () if name is None else (name,)
     pieces = []
     barred = getattr(map_, "barred", lambda k, place: False)
+    before = image.by_legs[-1]
     for j, ((k, first, last), runs) in enumerate(zip(shooting.legs, image.by_legs)):
+        keeps = _keeps_off(before[-1], runs[0], _MARGIN * time, held)
+        before = runs
         free, begin = [], first
         for run in runs:
             free += [float(begin + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
@@ -268,7 +281,7 @@ def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_P
             piece = map_.leg(x, (k, *leg), parameters)
             if not piece.success:
                 return None
-            pieces.append(_Piece((k, *leg), x, moving, piece.jacobian))
+            pieces.append(_Piece((k, *leg), x, moving, piece.jacobian, keeps or leg[0] != first))
             x, moving = piece.x, piece.jacobian @ moving
             if name is not None:
                 moving = moving + speed * piece.by_parameter[:, 0]
@@ -293,7 +306,7 @@ def _as_grown(pieces: list[_Piece], size: np.ndarray, must: set[float | None]) -
     chosen, total, most = [], np.eye(len(size)), 0.0
     for piece in pieces:
         grown = piece.matrix @ total
-        if piece.leg[1] in must or growth(grown, size) > _GROWTH:
+        if piece.leg[1] in must or piece.begins and growth(grown, size) > _GROWTH:
             chosen.append(piece)
             grown = piece.matrix
         total, most = grown, max(most, growth(grown, size))
@@ -306,9 +319,10 @@ def _even(
     """Those with which so many segments begin (no fewer than applications), of about the same growth each; and 0."""
     # Where nothing grows, segments are equally long.
     load = np.cumsum([0.0, *(0.1 + math.log(max(1.0, growth(piece.matrix, size))) for piece in pieces)])
+    barred = np.array([0.0 if piece.begins else np.inf for piece in pieces])
     chosen = {k for k, piece in enumerate(pieces) if piece.leg[1] in must}
     for j in range(1, number):
-        at = int(np.argmin(np.abs(load[:-1] - load[-1] * j / number)))
+        at = int(np.argmin(np.abs(load[:-1] - load[-1] * j / number) + barred))
         if len(chosen) < number:
             chosen.add(at)
     return [pieces[k] for k in sorted(chosen)], 0.0

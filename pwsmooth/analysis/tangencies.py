@@ -2,6 +2,7 @@
 
     grazing of a stop, a surface, an event; grazing-sliding    the smallest s h of a window is 0 (windows.py)
     adding-sliding                                             the smallest 1 -+ lambda of a stick without bounds is 0
+    the same of what is let go by a fold                       the speed of its release is 0 (impacts.py)
     crossing-sliding, switching-sliding                        the largest s dh/dt over the layer is 0 at an arrival
     exit by a fold                                             d(dh/dt)/d lambda is 0 at the end where a stick is left
     border collision                                           h is 0 on the section
@@ -13,19 +14,22 @@ Chain: conditions.py, windows.py, impacts.py -> **tangencies** -> curve_walk.py.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..paths.linearised import linearise
 from .conditions import Condition, Place, factors, on_circle, pairs
-from .holding import Strength
-from .impacts import FromImpact, ImpactImage
+from .holding import strength_of
+from .impacts import EventImage, FromImpact
 from .parts import function_of
 from .pieces import spectrum, spread
 from .poincare import RETURN, Word, after_start
 from .segments import Shooting
 
+DEGENERATE = "degenerate grazing"
+SEVERAL = (2, 3)  # periods with one impact in all
 TOGETHER = 1e-3  # of the period: events that come and go together at a change of itinerary
 _ASIDE = 1e-8  # of c: so far to either side of it the map's slope is looked at
 SIDES = {"below": -1.0, "above": 1.0}
@@ -57,10 +61,20 @@ class Touch(Condition):
             if np.isfinite(near.others) else 1.0,
         }  # fmt: skip
         side = self.side_of_impacts(place)
-        return found if side is None else {"degenerate grazing": side, **found}
+        if side is None:
+            return found
+        # Where orbits with an impact in each period change sides, those with one in several do too: that is known.
+        more = {
+            f"{DEGENERATE}, period {m}": self.side_of_impacts(place, m) for m in SEVERAL if place.map.driven
+        }
+        return {
+            DEGENERATE: side,
+            **{name: other / side for name, other in more.items() if other and side},
+            **found,
+        }
 
-    def impacts(self, place: Place) -> tuple[FromImpact, np.ndarray] | None:
-        """The motion from contact to contact, and its point there; None where none is described."""
+    def impacts(self, place: Place, periods: int = 1) -> tuple[FromImpact, np.ndarray] | None:
+        """The motion from contact to contact some periods later, and its point there; None where none is described."""
         map_, near, T = place.map, place.image.approach, 1.0
         if isinstance(map_, Shooting):
             return None
@@ -72,14 +86,17 @@ class Touch(Condition):
             T = map_.forcing_period
         at = (near.place - (map_.start_time if map_.driven else 0.0)) / T
         behind, before = ((part * T / D) for part in (map_.window.end - at, at - map_.window.begin))
-        contact = FromImpact(map_.base, map_.window.name, behind, before)
+        # In the periods between the orbit touches too, and does not hit: there the wall is left out.
+        behind, before = (periods - 1 + behind) / periods, before / periods
+        base = replace(map_.base, count=periods * map_.base.count) if periods > 1 else map_.base
+        contact = FromImpact(base, map_.window.name, behind, before)
         return contact, np.append(near.x, near.place if map_.driven else D)
 
-    def side_of_impacts(self, place: Place) -> float | None:
+    def side_of_impacts(self, place: Place, periods: int = 1) -> float | None:
         """det K(1) from contact to contact: its sign says to which side orbits with a slow impact exist."""
-        found = self.impacts(place)
+        found = self.impacts(place, periods)
         image = None if found is None else found[0].image(found[1], ())
-        if not isinstance(image, ImpactImage):
+        if not isinstance(image, EventImage):
             return None
         A, B = image.pencil
         K = B - A
@@ -89,6 +106,30 @@ class Touch(Condition):
         if name == f"{self.kind} twice":
             return "beyond it the orbit crosses the surface elsewhere, and the curve is virtual"
         return ""
+
+
+class LetGo(Condition):
+    """What a fold lets go has no speed there: a moment later the layer could have held it (impacts.py).
+
+    On the other side of the curve it does, so that the orbits that are let go end there.
+    """
+
+    of_multipliers = False
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
+        return np.array([place.image.speed])
+
+    def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
+        return {f"{self.kind} + {change}": value for change, value in place.image.more.items()}
+
+    def ends(self, name: str) -> str:
+        return "there the fold comes to the end of the layer, and a slip begins with no speed"
+
+    def admissible(self, place: Place) -> bool:
+        return True
 
 
 class TwoSided(Condition):
@@ -270,7 +311,7 @@ class Arrival(AtEvent):
     def quantity(
         self, line: Any, j: int, t: float, x: np.ndarray, mult: np.ndarray, p: np.ndarray, side: int
     ) -> tuple[Any, float, np.ndarray]:
-        strength = Strength(line.model, self.switch, side)
+        strength = strength_of(line.model, self.switch, side)
         at = np.array([t]), x[:, None], mult[:, None], p
         mult = strength.level(line.model, *at)[:, 0]
         return strength.expression, float(strength.functions(line.model)[0](*at)[0]), mult

@@ -24,7 +24,7 @@ import numpy as np
 from ..definition.model import Model
 from ..paths.linearised import linearise
 from ..results.solution import Solution
-from .holding import Strength, caught, held, passed
+from .holding import caught, held, passed, strength_of
 from .parts import Part, functions_of, minima, one_sided, part_of, seeds_of, surface_of, with_ratio
 from .poincare import RETURN, Image, lost, why_stopped
 from .sections import Leg, Stroboscopic
@@ -220,7 +220,7 @@ class Approached:
     def __init__(self, model: Model, window: Window) -> None:
         self.side, self.strength, self.expression = window.side, None, None
         if window.held:
-            self.strength = Strength(model, window.name, window.side)
+            self.strength = strength_of(model, window.name, window.side)
         else:
             self.expression = window.side * surface_of(model, window.name)
 
