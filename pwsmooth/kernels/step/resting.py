@@ -89,6 +89,15 @@ def come_to_rest_in_disc(P, C, S, W, h):
             continue
         square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
         W.meeting.widest[j] = max(W.meeting.widest[j], square)
+        first, second = 1e-300, 0.0
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            first += at(rows[all_rows[k]], 1) ** 2
+            second += at(rows[all_rows[k]], 2) ** 2
+        if math.sqrt(square / first) <= 1e-15 * (1.0 + abs(S.t)):
+            # Nearer than the clock tells, on its way to rest or past it.
+            _take_direction(P, S, W, j)
+            W.meeting.widest[j] = 0.0
+            return h, j
         if not slope < 0.0:
             continue
         left = -2.0 * square / slope
@@ -100,10 +109,6 @@ def come_to_rest_in_disc(P, C, S, W, h):
             W.meeting.widest[j] = 0.0
             return h, j
         # How much the approach is going to bend, in direction and in speed.
-        first, second = 1e-300, 0.0
-        for k in range(j + 1, j + 1 + P.dim[j]):
-            first += at(rows[all_rows[k]], 1) ** 2
-            second += at(rows[all_rows[k]], 2) ** 2
         bends = math.sqrt(max(0.0, 1.0 - 0.25 * slope * slope / (square * first)))
         bends += 2.0 * left * math.sqrt(second / first)
         h = min(h, (1.0 - min(max(bends, _LEAST_LEFT), _MOST_LEFT)) * left)

@@ -15,7 +15,7 @@ from .sliding import INSIDE, mask_instant
 
 _TOLERANCE = 1e-7  # of the direction and, relative, of the time
 _CLOSED = 1e-6  # of |h| at the beginning
-_STRAIGHT = 1e-9  # of the speed of approach
+_STRAIGHT, _BENT = 1e-6, 1e-7  # of the fastest turning, and the square of it beside the speed of approach
 _PASSED = 1.5
 _STEPS = 2000
 _D = 3  # components at most: the state is n, then r, t, and the integral of lambda
@@ -90,7 +90,7 @@ def close(P, S, W, j, size):
             for i in range(d):
                 turns = max(turns, abs(k[0, i]))
             # Along a direction that it no longer leaves the rest is a line, which may be long beside the turning.
-            straight = turns <= min(turned, _STRAIGHT * abs(along) * W.layer.pace)
+            straight = turns <= min(turned, _STRAIGHT) and turns * turns <= _BENT * abs(along) * W.layer.pace
             turned = turns
             if (y[_D] < _CLOSED or straight) and along < 0.0:
                 rest = y[_D] / abs(along)
