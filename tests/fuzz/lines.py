@@ -145,13 +145,10 @@ def _line(played, one):
     if not (plane.success and line.success):
         same = plane.outcome == line.outcome
         return Verdict(RIGHT if same else REFUSED, f"{plane.outcome.name}, the switch {line.outcome.name}")
-    # A switch that turns round is a crossing: a disc only passes 0, or sticks for an instant.
     ours = [(e.time, e.kind) for e in plane.events]
     theirs = [(e.time, e.kind) for e in line.events if e.switch == "lam"]
-    crossings = [e for e in theirs if e[1] == "crossing"]
-    theirs = [e for e in theirs if e[1] != "crossing"]
     if [k for _, k in ours] != [k for _, k in theirs]:
-        return Verdict(WRONG, f"disc {ours[:6]} switch {theirs[:6]} crossings {crossings[:4]}")
+        return Verdict(WRONG, f"disc {ours[:6]} switch {theirs[:6]}")
     late = np.abs(np.array([a[0] - b[0] for a, b in zip(ours, theirs, strict=True)]))
     error = float(np.abs(plane.x[[0, d], -1] - line.x[:, -1]).max())
     across = float(np.abs(np.delete(plane.x, [0, d], axis=0)).max())

@@ -10,8 +10,8 @@ accelerates in both directions,
     \dot u = -k x - \mu g\,\lambda - a(t), \qquad \lambda = \frac{u}{\lvert u\rvert}, \;\lvert\lambda\rvert \le 1
     \text{ at rest.}
 
-**What does one friction law for each axis get wrong?** It has the force :math:`\sqrt 2\,\mu g` along a diagonal, so that
-it slips later and less. The record is synthetic: three sines in each direction under an envelope.
+**What does one friction law for each axis get wrong?** It has the force :math:`\sqrt 2\,\mu g` along a diagonal, so
+that it slips later there and comes to rest elsewhere. The record is synthetic: three sines in each direction under an envelope.
 """
 
 # %%
