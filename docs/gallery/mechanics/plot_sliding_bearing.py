@@ -11,7 +11,8 @@ accelerates in both directions,
     \text{ at rest.}
 
 **What does one friction law for each axis get wrong?** It has the force :math:`\sqrt 2\,\mu g` along a diagonal, so
-that it slips later there and comes to rest elsewhere. The record is synthetic: three sines in each direction under an envelope.
+that it slips later there and comes to rest elsewhere. The record is synthetic: three sines in each direction under an
+envelope.
 """
 
 # %%

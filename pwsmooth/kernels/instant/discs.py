@@ -168,12 +168,14 @@ def settle_disc(P, S, R, W, j, arrives):
 @kernel
 def _note_near_miss(P, S, R, W, j):
     """Records a stick that only the motion exactly to h = 0 finds: its force exceeds the friction of any slip."""
+    size = math.sqrt(S.mult[j])
+    if size == 0.0:
+        return
     for k in range(j, j + 1 + P.dim[j]):
         W.instant.mult[k] = S.mult[k]
-    size = math.sqrt(S.mult[j])
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.mult[k] /= size
-    if size > 0.0 and _find_way_out(P, S, W, j):
+    if _find_way_out(P, S, W, j):
         record_ambiguity(S, R, j, AMB_NEAR_MISS, 0)
     for k in range(j, j + 1 + P.dim[j]):
         S.mult[k] = W.instant.mult[k]
@@ -280,13 +282,13 @@ def release_discs(P, S, R, W):
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != HELD:
             continue
-        acts = slopes_of_disc(P, S, W, j) > 0.0
+        acts = push_of_disc(P, S, W, j) > _MOVED or slopes_of_disc(P, S, W, j) > 0.0
         if W.h[j] > 0.0:
             # It has been carried away by less than a look ahead saw.
             S.status[j], S.mult[j] = 1, 1.0
             free_components(P, S)
             some = True
-        elif acts or push_of_disc(P, S, W, j) > _MOVED:
+        elif acts:
             code = settle_disc(P, S, R, W, j, False)
             if code != GO_ON:
                 return code

@@ -2,6 +2,7 @@
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
+from ..state import SOLVED
 from .sliding import mask_instant
 from .sparse import entry
 
@@ -31,7 +32,7 @@ def push_of_disc(P, S, W, j):
 def _follows(P, S, j):
     """Whether anything but disc j is solved at every instant: a mass matrix, a closed contact, another stick."""
     for k in range(P.m):
-        if S.status[k] == 0 and P.dim[k] == 0 and P.disc_of[k] != j:
+        if S.status[k] == SOLVED and P.dim[k] == 0 and P.disc_of[k] != j:
             return True
     return False
 
