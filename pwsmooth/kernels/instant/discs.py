@@ -300,12 +300,13 @@ def release_discs(P, S, R, W):
 
 @kernel
 def resettle_discs(P, S, R, W):
-    """Sticking discs whose force has jumped: a code."""
+    """Sticking discs whose force has jumped, together with those at rest beside them: a code."""
     for j in range(P.m):
         if P.kind[j] != DISC or S.status[j] != SOLVED:
             continue
         slope = slopes_of_disc(P, S, W, j)
-        if not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
+        # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
+        if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
             for k in range(P.m):
                 if P.kind[k] == DISC:
                     W.instant.came[k] = S.status[k]
