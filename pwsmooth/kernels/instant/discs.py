@@ -307,14 +307,6 @@ def resettle_discs(P, S, R, W):
         slope = slopes_of_disc(P, S, W, j)
         # A switch that has settled may have solved for this lambda as well, and left it beyond its bound.
         if S.mult[j] > 1.0 + _SAME or not push_of_disc(P, S, W, j) <= _SAME * slope + _MOVED:
-            for k in range(P.m):
-                if P.kind[k] == DISC:
-                    W.instant.came[k] = S.status[k]
             code = settle_disc(P, S, R, W, j, False)
-            if code == GO_ON:
-                code = _settle_with_others(P, S, R, W)
-            for k in range(P.m):
-                if P.kind[k] == DISC and S.status[k] == 1 and W.instant.came[k] != 1:
-                    record_event(S, R, k, EV_RESET, 0, 1)
-            return code
+            return _settle_with_others(P, S, R, W) if code == GO_ON else code
     return GO_ON

@@ -15,6 +15,7 @@ from ..machine.pointers import call_layer_unit
 from ..outcome import Outcome
 from ..state import (
     AMB_CHATTERING,
+    COMPONENT,
     DISC,
     EV_ACCUMULATION,
     EV_CROSSING,
@@ -289,7 +290,7 @@ def _follow_up(P, S, R, W):
     if code == GO_ON:
         code = resettle(P, S, R, W)
     for j in range(P.m):
-        if S.status[j] != W.instant.status[j]:
+        if S.status[j] != W.instant.status[j] and P.kind[j] != COMPONENT:
             record_event(S, R, j, EV_RESET, SOLVED, S.status[j])
     return code
 
