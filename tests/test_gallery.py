@@ -11,6 +11,8 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+import pytest
+import sympy as sp
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
@@ -668,3 +670,20 @@ def test_the_stiff_springs_of_painleves_rod_have_the_limit_of_a_tangential_impac
     length = np.arccosh(a**1.5 * np.sqrt(k) / found["c"] / 9.81) / np.sqrt(a * k)
     away = (np.array(found["released"])[1:] - found["limit"]) / (9.81 * length)
     assert np.all((away > 1) & (away < 2.5))
+
+
+def test_a_building_on_bearings_comes_to_rest_where_a_stiff_solver_takes_it():
+    """The smoothed direction v/sqrt(v.v + eps^2) creeps, and is elsewhere by eps^(4/5)."""
+    names = page("sliding_bearing")
+    t, values = names["t"], {names["strength"]: 1.5}
+    ground = sp.lambdify(t, [e.subs(values) for e in names["ground"]])
+
+    def rates(now, z):
+        push, v = ground(now), z[2:]
+        size = np.sqrt(v @ v + 1e-12)
+        return [*v, *(-0.6 * z[i] - 0.6 * v[i] / size - push[i] for i in range(2))]
+
+    stiff = solve_ivp(rates, (0, 12), [0, 0, 0, 0], method="Radau", rtol=1e-8, atol=1e-10).y[:2, -1]
+    assert [names["runs"]["vector law"](12.0, c) for c in "xy"] == pytest.approx(stiff, abs=2e-4)
+    apart = names["runs"]["a law for each axis"]
+    assert np.hypot(*(apart(12.0, c) - s for c, s in zip("xy", stiff, strict=True))) > 0.02
