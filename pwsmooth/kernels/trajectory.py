@@ -161,7 +161,7 @@ def _find_roots(P, C, S, R, W):
     """The roots of g; NOTHING, or where one is lost what is made of it."""
     mask_solved(P, S, W)
     if W.instant.solved_there == 0:
-        folds = P.jet_fold != 0 or P.pair != 0
+        folds = P.jet_fold != 0 or _pair_meets_folds(P)
         if folds:
             _remember_multipliers(P, S, W)
         if not follow(P, S, W):
@@ -256,7 +256,7 @@ def propose(P, C, S, R, W):
             else:
                 h, W.onset.wait = min(h, propose_jet(P, C, S, W)), PATIENCE
     step.singular, step.unsure = int(singular), unsure
-    step.arcs = int(arcs or (P.pair != 0 and step.sliding != 0))
+    step.arcs = int(arcs or (step.sliding != 0 and _pair_meets_folds(P)))
     if unsure:
         h = keep_in_sight(P, C, h if step.time_row >= 0 else min(h, step.stop - S.t), W)
     W.end.stopped = 0
@@ -269,7 +269,7 @@ def propose(P, C, S, R, W):
             W.end.stopped = 1
         elif h <= 1e-15 * abs(S.t) + 1e-300:
             # Within rounding of a fold: an arc on the root that does not attract, the pair on the one that does.
-            by_pair = P.pair != 0 and step.sliding != 0
+            by_pair = step.sliding != 0 and _pair_meets_folds(P)
             if not arcs and not by_pair:
                 return Outcome.STEP_UNDERFLOW
             _remember_multipliers(P, S, W)
@@ -284,6 +284,15 @@ def _begins_to_slip(P, S):
     """Whether some disc slips from rest."""
     for j in range(P.m):
         if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+            return True
+    return False
+
+
+@kernel
+def _pair_meets_folds(P):
+    """Whether steps are the pair's, which has no arcs, and some multiplier may come to a fold."""
+    for j in range(P.m if P.pair != 0 else 0):
+        if P.hidden[j] != 0:
             return True
     return False
 
