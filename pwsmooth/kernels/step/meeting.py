@@ -3,6 +3,8 @@
 Chain: steps.py (the polynomials) -> **this file** (roots.py finds the zeros) -> trajectory.py, which acts on the first.
 """
 
+import math
+
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
 from ..machine.pointers import at, call_linear
@@ -14,17 +16,20 @@ from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
 from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
+_ROUNDING = 1e-13  # of what the terms of a series add up to
+_ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
 @inlined_kernel
-def _past_touches(row, power, poly, degree, drop, sign, size):
+def _past_touches(row, power, poly, degree, drop, sign, rounding):
     """The zero orders to drop where a step begins: more than known, if they are rounding and the next leads away."""
-    more = 0
-    while more < _TOUCHES and abs(at(poly, more)) <= 1e-13 * size:
+    more, lowest = 0, math.inf
+    while more < _TOUCHES and abs(at(poly, more)) <= rounding:
+        lowest = min(lowest, at(poly, more))
         more += 1
-    if more > 0 and at(poly, 0) <= 0.0 and at(poly, more) > 0.0:
+    if lowest <= 0.0 and at(poly, more) > 0.0:
         drop += more
         scaled(row, power, poly, degree, drop, sign)
     return drop
@@ -45,7 +50,7 @@ def meet(P, row, power, degree, drop, sign, W, rounding=SURFACE_ROUNDING):
         if size <= (rounding if drop < 3 else 0.0):
             return NO_ROOT  # it rests where it is
         if drop < 3:
-            drop = _past_touches(row, power, poly, degree, drop, sign, size)
+            drop = _past_touches(row, power, poly, degree, drop, sign, _ROUNDING * size)
     return first_root(P, W.roots, degree - drop)
 
 
@@ -75,7 +80,12 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
                 size += abs(poly[k])
             if size <= C.rtol:
                 continue
-            drop = _past_touches(row, power, poly, degree, drop, -1.0 * side, size)
+            told = _ROUNDING * size
+            if P.pair != 0:
+                told = max(
+                    told, _ROUNDING_OF_A_FIT / at(power, drop)
+                )  # lambda without its first term, over time
+            drop = _past_touches(row, power, poly, degree, drop, -1.0 * side, told)
         if best > 1.0:
             best = first_root(P, W.roots, degree - drop)
             if best <= 1.0:

@@ -111,6 +111,17 @@ def _slope(P, W, i):
     return slope
 
 
+@inlined_kernel
+def _fit_one(row, fit, q, value):
+    """Adds what is known at node q to a polynomial, whose first coefficient is the value at the start."""
+    if q == 0:
+        row[0] = value
+        return
+    change = value - row[0]
+    for c in range(1, _DEGREE + 1):
+        row[c] += fit[c, q] * change
+
+
 @kernel
 def _polynomials(P, S, W, h):
     """Overwrites step.rows: states, multipliers, surfaces along the step made, in powers of t; S back at its start."""
@@ -172,11 +183,11 @@ def _polynomials(P, S, W, h):
         found = found and _rate(P, S, W, t + theta * h, k, 0) if pair.solves else found
         if not pair.solves:
             call_fields(P.fields, t + theta * h, S.x, S.mult, P.p, W.dx, W.h, W.g)
-        for c in range(_DEGREE + 1):
-            for j in range(m):
-                rows[n + j, c] += _FIT[c, q] * S.mult[j]
-            for j in range(0 if with_slope and q == 1 else surfaces):
-                rows[n + m + j, c] += fit[c, q] * W.h[j]
+        # Of the changes since the start: a fit of the values would make thousands of roundings of what hardly changes.
+        for j in range(m):
+            _fit_one(rows[n + j], _FIT, q, S.mult[j])
+        for j in range(0 if with_slope and q == 1 else surfaces):
+            _fit_one(rows[n + m + j], fit, q, W.h[j])
     _restore(P, S, W)
     scale = 1.0
     for c in range(1, _DEGREE + 1):
