@@ -76,6 +76,7 @@ from .step.steps import (
     refine_by_pair,
 )
 from .surface.sliding import follow, keep_on_surface, mask_solved, put_in_slip
+from .surface.vector import begins
 from .work import Work
 
 # Behind an event, which will most likely cut it short as well, the step before is taken again, whose powers are known,
@@ -205,8 +206,8 @@ def propose(P, C, S, R, W):
     S.steps += 1
     step.start, step.time_row, step.fold, step.toward, step.stop = S.t, -1, -1, 0, next_stop(C, S)
     span, h, singular = 1.0 + abs(S.t), math.nan, False
-    begins = P.discs != 0 and _begins_to_slip(P, S)
-    if begins:
+    from_rest = P.discs != 0 and _begins_to_slip(P, S)
+    if from_rest:
         # Behind a pass within rounding the last step says nothing of what is ahead.
         h = call_onset(
             P.onset_unit, P, C, S, W, min(max(S.step, 1e-3 * span), min(C.max_step, step.stop - S.t))
@@ -218,7 +219,7 @@ def propose(P, C, S, R, W):
         singular = step.mult_row < 0
         if singular and P.jet_fold == 0 and P.step_unit == 0:
             return Outcome.SINGULAR
-    if P.step_unit != 0 and not begins and not h > max(1e-9 * S.step, 1e-13 * span):
+    if P.step_unit != 0 and not from_rest and not h > max(1e-9 * S.step, 1e-13 * span):
         # No Taylor series from here, or one of rounding size: a power that vanishes at an event, such as delta^1.5 at
         # touch-down.
         h = propose_pair(P, C, S, W)
@@ -283,7 +284,7 @@ def propose(P, C, S, R, W):
 def _begins_to_slip(P, S):
     """Whether some disc slips from rest."""
     for j in range(P.m):
-        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+        if begins(P, S, j):
             return True
     return False
 

@@ -27,7 +27,7 @@ from ..step.recording import record_ambiguity, record_event
 from ..surface.layer import ARRIVE
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
-from ..surface.vector import push_of_disc, pushes_back, slopes_of_disc
+from ..surface.vector import begins, push_of_disc, pushes_back, slopes_of_disc
 from .settling import layer_code
 
 _SWEEPS, _ALIKE = 200, 1e-10  # of discs that meet at an instant, and the change of lambda that ends them
@@ -202,7 +202,7 @@ def free_components(P, S):
 @kernel
 def _stands(P, S, j):
     """Whether disc j is at h = 0: it sticks, or has just begun to slip."""
-    return P.kind[j] == DISC and (S.status[j] == SOLVED or (S.status[j] == 1 and S.deflate[j] != 0))
+    return (P.kind[j] == DISC and S.status[j] == SOLVED) or begins(P, S, j)
 
 
 @kernel

@@ -17,13 +17,14 @@ from ..machine.pointers import call_fields, call_linear, call_newton
 from ..state import DISC, SOLVED, START, Control, Problem, State
 from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
-from ..surface.vector import push_of_disc, slopes_of_disc
+from ..surface.vector import begins, push_of_disc, slopes_of_disc
 from ..work import Work
 
 STAGES = 8
 _LEGENDRE = np.polynomial.legendre
 _TRIES, _SWEEPS = 40, 12
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good
+_AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
@@ -77,6 +78,14 @@ def _rates(P, S, W, t):
 
 
 @kernel
+def _go_along(P, S, W, t, tau):
+    """Puts S where the rates of the start lead in the time tau."""
+    for i in range(P.n):
+        S.x[i] = W.onset.x[i] + tau * W.onset.first[i]
+    S.t = t + tau
+
+
+@kernel
 def _guess(P, S, W, t, h):
     """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
     onset, n, t0 = W.onset, P.n, S.t
@@ -87,12 +96,9 @@ def _guess(P, S, W, t, h):
                 onset.y[q, i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
         return
     for q in range(STAGES):
-        tau = _NODES[q] * h
-        for i in range(n):
-            S.x[i] = onset.x[i] + tau * onset.first[i]
-        S.t = t0 + tau
+        _go_along(P, S, W, t0, _NODES[q] * h)
         for j in range(P.m):
-            if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
+            if not begins(P, S, j):
                 continue
             if onset.rests and onset.forced[j]:
                 _follow_force(P, S, W, j)
@@ -102,12 +108,9 @@ def _guess(P, S, W, t, h):
             onset.toward[q, j] = S.mult[j]
     S.t = t0
     for q in range(STAGES):
-        tau = _NODES[q] * h
-        for i in range(n):
-            S.x[i] = onset.x[i] + tau * onset.first[i]
-        S.t = t0 + tau
+        _go_along(P, S, W, t0, _NODES[q] * h)
         for j in range(P.m):
-            if not (P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0):
+            if not begins(P, S, j):
                 continue
             if not (onset.rests and onset.forced[j]):
                 for k in range(j + 1, j + 1 + P.dim[j]):
@@ -316,7 +319,7 @@ def onset(P, C, S, W, longest):
     # How the slip begins: with an acceleration, or at rest with a force that goes on to grow.
     size, fastest = 1e-300, 0.0
     for j in range(P.m):
-        if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0:
+        if begins(P, S, j):
             start.goes_on, start.mult[j] = 0, 1.0
             start.level[j] = 0.0
             slope = slopes_of_disc(P, S, W, j)
@@ -327,19 +330,18 @@ def onset(P, C, S, W, longest):
     start.rests = 1 if fastest <= _AT_REST * size else 0
     h = longest
     if start.rests and not start.goes_on:
-        for i in range(n):
-            S.x[i] = start.x[i] + 1e-3 * h * start.first[i]
-        S.t = t + 1e-3 * h
+        ahead = _AHEAD * longest
+        _go_along(P, S, W, t, ahead)
         for j in range(P.m):
-            if P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0 and start.forced[j]:
+            if begins(P, S, j) and start.forced[j]:
                 _follow_force(P, S, W, j)
                 if start.beyond > 0.0:
-                    h = min(h, _STIFF * 1e-3 * longest / start.beyond)
+                    h = min(h, _STIFF * ahead / start.beyond)
         S.t = t
     for _ in range(_TRIES):
         _restore(P, S, W)
         for j in range(P.m):
-            if P.kind[j] == DISC and S.deflate[j] != 0 and S.status[j] == 1:
+            if begins(P, S, j):
                 S.mult[j] = INSIDE
         _guess(P, S, W, t, h)
         for j in range(P.m):

@@ -2,12 +2,18 @@
 
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_linear, call_newton
-from ..state import SOLVED
+from ..state import DISC, SOLVED
 from .sliding import mask_instant
 from .sparse import entry
 
 _DELTA = 1e-4  # of lambda
 _NOTHING = 1e-10  # a slope by differences that is rounding, beside G
+
+
+@kernel
+def begins(P, S, j):
+    """Whether j is a disc that is about to slip from rest."""
+    return P.kind[j] == DISC and S.status[j] == 1 and S.deflate[j] != 0
 
 
 @kernel
