@@ -721,7 +721,7 @@ def draw_settings(data):
     for ax in axes[:2]:
         ax.set_xticks(range(len(places)), [f"{1e3 * c:g}\n{rpm:g}" for c, rpm in places], fontsize=7)
     axes[0].text(0.98, 0.97, "no mark: none", transform=axes[0].transAxes, ha="right", va="top", fontsize=7)
-    axes[1].set_xlabel("clearance (mm) and speed of the crank (rpm)")
+    axes[1].set_xlabel("clearance (mm), crank (rpm),\nin the order of the speed of impacts")
     cases, bottom = middle_of(data), axes[2]
     for law in EIGHT:
         v, _, peak = np.array(cases[law]["by speed"]).T
