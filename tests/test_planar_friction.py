@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from sympy.physics import mechanics as me
 
-from pwsmooth import Disc, Event, Solution, System, Unilateral, lyapunov_exponents, solve
+from pwsmooth import Disc, Event, Family, Solution, System, Unilateral, lyapunov_exponents, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     Coulomb,
@@ -185,6 +185,13 @@ def test_a_pin_that_slides_on_a_table():
     assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-8)
 
 
+def of_elements():
+    family = Family(3)
+    a, b = family.symbols("a b")
+    disc = Disc("p", (a, b))
+    return System({a: -disc[0], b: -disc[1]})
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -198,6 +205,7 @@ def test_a_pin_that_slides_on_a_table():
         (lambda: System({u: -lam[0] * sp.sign(lam[1] - x), v: -lam[1], x: u}), "stands in the surface"),
         (lambda: System({u: -(lam[0] ** 3), v: -lam[1]}, convention="filippov"), "no disc"),
         (lambda: System({u: -lam[0], v: -lam[1]}).smoothed(1e-3, "tanh"), "0/0"),
+        (lambda: of_elements(), "write the elements out"),
         (lambda: GMS().attach(velocity=(u, v)), "a law of one velocity"),
     ],
 )  # fmt: skip
@@ -206,11 +214,23 @@ def test_what_is_refused_says_why(make, message):
         make()
 
 
+def test_a_sweep_counts_the_sticks_of_a_disc():
+    k = sp.Symbol("k", positive=True)
+    force = [1.6 * sp.cos(t / 4) - k * x - lam[0], 0.25 * sp.sin(t / 4) - y - lam[1]]
+    forced = System({x: u, y: v, u: force[0], v: force[1]}, time=t, parameters={k: 1})
+    start = {x: 0.3, y: 0.1, u: 0.5, v: -0.4}
+    options = dict(start=start, period=8 * sp.pi, transient=30, periods=10)
+    data = sweep(forced, {"k": [1, 1.2]}, measures=["sticks", "itinerary"], **options)
+    assert data.sticks.values.tolist() == [2, 2] and data.itinerary.values.tolist() == ["0 + 0 +"] * 2
+
+
 def test_what_a_disc_does_not_have_is_said_before_anything_runs():
     system, start = System({u: 0.2 - lam[0] / 2, v: -lam[1] / 2}), {u: 0.6, v: 0.8}
     with pytest.raises(ValueError, match="derivatives of a system with a disc"):
         solve(system, (0, 1), start, with_respect_to=["u"])
     with pytest.raises(ValueError, match="derivatives of a system with a disc"):
         lyapunov_exponents(system, start, 10)
+    with pytest.raises(ValueError, match="is a disc"):
+        solve(system, (0, 1), start, method="stiff")
     with pytest.raises(ValueError, match="Integrate forward"):
         solve(system, (1, 0), start)

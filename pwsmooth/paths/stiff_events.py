@@ -53,15 +53,14 @@ def switched_by_events(model: Model) -> Model:
     Raises
     ------
     ValueError
-        A switch that can slide, a contact or an algebraic unknown: these need a multiplier that is solved for.
+        A switch that can slide, a disc, a contact or an algebraic unknown: these need a multiplier that is solved for.
     """
     # Changed, so that the elements of families are written out. Implicit steps rest on a branch point by themselves.
     model = replace(model, outputs=(), events=tuple(e for e in model.events if e.singular != "branch"))
     for mu in model.multipliers:
         if mu.kind != "switch" or mu.regularity == "sliding":
-            what = {"switch": "can slide (stick)", "contact": "is a contact"}.get(
-                mu.kind, "is an algebraic unknown"
-            )
+            kinds = {"switch": "can slide (stick)", "disc": "is a disc", "contact": "is a contact"}
+            what = kinds.get(mu.kind, "is an algebraic unknown")
             raise ValueError(
                 f"`method` is 'stiff', but {mu.symbol} {what}; stiff steps know switches that the motion only passes. "
                 "Use 'auto', or the smoothed view."

@@ -294,9 +294,10 @@ def _setting(system, measures, periods, strobed_by, units):
     names = [str(mu.symbol) for mu in model.multipliers]
     sticking = tuple(
         j for j, mu in enumerate(model.multipliers)
-        if mu.kind == "contact" or mu.second is not None or (mu.kind == "switch" and mu.regularity == "sliding")
+        if mu.kind == "contact" or mu.second is not None
+        or (mu.kind in ("switch", "disc") and mu.regularity == "sliding")
     )  # fmt: skip
-    words = tuple(j for j, mu in enumerate(model.multipliers) if mu.kind != "algebraic")
+    words = tuple(j for j, mu in enumerate(model.multipliers) if mu.kind not in ("algebraic", "component"))
     states = tuple(str(s) for s in model.states)
     quantities: dict[str, int] = {}
     outputs = [str(name) for name, _ in model.outputs]
