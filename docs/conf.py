@@ -85,6 +85,7 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = os.environ.get("PWSMOOTH_DOCS_CACHE", str(DOCS / "_build" / "jupyter"))
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
+nb_execution_show_tb = True  # a cell's error in the log, not only in a file of the build
 nb_merge_streams = True
 nb_output_stderr = "show"
 nb_render_markdown_format = "myst"
