@@ -60,8 +60,8 @@ def _radau():
     return (nodes + 1) / 2, integrals @ inverse, table @ inverse
 
 
-_NODES, _A, _LAGRANGE = _radau()
-_BETWEEN = 0.5 * (_NODES[-1] + _NODES[-2])
+NODES, WEIGHTS, LAGRANGE = _radau()
+_BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
 
 
 @kernel
@@ -91,12 +91,12 @@ def _guess(P, S, W, t, h):
     onset, n, t0 = W.onset, P.n, S.t
     if onset.goes_on:
         for q in range(STAGES):
-            tau = _NODES[q] * h
+            tau = NODES[q] * h
             for i in range(n):
                 onset.y[q, i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
         return
     for q in range(STAGES):
-        _go_along(P, S, W, t0, _NODES[q] * h)
+        _go_along(P, S, W, t0, NODES[q] * h)
         for j in range(P.m):
             if not begins(P, S, j):
                 continue
@@ -108,7 +108,7 @@ def _guess(P, S, W, t, h):
             onset.toward[q, j] = S.mult[j]
     S.t = t0
     for q in range(STAGES):
-        _go_along(P, S, W, t0, _NODES[q] * h)
+        _go_along(P, S, W, t0, NODES[q] * h)
         for j in range(P.m):
             if not begins(P, S, j):
                 continue
@@ -116,7 +116,7 @@ def _guess(P, S, W, t, h):
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     onset.goal[k] = 0.0
                     for r in range(STAGES):
-                        onset.goal[k] += h * _A[q, r] * onset.rate[r, k]
+                        onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
                 continue
             way = 0.0
@@ -124,7 +124,7 @@ def _guess(P, S, W, t, h):
                 along = 0.0
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     along += onset.toward[r, k] * onset.rate[r, k]
-                way += h * _A[q, r] * abs(along)
+                way += h * WEIGHTS[q, r] * abs(along)
             for k in range(j + 1, j + 1 + P.dim[j]):
                 onset.goal[k] = onset.toward[q, k]
             put_in_slip(P, S, j, way, onset.goal, W)
@@ -204,16 +204,16 @@ def _solve(P, C, S, W, t, h):
     A, before = onset.matrix, math.inf
     for sweep in range(_SWEEPS):
         for q in range(STAGES):
-            if not _stage(P, S, W, q, t + _NODES[q] * h):
+            if not _stage(P, S, W, q, t + NODES[q] * h):
                 return False
         for q in range(STAGES):
             for r in range(n):
                 row = q * n + r
                 rest = onset.y[q, r] - onset.x[r]
                 for s in range(STAGES):
-                    rest -= h * _A[q, s] * onset.k[s, r]
+                    rest -= h * WEIGHTS[q, s] * onset.k[s, r]
                     for i in range(n):
-                        A[row, s * n + i] = -h * _A[q, s] * onset.slope[s, r, i]
+                        A[row, s * n + i] = -h * WEIGHTS[q, s] * onset.slope[s, r, i]
                 A[row, row] += 1.0
                 A[row, STAGES * n] = -rest
         if not solve_dense(A, STAGES * n, 1):
@@ -248,7 +248,7 @@ def _polynomials(P, S, W, h):
         for c in range(STAGES):
             total = 0.0
             for q in range(STAGES):
-                total += _LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
+                total += LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
             rows[i, c + 1] += total * scale / (c + 1)
             scale /= h
     for j in range(m):
@@ -259,13 +259,13 @@ def _polynomials(P, S, W, h):
     for q in range(STAGES):
         for i in range(n):
             S.x[i] = onset.y[q, i]
-        _rates(P, S, W, S.t + _NODES[q] * h)
+        _rates(P, S, W, S.t + NODES[q] * h)
         for r in range(2 * m + P.ne):
             now = S.mult[r] if r < m else W.h[r - m]
-            change = (now - rows[n + r, 0]) / _NODES[q]
+            change = (now - rows[n + r, 0]) / NODES[q]
             scale = 1.0 / h
             for c in range(STAGES):
-                rows[n + r, c + 1] += _LAGRANGE[c, q] * change * scale
+                rows[n + r, c + 1] += LAGRANGE[c, q] * change * scale
                 scale /= h
 
 
