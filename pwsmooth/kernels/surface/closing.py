@@ -18,7 +18,7 @@ _A, _B, _E3, _E5 = dop.A.copy(), dop.B.copy(), dop.E3.copy(), dop.E5.copy()
 STAGES = 12
 _TOLERANCE, _DIRECTION = 1e-9, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -20.0  # of log(r/r1): what is left does not matter
-_STRAIGHT, _STEADY = 1e-6, 1e-7  # of the turning, and, relative, of the deceleration over a step: the rest is a line
+_STRAIGHT, _STEADY = 1e-6, 1e-7  # of the turning while r falls by e, and of the deceleration's change over a step
 _PASSED = 0.5
 _STEPS = 1000
 _LOG, _TIME, _X = 3, 4, 5  # places behind n
@@ -99,6 +99,20 @@ def _step_error(W, d, n, step):
 
 
 @kernel
+def _rest_of_line(P, S, W, left):
+    """Moves S by a time in which h falls to 0 along a line: the rates change in proportion to it."""
+    for i in range(P.n):
+        W.closing_new[_X + i] = W.dx[i]
+        S.x[i] += left * W.dx[i]
+    S.t += left
+    if W.layer.masked:
+        call_newton(P.newton_unit, P, S, W)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for i in range(P.n):
+        S.x[i] += 0.5 * left * (W.dx[i] - W.closing_new[_X + i])
+
+
+@kernel
 def close(P, S, W, j, size):
     """Moves S from |h| = size of disc j, in the direction in S.mult, to its rest; False, and S anywhere, if it passes.
 
@@ -146,12 +160,10 @@ def close(P, S, W, j, size):
             turns = max(turns, abs(k[0, i]))
         if y[_LOG] > _PASSED:
             return False
-        straight = turns <= _STRAIGHT and abs(along - before) <= _STEADY * abs(along)
+        # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
+        straight = turns <= _STRAIGHT * abs(k[0, _LOG]) and abs(along - before) <= _STEADY * abs(along)
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
-            left = size * math.exp(y[_LOG]) / -along
-            S.t += left
-            for i in range(n):
-                S.x[i] += left * W.dx[i]
+            _rest_of_line(P, S, W, size * math.exp(y[_LOG]) / -along)
             return True
         step = next_step(step, error)
     return False

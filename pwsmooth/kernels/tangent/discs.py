@@ -25,7 +25,7 @@ from .state import F_MULT, F_P, F_X, G_MULT, G_P, G_T, G_X, H_P, H_X
 _TOLERANCE, _DIRECTION = 1e-11, 1e-6
 _ENDED = -25.0  # of log(r/r1)
 _PASSED = 0.5
-_STRAIGHT = 1e-9  # of the turning, of b beside a, and of the deceleration over a step: the rest is a line
+_STRAIGHT = 1e-9  # of the turning while r falls by e, of b beside a, of the deceleration's change: the rest is a line
 _STEPS = 2000
 _SWEEPS = 12
 _NEARBY = 1e-4  # of time, over which rates are differenced
@@ -179,7 +179,7 @@ def _is_straight(P, V, d):
     """Whether the direction and what it deviates by have settled."""
     y, columns = V.closing_y, V.columns
     for i in range(d):
-        if abs(V.closing_k[0, i]) > _STRAIGHT:
+        if abs(V.closing_k[0, i]) > _STRAIGHT * abs(V.closing_k[0, _LOG]):
             return False
     for c in range(columns):
         at = _X + P.n + c
@@ -187,6 +187,34 @@ def _is_straight(P, V, d):
             if abs(y[at + columns * r]) > _STRAIGHT * abs(y[at]):
                 return False
     return True
+
+
+@kernel
+def _rest_of_line(P, V, j, size, along):
+    """Overwrites the deviations of t and x at one tau by those at rest, to which h falls along a line: the rates change
+    in proportion to it."""
+    y, new, k, n, columns = V.closing_y, V.closing_new, V.closing_k, P.n, V.columns
+    own, left = _X + n, math.exp(y[_LOG]) / -along
+    for i in range((_X + n) * (1 + columns)):
+        new[i] = y[i]
+    new[_TIME] += left
+    new[_LOG] = -700.0
+    for half in range(2):
+        for c in range(columns):
+            faster = k[0, own + c] / V.closing_pace
+            later = left * (y[own + c] + faster / -along)
+            new[own + columns * _TIME + c] = y[own + columns * _TIME + c] + later
+            for i in range(n):
+                # Of the first round what stands there, of the second its mean with that at the end.
+                change = V.rates[i] * later + V.closing_f[i, c] * left
+                at = own + columns * (_X + i) + c
+                new[at] = y[at] + change if half == 0 else 0.5 * (new[at] + y[at] + change)
+        for i in range(n if half == 0 else 0):
+            new[_X + i] = y[_X + i] + left * V.rates[i]
+        if half == 0:
+            _rates(P, V, j, size, new, k, 1)
+    for i in range((_X + n) * (1 + columns)):
+        y[i] = new[i]
 
 
 @kernel
@@ -221,13 +249,7 @@ def _run_to_rest(P, V, j, size):
             return False
         straight = abs(along - before) <= _STRAIGHT * abs(along) and _is_straight(P, V, d)
         if along < 0.0 and (straight or y[_LOG] < _ENDED):
-            rho, own = math.exp(y[_LOG]), _X + n
-            for c in range(columns):
-                faster = k[0, own + c] / V.closing_pace
-                rest = rho * (y[own + c] / -along + faster / (along * along))
-                y[own + columns * _TIME + c] += rest
-                for i in range(n):
-                    y[own + columns * (_X + i) + c] += rest * V.rates[i] + rho * V.closing_f[i, c] / -along
+            _rest_of_line(P, V, j, size, along)
             return True
         step = next_step(step, error)
     return False
