@@ -157,6 +157,7 @@ class Onset(Bundle):
     toward: "f8[8, m]"  # that lambda
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
+    slow: "i8[m]"  # discs whose slip has made explicit steps short
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
     y: "f8[8, onset]"  # states at the nodes

@@ -27,6 +27,7 @@ _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction di
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
+_LEFT = 0.1  # of |h|, that a first guess keeps
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -86,6 +87,26 @@ def _go_along(P, S, W, t, tau):
 
 
 @kernel
+def _guess_slaved(P, S, W, j, h):
+    """Puts the states at the nodes where disc j slips in the direction that its force says."""
+    onset, start = W.onset, math.sqrt(W.onset.level[j])
+    for q in range(STAGES):
+        size = start
+        for r in range(STAGES):
+            along = 0.0
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                along += onset.toward[r, k] * onset.rate[r, k]
+            size += h * WEIGHTS[q, r] * along
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            onset.goal[k] = onset.toward[q, k]
+        for i in range(P.n):
+            S.x[i] = onset.y[q, i]
+        put_in_slip(P, S, j, max(size, _LEFT * start), onset.goal, W)
+        for i in range(P.n):
+            onset.y[q, i] = S.x[i]
+
+
+@kernel
 def _guess(P, S, W, t, h):
     """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
     onset, n, t0 = W.onset, P.n, S.t
@@ -93,7 +114,21 @@ def _guess(P, S, W, t, h):
         for q in range(STAGES):
             tau = NODES[q] * h
             for i in range(n):
-                onset.y[q, i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
+                S.x[i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
+            S.t = t0 + tau
+            for j in range(P.m):
+                if onset.slow[j]:
+                    _follow_force(P, S, W, j)
+                    push_of_disc(P, S, W, j)
+            for j in range(P.m):
+                onset.rate[q, j] = W.g[j]
+                onset.toward[q, j] = S.mult[j]
+            for i in range(n):
+                onset.y[q, i] = S.x[i]
+        S.t = t0
+        for j in range(P.m):
+            if onset.slow[j]:
+                _guess_slaved(P, S, W, j, h)
         return
     for q in range(STAGES):
         _go_along(P, S, W, t0, NODES[q] * h)
@@ -341,7 +376,7 @@ def onset(P, C, S, W, longest):
     for _ in range(_TRIES):
         _restore(P, S, W)
         for j in range(P.m):
-            if begins(P, S, j):
+            if begins(P, S, j) or (start.goes_on and start.slow[j]):
                 S.mult[j] = INSIDE
         _guess(P, S, W, t, h)
         for j in range(P.m):

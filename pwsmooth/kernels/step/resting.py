@@ -30,6 +30,7 @@ def is_stiff(P, S, W, h):
     rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for j in range(P.m):
+        W.onset.slow[j] = 0
         if P.kind[j] != DISC or S.status[j] != 1:
             continue
         square, slope, pull = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), 0.0
@@ -37,7 +38,8 @@ def is_stiff(P, S, W, h):
             for e in range(P.g_row[r], P.g_row[r + 1]):
                 if P.disc_of[P.g_col[e]] == j:
                     pull = max(pull, abs(W.G[e]))
-        stiff = stiff or h * pull > _STIFF * math.sqrt(square)
+        W.onset.slow[j] = 1 if h * pull > _STIFF * math.sqrt(square) else 0
+        stiff = stiff or W.onset.slow[j] != 0
         longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
     if W.onset.wait > 0:
