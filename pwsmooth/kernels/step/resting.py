@@ -6,7 +6,7 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
-from ..surface.closing import close
+from ..surface.closing import close, pull_of
 from ..surface.sliding import INSIDE
 from .recording import put_on_tape
 from .steps import surface_rows
@@ -33,12 +33,8 @@ def is_stiff(P, S, W, h):
         W.onset.slow[j] = 0
         if P.kind[j] != DISC or S.status[j] != 1:
             continue
-        square, slope, pull = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), 0.0
-        for r in range(j + 1, j + 1 + P.dim[j]):
-            for e in range(P.g_row[r], P.g_row[r + 1]):
-                if P.disc_of[P.g_col[e]] == j:
-                    pull = max(pull, abs(W.G[e]))
-        W.onset.slow[j] = 1 if h * pull > _STIFF * math.sqrt(square) else 0
+        square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
+        W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * math.sqrt(square) else 0
         stiff = stiff or W.onset.slow[j] != 0
         longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
@@ -82,14 +78,14 @@ def _is_alone(P, S, W, j, left):
 
 
 @kernel
-def _close(P, S, R, W, j, square, latest):
+def _close(P, S, R, W, j, square, late, latest):
     """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by, or
-    comes there later than at the `latest`."""
+    comes there later than at the `latest`. `late` is as in _near_rest, which has left W.G."""
     for i in range(P.m):
         W.closing_mult[i] = S.mult[i]
     k = S.taped
     _come_from(P, S, R, W, j)
-    if not close(P, S, W, j, math.sqrt(square)) or S.t >= latest:
+    if not close(P, S, W, j, math.sqrt(square), math.sqrt(late) / _NEAR) or S.t >= latest:
         S.t, S.taped = W.closing_t, k
         for i in range(P.n):
             S.x[i] = W.closing_x[i]
@@ -136,7 +132,7 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         early, late = _near_rest(P, C, S, W, j)
         latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
         closes = square <= late or (square <= early and _is_alone(P, S, W, j, left))
-        if closes and S.t + left < latest and _close(P, S, R, W, j, square, latest):
+        if closes and S.t + left < latest and _close(P, S, R, W, j, square, late, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
         if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):

@@ -18,9 +18,11 @@ _A, _B, _E3, _E5 = dop.A.copy(), dop.B.copy(), dop.E3.copy(), dop.E5.copy()
 STAGES = 12
 _TOLERANCE, _DIRECTION = 1e-9, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -20.0  # of log(r/r1): what is left does not matter
-_STRAIGHT, _STEADY = 1e-6, 1e-7  # of the turning while r falls by e, and of the deceleration's change over a step
+_STRAIGHT, _BENT = 1e-6, 1e-9  # of the angle off the direction in which it ends, and of what that takes from n.G
+_STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
-_STEPS = 1000
+FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
+_STEPS = 20000
 _LOG, _TIME, _X = 3, 4, 5  # places behind n
 
 
@@ -52,7 +54,7 @@ def error_of(fifth, third, step):
 @kernel
 def next_step(step, error):
     """By how long a step goes on."""
-    return step * min(4.0, max(0.2, 0.9 * (error + 1e-12) ** -0.125))
+    return step * min(4.0, max(0.2, 0.9 * (error + 1e-12) ** -0.125)) if error < math.inf else 0.1 * step
 
 
 @kernel
@@ -74,7 +76,7 @@ def _closing_rates(P, S, W, j, size, y, out, stage):
         along += S.mult[j + 1 + i] * W.g[j + 1 + i]
     for i in range(d):
         out[stage, i] = W.layer.pace * (W.g[j + 1 + i] - along * S.mult[j + 1 + i])
-    pace = W.layer.pace * math.exp(y[_LOG])
+    pace = W.layer.pace * math.exp(min(y[_LOG], FARTHEST))
     out[stage, _LOG] = W.layer.pace * along
     out[stage, _TIME] = pace
     for i in range(P.n):
@@ -113,10 +115,21 @@ def _rest_of_line(P, S, W, left):
 
 
 @kernel
-def close(P, S, W, j, size):
+def pull_of(P, W, j):
+    """The largest entry of dG/dlambda of disc j in W.G."""
+    pull = 0.0
+    for r in range(j + 1, j + 1 + P.dim[j]):
+        for e in range(P.g_row[r], P.g_row[r + 1]):
+            if P.disc_of[P.g_col[e]] == j:
+                pull = max(pull, abs(W.G[e]))
+    return pull
+
+
+@kernel
+def close(P, S, W, j, size, tolerance):
     """Moves S from |h| = size of disc j, in the direction in S.mult, to its rest; False, and S anywhere, if it passes.
 
-    The state before it is left in W.closing_t, W.closing_x.
+    The state before it is left in W.closing_t, W.closing_x; W.G is that of its slip, and `tolerance` that of h.
     """
     d, n, y, new, k = P.dim[j], P.n, W.closing_y, W.closing_new, W.closing_k
     mask_solved(P, S, W)
@@ -137,9 +150,10 @@ def close(P, S, W, j, size):
     fastest = 1e-300
     for i in range(d):
         fastest = max(fastest, abs(W.g[j + 1 + i]))
+    pull = max(fastest, pull_of(P, W, j))
     W.layer.pace = 1.0 / fastest
     along = _closing_rates(P, S, W, j, size, y, k, 0)
-    step = 0.2
+    step = 0.2 / (W.layer.pace * pull)
     for _ in range(_STEPS):
         before = along
         for s in range(1, STAGES + 1):
@@ -147,9 +161,7 @@ def close(P, S, W, j, size):
                 new[i] = stage_point(y, k, s, i, step)
             along = _closing_rates(P, S, W, j, size, new, k, s)
         error = _step_error(W, d, n, step)
-        if not error < math.inf:
-            return False
-        if error > 1.0:
+        if not error <= 1.0:
             along = before
             step = next_step(step, error)
             continue
@@ -161,7 +173,9 @@ def close(P, S, W, j, size):
         if y[_LOG] > _PASSED:
             return False
         # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
-        straight = turns <= _STRAIGHT * abs(k[0, _LOG]) and abs(along - before) <= _STEADY * abs(along)
+        angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
+        straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
+        straight = straight and change * size * math.exp(y[_LOG]) <= _STEADY * tolerance * abs(along)
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
             _rest_of_line(P, S, W, size * math.exp(y[_LOG]) / -along)
             return True

@@ -16,7 +16,7 @@ from ..machine.pointers import call_fields
 from ..state import SOLVED
 from ..step.onset import LAGRANGE, NODES, WEIGHTS
 from ..step.onset import STAGES as COLLOCATED
-from ..surface.closing import STAGES, error_of, misfit, next_step, stage_point
+from ..surface.closing import FARTHEST, STAGES, error_of, misfit, next_step, stage_point
 from ..surface.sparse import solve_dense
 from .flow import invert, number_unknowns
 from .saltation import look
@@ -25,8 +25,8 @@ from .state import F_MULT, F_P, F_X, G_MULT, G_P, G_T, G_X, H_P, H_X
 _TOLERANCE, _DIRECTION = 1e-11, 1e-6
 _ENDED = -25.0  # of log(r/r1)
 _PASSED = 0.5
-_STRAIGHT = 1e-9  # of the turning while r falls by e, of b beside a, of the deceleration's change: the rest is a line
-_STEPS = 2000
+_STRAIGHT = 1e-8  # of the changes of n, b and n.G while r falls by e: the rest is a line
+_STEPS = 20000
 _SWEEPS = 12
 _NEARBY = 1e-4  # of time, over which rates are differenced
 _LOG, _TIME, _X = 3, 4, 5  # places behind n; dT and dx stand at the same behind a and b
@@ -134,7 +134,7 @@ def _rates(P, V, j, size, y, out, stage):
         along += V.mult[j + 1 + i] * V.sums[j + 1 + i]
     for i in range(d):
         out[stage, i] = pace * (V.sums[j + 1 + i] - along * V.mult[j + 1 + i])
-    rho = math.exp(y[_LOG])
+    rho = math.exp(min(y[_LOG], FARTHEST))
     out[stage, _LOG], out[stage, _TIME] = pace * along, pace * rho
     for i in range(n):
         out[stage, _X + i] = pace * rho * V.rates[i]
@@ -177,14 +177,17 @@ def _step_error(P, V, d, step):
 @kernel
 def _is_straight(P, V, d):
     """Whether the direction and what it deviates by have settled."""
-    y, columns = V.closing_y, V.columns
+    y, k, columns = V.closing_y, V.closing_k, V.columns
+    settled = _STRAIGHT * abs(k[0, _LOG])
     for i in range(d):
-        if abs(V.closing_k[0, i]) > _STRAIGHT * abs(V.closing_k[0, _LOG]):
+        if abs(k[0, i]) > settled:
             return False
     for c in range(columns):
-        at = _X + P.n + c
+        at, size = _X + P.n + c, 0.0
+        for r in range(1 + d):
+            size = max(size, abs(y[at + columns * r]))
         for r in range(1, 1 + d):
-            if abs(y[at + columns * r]) > _STRAIGHT * abs(y[at]):
+            if abs(k[0, at + columns * r]) > settled * size:
                 return False
     return True
 
@@ -238,16 +241,15 @@ def _run_to_rest(P, V, j, size):
                 new[i] = stage_point(y, k, s, i, step)
             along = _rates(P, V, j, size, new, k, s)
         error = _step_error(P, V, d, step)
-        if not error < math.inf:
-            return False
-        if error > 1.0:
+        if not error <= 1.0:
             along, step = before, next_step(step, error)
             continue
         for i in range(length):
             y[i], k[0, i] = new[i], k[STAGES, i]
         if y[_LOG] > _PASSED:
             return False
-        straight = abs(along - before) <= _STRAIGHT * abs(along) and _is_straight(P, V, d)
+        steady = abs(along - before) <= _STRAIGHT * abs(along) * min(1.0, step * abs(k[0, _LOG]))
+        straight = steady and _is_straight(P, V, d)
         if along < 0.0 and (straight or y[_LOG] < _ENDED):
             _rest_of_line(P, V, j, size, along)
             return True
