@@ -437,6 +437,8 @@ def end_instant(P, V, t, x, mult, status, before):
             store8(V.w[i], block, load8(V.event[i], block) - load8(V.dt, block) * V.rates[i])
     hold = False
     for j in range(P.m):
+        if j == V.cause and P.kind[j] == DISC and before[j] == 1 and status[j] == 1:
+            V.why = GRAZES  # it slips on through its rest, beside which others turn away
         closed = status[j] == SOLVED and (
             P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER or P.kind[j] == COMPONENT
         )
