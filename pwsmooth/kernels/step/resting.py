@@ -14,6 +14,7 @@ from .steps import surface_rows
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
 _EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
+_FAST = 0.05  # of the friction: the deceleration of a slip that is closed early
 _FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
 _SEEN, WORTH, PATIENCE = (
@@ -131,7 +132,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         left = -2.0 * square / slope
         early, late = _near_rest(P, C, S, W, j)
         latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
-        closes = square <= late or (square <= early and _is_alone(P, S, W, j, left))
+        fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
+        closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
         if closes and S.t + left < latest and _close(P, S, R, W, j, square, late, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j

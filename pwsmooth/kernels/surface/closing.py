@@ -22,7 +22,7 @@ _STRAIGHT, _BENT = 1e-6, 1e-9  # of the angle off the direction in which it ends
 _STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
-_STEPS = 20000
+_STEPS = 1000
 _LOG, _TIME, _X = 3, 4, 5  # places behind n
 
 

@@ -25,7 +25,7 @@ from .state import F_MULT, F_P, F_X, G_MULT, G_P, G_T, G_X, H_P, H_X
 _TOLERANCE, _DIRECTION = 1e-11, 1e-6
 _ENDED = -25.0  # of log(r/r1)
 _PASSED = 0.5
-_STRAIGHT = 1e-8  # of the changes of n, b and n.G while r falls by e: the rest is a line
+_STRAIGHT = 1e-6  # of the changes of n, b and n.G while r falls by e: the rest is a line
 _STEPS = 20000
 _SWEEPS = 12
 _NEARBY = 1e-4  # of time, over which rates are differenced
