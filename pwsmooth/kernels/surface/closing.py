@@ -18,7 +18,10 @@ _A, _B, _E3, _E5 = dop.A.copy(), dop.B.copy(), dop.E3.copy(), dop.E5.copy()
 STAGES = 12
 _TOLERANCE, _DIRECTION = 1e-9, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -20.0  # of log(r/r1): what is left does not matter
-_STRAIGHT, _BENT = 1e-6, 1e-9  # of the angle off the direction in which it ends, and of what that takes from n.G
+_STRAIGHT, _BENT = (
+    1e-6,
+    1e-9,
+)  # of the angle off the direction in which it ends, and of what that takes from n.G
 _STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be

@@ -387,4 +387,3 @@ def _between(V, place, each, behind, s, c):
             # Of a state the values less that at the start, over the time since.
             total += LAGRANGE[power, q] * ((value - start) / NODES[q] if is_state else value)
     return start + s * total if is_state else total
-

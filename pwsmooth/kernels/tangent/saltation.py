@@ -15,7 +15,18 @@ import math
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import abs8, call_act_slopes, call_fields, call_outputs
-from ..state import COMPONENT, CONTACT, DISC, HELD, SECOND_ORDER, SLIDING, SOLVED, TAPE_MEET, TAPE_STEP, TAPE_SURFACE
+from ..state import (
+    COMPONENT,
+    CONTACT,
+    DISC,
+    HELD,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+    TAPE_MEET,
+    TAPE_STEP,
+    TAPE_SURFACE,
+)
 from ..step.roots import GRAZING
 from .flow import invert, number_unknowns
 from .state import (
