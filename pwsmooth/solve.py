@@ -134,7 +134,6 @@ def solve(
         from .derivatives import Derivatives, quantities, run_beside
 
         system = given = system._written_out()
-        checks.without_discs(system.model, "derivatives")
         wanted = quantities(system, with_respect_to)
     if t0 > t1:
         if noise is not None or dense_output or method == "stiff" or with_respect_to is not None:

@@ -259,9 +259,6 @@ def test_a_kick_moves_a_block_that_rests():
     assert s.x[:2, -1] == pytest.approx(2 * s.x[:2, np.searchsorted(s.t, 4.9)], abs=1e-12)
 
 
-@pytest.mark.xfail(
-    reason="the onset behind a pass begins with the last step, which has shrunk to nothing", strict=True
-)
 def test_a_pass_through_rest_closer_than_rounding_goes_on(block):
     start = [0, 0, -math.cos(1e-13), math.sin(1e-13)]
     s = solve(block, (0, 2), start, parameters={"F1": 3}, **TIGHT)

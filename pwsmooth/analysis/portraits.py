@@ -89,6 +89,7 @@ def sliding_portrait(
     """
     system = system._written_out()
     model = system.model
+    checks.without_discs(model, "sliding portraits")
     able = [m for m in model.multipliers if m.kind == "switch" and m.regularity == "sliding"]
     name = checks.lookup(switch, [m.symbol for m in able], "`switch`", "switch that can slide")
     j = next(k for k, m in enumerate(model.multipliers) if m.symbol == name)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
+from ..definition import checks
 from ..paths.linearised import linearise
 from .equilibrium_stability import margins
 
@@ -34,6 +35,7 @@ class Statics:
         self, system: Any, sides: Sides, memories: np.ndarray, q: sp.Symbol | None = None, unit: Any = 1.0
     ) -> None:
         model = system.model
+        checks.without_discs(model, "equilibria")
         self.system, self.sides, self.q, self.memories = system, sides, q, memories
         self.line = linearise(model, () if q is None else (q,))
         self.n, self.m = len(model.states) - model.n_memory, len(model.multipliers)

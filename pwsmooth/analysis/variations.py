@@ -168,7 +168,9 @@ def _matrices(solution: Solution, chosen: tuple[sp.Symbol, ...]) -> tuple[np.nda
             seeds[model.parameters.index(symbol), column] = 1.0
     run = tape.deviations(start, seeds, points=False)
     if not run.known and solution.dense is not None:
-        with contextlib.suppress(np.linalg.LinAlgError):  # of an instant that neither tells
+        with contextlib.suppress(
+            np.linalg.LinAlgError, ValueError
+        ):  # of an instant that neither tells, or a disc's
             return _collocated(solution, chosen)
     degenerate = without_derivative(solution, run.instant_t, run.instant_why)
     if not np.isnan(run.stopped):

@@ -45,13 +45,13 @@ SOLVED, HELD = 0, 2
 ) = range(13)
 
 # Kinds of step: the jet with all multipliers fixed, or some solved; the Runge-Kutta pair; an arc by a fold; the first
-# one of a slip in a disc.
-SLIP, GENERAL, PAIR, ARC, START = range(5)
+# one of a slip in a disc, and its last moments.
+SLIP, GENERAL, PAIR, ARC, START, CLOSING = range(6)
 
-# Entries of a tape (step/recording.py, kernels/tangent): a step; a recorded point; what an instant is the zero of (a
-# surface, the bound of a multiplier, a fold, a tick of the clock, something else, nothing new); an update that acts,
-# and the end of its round; the end of the run.
-TAPE_STEP, TAPE_POINT, TAPE_MEET, TAPE_ACT, TAPE_ROUND, TAPE_END = range(6)
+# Entries of a tape (step/recording.py, kernels/tangent): a step, and the nodes of one by collocation; a recorded point;
+# what an instant is the zero of (a surface, the bound of a multiplier, a fold, a tick of the clock, something else,
+# nothing new); an update that acts, and the end of its round; the end of the run.
+TAPE_STEP, TAPE_POINT, TAPE_MEET, TAPE_ACT, TAPE_ROUND, TAPE_NODE, TAPE_END = range(7)
 TAPE_SURFACE, TAPE_BOUND, TAPE_FOLD, TAPE_CLOCK, TAPE_OTHER, TAPE_NOTHING = range(6)
 
 # Events of an instant (firing.py). In `due`:
@@ -205,7 +205,7 @@ class Record(Bundle):
     )
     dense_s: "f8[pieces]"  # length of the step in s
     tape: "i8[tapes, 4 + m]"  # kind of entry, three numbers of it, the statuses
-    tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length of a step, states, multipliers, their rates along an arc
+    tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length, states, multipliers; their rates along an arc, or a step as it was made
     t_eval: "f8[times]"
     x_eval: "f8[times, n]"
     mult_eval: "f8[times, m]"

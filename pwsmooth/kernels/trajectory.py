@@ -75,7 +75,7 @@ from .step.steps import (
     reach_singular_surface,
     refine_by_pair,
 )
-from .surface.sliding import follow, keep_on_surface, mask_solved, put_in_slip
+from .surface.sliding import INSIDE, follow, keep_on_surface, mask_solved, put_in_slip
 from .surface.vector import begins
 from .work import Work
 
@@ -243,7 +243,7 @@ def propose(P, C, S, R, W):
         if math.isnan(h):
             return Outcome.NOT_FINITE
     if P.discs != 0 and step.kind != START and not math.isnan(h):
-        h, at_rest = come_to_rest_in_disc(P, C, S, W, h)
+        h, at_rest = come_to_rest_in_disc(P, C, S, R, W, h)
         if at_rest >= 0:
             W.meeting.tau[:] = NO_ROOT
             W.meeting.tau[at_rest] = 0.0
@@ -420,6 +420,8 @@ def advance(P, C, S, R, W):
     if step.sliding:
         for j in range(P.m):
             if S.status[j] == SOLVED and P.kind[j] == DISC:
+                if S.mult[j] == 1.0:
+                    S.mult[j] = INSIDE
                 put_in_slip(P, S, j, 0.0, S.mult, W)
             elif S.status[j] == SOLVED and P.kind[j] < DISC:
                 keep_sliding(P, S, j, W)

@@ -157,6 +157,7 @@ class Onset(Bundle):
     toward: "f8[8, m]"  # that lambda
     goal: "f8[m]"  # surfaces that a guess is to have
     forced: "i8[m]"  # discs that begin to slip and whose lambda acts on them
+    slow: "i8[m]"  # discs whose slip has made explicit steps short
     slips: "i8[m]"  # discs that slip
     size: "f8[m]"  # their |h| at a node
     y: "f8[8, onset]"  # states at the nodes
@@ -257,9 +258,12 @@ class Work(Bundle):
     dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
     mask: "i8[m]"  # multipliers that are solved for
     disc: "f8[4, 5]"  # small matrices of a disc
-    closing_y: "f8[8]"  # see surface/closing.py
-    closing_new: "f8[8]"
-    closing_k: "f8[7, 8]"
+    closing_t: "float"  # see surface/closing.py
+    closing_x: "f8[n]"
+    closing_mult: "f8[m]"
+    closing_y: "f8[5 + n]"
+    closing_new: "f8[5 + n]"
+    closing_k: "f8[13, 5 + n]"
     broken: "int"  # multiplier whose invariant does not hold: invariants.py
     linear: Linear
     step: Step

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from ..definition import checks
 from ..results.records import StepPolynomials
 from ..results.solution import Dense, Solution
 from .linearised import linearise, rates
@@ -36,6 +37,7 @@ class Collocation:
 
     def __init__(self, solution: Solution, chosen: tuple[sp.Symbol, ...]) -> None:
         self.solution, self.chosen = solution, chosen
+        checks.without_discs(solution.model, "derivatives along implicit steps")
         self.line = linearise(solution.model, chosen)
         self.p = np.array([solution.parameters[p.name] for p in solution.model.parameters])
         self.steps = _steps(solution)

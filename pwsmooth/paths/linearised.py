@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from ..definition import checks
 from ..definition.model import Model
 from ..definition.regularity import total_derivative
 from ..results.outputs import vectorised
@@ -51,7 +50,6 @@ class Linearised:
     """Numpy functions of a model's Jacobians by its states and these parameters."""
 
     def __init__(self, model: Model, parameters: tuple[sp.Symbol, ...] = ()) -> None:
-        checks.without_discs(model, "derivatives")
         self.model, self.chosen = model, parameters
         self.w = (*model.states, *parameters)
         self.n, self.m, self.N = len(model.states), len(model.multipliers), len(self.w)

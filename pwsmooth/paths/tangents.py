@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..codegen import LANES, compile_model
-from ..definition import checks
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
+from ..kernels.step.onset import STAGES
 from ..kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
 from .clock import slopes_of_instants
 from .linearised import rates
@@ -105,7 +105,6 @@ class CompiledTangents:
 
     def __init__(self, model: Model, what: str):
         """What the programs do along steps: see Compiled.tangent()."""
-        checks.without_discs(model, "derivatives")
         self.model = model
         self.told = {"given": int(what != "jets"), "lanes": LANES.get(what, 0)}
         code = self.code = compile_model(model)
@@ -136,6 +135,8 @@ class CompiledTangents:
             n=n, m=m, np=count, rows=top + own, all=both, unknowns=unknowns, twice=2 * unknowns,
             closed=4 * m, wider=n, room=_PLACES, sums=8 * max(both, unknowns),
         )  # fmt: skip
+        discs = any(mu.kind == "disc" for mu in model.multipliers)
+        self.sizes |= dict(moment=5 + n if discs else 0, node_rows=STAGES * (n + m) if discs else 0)
         self.lengths = dict(
             slopes=max((n + m + count + 1) * most, m + code.ne, 1), bias=count + 2 * m,
         )  # fmt: skip
@@ -160,6 +161,8 @@ class CompiledTangents:
         width, wide = sizes["width"], sizes["wide"]
         scratch: dict[str, Any] = {name: flow.bundle(width, wide) for name, flow in self.flows.items()}
         scratch |= {name: np.zeros(size) for name, size in self.lengths.items()}
+        sizes["moments"] = sizes["moment"] * (1 + columns)
+        sizes["node_columns"] = sizes["node_rows"] + columns
         sizes["columned"] = sizes["rows"] * width if self.told["lanes"] else 0
         sizes["series"] = (sizes["all"] + sizes["unknowns"]) * 8 * (order + 1 + ZEROS)
         made = Tangent.zeros(
@@ -215,7 +218,7 @@ class Tape:
         kind, what = self.entries[:, 0], self.entries[:, 1]
         meets = np.flatnonzero((kind == names.TAPE_MEET) & (what != names.TAPE_NOTHING))
         parts = (kind == names.TAPE_STEP) & (
-            (self.values[:, 1] > 1e-15 * np.abs(self.values[:, 0])) | (what == names.ARC)
+            (self.values[:, 1] > 1e-15 * np.abs(self.values[:, 0])) | np.isin(what, (names.ARC, names.CLOSING))
         )
         steps = np.searchsorted(np.flatnonzero(parts), meets)
         return meets[np.append(True, steps[1:] != steps[:-1])] if len(meets) else meets
@@ -322,10 +325,11 @@ class Tape:
         n, m, count = compiled.code.n, compiled.code.m, compiled.code.np
         columns = -(-(n + count + 2) // 8) * 8
         steps = np.flatnonzero(self.entries[:, 0] == names.TAPE_STEP)
-        arcs = steps[self.entries[steps, 1] == names.ARC]
-        # Only along arcs, and at the end, columns are asked for what the cost reads.
-        begins = np.append(self.values[arcs, 0], self.values[-1, 0])
-        ends = np.append(self.values[arcs + 1, 0], np.inf)
+        arcs = np.isin(self.entries[steps, 1], (names.ARC, names.START, names.CLOSING))
+        ends = np.append(self.values[steps[1:], 0], self.values[-1, 0])[arcs]
+        # Only along these, and at the end, columns are asked for what the cost reads.
+        begins = np.append(self.values[steps[arcs], 0], self.values[-1, 0])
+        ends = np.append(ends, np.inf)
         most = int((np.searchsorted(cost.times, ends) - np.searchsorted(cost.times, begins)).max())
         clock = np.zeros((len(self.clock), columns + 8))
         clock[:, n + count] = 1.0

@@ -27,6 +27,7 @@ _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction di
 _AHEAD = 1e-3  # of the longest step: where it is looked at how fast lambda passes its bound
 _AT_REST = 1e-7  # of the accelerations: a slip that begins with less begins with none
 _ALIKE = 1e-8  # of the way since the start: what Newton's method is content with where it comes no nearer
+_LEFT = 0.1  # of |h|, that a first guess keeps
 _DEFECT = 10.0  # tolerances: that of the polynomial, whose order is half of that of the step's end
 
 
@@ -60,8 +61,8 @@ def _radau():
     return (nodes + 1) / 2, integrals @ inverse, table @ inverse
 
 
-_NODES, _A, _LAGRANGE = _radau()
-_BETWEEN = 0.5 * (_NODES[-1] + _NODES[-2])
+NODES, WEIGHTS, LAGRANGE = _radau()
+_BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
 
 
 @kernel
@@ -86,17 +87,51 @@ def _go_along(P, S, W, t, tau):
 
 
 @kernel
+def _guess_slaved(P, S, W, j, h):
+    """Puts the states at the nodes where disc j slips in the direction that its force says."""
+    onset, start = W.onset, math.sqrt(W.onset.level[j])
+    for q in range(STAGES):
+        size = start
+        for r in range(STAGES):
+            along = 0.0
+            for k in range(j + 1, j + 1 + P.dim[j]):
+                along += onset.toward[r, k] * onset.rate[r, k]
+            size += h * WEIGHTS[q, r] * along
+        for k in range(j + 1, j + 1 + P.dim[j]):
+            onset.goal[k] = onset.toward[q, k]
+        for i in range(P.n):
+            S.x[i] = onset.y[q, i]
+        put_in_slip(P, S, j, max(size, _LEFT * start), onset.goal, W)
+        for i in range(P.n):
+            onset.y[q, i] = S.x[i]
+
+
+@kernel
 def _guess(P, S, W, t, h):
     """Overwrites onset.y, the states at the nodes: on the parabola, with the slip of the force at each."""
     onset, n, t0 = W.onset, P.n, S.t
     if onset.goes_on:
         for q in range(STAGES):
-            tau = _NODES[q] * h
+            tau = NODES[q] * h
             for i in range(n):
-                onset.y[q, i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
+                S.x[i] = onset.x[i] + tau * (onset.first[i] + tau * onset.second[i])
+            S.t = t0 + tau
+            for j in range(P.m):
+                if onset.slow[j]:
+                    _follow_force(P, S, W, j)
+                    push_of_disc(P, S, W, j)
+            for j in range(P.m):
+                onset.rate[q, j] = W.g[j]
+                onset.toward[q, j] = S.mult[j]
+            for i in range(n):
+                onset.y[q, i] = S.x[i]
+        S.t = t0
+        for j in range(P.m):
+            if onset.slow[j]:
+                _guess_slaved(P, S, W, j, h)
         return
     for q in range(STAGES):
-        _go_along(P, S, W, t0, _NODES[q] * h)
+        _go_along(P, S, W, t0, NODES[q] * h)
         for j in range(P.m):
             if not begins(P, S, j):
                 continue
@@ -108,7 +143,7 @@ def _guess(P, S, W, t, h):
             onset.toward[q, j] = S.mult[j]
     S.t = t0
     for q in range(STAGES):
-        _go_along(P, S, W, t0, _NODES[q] * h)
+        _go_along(P, S, W, t0, NODES[q] * h)
         for j in range(P.m):
             if not begins(P, S, j):
                 continue
@@ -116,7 +151,7 @@ def _guess(P, S, W, t, h):
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     onset.goal[k] = 0.0
                     for r in range(STAGES):
-                        onset.goal[k] += h * _A[q, r] * onset.rate[r, k]
+                        onset.goal[k] += h * WEIGHTS[q, r] * onset.rate[r, k]
                 put_in_slip(P, S, j, 1.0, onset.goal, W)
                 continue
             way = 0.0
@@ -124,7 +159,7 @@ def _guess(P, S, W, t, h):
                 along = 0.0
                 for k in range(j + 1, j + 1 + P.dim[j]):
                     along += onset.toward[r, k] * onset.rate[r, k]
-                way += h * _A[q, r] * abs(along)
+                way += h * WEIGHTS[q, r] * abs(along)
             for k in range(j + 1, j + 1 + P.dim[j]):
                 onset.goal[k] = onset.toward[q, k]
             put_in_slip(P, S, j, way, onset.goal, W)
@@ -204,16 +239,16 @@ def _solve(P, C, S, W, t, h):
     A, before = onset.matrix, math.inf
     for sweep in range(_SWEEPS):
         for q in range(STAGES):
-            if not _stage(P, S, W, q, t + _NODES[q] * h):
+            if not _stage(P, S, W, q, t + NODES[q] * h):
                 return False
         for q in range(STAGES):
             for r in range(n):
                 row = q * n + r
                 rest = onset.y[q, r] - onset.x[r]
                 for s in range(STAGES):
-                    rest -= h * _A[q, s] * onset.k[s, r]
+                    rest -= h * WEIGHTS[q, s] * onset.k[s, r]
                     for i in range(n):
-                        A[row, s * n + i] = -h * _A[q, s] * onset.slope[s, r, i]
+                        A[row, s * n + i] = -h * WEIGHTS[q, s] * onset.slope[s, r, i]
                 A[row, row] += 1.0
                 A[row, STAGES * n] = -rest
         if not solve_dense(A, STAGES * n, 1):
@@ -248,7 +283,7 @@ def _polynomials(P, S, W, h):
         for c in range(STAGES):
             total = 0.0
             for q in range(STAGES):
-                total += _LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
+                total += LAGRANGE[c, q] * (onset.k[q, i] - onset.first[i])
             rows[i, c + 1] += total * scale / (c + 1)
             scale /= h
     for j in range(m):
@@ -259,13 +294,13 @@ def _polynomials(P, S, W, h):
     for q in range(STAGES):
         for i in range(n):
             S.x[i] = onset.y[q, i]
-        _rates(P, S, W, S.t + _NODES[q] * h)
+        _rates(P, S, W, S.t + NODES[q] * h)
         for r in range(2 * m + P.ne):
             now = S.mult[r] if r < m else W.h[r - m]
-            change = (now - rows[n + r, 0]) / _NODES[q]
+            change = (now - rows[n + r, 0]) / NODES[q]
             scale = 1.0 / h
             for c in range(STAGES):
-                rows[n + r, c + 1] += _LAGRANGE[c, q] * change * scale
+                rows[n + r, c + 1] += LAGRANGE[c, q] * change * scale
                 scale /= h
 
 
@@ -341,7 +376,7 @@ def onset(P, C, S, W, longest):
     for _ in range(_TRIES):
         _restore(P, S, W)
         for j in range(P.m):
-            if begins(P, S, j):
+            if begins(P, S, j) or (start.goes_on and start.slow[j]):
                 S.mult[j] = INSIDE
         _guess(P, S, W, t, h)
         for j in range(P.m):

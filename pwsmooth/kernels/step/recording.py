@@ -7,15 +7,20 @@ from ..state import (
     ARC,
     HELD,
     SOLVED,
+    START,
     TAPE_BOUND,
     TAPE_CLOCK,
     TAPE_FOLD,
     TAPE_MEET,
+    TAPE_NODE,
     TAPE_NOTHING,
     TAPE_POINT,
     TAPE_STEP,
     TAPE_SURFACE,
 )
+from ..surface.sliding import INSIDE
+from ..surface.vector import begins
+from .onset import NODES, STAGES
 from .steps import dot, powers
 
 
@@ -54,10 +59,32 @@ def put_step_on_tape(P, S, R, W):
     step = W.step
     if step.time_row < 0:
         put_on_tape(P, S, R, TAPE_STEP, step.kind, S.pieces - 1, 0, W.end.length)
+        if step.kind == START:
+            _put_nodes_on_tape(P, S, R, W)
     else:
         put_on_tape(P, S, R, TAPE_STEP, ARC, step.fold, step.toward, W.end.length)
         for j in range(P.m + 1):
             R.tape_x[S.taped - 1, 2 + P.n + P.m + j] = W.arc.mult[j]
+
+
+@kernel
+def _put_nodes_on_tape(P, S, R, W):
+    """The states and multipliers at the nodes of the collocation that has just been put there."""
+    k, n = S.taped - 1, P.n
+    R.tape_x[k, 2 + n + P.m] = W.step.length
+    for j in range(P.m):
+        if begins(P, S, j):
+            R.tape_x[k, 2 + n + j] = INSIDE  # at the start lambda is what its components say
+    for q in range(STAGES):
+        put_on_tape(P, S, R, TAPE_NODE, 0, 0, 0, 0.0)
+        for i in range(n):
+            R.tape_x[S.taped - 1, 2 + i] = W.onset.y[q, i]
+        for j in range(P.m):
+            if S.status[j] == SOLVED:
+                row, value = W.step.rows[W.step.mult_row + j], 0.0
+                for c in range(STAGES, -1, -1):
+                    value = value * NODES[q] * W.step.length + row[c]
+                R.tape_x[S.taped - 1, 2 + n + j] = value
 
 
 @kernel

@@ -5,13 +5,17 @@ import math
 
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
-from ..state import DISC
-from ..surface.closing import close
+from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
+from ..surface.closing import close, pull_of
 from ..surface.sliding import INSIDE
+from .recording import put_on_tape
 from .steps import surface_rows
 
 _ROUNDING = 1e-28  # of |h|^2, beside the largest so far
 _NEAR = 100.0  # tolerances of h: so near to rest the slip is closed at once
+_EARLY = 1e-5  # of the largest |h|: so near to rest it is closed if nothing else happens by then
+_FAST = 0.05  # of the friction: the deceleration of a slip that is closed early
+_FAR = 8.0  # by how much later than the last slope of |h| tells it may come to rest
 _STIFF = 4.0  # of |h| over the friction, to what explicit steps are stable
 _SEEN, WORTH, PATIENCE = (
     5,
@@ -27,14 +31,12 @@ def is_stiff(P, S, W, h):
     rows, all_rows, longest, stiff = W.step.rows, surface_rows(P, W.step.kind), math.inf, False
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     for j in range(P.m):
+        W.onset.slow[j] = 0
         if P.kind[j] != DISC or S.status[j] != 1:
             continue
-        square, slope, pull = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1), 0.0
-        for r in range(j + 1, j + 1 + P.dim[j]):
-            for e in range(P.g_row[r], P.g_row[r + 1]):
-                if P.disc_of[P.g_col[e]] == j:
-                    pull = max(pull, abs(W.G[e]))
-        stiff = stiff or h * pull > _STIFF * math.sqrt(square)
+        square, slope = at(rows[all_rows[j]], 0), at(rows[all_rows[j]], 1)
+        W.onset.slow[j] = 1 if h * pull_of(P, W, j) > _STIFF * math.sqrt(square) else 0
+        stiff = stiff or W.onset.slow[j] != 0
         longest = min(longest, 4.0 * square / (abs(slope) + 1e-300))
     W.onset.stiff = W.onset.stiff + 1 if stiff else 0
     if W.onset.wait > 0:
@@ -45,43 +47,70 @@ def is_stiff(P, S, W, h):
 
 @kernel
 def _near_rest(P, C, S, W, j):
-    """|h|^2 of disc j from which on its slip is closed: there its direction is told no better by smaller steps."""
+    """|h|^2 of disc j from which on its slip is closed, and that from which on whatever else may happen by then.
+
+    At the first jets that keep the tolerance of h begin to lose digits of its direction, at the second they have.
+    """
     call_linear(P.linear, S.t, S.x, S.mult, P.p, W.G, W.dh)
     tolerance = C.rtol * math.sqrt(W.meeting.widest[j])
     for k in range(j + 1, j + 1 + P.dim[j]):
         for e in range(P.dh_row[k], P.dh_row[k + 1]):
             tolerance += abs(W.dh[e]) * C.atol[P.dh_col[e]]
-    return (_NEAR * tolerance) ** 2
+    last = (_NEAR * tolerance) ** 2
+    return max(last, _EARLY**2 * W.meeting.widest[j]), last
 
 
 @kernel
-def _close(P, S, W, j, square):
-    """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by."""
-    _take_direction(P, S, W, j)
-    left = close(P, S, W, j, math.sqrt(square))
-    if left < 0.0:
-        return False
-    S.mult[j] = INSIDE  # lambda is the mean that the components' multipliers say
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    for i in range(P.n):
-        S.x[i] += left * W.dx[i]
-    S.t += left
-    S.mult[j] = 1.0
-    for i in range(P.dim[j]):
-        S.mult[j + 1 + i] = W.closing_y[i]
+def _is_alone(P, S, W, j, left):
+    """Whether no surface, and no bound of what is solved for, can be met before disc j is at rest."""
+    rows, all_rows, far = W.step.rows, surface_rows(P, W.step.kind), _FAR * left
+    for i in range(P.m + P.ne):
+        solved = i < P.m and S.status[i] == SOLVED
+        free = i < P.m and (P.kind[i] == ALGEBRAIC or S.status[i] == HELD or P.disc_of[i] >= 0 or i == j)
+        row = W.step.mult_row + i if solved else all_rows[i]
+        if free or row < 0:
+            continue
+        margin = abs(at(rows[row], 0))
+        if solved and P.kind[i] != CONTACT:
+            margin = abs(1.0 - margin)
+        if margin <= far * (abs(at(rows[row], 1)) + far * abs(at(rows[row], 2))):
+            return False
     return True
 
 
 @kernel
-def _take_direction(P, S, W, j):
-    """Leaves h/|h| in the multipliers of the components of disc j."""
-    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
-    for k in range(j + 1, j + 1 + P.dim[j]):
-        S.mult[k] = W.h[k] / math.sqrt(W.h[j])
+def _close(P, S, R, W, j, square, late, latest):
+    """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by, or
+    comes there later than at the `latest`. `late` is as in _near_rest, which has left W.G."""
+    for i in range(P.m):
+        W.closing_mult[i] = S.mult[i]
+    k = S.taped
+    _come_from(P, S, R, W, j)
+    if not close(P, S, W, j, math.sqrt(square), math.sqrt(late) / _NEAR) or S.t >= latest:
+        S.t, S.taped = W.closing_t, k
+        for i in range(P.n):
+            S.x[i] = W.closing_x[i]
+        for i in range(P.m):
+            S.mult[i] = W.closing_mult[i]
+        return False
+    if R.tape.shape[0] > 0:
+        R.tape_x[k, 1] = S.t - W.closing_t
+    return True
 
 
 @kernel
-def come_to_rest_in_disc(P, C, S, W, h):
+def _come_from(P, S, R, W, j):
+    """Disc j begins to come to rest: lambda is what the multipliers of its components say, h/|h|."""
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    for k in range(j + 1, j + 1 + P.dim[j]):
+        S.mult[k] = W.h[k] / math.sqrt(W.h[j])
+    S.mult[j] = INSIDE
+    if R.tape.shape[0] > 0:
+        put_on_tape(P, S, R, TAPE_STEP, CLOSING, j, 0, 0.0)
+
+
+@kernel
+def come_to_rest_in_disc(P, C, S, R, W, h):
     """(h, shortened so that no disc comes to rest within it; the disc that is at rest now, S moved to there, or -1)."""
     rows, all_rows = W.step.rows, surface_rows(P, W.step.kind)
     for j in range(P.m):
@@ -95,17 +124,21 @@ def come_to_rest_in_disc(P, C, S, W, h):
             second += at(rows[all_rows[k]], 2) ** 2
         if math.sqrt(square / first) <= 1e-15 * (1.0 + abs(S.t)):
             # Nearer than the clock tells, on its way to rest or past it.
-            _take_direction(P, S, W, j)
+            _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
             return h, j
         if not slope < 0.0:
             continue
         left = -2.0 * square / slope
-        if S.t + left < W.step.stop and square <= _near_rest(P, C, S, W, j) and _close(P, S, W, j, square):
+        early, late = _near_rest(P, C, S, W, j)
+        latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
+        fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
+        closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
+        if closes and S.t + left < latest and _close(P, S, R, W, j, square, late, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
         if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):
-            _take_direction(P, S, W, j)
+            _come_from(P, S, R, W, j)
             W.meeting.widest[j] = 0.0
             return h, j
         # How much the approach is going to bend, in direction and in speed.

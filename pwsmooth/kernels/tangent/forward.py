@@ -14,14 +14,18 @@ from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import call_jet_general, call_jet_slip
 from ..state import (
     ARC,
+    CLOSING,
+    DISC,
     PAIR,
     SLIP,
     SOLVED,
+    START,
     TAPE_ACT,
     TAPE_BOUND,
     TAPE_CLOCK,
     TAPE_END,
     TAPE_FOLD,
+    TAPE_NODE,
     TAPE_NOTHING,
     TAPE_POINT,
     TAPE_ROUND,
@@ -29,6 +33,7 @@ from ..state import (
     TAPE_SURFACE,
 )
 from ..step.steps import dot, powers
+from .discs import close, collocate
 from .flow import invert, move, number_unknowns, plan, put_in_lanes, way_within
 from .saltation import (
     act,
@@ -238,6 +243,9 @@ def _step(P, V, k):
     kind, t, length = V.tape[k, 1], V.tape_x[k, 0], V.tape_x[k, 1]
     if kind == PAIR:
         return False
+    if kind == CLOSING:
+        V.passes = 0 if close(P, V, k) else 1
+        return True
     for i in range(n):
         V.x[i] = V.tape_x[k, 2 + i]
     for j in range(m):
@@ -245,6 +253,8 @@ def _step(P, V, k):
         V.mask[j] = 1 if V.tape[k, 4 + j] == SOLVED else 0
     if kind == ARC:
         return _arc(P, V, k, t, length)
+    if kind == START:
+        return collocate(P, V, k)
     A, piece = V.slip if kind == SLIP else V.general, V.tape[k, 2]
     return _move(P, V, A, kind, V.w, piece, t, length, n, m) >= 0.0
 
@@ -355,7 +365,7 @@ def _meet(P, V, k):
             V.x[q] = V.tape_x[k, 2 + q]
         for j in range(m):
             V.mult[j] = V.tape_x[k, 2 + n + j]
-        if what != TAPE_FOLD:
+        if what != TAPE_FOLD and not (what == TAPE_SURFACE and i < m and P.kind[i] == DISC):
             _leave_arc(P, V)
         V.met = k
         begin_instant(P, V, V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:])
@@ -380,8 +390,16 @@ def _meet(P, V, k):
 
 @kernel
 def has_length(V, k):
-    """Whether time passes, or an arc is begun, at entry k: a step of a rounding parts no instants."""
-    return V.tape[k, 1] == ARC or V.tape_x[k, 1] > 1e-15 * abs(V.tape_x[k, 0])
+    """Whether time passes, or an arc or rest is begun, at entry k: a step of a rounding parts no instants."""
+    kind = V.tape[k, 1]
+    return kind == ARC or kind == CLOSING or V.tape_x[k, 1] > 1e-15 * abs(V.tape_x[k, 0])
+
+
+@kernel
+def by_columns(V, k):
+    """Whether the step of entry k has no transposed series: the slopes of a cost go back over it by columns."""
+    kind = V.tape[k, 1]
+    return V.tape[k, 0] == TAPE_STEP and (kind == ARC or kind == START or kind == CLOSING)
 
 
 @kernel
@@ -418,6 +436,8 @@ def go_over(P, V, k):
         act(P, V, V.tape[k, 2], V.tape_x[k, 0], V.x, V.mult, V.tape[k, 4:])
     elif what == TAPE_ROUND:
         V.fresh = 1
+    elif what == TAPE_NODE:
+        pass  # its step has read it
     elif what == TAPE_END:
         while V.samples < len(V.t_eval):
             _put(P, V, V.at_sample[V.samples - V.first_sample], k)

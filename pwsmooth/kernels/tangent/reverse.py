@@ -8,7 +8,6 @@ arcs, which are few, Phi and Psi are made as they stand, with a column for each 
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, splat8, store8
 from ..state import (
-    ARC,
     PAIR,
     SLIP,
     SOLVED,
@@ -21,7 +20,7 @@ from ..state import (
 )
 from ..step.steps import dot, powers
 from .flow import number_unknowns, plan
-from .forward import begin, factor, go_over, has_length, jet, leave, stand_at
+from .forward import begin, by_columns, factor, go_over, has_length, jet, leave, stand_at
 from .saltation import keep_held, look
 from .state import FINE, H_P, H_X, ZEROS
 
@@ -276,7 +275,7 @@ def _first_sample(V, t):
 @kernel
 def _instant_back(P, V, a, b):
     """Slopes behind the instant of the entries between a and b become those before it, or before the arc of a."""
-    arc, tick, some = V.tape[a, 0] == TAPE_STEP and V.tape[a, 1] == ARC, -1, False
+    arc, tick, some = by_columns(V, a), -1, False
     for k in range(a + 1, b):
         some = some or V.tape[k, 0] == TAPE_MEET or V.tape[k, 0] == TAPE_ACT
         if V.tape[k, 0] == TAPE_MEET and V.tape[k, 1] == TAPE_CLOCK and tick < 0:
@@ -312,7 +311,7 @@ def pull_back(P, V, count):
         if not _instant_back(P, V, a, b):
             return a
         kind = V.tape[a, 1]
-        if V.tape[a, 0] == TAPE_STEP and kind != ARC:
+        if V.tape[a, 0] == TAPE_STEP and not by_columns(V, a):
             if kind == PAIR or not _step_back(P, V, V.slip if kind == SLIP else V.general, a):
                 return a
         b = a

@@ -15,7 +15,18 @@ import math
 from ..machine.compiling import kernel
 from ..machine.lanes import load8, splat8, store8
 from ..machine.pointers import abs8, call_act_slopes, call_fields, call_outputs
-from ..state import CONTACT, HELD, SECOND_ORDER, SLIDING, SOLVED, TAPE_MEET, TAPE_STEP, TAPE_SURFACE
+from ..state import (
+    COMPONENT,
+    CONTACT,
+    DISC,
+    HELD,
+    SECOND_ORDER,
+    SLIDING,
+    SOLVED,
+    TAPE_MEET,
+    TAPE_STEP,
+    TAPE_SURFACE,
+)
 from ..step.roots import GRAZING
 from .flow import invert, number_unknowns
 from .state import (
@@ -184,6 +195,22 @@ def _take(P, V, out, which):
 
 
 @kernel
+def _take_arc(P, V, which):
+    """The same of the shift and the deviations in which an arc, or the last moments of a slip, have ended."""
+    V.on_arc = 0
+    if V.cause >= 0:
+        _take(P, V, V.arc_w[P.n], which)
+        return
+    V.cause = which
+    for block in range(0, V.columns, 8):
+        shift = load8(V.arc_w[P.n], block)
+        store8(V.dt, block, shift)
+        for i in range(P.n):
+            store8(V.event[i], block, load8(V.arc_w[i], block))
+            store8(V.w[i], block, load8(V.arc_w[i], block) - shift * V.rates[i])
+
+
+@kernel
 def _rate_near(P, V, i, by):
     """Rate of surface i at the instant's point, moved along the motion by a time; overwrites V.x, V.slopes, V.jac."""
     n, t, rate = P.n, V.tape_x[V.met, 0] + by, 0.0
@@ -275,7 +302,13 @@ def _is_slid_on(P, V, i):
 
 @kernel
 def meet_surface(P, V, i):
-    """The instant is the zero of surface i."""
+    """The instant is the zero of surface i; of a disc, the end of its last moments."""
+    if i < P.m and P.kind[i] == DISC:
+        if V.on_arc and not V.passes:
+            _take_arc(P, V, i)
+        else:
+            V.on_arc, V.why, V.cause = 0, GRAZES, i
+        return
     if _is_slid_on(P, V, i):
         return  # the run has been on it all along: what else happens at this instant says when it leaves
     out, time = V.other_dt, V.columns
@@ -360,16 +393,9 @@ def meet_fold(P, V, j):
         V.why = FINE
         _take(P, V, V.other_dt, P.m + P.ne + 1)
         return
-    V.on_arc = 0
     if V.cause < 0:
         V.why = FINE  # whatever dg/dlambda = 0 leaves undetermined: along the arc all deviations are known
-    for block in range(0, V.columns, 8):
-        shift = load8(V.arc_w[n], block)
-        store8(V.dt, block, shift)
-        for i in range(n):
-            store8(V.event[i], block, load8(V.arc_w[i], block))
-            store8(V.w[i], block, load8(V.arc_w[i], block) - shift * V.rates[i])
-    V.cause = P.m + P.ne + 1
+    _take_arc(P, V, P.m + P.ne + 1)
 
 
 @kernel
@@ -422,7 +448,11 @@ def end_instant(P, V, t, x, mult, status, before):
             store8(V.w[i], block, load8(V.event[i], block) - load8(V.dt, block) * V.rates[i])
     hold = False
     for j in range(P.m):
-        closed = status[j] == SOLVED and (P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER)
+        if j == V.cause and P.kind[j] == DISC and before[j] == 1 and status[j] == 1:
+            V.why = GRAZES  # it slips on through its rest, beside which others turn away
+        closed = status[j] == SOLVED and (
+            P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER or P.kind[j] == COMPONENT
+        )
         hold = hold or (closed and (V.acted != 0 or before[j] != SOLVED))
         hold = hold or (status[j] == HELD and before[j] != HELD)
     if hold:
@@ -431,10 +461,12 @@ def end_instant(P, V, t, x, mult, status, before):
 
 
 @kernel
-def _is_kept(P, j, status, sliding):
+def _is_kept(P, V, j, status, sliding):
     """Whether deviations are kept on the surface of multiplier j. One that slides keeps them there by itself."""
     if status[j] == HELD:
         return True
+    if P.kind[j] == COMPONENT:  # also where it begins to slip from rest at the very start
+        return status[j] == SOLVED or (sliding != 0 and V.slopes[P.disc_of[j]] == 0.0)
     twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
     return status[j] == SOLVED and (twice or (sliding != 0 and P.kind[j] == SLIDING))
 
@@ -443,11 +475,13 @@ def _is_kept(P, j, status, sliding):
 def keep_held(P, V, t, x, mult, status, sliding):
     """Takes from the deviations V.w what leads out of the surfaces that are held, or on which it is `sliding`."""
     entries, held = V.entries_point, V.held
+    if sliding:
+        call_fields(P.fields, t, x, mult, P.p, V.rates, V.slopes, V.sums)
     look(P, V, t, x, mult)
     count, half = 0, held.shape[0] // 2  # gradients above, directions out of the surfaces before below
     for j in range(P.m):
         twice = P.kind[j] == CONTACT or P.kind[j] == SECOND_ORDER
-        for level in range(0 if not _is_kept(P, j, status, sliding) else 2 if twice else 1):
+        for level in range(0 if not _is_kept(P, V, j, status, sliding) else 2 if twice else 1):
             gradient, out = held[count], held[half + count]
             for i in range(P.n):
                 gradient[i], out[i] = 0.0, 0.0

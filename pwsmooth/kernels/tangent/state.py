@@ -89,6 +89,21 @@ class Tangent(Bundle):
     on_arc: "int"
     arc_w: "f8[all, wide]"  # and lambda
     arc_rates: "f8[all]"
+    # Discs (discs.py): the last moments of a slip, and the step that begins one.
+    passes: "int"  # whether it does not come to rest
+    closing_t: "float"
+    closing_size: "float"
+    closing_pace: "float"
+    closing_x: "f8[n]"
+    closing_ft: "f8[n]"
+    closing_y: "f8[moments]"
+    closing_new: "f8[moments]"
+    closing_k: "f8[13, moments]"
+    closing_b: "f8[3, wide]"
+    closing_f: "f8[n, wide]"
+    closing_g: "f8[m, wide]"
+    closing_others: "f8[unknowns, wide]"
+    nodes: "f8[node_rows, node_columns]"
     # Scratch.
     jac: "f8[:]"
     slopes: "f8[:]"
