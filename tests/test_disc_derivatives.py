@@ -115,11 +115,11 @@ def test_at_the_first_moments_of_a_slip():
     q = sp.Symbol("q", positive=True)
     block = System({u: 1 + 7 * q * t / 10 - lam[0], v: 2 * t / 5 - lam[1]}, time=t, parameters={q: 1})
     run = solve(block, (0, 1), {u: 0, v: 0}, with_respect_to=[q], **TIGHT)
-    for at in (1e-3, 0.01, 0.05, 0.2, 1.0):
+    for end in (1e-3, 0.01, 0.05, 0.2, 1.0):
         ends = [
-            solve(block, (0, at), {u: 0, v: 0}, parameters={q: 1 + s}, **TIGHT).x[:, -1] for s in (1e-4, -1e-4)
+            solve(block, (0, end), {u: 0, v: 0}, parameters={q: 1 + s}, **TIGHT).x[:, -1] for s in (1e-4, -1e-4)
         ]
-        assert run.derivatives(at)[:, 0] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-12)
+        assert run.derivatives(end)[:, 0] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-12)
 
 
 def test_slopes_of_a_cost_backward_are_those_forward():

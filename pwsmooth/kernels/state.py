@@ -205,7 +205,7 @@ class Record(Bundle):
     )
     dense_s: "f8[pieces]"  # length of the step in s
     tape: "i8[tapes, 4 + m]"  # kind of entry, three numbers of it, the statuses
-    tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length, states, multipliers; their rates along an arc, or a step as it was made
+    tape_x: "f8[tapes, 3 + n + 2*m]"  # time, length, states, multipliers; their rates along an arc, or the whole step
     t_eval: "f8[times]"
     x_eval: "f8[times, n]"
     mult_eval: "f8[times, m]"

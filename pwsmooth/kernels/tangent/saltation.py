@@ -381,7 +381,6 @@ def meet_clock(P, V, tick):
 def meet_fold(P, V, j):
     """The instant is the fold of multiplier j at which the last arc has ended: t'(s) = 0 there, and x'(s) with it.
     Without an arc it is the zero of dg/dlambda, at which g does not read lambda."""
-    n = P.n
     if not V.on_arc:
         _change(P, V, j, G_X, V.other_dt)
         speed = V.other_dt[V.columns]
