@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.optimize import brentq
 
 from pwsmooth import Disc, Event, Memory, System, solve
 
@@ -264,3 +265,47 @@ def test_a_pass_through_rest_closer_than_rounding_goes_on(block):
     s = solve(block, (0, 2), start, parameters={"F1": 3}, **TIGHT)
     # mu |v| + F.v grows at the rate |F|^2 - mu^2 through it.
     assert s.success and np.hypot(s["vx"], s["vy"])[-1] + 3 * s["vx"][-1] == pytest.approx(14, abs=1e-11)
+
+
+def test_turned_frames_have_the_same_events():
+    forces, turn = sp.symbols("c0:4", real=True), sp.Symbol("turn", real=True)
+    lam = Disc("lam", (vx, vy))
+    along, across = forces[0] * sp.cos(forces[1] * t), forces[2] * sp.sin(forces[3] * t)
+    shaken = System(
+        {
+            x: vx,
+            y: vy,
+            vx: sp.cos(turn) * along - sp.sin(turn) * across - x - lam[0] / 2,
+            vy: sp.sin(turn) * along + sp.cos(turn) * across - y - lam[1] / 2,
+        },
+        time=t,
+        parameters={turn: 0, **dict.fromkeys(forces, 1)},
+    )
+    draw = np.random.default_rng(3)
+    for _ in range(30):
+        given, angle = draw.uniform(0.3, 1.5, 4), draw.uniform(0, 2 * np.pi)
+        start = draw.uniform(-1, 1, 4)
+        rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        runs = [
+            solve(shaken, (0, 20), s, parameters=dict(zip(forces, given)) | {turn: a}, **TIGHT)
+            for s, a in ((start, 0), (np.concatenate([rotation @ start[:2], rotation @ start[2:]]), angle))
+        ]
+        assert runs[0].itinerary == runs[1].itinerary
+        assert runs[0].event_times() == pytest.approx(runs[1].event_times(), abs=1e-10)
+
+
+def test_how_near_to_rest_a_hidden_static_friction_catches():
+    # Under F = 1.4 the slip is caught where r sin(phi) tan(phi/2)^(-1/F) is less than 3.96061 eps.
+    lam, width, far = Disc("lam", (vx, vy)), 1e-4, 1.0
+    pull = 1 + 3 * (1 - lam.square)
+    pushed = System({vx: sp.Rational(7, 5) - pull * lam[0], vy: -pull * lam[1]}).smoothed(width)
+
+    def caught(window):
+        def excess(off):
+            return far * math.sin(off) * math.tan(off / 2) ** (1 / 1.4) - window
+
+        off = brentq(excess, 1e-12, 1.5, xtol=1e-15)
+        run = solve(pushed, (0, 12), {vx: -math.cos(off), vy: math.sin(off)}, rtol=1e-9, atol=1e-13)
+        return np.hypot(*run.x[:, -1]) < 50 * width
+
+    assert caught(3.9604 * width) and not caught(3.9608 * width)
