@@ -687,3 +687,23 @@ def test_a_building_on_bearings_comes_to_rest_where_a_stiff_solver_takes_it():
     assert [names["runs"]["vector law"](12.0, c) for c in "xy"] == pytest.approx(stiff, abs=2e-4)
     apart = names["runs"]["a law for each axis"]
     assert np.hypot(*(apart(12.0, c) - s for c, s in zip("xy", stiff, strict=True))) > 0.02
+
+
+def test_sticks_are_born_where_the_velocity_is_zero_on_the_friction_circle():
+    names = page("circular_sticks")
+    assert len(names["born"]) == 2
+    # Of the stiff equation with h/|h| blunted at 1e-10, from the orbit at the first of them.
+    point = names["born"][0]
+
+    def rates(now, z):
+        push = [1.6 * np.cos(now / 4), np.sin(now / 4)]
+        size = np.sqrt(z[2] ** 2 + z[3] ** 2 + 1e-20)
+        return [*z[2:], *(push[i] - z[i] - point.parameter * z[2 + i] / size for i in range(2))]
+
+    run = solve_ivp(rates, (0, 8 * np.pi), point.orbit.x, method="Radau", rtol=1e-10, atol=1e-12)
+    slowest = np.hypot(*run.y[2:]).argmin()
+    now, where = run.t[slowest], run.y[:, slowest]
+    force = np.hypot(1.6 * np.cos(now / 4) - where[0], np.sin(now / 4) - where[1])
+    assert np.hypot(*where[2:]) < 1e-5 and force == pytest.approx(point.parameter, abs=1e-3)
+    stops = [len(one.solution().event_times("stick")) for one in names["orbits"]]
+    assert stops[0] == 0 < stops[1] < stops[2]
