@@ -204,6 +204,9 @@ class Law:
     source: ClassVar[str] = ""  # where the equations and the defaults come from
     certainty: ClassVar[str] = ""  # "reconstructed" where the original was not available
     in_plane: ClassVar[bool] = False  # whether it acts along velocities with components, too
+    spins: ClassVar[bool] = (
+        False  # whether its velocity is that of a contact that spins, too: (v_x, v_y, omega)
+    )
     needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
 
     def __init_subclass__(cls) -> None:
@@ -301,6 +304,11 @@ class Law:
             raise ValueError(
                 f"`velocity` has {len(velocity)} components, and {type(self).__name__} is a law of one velocity; laws "
                 "with `in_plane` have a form with components, such as Coulomb, StribeckFriction, LuGre and XKY."
+            )
+        if self.spins and not (isinstance(velocity, tuple) and len(velocity) == 3):
+            raise ValueError(
+                f"`velocity` of {type(self).__name__} is {checks.shown(velocity)}; its contact slides and spins: give "
+                "(v_x, v_y, omega) at its centre."
             )
         sizes = [len(e) if isinstance(e, tuple) else 1 for e in (velocity, position)]
         if position is not None and sizes[0] != sizes[1]:

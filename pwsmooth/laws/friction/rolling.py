@@ -27,7 +27,7 @@ class RollingResistance(Law):
     >>> from pwsmooth.laws.friction import RollingResistance
     >>> omega = sp.symbols("omega_x omega_y", real=True)
     >>> RollingResistance().attach(velocity=omega).force
-    (M_c*lam_x + c*omega_x, M_c*lam_y + c*omega_y)
+    (lam_x*M_c + c*omega_x, lam_y*M_c + c*omega_y)
     """
 
     source = "Coulomb 1785 on rolling; the lever arm of the load of every textbook of mechanics"

@@ -17,8 +17,8 @@ They are analytic but for e = A - B = 0, where the centre of rotation crosses th
 
 with polynomials P and Q fitted to these values when the law is first used. As the singularity has this form they
 converge like a series: measured against elliptic integrals, 1e-12 F_c of the disc and 1e-8 F_c of the ring, of which
-delta, the width that lets steps through e = 0, makes the second. In stick lambda is inside its ball and (F, M) inside the limit
-surface: at every lambda_z the force grows with |(lambda_x, lambda_y)| up to it. The ellipsoid that is often taken
+delta, the width that lets steps through e = 0, makes the second. In stick lambda is inside its ball and (F, M) inside the
+limit surface: at every lambda_z the force grows with |(lambda_x, lambda_y)| up to it. The ellipsoid that is often taken
 for that surface is beside it, `LimitEllipsoid`.
 """
 
@@ -32,15 +32,6 @@ from ..contract import Law, Pieces, law, parameter
 
 _DEGREES = 18, 14  # of P and Q: four more change nothing
 _DELTA = 1e-7
-
-
-def _three(at, owner):
-    """The velocity (v_x, v_y, omega) of a joint; a ValueError for any other."""
-    if not (at.planar and len(at.v) == 3):
-        raise ValueError(
-            f"`velocity` of {owner} is {at.v}; its contact slides and spins: give (v_x, v_y, omega) at its centre."
-        )
-    return at.v
 
 
 def exact_factors(shape, e):
@@ -117,7 +108,7 @@ class Contensou(Law):
     """
 
     source = "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means"
-    in_plane = True
+    in_plane = spins = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
     shape: str = parameter(
@@ -125,7 +116,7 @@ class Contensou(Law):
     )
 
     def pieces(self, at, p):
-        first, second, spin = _three(at, "Contensou")
+        first, second, spin = at.v
         surfaces = (first, second, p.R * spin)
         lam = Disc(at.label("lam"), surfaces)
         phi, psi = factors(self.shape, lam[2] ** 2)
@@ -164,13 +155,13 @@ class LimitEllipsoid(Law):
     """
 
     source = "Howe, Cutkosky, Int. J. Robotics Research 15 (1996) 557; k = 2/3 of a disc under uniform pressure"
-    in_plane = True
+    in_plane = spins = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
     k: float = parameter(2 / 3, "1", "moment of a pure spin over F_c R")
 
     def pieces(self, at, p):
-        first, second, spin = _three(at, "LimitEllipsoid")
+        first, second, spin = at.v
         surfaces = (first, second, p.k * p.R * spin)
         lam = Disc(at.label("lam"), surfaces)
         return Pieces(force=(p.F_c * lam[0], p.F_c * lam[1], p.k * p.R * p.F_c * lam[2]), surfaces=surfaces)
