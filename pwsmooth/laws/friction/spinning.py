@@ -17,9 +17,9 @@ They are analytic but for e = A - B = 0, where the centre of rotation crosses th
 
 with polynomials P and Q fitted to these values when the law is first used. As the singularity has this form they
 converge like a series: measured against elliptic integrals, 1e-12 F_c of the disc and 1e-8 F_c of the ring, of which
-delta, the width that lets steps through e = 0, makes the second. In stick lambda is inside its ball and (F, M) inside the
-limit surface: at every lambda_z the force grows with |(lambda_x, lambda_y)| up to it. The ellipsoid that is often taken
-for that surface is beside it, `LimitEllipsoid`.
+delta, the width that lets steps through e = 0, makes the second. In stick lambda is inside its ball and (F, M) inside
+the limit surface: at every lambda_z the force grows with |(lambda_x, lambda_y)| up to it, and delta^2 has a share of
+(1 - lambda.lambda)^2. The ellipsoid that is often taken for that surface is beside it, `LimitEllipsoid`.
 """
 
 import functools
@@ -32,6 +32,7 @@ from ..contract import Law, Pieces, law, parameter
 
 _DEGREES = 18, 14  # of P and Q: four more change nothing
 _DELTA = 1e-7
+_INSIDE = 1e-3  # of (1 - lambda.lambda)^2 in the logarithm: more would fold the map of the ball
 
 
 def exact_factors(shape, e):
@@ -72,10 +73,10 @@ def _fitted(shape):
     return [(c[: _DEGREES[0] + 1].tolist(), c[_DEGREES[0] + 1 :].tolist()) for c in both.T]
 
 
-def factors(shape, B):
-    """phi and psi of lambda_z^2 as expressions."""
+def factors(shape, B, square=1):
+    """phi and psi of B = lambda_z^2 and of lambda.lambda as expressions."""
     e = 1 - 2 * B
-    singular = e ** (2 if shape == "disc" else 1) * sp.log(e**2 + _DELTA**2) / 2
+    singular = e ** (2 if shape == "disc" else 1) * sp.log(e**2 + _DELTA**2 + _INSIDE * (1 - square) ** 2) / 2
 
     def horner(coefficients):
         return functools.reduce(lambda sum_, c: sum_ * e + c, reversed(coefficients), sp.S.Zero)
@@ -119,7 +120,7 @@ class Contensou(Law):
         first, second, spin = at.v
         surfaces = (first, second, p.R * spin)
         lam = Disc(at.label("lam"), surfaces)
-        phi, psi = factors(self.shape, lam[2] ** 2)
+        phi, psi = factors(self.shape, lam[2] ** 2, lam.square)
         return Pieces(
             force=(p.F_c * phi * lam[0], p.F_c * phi * lam[1], p.F_c * p.R * psi * lam[2]), surfaces=surfaces
         )
