@@ -79,6 +79,11 @@ def incline(
     Scene
         States x (downhill), y (across), v_x, v_y and the law's; outputs `friction_x`, `friction_y`, `slip_speed`.
 
+    Raises
+    ------
+    ValueError, TypeError
+        A slope that is no incline.
+
     Notes
     -----
     Source: Am. J. Phys. 82 (2014) 764 for its closed form under Coulomb friction.
@@ -119,7 +124,7 @@ def shaken_plate(
         Velocity of the plate.
     lift : Expr of t, m/s^2, optional
         Vertical acceleration of the plate, above -g: the body stays on it.
-    tilt : (float, float)
+    tilt : (float, float), dimensionless
         Slope of the plate in both directions; the body is pulled by m g times it.
     velocity : (float, float), m/s
         Of the body at the start.
@@ -307,7 +312,7 @@ def pulled_block(
     >>> start = (-math.sin(1.5), -math.cos(1.5))
     >>> corner = pulled_block(Coulomb(F_c=1.0), (0, t), start=start, m=1e-5, t_span=(0, 2)).solve()
     >>> print(f"{corner['x'][-1]:.3f} {-math.sin(2 * math.atan(math.tan(0.75) * math.exp(-2))):.3f}")
-    -0.249 -0.249
+    -0.248 -0.248
     """
     end, moves = two(path, "path"), two(plate, "plate")
     for part in end:

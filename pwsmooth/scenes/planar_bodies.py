@@ -257,6 +257,11 @@ def stacked_plates(
         States x_b, y_b, x_p, y_p, u_b, v_b, u_p, v_p and the laws'; outputs `between_x`, `between_y` (the force on the
         plate by the block), `ground_x`, `ground_y`.
 
+    Raises
+    ------
+    ValueError, TypeError
+        A mass that is not positive.
+
     Notes
     -----
     Source: derived here.
