@@ -299,6 +299,7 @@ def draw(data):
         right.text(
             max(1.4 * far, 0.5 * lowest), k, "0" if far == 0 else f"{far:.2g} m", va="center", fontsize=7
         )
+    right.set_ylim(-0.6, len(names) - 0.4)
     right.set_yticks(range(len(names)), names, fontsize=7)
     right.set_xscale("log")
     right.set(xlim=(lowest / 3, 1e3), xlabel=f"creep of a block at rest in {data['rest']:g} s (m)")
