@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 from sympy.physics import mechanics as me
 
-from pwsmooth import Disc, Event, Family, Solution, System, Unilateral, lyapunov_exponents, solve, sweep
+from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, lyapunov_exponents, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
     XKY,
@@ -158,6 +159,46 @@ def test_bristles_on_a_circle_lag_as_their_closed_forms_say(radius):
         else:
             expected = np.exp(-1j * np.arctan(1 / (sigma * radius))) / np.sqrt(1 + 1 / (sigma * radius) ** 2)
         assert force * np.exp(-1j * omega * rig.t_span[1]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_record_of_a_motion_in_the_plane_does_what_the_motion_does():
+    times = np.linspace(0, 4, 801)
+    motion = (sp.sin(3 * t) / 50, (1 - sp.cos(2 * t)) / 40)
+    ends = []
+    for change in (lambda e: e, lambda e: Drive(times, sp.lambdify(t, e, "numpy")(times))):
+        for given in ({"position": motion}, {"velocity": tuple(e.diff(t) for e in motion)}):
+            given = {name: tuple(map(change, parts)) for name, parts in given.items()}
+            run = prescribed_motion(Dahl(sigma0=50.0), **given, t_span=(0, 4), work=True).solve()
+            ends.append([run[name][-1] for name in ("position_x", "velocity_y", "force_x", "force_y", "work")])
+    assert np.ptp(ends, axis=0).max() < 1e-6
+
+
+def test_biaxial_hysteresis_is_that_of_park_wen_and_ang_along_lines_and_knows_no_axes_on_curves():
+    """Their equations, as printed in Wen, Appl. Mech. Rev. 42 (1989) 39, by SciPy."""
+    law = BoucWen(k=1.0, beta=300.0, gamma=100.0, n=2)
+
+    def ends(across, angle):
+        """z at the end by both, turned back by the angle."""
+        straight = (0.3 * sp.cos(2 * t), across * sp.sin(3 * t))
+        c, s = np.cos(angle), np.sin(angle)
+        motion = (c * straight[0] - s * straight[1], s * straight[0] + c * straight[1])
+        w = sp.lambdify(t, motion, "numpy")
+
+        def printed(time, z):
+            v = np.array(w(time))
+            return v - z * (300 * np.abs(v * z).sum() + 100 * v @ z)
+
+        rig = prescribed_motion(law, velocity=motion, t_span=(0, 3)).solve()
+        theirs = solve_ivp(printed, (0, 3), [0, 0], rtol=1e-9, atol=1e-12, max_step=0.01).y[:, -1]
+        ours = np.array([rig["force_x"][-1], rig["force_y"][-1]])
+        back = np.array([[c, s], [-s, c]])
+        return back @ ours, back @ theirs
+
+    for angle in (0.0, 0.5):
+        assert np.subtract(*ends(0.0, angle)) == pytest.approx([0, 0], abs=1e-6)
+    (ours, theirs), (turned, other) = ends(0.3, 0.0), ends(0.3, 0.5)
+    assert ours == pytest.approx(turned, abs=1e-8)
+    assert np.abs(theirs - other).max() > 1e-3
 
 
 def test_a_mass_matrix_unsolved_and_solved_give_the_same_events():

@@ -3,8 +3,8 @@ Bring a mechanism from sympy.physics.mechanics
 ==============================================
 
 Equations of motion from ``KanesMethod``, ``LagrangesMethod`` or a ``System`` of joints, exact friction and contacts
-from here: :meth:`System.from_mechanics <pwsmooth.System.from_mechanics>` takes the model as it is. Friction is named by the
-velocity that it acts along,
+from here: :meth:`System.from_mechanics <pwsmooth.System.from_mechanics>` takes the model as it is. Friction is
+named by the velocity that it acts along,
 
 .. math::
 

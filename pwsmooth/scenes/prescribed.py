@@ -109,9 +109,8 @@ def prescribed_motion(
     force = pieces.force if planar else (pieces.force,)
     if work:
         own[done], begins[done] = sp.Add(*(f * w for f, w in zip(force, speed, strict=True))), 0.0
-    if "acceleration" not in law.needs:
-        for rate in acceleration:
-            drives.pop(rate, None)
+    if "acceleration" not in law.needs and not planar:  # in the plane a velocity is the integral of it
+        drives.pop(acceleration[0], None)
     shown = {
         f"{name}{axis}": e
         for name, parts in (("force", force), ("position", place), ("velocity", speed))
@@ -147,8 +146,8 @@ def _motion(motion, placed, axis, t_span, values, own, begins, drives):
         begins[x], place, acceleration = 0.0, x, speed.diff(t)
     if axis or t not in speed.free_symbols and not isinstance(motion, Drive):
         # A state: an expression without states can be no surface of one velocity, nor a function of time of several.
-        first = drives[speed].at(t_span[0]) if isinstance(motion, Drive) else speed
+        first = drives.pop(speed).at(t_span[0]) if isinstance(motion, Drive) else speed
         begins[v], own[v] = value(first, values | {"t": t_span[0]}, "`velocity`"), acceleration
-        speed, acceleration = v, acceleration
+        speed = v
     own[x] = speed
     return place, speed, acceleration

@@ -8,8 +8,8 @@ In the plane
 
     dz/dt = A v - (beta |z.v| + gamma z.v) |z|^(n-2) z,    n = 2, 4, ...
 
-with the kink z.v = 0; |z| <= z_max. Park, Wen and Ang (1986) have n = 2 and |z_x v_x| + |z_y v_y| for |z.v|, which
-depends on the axes: on them it is the same.
+with the kink z.v = 0; |z| <= z_max. Park, Wen and Ang (1986) have n = 2 and |z_x v_x| + |z_y v_y| for |z.v|: the
+same along every straight line, but on a curve it depends on the axes.
 """
 
 import sympy as sp
