@@ -198,7 +198,7 @@ def test_biaxial_hysteresis_is_that_of_park_wen_and_ang_along_lines_and_knows_no
         assert np.subtract(*ends(0.0, angle)) == pytest.approx([0, 0], abs=1e-6)
     (ours, theirs), (turned, other) = ends(0.3, 0.0), ends(0.3, 0.5)
     assert ours == pytest.approx(turned, abs=1e-8)
-    assert np.abs(theirs - other).max() > 1e-3
+    assert np.abs(theirs - other).max() > 1e-5  # a thousand times ours
 
 
 def test_a_mass_matrix_unsolved_and_solved_give_the_same_events():

@@ -183,6 +183,20 @@ def test_a_grip_that_loosens_holds_down_to_the_ellipsoid(arm):
     assert 80 - 20 * run.events[0].time == pytest.approx(9.81 / 0.5 * math.hypot(1, arm / 0.02), abs=1e-8)
 
 
+def test_a_bar_that_slips_and_turns_in_a_grip_loses_what_friction_takes():
+    run = gripped_bar(LimitEllipsoid(F_c=0.5, R=0.03), 40 - 20 * t, t_span=(0, 0.5)).solve(
+        **EXACT, dense_output=True
+    )
+    times = np.linspace(0, 0.5, 20001)
+    x, y, v_x, v_y, spin = (run(times, name) for name in ("x", "y", "v_x", "v_y", "spin"))
+    energy = (v_x**2 + v_y**2) / 2 + 0.01 * spin**2 / 2 + 9.81 * y
+    power = run(times, "friction_x") * (v_x + spin * y) + run(times, "friction_y") * (v_y - spin * x)
+    power = power + run(times, "moment") * spin
+    assert abs(y[-1]) > 0.02 and abs(spin[-1]) > 1
+    lost = np.sum((power[1:] + power[:-1]) / 2) * times[1]
+    assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-7)
+
+
 def test_a_grip_holds_from_contensous_limit_surface_on():
     pad, arm = Contensou(F_c=0.5, R=0.03), 0.02
     for share, holds in ((1.01, True), (0.99, False)):
