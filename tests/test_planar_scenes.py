@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
+from numba import njit
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipk
@@ -23,6 +24,7 @@ from pwsmooth.laws.friction import (
 )
 from pwsmooth.scenes import (
     billiard_ball,
+    bristle_bot,
     gripped_bar,
     incline,
     planar_oscillator,
@@ -261,11 +263,37 @@ def test_two_plates_that_slide_askew_are_as_by_another_integrator():
     assert run.itinerary[-1].count("stick") == 2 and not run.x[4:, -1].any()
 
 
+@njit
+def time_stepping(n, end, mu, lean, stroke, omega):
+    """How far a bristle-bot gets, by Moreau's scheme with n steps."""
+    h, v, x = end / n, 0.0, 0.0
+    for k in range(n):
+        tips = math.tan(lean) * stroke * omega * math.cos(omega * (k + 1) * h)
+        most = mu * h * (9.81 - stroke * omega**2 * math.sin(omega * (k + 0.5) * h))
+        v -= min(max(v - tips, -most), most)
+        x += h * v
+    return x
+
+
+@pytest.mark.parametrize("omega", [60.0, 90.0])
+def test_a_bristle_bot_gets_as_far_as_by_time_stepping_and_into_any_direction(omega):
+    far = bristle_bot(Coulomb(F_c=0.3), omega=omega, t_span=(0, 5)).solve()["x"][-1]
+    steps = [time_stepping(n, 5.0, 0.3, 0.5, 1e-3, omega) for n in (500_000, 1_000_000)]
+    assert far == pytest.approx(steps[1], abs=5 * abs(steps[1] - steps[0]) + 1e-9)
+    assert (far > 0.1) == (omega == 90.0)  # the slower one is held most of the time
+    back = bristle_bot(Coulomb(F_c=0.3), lean=-0.5, omega=omega).solve()
+    assert back["x"][-1] == pytest.approx(-far, abs=1e-9)
+    turned = bristle_bot(Coulomb(F_c=0.3), heading=0.7, omega=omega).solve()
+    assert turned.x[:2, -1] == pytest.approx([far * math.cos(0.7), far * math.sin(0.7)], abs=1e-8)
+
+
 def test_what_scenes_refuse_says_why():
     for make, words in (
         (lambda: shaken_plate(Coulomb(), (t, 0), lift=-12 * sp.cos(t)), "leave the plate"),
         (lambda: shaken_plate(Coulomb(), (t,)), "`plate` has 1 components"),
         (lambda: incline(Coulomb(), slope=2.0), "below pi/2"),
+        (lambda: bristle_bot(Coulomb(), lean=2.0), "below pi/2"),
+        (lambda: bristle_bot(Coulomb(), omega=120.0), "leave the plate"),
         (lambda: spinning_disc(Coulomb()), "knows no spin"),
         (lambda: spinning_disc(Contensou(), push=(0, 0)), "`push` has 2 components"),
         (lambda: gripped_bar(Coulomb(), 1), "knows no spin"),

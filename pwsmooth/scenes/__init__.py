@@ -2,7 +2,7 @@
 
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
-from .planar import incline, planar_oscillator, pulled_block, shaken_plate
+from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
 from .planar_bodies import billiard_ball, gripped_bar, spinning_disc, stacked_plates
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
@@ -15,6 +15,7 @@ __all__ = [
     "assemble",
     "billiard_ball",
     "block_on_belt",
+    "bristle_bot",
     "falling_ball",
     "force_driven",
     "free_impact",

@@ -8,6 +8,7 @@ load, so that Coulomb(F_c=0.3) has the coefficient 0.3.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -182,6 +183,75 @@ def shaken_plate(
     place = (x, y) if not any(moves) else None
     return _scene("body on a shaken plate", law, pull, t_span, (0, 0, *velocity), parameters=values, normal=load,
                   plate=moves, period=period, place=place, outputs={"load": load})  # fmt: skip
+
+
+@door("m", **dict.fromkeys(("lean", "heading"), checks.number), tilt=checks.pair,
+      **dict.fromkeys(("stroke", "omega", "g"), checks.positive))  # fmt: skip
+def bristle_bot(
+    law: Law, *, lean: float = 0.5, stroke: float = 1e-3, omega: float = 90.0, heading: float = 0.0,
+    tilt: Sequence[float] = (0.0, 0.0), m: float = 0.01, g: float = 9.81, t_span: tuple[float, float] = (0.0, 5.0),
+) -> Scene:  # fmt: skip
+    """A brush with a motor: bristles that lean push it forward as it shakes up and down on them.
+
+    A body at the height stroke sin(omega t) over stiff bristles that lean by an angle: their tips slide at
+    v - tan(lean) times its vertical velocity, along the heading, under the load m (g + vertical acceleration). It is
+    the vibratory conveyor, seen from what is conveyed.
+
+    Parameters
+    ----------
+    law : Law
+        Of friction in the plane, per unit of the load.
+    lean : float, rad
+        Of the bristles, below pi/2 either way.
+    stroke : float, m
+        Amplitude of the shaking; stroke omega^2 is less than gravity.
+    omega : float, rad/s
+        Of the motor.
+    heading : float, rad
+        Direction of the lean in the plane.
+    tilt : (float, float), dimensionless
+        Slope of the ground in both directions; the body is pulled by m g times it.
+    m : float, kg
+        Mass, > 0.
+    g : float, m/s^2
+        Gravity.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        As `shaken_plate`; its `slip_speed` is that of the tips.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Bristles that lie; a body that jumps.
+
+    Notes
+    -----
+    Source: Cicconofri and DeSimone, Int. J. Non-Linear Mech. 76 (2015) 233, for the mechanism; rigid bristles here.
+
+    Examples
+    --------
+    It goes along its heading, and with the other lean against it:
+
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> from pwsmooth.scenes import bristle_bot
+    >>> print(*(f"{bristle_bot(Coulomb(F_c=0.3), lean=lean).solve()['x'][-1]:.4f}" for lean in (0.5, -0.5)))
+    0.1014 -0.1014
+    """
+    if not abs(lean) < math.pi / 2:
+        raise ValueError(f"`lean` is {lean:g}; give an angle in radians, below pi/2 = 1.57.")
+    height = stroke * sp.sin(omega * t)
+    tips = sp.Float(math.tan(lean)) * height.diff(t)
+    plate = (tips * math.cos(heading), tips * math.sin(heading)) if heading else (tips, 0)
+    return dataclasses.replace(
+        shaken_plate(
+            law, plate, lift=height.diff(t, 2), tilt=tilt, m=m, g=g, period=2 * math.pi / omega, t_span=t_span
+        ),
+        name=f"bristle-bot, {type(law).__name__}",
+    )
 
 
 @door("m", "period", **dict.fromkeys(("k", "c"), checks.nonnegative), **_two_of("start", "velocity"))

@@ -384,7 +384,7 @@ def subjects():
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in ("block_on_belt", "friction_oscillator", "position_control"):
         given[scene_name] = dict(law=friction.Coulomb())
-    for scene_name in ("incline", "billiard_ball"):
+    for scene_name in ("incline", "billiard_ball", "bristle_bot"):
         given[scene_name] = dict(law=friction.Coulomb())
     given |= {
         "shaken_plate": dict(law=friction.Coulomb(), plate=(sp.sin(scenes.t), 0), lift=sp.cos(scenes.t)),

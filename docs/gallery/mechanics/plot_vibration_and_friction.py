@@ -19,7 +19,8 @@ plate shakes?** Across the pull it is the fraction
 
 **And what lies on a plate that shakes without a pull: where does it go?** Friction of a fast shaking pulls it towards
 the plate's velocity from wherever that is, always with the same force: it drifts at the geometric median of the
-velocities, not at their mean, which is 0. A plate that lifts while it moves forward carries it on.
+velocities, not at their mean, which is 0. A plate that lifts while it moves forward carries it on, and a brush on
+leaning bristles that shakes up and down runs on its own.
 """
 
 # %%
@@ -32,7 +33,7 @@ from scipy.special import ellipk
 
 from pwsmooth.laws.friction import Coulomb
 from pwsmooth.plotting import COLOUR
-from pwsmooth.scenes import pulled_block, shaken_plate, t
+from pwsmooth.scenes import bristle_bot, pulled_block, shaken_plate, t
 
 OMEGA = 150.0
 PERIOD = 2 * np.pi / OMEGA
@@ -80,7 +81,20 @@ def speed(phase):
 
 speeds = [speed(float(phase)) for phase in phases]
 
-fig, axes = plt.subplots(1, 3, figsize=(7.4, 2.7), layout="constrained")
+# %%
+# A bristle-bot: its speed over the rate of the motor, with a stroke of 1 mm. Its tips stand as long as friction can give
+# the acceleration of the lean under the load that is left, up to
+# :math:`\omega^2 = \mu g/(h\,(\tan\alpha + \mu))`.
+rates = np.linspace(40, 98, 30)
+robots = {
+    mu: [bristle_bot(Coulomb(F_c=mu), omega=float(w), t_span=(0, 4)).solve()["x"][-1] / 4 for w in rates]
+    for mu in (0.1, 0.3)
+}
+
+held = {mu: float(np.sqrt(mu * 9.81 / (1e-3 * (np.tan(0.5) + mu)))) for mu in robots}
+
+fig, axes = plt.subplots(2, 2, figsize=(7.4, 5.2), layout="constrained")
+axes = axes.ravel()
 for across, colour, label in ((True, "right", "across the pull"), (False, "left", "along it")):
     axes[0].plot(fine, exact[across](fine), color=COLOUR[colour], label=label)
     axes[0].plot(ratios, left[across], "o", color=COLOUR[colour], markersize=4)
@@ -90,11 +104,15 @@ axes[1].plot(*velocity, color=COLOUR["mark"], linewidth=1, label="plate")
 axes[1].plot(carried(times, "v_x"), carried(times, "v_y"), color=COLOUR["right"], linewidth=0.8, label="body")
 axes[1].plot(-5 / 6, 0, "x", color=COLOUR["exact"], label="geometric median")
 axes[1].set(xlabel="velocity along x (m/s)", ylabel="along y (m/s)", title="shaken plate", aspect="equal")
-axes[1].set_ylim(-2.6, 5.2)
-axes[1].legend(loc="upper center", fontsize=7)
+axes[1].legend(loc="center", fontsize=7)
 axes[2].plot(phases / np.pi, speeds, "o-", color=COLOUR["right"], markersize=3)
 axes[2].axhline(0, color=COLOUR["mark"], linewidth=0.6)
 axes[2].set(xlabel=r"phase of the lift ($\pi$)", ylabel="speed (m/s)", title="conveyor")
+for (mu, along), dash in zip(robots.items(), ("-", "--"), strict=True):
+    axes[3].plot(rates, along, dash, color=COLOUR["right"], label=rf"$\mu = {mu:g}$")
+    axes[3].axvline(held[mu], color=COLOUR["stick"], linestyle=dash, linewidth=0.8)
+axes[3].set(xlabel="rate of the motor (rad/s)", ylabel="speed (m/s)", title="bristle-bot")
+axes[3].legend()
 plt.show()
 
 # %%
