@@ -696,8 +696,8 @@ def test_vibration_page_has_the_closed_forms_and_a_conveyor_that_turns_with_its_
         assert names["left"][across] == pytest.approx(names["exact"][across](names["ratios"]), abs=5e-3)
     assert names["drift"] == pytest.approx([-5 / 6, 0], abs=1e-2)
     for mu, along in names["robots"].items():
-        # Held tips move by less than the lean of a stroke, either way.
-        moves, fast = np.abs(along) > np.tan(0.5) * 1e-3 / 4, names["rates"] > 1.1 * names["held"][mu]
+        # Held tips move by the lean of a stroke, either way, and at the start until they are held.
+        moves, fast = np.abs(along) > 1.5 * np.tan(0.5) * 1e-3 / 4, names["rates"] > 1.1 * names["held"][mu]
         assert not moves[names["rates"] < names["held"][mu]].any() and moves[fast].all() and fast.any()
     speeds = np.array(names["speeds"])
     assert speeds[:8] == pytest.approx(-speeds[8:16], abs=5e-3) and speeds.max() > 0.08

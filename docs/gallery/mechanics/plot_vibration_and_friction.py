@@ -82,8 +82,8 @@ def speed(phase):
 speeds = [speed(float(phase)) for phase in phases]
 
 # %%
-# A bristle-bot: its speed over the rate of the motor, with a stroke of 1 mm. Its tips stand as long as friction can give
-# the acceleration of the lean under the load that is left, up to
+# A bristle-bot: its speed over the rate of the motor, with a stroke of 1 mm. Its tips stand as long as friction can
+# give the acceleration of the lean under the load that is left, up to
 # :math:`\omega^2 = \mu g/(h\,(\tan\alpha + \mu))`.
 rates = np.linspace(40, 98, 30)
 robots = {
