@@ -732,3 +732,19 @@ def test_a_light_block_follows_on_the_tractrix_and_the_cue_ball_stands_where_its
     # From there on it rolls straight on, slower by M_c g/(R (1 + 2/5)).
     far = np.hypot(*q[2:4]) / (2 * 0.02 * 9.81 / 1.4)
     assert names["run"].x[:2, -1] == pytest.approx(q[:2] + far * q[2:4], abs=1e-5)
+
+
+def test_blocks_stop_on_the_closed_form_and_a_block_rides_on_its_plate_when_another_integrator_says():
+    names = page("blocks_in_the_plane")
+    assert np.abs(names["misses"]).max() < 1e-8
+
+    def rates(_, q):
+        f = 0.4 * 9.81 * (q[4:6] - q[6:8]) / np.hypot(*(q[4:6] - q[6:8]))
+        return [*q[4:], *-f, *(f - 0.2 * 9.81 * q[6:8] / np.hypot(*q[6:8]))]
+
+    start = [0, 0, 0, 0, 2, 0, 0, 1]
+    rides, q, _ = until(rates, start, 0, 2, (lambda _, q: np.hypot(*(q[4:6] - q[6:8])) - 1e-7, -1))
+    stands = rides + np.hypot(*q[6:8]) / (0.1 * 9.81)
+    assert names["marks"] == pytest.approx([rides, stands], abs=1e-6)
+    far = np.hypot(*q[6:8]) * q[6:8] / (2 * 0.1 * 9.81)
+    assert names["run"].x[:4, -1] == pytest.approx(q[:4] + np.tile(far, 2), abs=1e-6)
