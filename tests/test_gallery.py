@@ -739,11 +739,12 @@ def test_blocks_stop_on_the_closed_form_and_a_block_rides_on_its_plate_when_anot
     assert np.abs(names["misses"]).max() < 1e-8
 
     def rates(_, q):
+        q = np.asarray(q)
         f = 0.4 * 9.81 * (q[4:6] - q[6:8]) / np.hypot(*(q[4:6] - q[6:8]))
         return [*q[4:], *-f, *(f - 0.2 * 9.81 * q[6:8] / np.hypot(*q[6:8]))]
 
-    start = [0, 0, 0, 0, 2, 0, 0, 1]
-    rides, q, _ = until(rates, start, 0, 2, (lambda _, q: np.hypot(*(q[4:6] - q[6:8])) - 1e-7, -1))
+    start = np.array([0.0, 0, 0, 0, 2, 0, 0, 1])
+    rides, q, _ = until(rates, start, 0, 2, (lambda _, q: np.hypot(q[4] - q[6], q[5] - q[7]) - 1e-7, -1))
     stands = rides + np.hypot(*q[6:8]) / (0.1 * 9.81)
     assert names["marks"] == pytest.approx([rides, stands], abs=1e-6)
     far = np.hypot(*q[6:8]) * q[6:8] / (2 * 0.1 * 9.81)

@@ -3,9 +3,9 @@ A block on an incline, and a block on a plate
 =============================================
 
 A block is thrown across an incline that friction could hold: :math:`\mu = \kappa\tan\alpha`,
-:math:`\kappa > 1`. **Where does it stop?** It turns downhill while it slows down, and for every :math:`\kappa` there is a closed form: after
-the time :math:`\kappa v_0/(G(\kappa^2 - 1))`, :math:`v_0^2/(4G(\kappa^2 - 1))` farther down and
-:math:`2\kappa v_0^2/(G(4\kappa^2 - 1))` across, with :math:`G = g\sin\alpha`.
+:math:`\kappa > 1`. **Where does it stop?** It turns downhill while it slows down, and there is a
+closed form: after the time :math:`\kappa v_0/(G(\kappa^2 - 1))`, :math:`v_0^2/(4G(\kappa^2 - 1))` farther
+down and :math:`2\kappa v_0^2/(G(4\kappa^2 - 1))` across, with :math:`G = g\sin\alpha`.
 
 And a block slides onto a plate that lies on the ground: **does it take the plate along?** Two contacts, each of which
 drives the other,
