@@ -103,7 +103,7 @@ def gripped_bar(
     Parameters
     ----------
     law : Law
-        `Contensou` or `LimitEllipsoid` of the pad, per unit of the grip's force.
+        `LimitEllipsoid` of the pad, per unit of the grip's force; `Contensou` for the slip alone, not for the hold.
     grip : Expr of t, N
         Force of the grip, > 0.
     arm : float, m
