@@ -92,8 +92,8 @@ class Contensou(Law):
     of the centre the force is (F_x, F_y, M): two forces and a moment. Without a spin |F| = F_c; without a slide |M| is
     2/3 F_c R of a disc under uniform pressure and F_c R of a ring.
 
-    Slides, spins and their stops are followed to the last digits. A rest under a load that changes is not yet: such a run
-    may end as singular or not finite, with what came before; `LimitEllipsoid` follows it.
+    Slides, spins and their stops are followed to the last digits. A rest under a load that changes is not yet: such a
+    run may end as singular or not finite, with what came before; `LimitEllipsoid` follows it.
 
     Examples
     --------
