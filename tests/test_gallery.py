@@ -707,3 +707,65 @@ def test_sticks_are_born_where_the_velocity_is_zero_on_the_friction_circle():
     assert np.hypot(*where[2:]) < 1e-5 and force == pytest.approx(point.parameter, abs=1e-3)
     stops = [len(one.solution().event_times("stick")) for one in names["orbits"]]
     assert stops[0] == 0 < stops[1] < stops[2]
+
+
+def test_vibration_page_has_the_closed_forms_and_a_conveyor_that_turns_with_its_phase():
+    names = page("vibration_and_friction")
+    for across in (True, False):
+        # The block itself shakes by F_c/(m omega) and more, where the plate's fastest is its own speed.
+        assert names["left"][across] == pytest.approx(names["exact"][across](names["ratios"]), abs=5e-3)
+    assert names["drift"] == pytest.approx([-5 / 6, 0], abs=1e-2)
+    for mu, along in names["robots"].items():
+        # Held tips move by the lean of a stroke, either way, and at the start until they are held.
+        moves, fast = np.abs(along) > 1.5 * np.tan(0.5) * 1e-3 / 4, names["rates"] > 1.1 * names["held"][mu]
+        assert not moves[names["rates"] < names["held"][mu]].any() and moves[fast].all() and fast.any()
+    speeds = np.array(names["speeds"])
+    assert speeds[:8] == pytest.approx(-speeds[8:16], abs=5e-3) and speeds.max() > 0.08
+
+
+def test_spinning_disc_page_ends_where_force_and_moment_fall_alike():
+    names = page("spinning_disc")
+    for spin in (0.25, 4.0):
+        assert names["ends"]["disc", spin][2] == pytest.approx(0.653001789205597639, abs=3e-4)
+        assert names["ends"]["ring", spin][2] == pytest.approx(1, abs=1e-6)
+        assert names["ends"]["disc by an ellipsoid", spin][2] < 0.65
+    assert names["ends"]["disc", 0.25][:2] == pytest.approx([1.0405289019957545, 0.5079062007600681], abs=1e-11)
+    assert names["grips"] == pytest.approx(9.81 / 0.5 * np.hypot(1, names["arms"] / 0.02), abs=1e-7)
+
+
+def test_a_light_block_follows_on_the_tractrix_and_the_cue_ball_stands_where_its_parabola_ends():
+    names = page("corner_and_ball")
+    assert names["misses"][1e-3] < np.sqrt(1e-3) < names["misses"][0.1]
+    (spin_x, spin_y), R, mu, arm = names["spins"], names["radius"], names["mu"], 0.02 * names["radius"]
+
+    def slip(_, q):
+        return np.array([q[2] - R * q[5], q[3] + R * q[4]])
+
+    def rates(time, q):
+        f, M = mu * 9.81 * slip(time, q), arm * 9.81 * q[4:]
+        f, M = f / np.hypot(*slip(time, q)), M / np.hypot(*q[4:])
+        return [*q[2:4], *-f, (-R * f[1] - M[0]) / (0.4 * R**2), (R * f[0] - M[1]) / (0.4 * R**2)]
+
+    slow = (lambda time, q: np.hypot(*slip(time, q)) - 1e-7, -1)
+    time, q, _ = until(rates, [0, 0, 0.8, 0.4, spin_x, spin_y], 0, 2, slow)
+    assert names["rolls"] == pytest.approx(time, abs=1e-6)
+    # From there on it rolls straight on, slower by M_c g/(R (1 + 2/5)).
+    far = np.hypot(*q[2:4]) / (2 * 0.02 * 9.81 / 1.4)
+    assert names["run"].x[:2, -1] == pytest.approx(q[:2] + far * q[2:4], abs=1e-5)
+
+
+def test_blocks_stop_on_the_closed_form_and_a_block_rides_on_its_plate_when_another_integrator_says():
+    names = page("blocks_in_the_plane")
+    assert np.abs(names["misses"]).max() < 1e-8
+
+    def rates(_, q):
+        q = np.asarray(q)
+        f = 0.4 * 9.81 * (q[4:6] - q[6:8]) / np.hypot(*(q[4:6] - q[6:8]))
+        return [*q[4:], *-f, *(f - 0.2 * 9.81 * q[6:8] / np.hypot(*q[6:8]))]
+
+    start = np.array([0.0, 0, 0, 0, 2, 0, 0, 1])
+    rides, q, _ = until(rates, start, 0, 2, (lambda _, q: np.hypot(q[4] - q[6], q[5] - q[7]) - 1e-7, -1))
+    stands = rides + np.hypot(*q[6:8]) / (0.1 * 9.81)
+    assert names["marks"] == pytest.approx([rides, stands], abs=1e-6)
+    far = np.hypot(*q[6:8]) * q[6:8] / (2 * 0.1 * 9.81)
+    assert names["run"].x[:4, -1] == pytest.approx(q[:4] + np.tile(far, 2), abs=1e-6)

@@ -3,20 +3,29 @@
 import numpy as np
 import pytest
 import sympy as sp
+from scipy.integrate import solve_ivp
 from sympy.physics import mechanics as me
 
-from pwsmooth import Disc, Event, Family, Solution, System, Unilateral, equilibria, solve, sweep
+from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, equilibria, solve, sweep
 from pwsmooth.laws.friction import (
     GMS,
+    XKY,
+    BlimanSorine,
+    BoucWen,
     Coulomb,
     Dahl,
+    Elastoplastic,
+    ElastoplasticFixed,
     HiddenStatic,
     LuGre,
+    MaxwellSlip,
+    MultistateXKY,
     StaticKinetic,
     StribeckFriction,
 )
+from pwsmooth.scenes import assemble, prescribed_motion, t
 
-t, x, y, z, u, v, w = sp.symbols("t x y z u v w", real=True)
+x, y, z, u, v, w = sp.symbols("x y z u v w", real=True)
 lam = Disc("lam", (u, v))
 
 
@@ -57,34 +66,139 @@ def test_a_direction_to_a_centre_is_no_friction():
     assert mixed.discs == ()
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        Coulomb(),
-        StaticKinetic(F_s=1.3),
-        StribeckFriction(F_s=1.3, v_s=0.1),
-        HiddenStatic(rho=1.0, beta=0.3),
-        Dahl(sigma0=50.0),
-        LuGre(sigma0=50.0, sigma1=1.0, sigma2=0.1, v_s=0.1),
-    ],
-    ids=lambda law: type(law).__name__,
-)
+bristle = {"sigma0": 50.0, "sigma1": 1.0, "sigma2": 0.1, "v_s": 0.1}
+PLANAR = [
+    Coulomb(),
+    StaticKinetic(F_s=1.3),
+    StribeckFriction(F_s=1.3, v_s=0.1),
+    HiddenStatic(rho=1.0, beta=0.3),
+    Dahl(sigma0=50.0),
+    LuGre(**bristle),
+    Elastoplastic(**bristle, z_ba=0.012),
+    ElastoplasticFixed(**bristle, z_ba=0.012, z_max=0.025),
+    XKY(kappa=50.0, sigma=1.0, v_s=0.1, sigma2=0.1),
+    MultistateXKY(kappa=(50.0, 20.0, 5.0), sigma=0.5, share=(0.4, 0.3, 0.3), F_s=1.3, v_s=0.1),
+    MaxwellSlip(kappa=(50.0, 20.0, 5.0), strength=(0.4, 0.3, 0.3)),
+    GMS(kappa=(50.0, 20.0, 5.0), share=(0.4, 0.3, 0.3), F_s=1.3, v_s=0.1, C=20.0, sigma=0.1),
+    BoucWen(k=20.0, beta=300.0, gamma=100.0, alpha=0.2, n=2),
+]
+
+
+def on_springs(law, push, start=(0.0, 0.0, 0.0, 0.0)):
+    """The run of a mass on springs with the law, under a push with components."""
+    pieces = law.attach(velocity=(u, v), position=(x, y))
+    rates = {x: u, y: v, u: push[0] - x - pieces.force[0], v: push[1] - y - pieces.force[1]}
+    system, first, _ = assemble(rates, pieces, time=t, start=dict(zip(rates, map(float, start), strict=True)))
+    return solve(system, (0, 8), first, rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("law", PLANAR, ids=lambda law: type(law).__name__)
 def test_a_law_in_the_plane_is_the_scalar_one_along_a_line(law):
-    plane, line = law.attach(velocity=(u, v)), law.attach(velocity=u)
-    push = 2 * sp.sin(t)
-    angle = 0.7
-    turned = [push * np.cos(angle), push * np.sin(angle)]
-    both = System(
-        {x: u, y: v, u: turned[0] - x - plane.force[0], v: turned[1] - y - plane.force[1], **plane.rates},
-        time=t, parameters=plane.parameters,
-    )  # fmt: skip
-    one = System({x: u, u: push - x - line.force, **line.rates}, time=t, parameters=line.parameters)
-    runs = [solve(s, (0, 8), dict.fromkeys(s.states, 0.0), rtol=1e-11, atol=1e-13) for s in (both, one)]
-    times = [[(e.kind, round(e.time, 8)) for e in run.events] for run in runs]
-    if both.model.multipliers[0].regularity == "sliding":
+    push, angle = 2 * sp.sin(t), 0.7
+    both = on_springs(law, [push * np.cos(angle), push * np.sin(angle)])
+    pieces = law.attach(velocity=u, position=x)
+    line, first, _ = assemble({x: u, u: push - x - pieces.force}, pieces, time=t, start={x: 0, u: 0})
+    one = solve(line, (0, 8), first, rtol=1e-11, atol=1e-13)
+    if both.system.discs and both.system.model.multipliers[0].regularity == "sliding":
+        times = [[(e.kind, round(e.time, 8)) for e in run.events] for run in (both, one)]
         assert times[0] == times[1] and times[0]
-    assert runs[0]["x"][-1] == pytest.approx(runs[1]["x"][-1] * np.cos(angle), abs=1e-9)
-    assert runs[0]["y"][-1] == pytest.approx(runs[1]["x"][-1] * np.sin(angle), abs=1e-9)
+    assert both["x"][-1] == pytest.approx(one["x"][-1] * np.cos(angle), abs=1e-9)
+    assert both["y"][-1] == pytest.approx(one["x"][-1] * np.sin(angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("law", PLANAR, ids=lambda law: type(law).__name__)
+def test_a_turned_frame_sees_the_same_motion(law):
+    push, start = np.array([2.5 * sp.sin(t), 1.8 * sp.cos(0.7 * t)]), np.array([0.3, -0.2, 0.5, 0.1])
+    angle = 0.9
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    one, turned = on_springs(law, push, start), on_springs(law, turn @ push, np.kron(np.eye(2), turn) @ start)
+    # Not the kinks: elastoplastic bristles tend to one of theirs, and meet it by rounding.
+    events = [[e for e in run.events if e.kind != "crossing"] for run in (one, turned)]
+    assert [e.kind for e in events[0]] == [e.kind for e in events[1]]
+    assert [e.time for e in events[0]] == pytest.approx([e.time for e in events[1]], abs=1e-8)
+    for pair in (slice(0, 2), slice(2, 4)):
+        assert turn @ one.x[pair, -1] == pytest.approx(turned.x[pair, -1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "stiff",
+    [
+        lambda k: Dahl(sigma0=k),
+        lambda k: LuGre(sigma0=k, sigma1=k**0.5, sigma2=0.0, F_s=1.0),
+        lambda k: XKY(kappa=k, sigma=k**0.5, sigma2=0.0, F_s=1.0),
+        lambda k: MaxwellSlip(kappa=(k,), strength=(1.0,)),
+        lambda k: Elastoplastic(sigma0=k, sigma1=k**0.5, sigma2=0.0, F_s=1.0, z_ba=0.9 / k),
+    ],
+    ids=["Dahl", "LuGre", "XKY", "MaxwellSlip", "Elastoplastic"],
+)
+def test_stiff_bristles_tend_to_the_disc(stiff):
+    push = (1.6 * sp.cos(t / 4), 0.8 * sp.sin(t / 4))
+    start = (0.3, 0.1, 0.5, -0.4)
+    exact = on_springs(Coulomb(), push, start)
+    assert "stick" in [e.kind for e in exact.events]
+    off = [np.abs(on_springs(stiff(k), push, start).x[:2, -1] - exact.x[:2, -1]).max() for k in (1e2, 1e3)]
+    # Deflections are F_c/k, and the micro-damping of LuGre's kind lags by sigma1/k = 1/sqrt(k).
+    assert off[1] < 1.05 * off[0] / np.sqrt(10) and off[1] < 0.02
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.05, 0.3])
+def test_bristles_on_a_circle_lag_as_their_closed_forms_say(radius):
+    """|F|/F_c = 1/sqrt(1 + 1/(sigma rho)^2) and the lag of Dahl's; LuGre's Z = V/(sigma0 V/g + i omega)."""
+    sigma, omega = 20.0, 3.0
+    speed = radius * omega
+    motion = tuple(radius * e for e in (sp.sin(omega * t), -sp.cos(omega * t)))
+    velocity = tuple(e.diff(t) for e in motion)
+    stribeck = LuGre(sigma0=sigma, sigma1=2.0, sigma2=0.3, v_s=0.4)
+    for law in (Dahl(sigma0=sigma), stribeck):
+        rig = prescribed_motion(law, velocity=velocity, t_span=(0, 60 / speed / sigma))
+        force = complex(*(rig.solve(rtol=1e-11)[f"force_{axis}"][-1] for axis in "xy"))
+        level = 1.0 if law is not stribeck else 1 + 0.5 * np.exp(-((speed / 0.4) ** 2))
+        z = speed / (sigma * speed / level + 1j * omega)
+        if law is stribeck:
+            expected = sigma * z + 2.0 * 1j * omega * z + 0.3 * speed
+        else:
+            expected = np.exp(-1j * np.arctan(1 / (sigma * radius))) / np.sqrt(1 + 1 / (sigma * radius) ** 2)
+        assert force * np.exp(-1j * omega * rig.t_span[1]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_record_of_a_motion_in_the_plane_does_what_the_motion_does():
+    times = np.linspace(0, 4, 801)
+    motion = (sp.sin(3 * t) / 50, (1 - sp.cos(2 * t)) / 40)
+    ends = []
+    for change in (lambda e: e, lambda e: Drive(times, sp.lambdify(t, e, "numpy")(times))):
+        for given in ({"position": motion}, {"velocity": tuple(e.diff(t) for e in motion)}):
+            given = {name: tuple(map(change, parts)) for name, parts in given.items()}
+            run = prescribed_motion(Dahl(sigma0=50.0), **given, t_span=(0, 4), work=True).solve()
+            ends.append([run[name][-1] for name in ("position_x", "velocity_y", "force_x", "force_y", "work")])
+    assert np.ptp(ends, axis=0).max() < 1e-6
+
+
+def test_biaxial_hysteresis_is_that_of_park_wen_and_ang_along_lines_and_knows_no_axes_on_curves():
+    """Their equations, as printed in Wen, Appl. Mech. Rev. 42 (1989) 39, by SciPy."""
+    law = BoucWen(k=1.0, beta=300.0, gamma=100.0, n=2)
+
+    def ends(across, angle):
+        """z at the end by both, turned back by the angle."""
+        straight = (0.3 * sp.cos(2 * t), across * sp.sin(3 * t))
+        c, s = np.cos(angle), np.sin(angle)
+        motion = (c * straight[0] - s * straight[1], s * straight[0] + c * straight[1])
+        w = sp.lambdify(t, motion, "numpy")
+
+        def printed(time, z):
+            v = np.array(w(time))
+            return v - z * (300 * np.abs(v * z).sum() + 100 * v @ z)
+
+        rig = prescribed_motion(law, velocity=motion, t_span=(0, 3)).solve()
+        theirs = solve_ivp(printed, (0, 3), [0, 0], rtol=1e-9, atol=1e-12, max_step=0.01).y[:, -1]
+        ours = np.array([rig["force_x"][-1], rig["force_y"][-1]])
+        back = np.array([[c, s], [-s, c]])
+        return back @ ours, back @ theirs
+
+    for angle in (0.0, 0.5):
+        assert np.subtract(*ends(0.0, angle)) == pytest.approx([0, 0], abs=1e-6)
+    (ours, theirs), (turned, other) = ends(0.3, 0.0), ends(0.3, 0.5)
+    assert ours == pytest.approx(turned, abs=1e-8)
+    assert np.abs(theirs - other).max() > 1e-5  # a thousand times ours
 
 
 def test_a_mass_matrix_unsolved_and_solved_give_the_same_events():
@@ -206,7 +320,9 @@ def of_elements():
         (lambda: System({u: -(lam[0] ** 3), v: -lam[1]}, convention="filippov"), "no disc"),
         (lambda: System({u: -lam[0], v: -lam[1]}).smoothed(1e-3, "tanh"), "0/0"),
         (lambda: of_elements(), "write the elements out"),
-        (lambda: GMS().attach(velocity=(u, v)), "a law of one velocity"),
+        (lambda: BlimanSorine().attach(velocity=(u, v)), "a law of one velocity"),
+        (lambda: BoucWen().attach(velocity=(u, v), position=(x, y)), "`n` of BoucWen is 1"),
+        (lambda: BoucWen(n=2).attach(velocity=(u, v), position=x), "`position` has 1 components"),
     ],
 )  # fmt: skip
 def test_what_is_refused_says_why(make, message):

@@ -41,7 +41,7 @@ DIFFER = {
 MISPRINTS = {"statements_solid_friction": 8, "statements_friction_contact": 1}
 STUDIES = [
     "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "gradient_optimum", "ladder",
-    "noise_recapture", "propositions", "rest_limit", "symmetry_breaking", "wider_circle", *MISPRINTS,
+    "noise_recapture", "planar_friction", "propositions", "rest_limit", "symmetry_breaking", "wider_circle", *MISPRINTS,
 ]  # fmt: skip
 
 

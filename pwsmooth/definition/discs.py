@@ -57,8 +57,8 @@ def is_affine(e: sp.Expr, components) -> bool:
 
 def on_sphere(e: sp.Expr, components) -> sp.Expr:
     """`e` with 1 for lambda . lambda, also within its functions."""
-    if e.free_symbols.isdisjoint(components):
-        return e
+    if components[0] not in e.free_symbols:
+        return e  # the sphere is divided out by its first component
     if (polynomial := e.as_poly(*components)) is not None:
         sphere = sp.Poly(sum(lam**2 for lam in components) - 1, *components)
         _, rest = sp.reduced(polynomial, [sphere])

@@ -204,6 +204,9 @@ class Law:
     source: ClassVar[str] = ""  # where the equations and the defaults come from
     certainty: ClassVar[str] = ""  # "reconstructed" where the original was not available
     in_plane: ClassVar[bool] = False  # whether it acts along velocities with components, too
+    spins: ClassVar[bool] = (
+        False  # whether its velocity is that of a contact that spins, too: (v_x, v_y, omega)
+    )
     needs: ClassVar[tuple[str, ...]] = ()  # of "position", "acceleration": inputs besides the velocity
 
     def __init_subclass__(cls) -> None:
@@ -258,8 +261,8 @@ class Law:
     # ---- for users and scenes
 
     @checks.door(
-        velocity=checks.velocity,
-        **dict.fromkeys(("position", "normal", "acceleration", "time"), checks.optional(checks.expression)),
+        velocity=checks.velocity, position=checks.optional(checks.velocity),
+        **dict.fromkeys(("normal", "acceleration", "time"), checks.optional(checks.expression)),
         name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
     )  # fmt: skip
     def attach(self, *, velocity: Any, position: Any = None, normal: Any = None, acceleration: Any = None,
@@ -271,8 +274,8 @@ class Law:
         velocity : Expr or sequence of Expr, length 2 or 3
             At the joint. With components, in the plane or in space, the force has as many; `in_plane` says whether the
             law has such a form.
-        position : Expr
-            At the joint; `needs` says whether the law uses it.
+        position : Expr or sequence of Expr
+            At the joint, with as many components as the velocity; `needs` says whether the law uses it.
         normal : Expr, optional
             Normal load; the law is per unit of load then. One that stays at zero is written Max(0, ...).
         acceleration : Expr, optional
@@ -300,7 +303,17 @@ class Law:
         if isinstance(velocity, tuple) and not self.in_plane:
             raise ValueError(
                 f"`velocity` has {len(velocity)} components, and {type(self).__name__} is a law of one velocity; laws "
-                "in the plane are Coulomb, StaticKinetic, StribeckFriction, HiddenStatic, Dahl and LuGre."
+                "with `in_plane` have a form with components, such as Coulomb, StribeckFriction, LuGre and XKY."
+            )
+        if self.spins and not (isinstance(velocity, tuple) and len(velocity) == 3):
+            raise ValueError(
+                f"`velocity` of {type(self).__name__} is {checks.shown(velocity)}; its contact slides and spins: give "
+                "(v_x, v_y, omega) at its centre."
+            )
+        sizes = [len(e) if isinstance(e, tuple) else 1 for e in (velocity, position)]
+        if position is not None and sizes[0] != sizes[1]:
+            raise ValueError(
+                f"`position` has {sizes[1]} components and the velocity of the joint {sizes[0]}; give as many."
             )
         inputs = {"position": position, "acceleration": acceleration}
         for what in self.needs:

@@ -1,6 +1,6 @@
 """Two statements that turn inclusions into ordinary differential equations (Kikuuwe, Xiong).
 
-    Sgn -> sat    y in L Sgn(x - y/sigma)            <=>  y = clip(sigma x, L)
+    Sgn -> sat    y in L Sgn(x - y/sigma)            <=>  y = clip(sigma x, L), on a line, in the plane and in space
     dio -> max    c (A' - A) in dio(A' - B), c > 0   <=>  A' = max(A, B),  c (A' - A) = c max(0, B - A)
 
 with Sgn(0) = [-1, 1] and the diode map dio(w) = {0} for w > 0, [0, inf) for w = 0, empty for w < 0, that is
@@ -14,50 +14,56 @@ from ..definition import checks
 __all__ = ["clip", "dio_defect", "max_of_dio", "sat_of_sgn", "sgn_defect"]
 
 
-@checks.door(x=checks.expression, limit=checks.expression)
+@checks.door(x=checks.velocity, limit=checks.expression)
 def clip(x, limit):
-    """The value x, cut off at -limit and limit; its two surfaces are x - limit and x + limit, neither inside the
-    other.
+    """The value x, cut off at -limit and limit; a vector, shortened to the length `limit`.
+
+    The two surfaces of a number are x - limit and x + limit, neither inside the other; the one of a vector is
+    x.x/limit^2 - 1.
 
     Parameters
     ----------
-    x : Expr
+    x : Expr or sequence of Expr, length 2 or 3
         Of any unit.
     limit : Expr or float, in the unit of x
         Positive.
 
     Returns
     -------
-    Expr
-        A Piecewise, in the unit of x.
+    Expr or tuple of Expr
+        In the unit of x; of a number a Piecewise.
 
     Notes
     -----
-    Source: the projection onto [-limit, limit].
+    Source: the projection onto [-limit, limit], or onto the ball of this radius.
 
     Examples
     --------
     >>> from pwsmooth.laws.inclusions import clip
-    >>> clip(3, 2), clip(-1, 2)
-    (2, -1)
+    >>> clip(3, 2), clip(-1, 2), clip((3, 4), 1)
+    (2, -1, (3/5, 4/5))
     """
+    if isinstance(x, tuple):
+        # The size where it matters: never a root of zero, of which a bristle at rest would have no derivative.
+        size = sp.sqrt(sp.Max(1, sp.Add(*(e**2 for e in x)) / limit**2))
+        return tuple(e / size for e in x)
     return sp.Piecewise((limit, x > limit), (-limit, x < -limit), (x, True))
 
 
-@checks.door(x=checks.expression, limit=checks.expression, sigma=checks.expression)
+@checks.door(x=checks.velocity, limit=checks.expression, sigma=checks.expression)
 def sat_of_sgn(x, limit, sigma):
     """The y with  y in limit Sgn(x - y/sigma).
 
     Parameters
     ----------
-    x : Expr
+    x : Expr or sequence of Expr, length 2 or 3
         A velocity, say; of any unit.
     limit, sigma : Expr or float, in units of y and of y/x
         Positive.
 
     Returns
     -------
-    Expr
+    Expr or tuple of Expr
         y = clip(sigma x, limit), in the unit of `limit`.
 
     Notes
@@ -71,7 +77,7 @@ def sat_of_sgn(x, limit, sigma):
     >>> sat_of_sgn(3, limit=2, sigma=1), sat_of_sgn(sp.Rational(1, 2), limit=2, sigma=1)
     (2, 1/2)
     """
-    return clip(sigma * x, limit)
+    return clip(tuple(sigma * e for e in x) if isinstance(x, tuple) else sigma * x, limit)
 
 
 @checks.door(A=checks.expression, B=checks.expression, c=checks.expression)

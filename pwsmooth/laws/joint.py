@@ -23,8 +23,10 @@ class Joint:
     ----------
     v : Expr or sequence of Expr, length 2 or 3
         Velocity; of a joint in the plane or in space its components.
-    x, a : Expr, optional
-        Position (or indentation) and acceleration.
+    x : Expr or sequence of Expr, optional
+        Position (or indentation), with as many components as the velocity.
+    a : Expr, optional
+        Acceleration.
     load : Expr, optional
         Normal load, 1 without.
     t : Symbol, optional
@@ -54,7 +56,8 @@ class Joint:
     """
 
     @checks.door(
-        v=checks.velocity, **dict.fromkeys(("x", "a", "load", "t"), checks.optional(checks.expression)),
+        v=checks.velocity, x=checks.optional(checks.velocity),
+        **dict.fromkeys(("a", "load", "t"), checks.optional(checks.expression)),
         name=checks.name, **dict.fromkeys(("beyond", "past"), checks.optional(checks.function)),
     )  # fmt: skip
     def __init__(self, v, x=None, a=None, load=None, t=None, name="", beyond=None, past=None):
@@ -219,8 +222,10 @@ class Joint:
         """
         return self.slip("lam").size if self.planar else sp.Abs(self.v)
 
-    @checks.door(name=checks.text, scale=checks.positive)
-    def deflection(self, name: str, scale: float = 1.0) -> Any:
+    @checks.door(
+        name=checks.text, scale=checks.positive, family=checks.optional(checks.instance(Family, "a Family"))
+    )
+    def deflection(self, name: str, scale: float = 1.0, family: Family | None = None) -> Any:
         """An internal state for each component of the velocity.
 
         Parameters
@@ -229,15 +234,56 @@ class Joint:
             Without the joint's name; components get _x, _y, _z.
         scale : float
             Usual size in the state's unit.
+        family : Family, optional
+            One for every element of it.
 
         Returns
         -------
         Symbol or tuple of Symbol
             One at a joint with one velocity.
         """
-        if not self.planar:
-            return self.state(name, scale=scale)
-        return tuple(self.state(f"{name}_{axis}", scale=scale) for axis, _ in zip("xyz", self.v, strict=False))
+        names = [f"{name}_{axis}" for axis, _ in zip("xyz", self.v, strict=False)] if self.planar else [name]
+        made = [
+            self.state(n, scale=scale) if family is None else self.member(family, n, scale=scale) for n in names
+        ]
+        return tuple(made) if self.planar else made[0]
+
+    @staticmethod
+    def dot(first: Any, second: Any) -> sp.Expr:
+        """The product of two numbers, or the scalar product of two vectors.
+
+        Parameters
+        ----------
+        first, second : Expr or tuple of Expr
+            Of one kind.
+
+        Returns
+        -------
+        Expr
+            In the unit of the product.
+        """
+        if isinstance(first, tuple):
+            return sp.Add(*(a * b for a, b in zip(first, second, strict=True)))
+        return first * second
+
+    def bounds(self, value: Any, limit: sp.Expr) -> tuple[sp.Expr, ...]:
+        """The surfaces on which a value is as large as `limit`.
+
+        Parameters
+        ----------
+        value : Expr or tuple of Expr
+            One for each component of the velocity.
+        limit : Expr
+            In the unit of the value.
+
+        Returns
+        -------
+        tuple of Expr
+            Those of `clip`: value - limit and value + limit, or the one |value|^2/limit^2 - 1.
+        """
+        if self.planar:
+            return (self.dot(value, value) / limit**2 - 1,)
+        return value - limit, value + limit
 
     def rates(self, state: Any, rate: Any) -> dict[Any, Any]:
         """Rates of what `deflection` has made.

@@ -2,6 +2,8 @@
 
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
+from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
+from .planar_bodies import billiard_ball, gripped_bar, spinning_disc, stacked_plates
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
 from .slider_crank import IdealSliderCrank, slider_crank
@@ -11,16 +13,25 @@ __all__ = [
     "IdealSliderCrank",
     "Scene",
     "assemble",
+    "billiard_ball",
     "block_on_belt",
+    "bristle_bot",
     "falling_ball",
     "force_driven",
     "free_impact",
     "friction_oscillator",
     "grazing_amplitude",
+    "gripped_bar",
     "impact_oscillator",
+    "incline",
+    "planar_oscillator",
     "position_control",
     "prescribed_motion",
     "slider_crank",
+    "spinning_disc",
+    "stacked_plates",
     "pressed_block",
+    "pulled_block",
+    "shaken_plate",
     "t",
 ]

@@ -16,7 +16,7 @@ from ..laws import Law
 from .drive import check_continuous, door, expression, t, value, within
 from .scene import Scene, scene_of
 
-x, v, done = sp.symbols("x v work", real=True)
+done = sp.Symbol("work", real=True)
 
 
 @door("period", "parameters", work=checks.flag)
@@ -37,9 +37,9 @@ def prescribed_motion(
     ----------
     law : Law
         Of friction or contact.
-    position, velocity : Expr of t or Drive
-        One of them, in the units of the law; a position must not jump. Symbols other than t are parameters of
-        the drive.
+    position, velocity : Expr of t or Drive, or sequence of them, length 2 or 3
+        One of them, in the units of the law; a position must not jump. With components, of a law with a form in the
+        plane. Symbols other than t are parameters of the drive.
     normal : Expr of t or Drive, optional
         Normal load; the law is per unit of load then.
     t_span : (float, float), s, optional
@@ -54,7 +54,7 @@ def prescribed_motion(
     Returns
     -------
     Scene
-        Outputs `force`, `position`, `velocity`, and those of the law.
+        Outputs `force`, `position`, `velocity`, of components with the ends _x, _y, _z, and those of the law.
 
     Raises
     ------
@@ -77,28 +77,45 @@ def prescribed_motion(
             "given to prescribed_motion; give one of them, an expression of t or a Drive."
         )
     values = dict(parameters or {})
-    t_span = within(t_span, position, velocity, normal)
-    # The constant becomes a state of rate 0: an expression without states can be no surface.
+    given = velocity if position is None else position
+    planar = isinstance(given, (tuple, list))
+    motions = checks.several(given, "`velocity`" if position is None else "`position`") if planar else (given,)
+    t_span = within(t_span, *motions, normal)
+    axes = [f"_{axis}" for axis, _ in zip("xyz", motions, strict=False)] if planar else [""]
     own: dict[Any, Any] = {}
     begins: dict[Any, float] = {}
-    place, speed, acceleration, drives = _motion(position, velocity, t_span, values)
-    if t not in speed.free_symbols and not drives:
-        begins[v], own[v] = value(speed, values | {"t": t_span[0]}, "`velocity`"), sp.S.Zero
-        speed, acceleration = v, sp.S.Zero
-        values = {key: value for key, value in values.items() if key in map(str, place.free_symbols)}
-    own[x] = speed
-    begins[x] = 0.0 if position is None else _first(position, place, t_span, values)
+    drives: dict[Any, Any] = {}
+    place, speed, acceleration = zip(
+        *(
+            _motion(motion, position is not None, axis, t_span, values, own, begins, drives)
+            for motion, axis in zip(motions, axes, strict=True)
+        ),
+        strict=True,
+    )
+    if not drives and not any(rate.has(t) for rate in own.values()):
+        used = {str(s) for e in (*place, *own.values()) for s in e.free_symbols}
+        values = {key: value for key, value in values.items() if key in used}
     load = None if normal is None else sp.Symbol("load", real=True)
     if isinstance(normal, Drive):
         drives[load] = normal
     elif normal is not None:
         load = expression(normal, "normal")
-    pieces = law.attach(position=place, velocity=speed, acceleration=acceleration, normal=load, time=t)
+    if planar:
+        pieces = law.attach(position=place, velocity=speed, normal=load, time=t)
+    else:
+        pieces = law.attach(
+            position=place[0], velocity=speed[0], acceleration=acceleration[0], normal=load, time=t
+        )
+    force = pieces.force if planar else (pieces.force,)
     if work:
-        own[done], begins[done] = pieces.force * speed, 0.0
-    if "acceleration" not in law.needs:
-        drives.pop(acceleration, None)
-    shown = {"force": pieces.force, "position": place, "velocity": speed}
+        own[done], begins[done] = sp.Add(*(f * w for f, w in zip(force, speed, strict=True))), 0.0
+    if "acceleration" not in law.needs and not planar:  # in the plane a velocity is the integral of it
+        drives.pop(acceleration[0], None)
+    shown = {
+        f"{name}{axis}": e
+        for name, parts in (("force", force), ("position", place), ("velocity", speed))
+        for axis, e in zip(axes, parts, strict=True)
+    }
     seen = sorted({*shown, *pieces.outputs, *(("work",) if work else ())})
     return scene_of(
         "prescribed motion", law, t_span, own, [pieces], seen, period=period, start=begins, parameters=values,
@@ -106,25 +123,31 @@ def prescribed_motion(
     )  # fmt: skip
 
 
-def _motion(position, velocity, t_span, values):
-    """(position, velocity, acceleration) as expressions, and the drives among them."""
-    if isinstance(position, Drive):
-        place, speed, acceleration = symbols = sp.symbols("p p_1 p_2", real=True)
-        rate = position.derivative()
-        return *symbols, {place: position, speed: rate, acceleration: rate.derivative()}
-    if isinstance(velocity, Drive):
-        speed, acceleration = symbols = sp.symbols("w w_1", real=True)
-        return x, *symbols, {speed: velocity, acceleration: velocity.derivative()}
-    if position is not None:
-        place = expression(position, "position")
+def _motion(motion, placed, axis, t_span, values, own, begins, drives):
+    """(position, velocity, acceleration) of a component; overwrites the states, their starts and the drives.
+
+    `placed`: the motion is a position, not a velocity.
+    """
+    x, v = (sp.Symbol(f"{name}{axis}", real=True) for name in "xv")
+    if isinstance(motion, Drive):
+        names = ("p", "p_1", "p_2") if placed else ("w", "w_1")
+        symbols, rate = tuple(sp.Symbol(f"{name}{axis}", real=True) for name in names), motion
+        for symbol in symbols:
+            drives[symbol], rate = rate, rate.derivative()
+        begins[x] = motion.at(t_span[0]) if placed else 0.0
+        place, speed, acceleration = symbols if placed else (x, *symbols)
+    elif placed:
+        place = expression(motion, "position")
         check_continuous(place, "position", t_span, values)
-        return place, place.diff(t), place.diff(t, 2), {}
-    speed = expression(velocity, "velocity")
-    return x, speed, speed.diff(t), {}
-
-
-def _first(position, place, t_span, values):
-    """The position at the start."""
-    if isinstance(position, Drive):
-        return position.at(t_span[0])
-    return value(place, values | {"t": t_span[0]}, "`position`")
+        begins[x] = value(place, values | {"t": t_span[0]}, "`position`")
+        speed, acceleration = place.diff(t), place.diff(t, 2)
+    else:
+        speed = expression(motion, "velocity")
+        begins[x], place, acceleration = 0.0, x, speed.diff(t)
+    if axis or t not in speed.free_symbols and not isinstance(motion, Drive):
+        # A state: an expression without states can be no surface of one velocity, nor a function of time of several.
+        first = drives.pop(speed).at(t_span[0]) if isinstance(motion, Drive) else speed
+        begins[v], own[v] = value(first, values | {"t": t_span[0]}, "`velocity`"), acceleration
+        speed = v
+    own[x] = speed
+    return place, speed, acceleration

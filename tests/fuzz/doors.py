@@ -384,6 +384,16 @@ def subjects():
             given[name.rsplit(".", 1)[1]] = None
     for scene_name in ("block_on_belt", "friction_oscillator", "position_control"):
         given[scene_name] = dict(law=friction.Coulomb())
+    for scene_name in ("incline", "billiard_ball", "bristle_bot"):
+        given[scene_name] = dict(law=friction.Coulomb())
+    given |= {
+        "shaken_plate": dict(law=friction.Coulomb(), plate=(sp.sin(scenes.t), 0), lift=sp.cos(scenes.t)),
+        "planar_oscillator": dict(law=friction.Coulomb(), force=(sp.sin(scenes.t), 0)),
+        "pulled_block": dict(law=friction.Coulomb(), path=(scenes.t, 0), plate=(0, sp.sin(scenes.t))),
+        "spinning_disc": dict(law=friction.LimitEllipsoid()),
+        "gripped_bar": dict(law=friction.LimitEllipsoid(), grip=100 - scenes.t),
+        "stacked_plates": dict(law=friction.Coulomb(), ground=friction.Coulomb(), force=(scenes.t, 0)),
+    }
     for scene_name in ("falling_ball", "free_impact", "impact_oscillator"):
         given[scene_name] = dict(law=contact.KelvinVoigt())
     found = {}
@@ -525,6 +535,7 @@ def subjects():
         "PeriodicOrbit.solution": (orbit.solution, dict(periods=1, **short)),
         "Joint.state": (Joint(v).state, dict(name="a", start=1.0, scale=1.0)),
         "Joint.memory": (Joint(v).memory, dict(name="a", initial=1.0)),
+        "Joint.deflection": (Joint(v).deflection, dict(name="a", scale=1.0, family=elements)),
         "Joint.switch": (Joint(v).switch, dict(name="a", surface=v)),
         "Joint.family": (Joint(v).family, dict(n=3)),
         "run_study": (

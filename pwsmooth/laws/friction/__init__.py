@@ -10,6 +10,8 @@ from .elastoplastic import Elastoplastic, ElastoplasticFixed
 from .gms import GMS
 from .lugre import LuGre, LuGreFadingDamping
 from .maxwell_slip import Masing, MaxwellSlip
+from .rolling import RollingResistance, TorsionalResistance
+from .spinning import Contensou, LimitEllipsoid
 from .wojewoda import Wojewoda
 from .xky import XKY, MultistateXKY
 
@@ -19,11 +21,13 @@ __all__ = [
     "BlimanSorine",
     "BlimanSorineFirst",
     "BoucWen",
+    "Contensou",
     "Coulomb",
     "Dahl",
     "Elastoplastic",
     "ElastoplasticFixed",
     "HiddenStatic",
+    "LimitEllipsoid",
     "LuGre",
     "LuGreFadingDamping",
     "Masing",
@@ -31,7 +35,9 @@ __all__ = [
     "ModifiedCoulomb",
     "ModifiedDahl",
     "MultistateXKY",
+    "RollingResistance",
     "StaticKinetic",
     "StribeckFriction",
+    "TorsionalResistance",
     "Wojewoda",
 ]

@@ -3,7 +3,12 @@
     dz/dt = v (1 - alpha(z, v) sgn(v) z/z_ss(v)),   z_ss = g(v)/sigma0,   f = sigma0 z + sigma1 dz/dt + sigma2 v
 
 alpha is 0 while w = z sgn(v) <= z_ba, 1 from w >= z_max on, half a sine between (in |z|; written in w, which is the
-same where alpha acts and includes that alpha = 0 where z opposes v).
+same where alpha acts and includes that alpha = 0 where z opposes v). In the plane only the part of v along z is
+plastic,
+
+    dz/dt = v - alpha(|z|, v) max(0, z.v) z/(|z| z_ss)
+
+which is the law above on a line, never leaves |z| <= z_ss and is continuous.
 """
 
 import sympy as sp
@@ -42,21 +47,36 @@ class Elastoplastic(LuGre):
             )
 
     def pieces(self, at, p):
-        z, v = at.state("z", scale=self.F_c / self.sigma0), at.v
+        z, v = at.deflection("z", scale=self.F_c / self.sigma0), at.v
         steady = stribeck(v, p) / p.sigma0
         z_max = self.z_max_of(steady, p)
+        # Steady slip is at z_max. A surface there would be met again and again by rounding; up to this one
+        # alpha is 1 to rounding.
+        top = z_max * (1 + 2.0**-28)
+
+        def rise(w):
+            """alpha between z_ba and z_max"""
+            return (1 + sp.sin(sp.pi * (w - (z_max + p.z_ba) / 2) / (z_max - p.z_ba))) / 2
 
         def slip(w):
             """alpha(w) w/z_ss, w = z sgn(v)"""
-            rise = sp.sin(sp.pi * (w - (z_max + p.z_ba) / 2) / (z_max - p.z_ba))
-            alpha = sp.Piecewise((0, w <= p.z_ba), ((1 + rise) / 2, w < z_max), (1, True))
+            alpha = sp.Piecewise((0, w <= p.z_ba), (rise(w), w < top), (1, True))
             return alpha * w / steady
 
-        # Written for each sign of v, so that no surface jumps where v turns.
-        rate = v * sp.Piecewise((1 - slip(z), v > 0), (1 - slip(-z), True))
-        force = p.sigma0 * z + p.sigma1 * rate + p.sigma2 * v
-        surfaces = (v, z - p.z_ba, z + p.z_ba, z - z_max, z + z_max)
-        return Pieces(force=force, rates={z: rate}, surfaces=surfaces, fastest_rate=sp.Abs(v) / steady)
+        if at.planar:
+            square, along = at.dot(z, z), at.dot(z, v) / p.z_ba
+            size = p.z_ba * sp.sqrt(sp.Max(1, square / p.z_ba**2))  # where alpha acts; at z_ba it rises from 0
+            alpha = sp.Piecewise((rise(size), square / top**2 < 1), (1, True))
+            pull = alpha * sp.Max(0, along) * p.z_ba / (size * steady)
+            rate = at.each(lambda z, v: v - pull * z, z, v)
+            turns, fastest = (along,), pull
+        else:
+            # Written for each sign of v, so that no surface jumps where v turns.
+            rate = v * sp.Piecewise((1 - slip(z), v > 0), (1 - slip(-z), True))
+            turns, fastest = (v,), sp.Abs(v) / steady
+        force = at.each(lambda z, dz, v: p.sigma0 * z + p.sigma1 * dz + p.sigma2 * v, z, rate, v)
+        surfaces = (*turns, *at.bounds(z, p.z_ba), *at.bounds(z, top))
+        return Pieces(force=force, rates=at.rates(z, rate), surfaces=surfaces, fastest_rate=fastest)
 
     def z_max_of(self, steady, p):
         """Deflection from which the bristles slip wholly.

@@ -4,7 +4,9 @@
 
 An element sticks or slips (a Memory): it slips where |f_i| reaches L_i, and sticks again where v vanishes.
 Rate independent; Masing's rules hold: f - f_r = 2 Phi((x - x_r)/2) after a reversal, with the virgin curve
-Phi(x) = sum min(kappa_i x, L_i); inner loops close and are forgotten (return-point memory).
+Phi(x) = sum min(kappa_i x, L_i); inner loops close and are forgotten (return-point memory). In the plane an element
+gives way where |f_i| reaches L_i, and only the part of v along f_i slips, until f_i.v falls through zero:
+df_i/dt = kappa_i (v - max(0, f_i.v) f_i/L_i^2) stays on that circle.
 """
 
 import numpy as np
@@ -18,16 +20,26 @@ from ..inclusions import clip
 def slider(z, limit, slip, v, at):
     """(rate, events) of a spring of deflection z before a slider that gives way at |z| = limit.
 
-    The Memory `slip` is 0 while it sticks, else the direction of slip, 1 or -1.
+    The Memory `slip` is 0 while it sticks, else the direction of slip, 1 or -1; in the plane 1.
     """
+    # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
+    inside = limit * (1 - 2.0**-48)
+    if at.planar:
+        along, size = at.dot(z, v) / limit, at.dot(z, z) / limit**2
+        yields = slip * sp.Max(0, along) / limit
+        rate = at.each(lambda z, v: v - yields * z, z, v)
+        return rate, (
+            Event((1 - slip) * size - 1, direction=1, update={slip: 1, **at.rates(z, clip(z, limit))},
+                  when=along > 0, name=at.label("slip")),
+            Event(along, update={slip: 0, **at.rates(z, clip(z, inside))}, when=sp.Ne(slip, 0), direction=-1,
+                  name=at.label("stick")),
+        )  # fmt: skip
     # In slip it yields outwards only: an amplitude that just reaches the limit may meet it a rounding after the
     # velocity has turned, when no end of the slip is left to be seen.
     rate = sp.Piecewise((v, sp.Eq(slip, 0)), (v * sp.Heaviside(-slip * v), True))
     # (z/limit)^2 - 1 in sticking. In slip |z| stays at the limit, where a surface that stayed zero would be met again
     # and again: there it is the other limit's.
     surface = (1 - slip**2) * (z / limit) ** 2 - slip * z / limit - 1
-    # It sticks a few roundings inside: where v only touches zero the limit is reached again, from below.
-    inside = limit * (1 - 2.0**-48)
     return rate, (
         Event(surface, direction=1, update={slip: sp.sign(z), z: limit * sp.sign(z)}, when=z * v > 0,
               name=at.label("slip")),
@@ -52,6 +64,7 @@ class MaxwellSlip(Law):
     """
 
     source = "Iwan, J. Appl. Mech. 33 (1966) 893-900; Lampaert, Swevers, Al-Bender; defaults chosen"
+    in_plane = True
     kappa: tuple = parameter(tuple(2.5 / i for i in range(1, 11)), "N/um", "stiffness", each=True)
     strength: tuple = parameter((0.2,) * 10, "N", "strength of the slider", each=True)
 
@@ -132,15 +145,16 @@ class MaxwellSlip(Law):
 
     def pieces(self, at, p):
         elements = at.family(self.elements)
-        f = at.member(elements, "f", scale=max(self.strengths()))
+        f = at.deflection("f", scale=max(self.strengths()), family=elements)
         slip = elements.memory(at.label("slip"), 0)
-        rate, events = slider(f, p.strength, slip, p.kappa * at.v, at)
+        drawn = at.each(lambda v: p.kappa * v, at.v)
+        rate, events = slider(f, p.strength, slip, drawn, at)
         return Pieces(
-            force=elements.sum(f),
-            rates={f: rate},
+            force=at.each(elements.sum, f),
+            rates=at.rates(f, rate),
             events=events,
             outputs={"presliding": elements.sum(1 - slip**2)},
-            surfaces=(at.v, sp.Abs(f) - p.strength),
+            surfaces=(at.dot(f, at.v) if at.planar else at.v, *at.bounds(f, p.strength)),
         )
 
     def steady(self, v, p):

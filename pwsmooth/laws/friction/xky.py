@@ -5,7 +5,8 @@
 
 |f| <= g(v) exactly, f continuous; passive for every g >= 0; no drift while |kappa a + sigma v| < g. The surfaces are
 |kappa a + sigma v| = g(v); v = 0 is none. The micro-damping sigma must not vanish. The multistate law has parallel
-elements with thresholds lam_i s, where s lags behind g(v): tau_d ds/dt = g(v) - s.
+elements with thresholds lam_i s, where s lags behind g(v): tau_d ds/dt = g(v) - s. In the plane a, f and v are vectors
+and the clip is the projection on a disc: the inclusion, its proof and passivity stay word for word.
 """
 
 import sympy as sp
@@ -34,6 +35,7 @@ class XKY(StribeckLaw):
     """
 
     source = "Xiong, Kikuuwe, Yamamoto, J. Appl. Math. 2013:320276; parameters of LuGre's standard example"
+    in_plane = True
     kappa: float = parameter(1e5, "N/m", "stiffness")
     sigma: float = parameter(316.22776601683796, "N s/m", "micro-damping, by which the law divides,")
     F_c: float = parameter(1.0, "N", "Coulomb force")
@@ -42,14 +44,14 @@ class XKY(StribeckLaw):
     sigma2: float = parameter(0.4, "N s/m", "viscous friction", "nonnegative")
 
     def pieces(self, at, p):
-        a, v, g = at.state("a", scale=self.F_c / self.kappa), at.v, stribeck(at.v, p)
-        trial = p.kappa * a + p.sigma * v
+        a, v, g = at.deflection("a", scale=self.F_c / self.kappa), at.v, stribeck(at.v, p)
+        trial = at.each(lambda a, v: p.kappa * a + p.sigma * v, a, v)
         # Sgn -> sat with x = v + kappa a/sigma and y = f: x - y/sigma = v - da/dt
-        bristle = sat_of_sgn(trial / p.sigma, g, p.sigma)
+        bristle = sat_of_sgn(at.each(lambda e: e / p.sigma, trial), g, p.sigma)
         return Pieces(
-            force=bristle + p.sigma2 * v,
-            rates={a: (bristle - p.kappa * a) / p.sigma},
-            surfaces=(trial - g, trial + g),
+            force=at.each(lambda f, v: f + p.sigma2 * v, bristle, v),
+            rates=at.rates(a, at.each(lambda f, a: (f - p.kappa * a) / p.sigma, bristle, a)),
+            surfaces=at.bounds(trial, g),
             fastest_rate=p.kappa / p.sigma,
         )
 
@@ -74,6 +76,7 @@ class MultistateXKY(StribeckLaw):
         "Xiong, Kikuuwe, Yamamoto, Tribol. Lett. 51 (2013) 513-523, eq. (4.13) of Xiong's thesis; reconstructed"
     )
     certainty = "reconstructed"
+    in_plane = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     F_s: float = parameter(2.0, "N", "static friction force")
     v_s: float = parameter(8.0, "um/s", "Stribeck velocity")
@@ -87,17 +90,19 @@ class MultistateXKY(StribeckLaw):
         elements, v = at.family(self.elements), at.v
         # The level stays between F_c and F_s: with a negative one the clip would jump and its surfaces would slide.
         s = at.state("s", stribeck(v, p), self.F_c, positive=True)
-        a = at.member(elements, "a", scale=self.F_c / max(k for k, _ in self.pairs()))
+        a = at.deflection("a", scale=self.F_c / max(k for k, _ in self.pairs()), family=elements)
         limit = p.share * s
-        trial = p.kappa * a + p.sigma * v
+        trial = at.each(lambda a, v: p.kappa * a + p.sigma * v, a, v)
         bristle = clip(trial, limit)
+        surfaces = at.bounds(trial, limit)
+        # Within all of them: the last of a number is turned round.
+        held = sp.Piecewise(*((0, h > 0) for h in (surfaces[0], *(-h for h in surfaces[1:]))), (1, True))
         return Pieces(
-            force=elements.sum(bristle) + p.sigma2 * v,
-            rates={s: (stribeck(v, p) - s) / p.tau_d, a: (bristle - p.kappa * a) / p.sigma},
-            outputs={
-                "presliding": elements.sum(sp.Piecewise((0, trial > limit), (0, trial < -limit), (1, True)))
-            },
-            surfaces=(trial - limit, trial + limit),
+            force=at.each(lambda f, v: elements.sum(f) + p.sigma2 * v, bristle, v),
+            rates={s: (stribeck(v, p) - s) / p.tau_d}
+            | at.rates(a, at.each(lambda f, a: (f - p.kappa * a) / p.sigma, bristle, a)),
+            outputs={"presliding": elements.sum(held)},
+            surfaces=surfaces,
             fastest_rate=max(k / s for k, s in self.pairs()),
         )
 
