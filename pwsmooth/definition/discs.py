@@ -16,6 +16,9 @@ from typing import NamedTuple
 import sympy as sp
 
 from .model import Held
+from .pointwise import draw, value
+
+_POINTS, _BENT = 3, 1e-3
 
 
 class LiftedDisc(NamedTuple):
@@ -52,7 +55,13 @@ class LiftedDisc(NamedTuple):
 def is_affine(e: sp.Expr, components) -> bool:
     """Whether `e` is affine in the components of one lambda."""
     slopes = [e.diff(lam) for lam in components]
-    return all(sp.expand(slope.diff(lam)) == 0 for slope in slopes for lam in components)
+    bends = [bend for slope in slopes for lam in components if (bend := slope.diff(lam)) != 0]
+    symbols = set().union(*(bend.free_symbols for bend in bends))
+    for k in range(_POINTS):  # a number that is not 0 answers at once, where nested polynomials take minutes
+        point = {s: draw(s, k) for s in symbols}
+        if any(abs(value(bend, point)) > _BENT for bend in bends):
+            return False
+    return all(sp.expand(bend) == 0 for bend in bends)
 
 
 def on_sphere(e: sp.Expr, components) -> sp.Expr:

@@ -511,9 +511,17 @@ def release(P, t, y, lam, slips, out, c, span):
             for i in range(P.d[k]):
                 r += y[P.index[k, i]] ** 2
             span = min(span, 0.01 * np.sqrt(r))
+    held, dy = slips | out, np.empty(len(y))
     for _ in range(8):
         there, way = y.copy(), lam.copy()
-        if begin(P, there, t, way, slips, out, c, span):
+        good = begin(P, there, t, way, slips, out, c, span)
+        if good and not held.all():
+            # No other disc may have passed its bound in these moments, which nobody watches.
+            beside = way.copy()
+            good = hold(P, t + span, there, beside, held, dy)
+            for k in range(len(P.d)):
+                good = good and (held[k] or size_of(P, k, beside) <= P.thr[k])
+        if good:
             y[:], lam[:] = there, way
             for k in range(len(P.d)):
                 slips[k] = slips[k] or out[k]
