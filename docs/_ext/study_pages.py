@@ -29,7 +29,8 @@ from page import (
 SCRIPTS = ROOT / "experiments"
 RESULTS = SCRIPTS / "results"
 STUDIES = AUTO / "experiments"
-TOOLS = ("benchtools", "studytools", "gradient_peers")  # shared by the scripts, no studies
+# Shared by the scripts, no studies.
+TOOLS = ("benchtools", "studytools", "gradient_peers", "noise_layer", "noise_oscillator")
 
 
 def write_pages() -> None:
@@ -104,6 +105,7 @@ def _provenance(path: Path, record: dict[str, Any]) -> list[str]:
     told = provenance_text(source)
     if record.get("cpu_seconds"):
         told += plain(f"; {record['cpu_seconds']} s of processor time")
+        told += f" in {record['clock_seconds']} s" if "clock_seconds" in record else ""
     if record.get("fast"):
         told += "; the fast configuration"
     parts.append(f"Made with {told}. {{download}}`{path.stem}.json <{_download(path)}>`\n")
