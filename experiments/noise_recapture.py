@@ -427,9 +427,10 @@ def verdict(data) -> str:
         + (", as expected of averaging and of recapture." if expected else ", which is not what was expected.")
         + slower
         + f" On the oscillator {'they hold' if departs else 'they do not hold'} for when the contact departs "
-        f"({quick:.2f} +- {qe:.2f} and {rare:.2f} +- {re:.2f}), with a factor that depends on eps, but not for how long "
-        f"it is stuck, nor for its static peaks: of rare kicks a few eps are enough for both, whatever their spacing (a = {knocked[0]:.2f} +- "
-        f"{knocked[1]:.2f} for the time stuck). Recapture saves the place of the contact, not its rest."
+        f"({quick:.2f} +- {qe:.2f} and {rare:.2f} +- {re:.2f}), with a factor that depends on eps, but not for how "
+        "long it is stuck, nor for its static peaks: of rare kicks a few eps are enough for both, whatever their "
+        f"spacing (a = {knocked[0]:.2f} +- {knocked[1]:.2f} for the time stuck). Recapture saves the place of the "
+        "contact, not its rest."
     )
 
 
