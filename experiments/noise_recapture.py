@@ -507,7 +507,8 @@ def draw_oscillator(data, left, right, colours):
         "peak": "half periods with $|\\mu|$ > 1.6 before kicks",
     }
     for name, (mark, dash, colour) in looks.items():
-        seen = np.array([x for x in last["seen"][name] if x[1] > 0])
+        seen = np.array(last["seen"][name])
+        seen[seen[:, 1] <= 0] = np.nan  # no line across what a logarithmic axis does not show
         left.errorbar(*seen[:, :2].T, 2 * seen[:, 2], fmt=mark, linestyle=dash, color=COLOUR[colour], markersize=4,
                       linewidth=0.9, fillstyle="none", label=words[name])  # fmt: skip
     there = np.array(last["seen"]["peak at all times"])

@@ -9,6 +9,7 @@ A^2 > (4/9)(1 + rho)^3/(3 rho): decided here in exact fractions.
 import math
 from fractions import Fraction
 
+import friction_oscillator
 import numpy as np
 import pytest
 import sympy as sp
@@ -144,3 +145,16 @@ def test_a_stick_begins_beside_flat_points_of_random_forces():
         assert run.success and not run.events, (values, off, run.outcome)
         last = run["lam"][-1]
         assert last * (1 + 3 * (1 - last**2)) == pytest.approx(values.sum(), abs=1e-8)
+
+
+LATE = [(5.325, 0.2, 120), (5.325, 0.2, 400), (5.975, 0.75, 1500)]
+
+
+@pytest.mark.parametrize(("strength", "frequency", "periods"), LATE)
+def test_a_stick_ends_at_its_fold_however_late(strength, frequency, periods):
+    # After 110 periods of 31 a step ends one rounding of the time, 5e-13, from a fold: 9e-8 of lambda.
+    late = friction_oscillator.hidden(sigma=strength, omega=frequency).layered({friction_oscillator.z: sp.oo})
+    run = solve(
+        late, (0, periods * 2 * math.pi / frequency), [0.5, 0.3], t_eval=[periods * 2 * math.pi / frequency]
+    )
+    assert run.success, run.message

@@ -105,7 +105,6 @@ def _provenance(path: Path, record: dict[str, Any]) -> list[str]:
     told = provenance_text(source)
     if record.get("cpu_seconds"):
         told += plain(f"; {record['cpu_seconds']} s of processor time")
-        told += f" in {record['clock_seconds']} s" if "clock_seconds" in record else ""
     if record.get("fast"):
         told += "; the fast configuration"
     parts.append(f"Made with {told}. {{download}}`{path.stem}.json <{_download(path)}>`\n")
