@@ -308,10 +308,10 @@ def more_claims(data: dict) -> list[Claim]:
             "What has not settled after the transient repeats later", "all of it",
             f"of {count}: {told}; {failed} failed"
             + "".join(
-                f"; sigma = {x['sigma']:.3f}, omega = {x['omega']:.3f} does not, exponent {x['exponent']:.4f} +- "
-                f"{x['error']:.4f}" for one in led for x in one["left"]
+                f"; sigma = {x['sigma']:.3f}, omega = {x['omega']:.3f} does not, exponent {x['exponent']:.1e} +- "
+                f"{x['error']:.0e}" for one in led for x in one["left"]
             ),
-            left == 0 and failed == 0, "the others are slower yet, or of longer periods: no exponent is clearly positive",
+            left == 0 and failed == 0, "the others are slower yet, or of longer periods",
         ),
         claim(
             "No point is lost", "0 failed",
