@@ -20,6 +20,7 @@ _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
 _BEFORE = 1e-6  # of a step
+_NEARBY = 1e3  # times that: worth a look
 _CURVED = 1e-6  # of a surface's change on the step: less is the bend of one that crosses with its slope 0
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
@@ -227,6 +228,12 @@ def _would_act(P, C, S, i, s, W):
 
 
 @kernel
+def _undecided(C, W):
+    """What a dip may have of a surface's size on the step and be none."""
+    return max(GRAZING, _SHALLOW * C.rtol) if W.step.kind == PAIR else GRAZING
+
+
+@kernel
 def _touches_at(P, C, S, row, drop, sign, s, W):
     """Whether a polynomial, positive before, is touched at s of the step, where it is cut: zero with its slope."""
     poly, size, value, slope, bend, s_k = W.roots.poly, 0.0, 0.0, 0.0, 0.0, 1.0
@@ -237,7 +244,7 @@ def _touches_at(P, C, S, row, drop, sign, s, W):
         slope += k * poly[k] * s_k
         bend += k * (k - 1) * poly[k] * s_k
         s_k *= s
-    small = (max(GRAZING, _SHALLOW * C.rtol) if W.step.kind == PAIR else GRAZING) * size
+    small = _undecided(C, W) * size
     curved = size > SURFACE_ROUNDING and bend >= _CURVED * size
     return curved and abs(value) <= small and slope * slope <= 2.0 * small * bend
 
@@ -247,39 +254,44 @@ def touched_at_the_end(P, C, S, fraction, W):
     """Notes as grazed what is touched where something else ends the step, at this share of it: what follows may be on
     either side."""
     step, meeting = W.step, W.meeting
-    rows, all_rows = step.rows, surface_rows(P, step.kind)
+    rows, all_rows, length, near = (
+        step.rows,
+        surface_rows(P, step.kind),
+        fraction * step.length,
+        _NEARBY * _undecided(C, W),
+    )
+    powers(step.end_power, length)
     for i in range(P.m + P.ne):
-        if meeting.grazed[i] <= fraction or meeting.tau[i] < fraction:
+        solved = i < P.m and S.status[i] == SOLVED
+        r = step.mult_row + i if solved else all_rows[i]
+        if r < 0 or meeting.grazed[i] <= fraction or meeting.tau[i] < fraction:
+            continue
+        # Most are far from it: one look tells.
+        row, value = rows[r], dot(rows[r], step.end_power, C.order + 1)
+        side = 1.0 if value > 0.0 else -1.0
+        if solved:
+            if abs(side * value - 1.0) > near:
+                continue
+        elif abs(value) > near * (abs(row[0]) + length * (abs(row[1]) + length * abs(row[2]))):
             continue
         found = False
         if i >= P.m:
-            if all_rows[i] >= 0 and P.watch[i - P.m] == 0:
-                found = _touches_at(
-                    P, C, S, rows[all_rows[i]], S.deflate[i], float(S.side[i - P.m]), fraction, W
-                )
-                found = found and _would_act(P, C, S, i - P.m, fraction, W)
-        elif S.status[i] == SOLVED:
+            if P.watch[i - P.m] == 0 and _touches_at(
+                P, C, S, row, S.deflate[i], float(S.side[i - P.m]), fraction, W
+            ):
+                found = _would_act(P, C, S, i - P.m, fraction, W)
+                powers(step.end_power, length)
+        elif solved:
             if P.kind[i] != CONTACT and P.kind[i] != ALGEBRAIC and P.kind[i] != COMPONENT:
-                found = _bound_touched_at(P, C, S, rows[step.mult_row + i], i, fraction, W)
-        elif all_rows[i] >= 0 and S.status[i] != HELD and P.kind[i] != COMPONENT and P.kind[i] != DISC:
-            if P.kind[i] != KINK:
-                found = _touches_at(P, C, S, rows[all_rows[i]], S.deflate[i], float(S.status[i]), fraction, W)
+                at_bound = 1.0 - side * S.mult[i] <= 1e-15  # since the step's start
+                keep = row[0]
+                row[0] = keep - side
+                found = not at_bound and _touches_at(P, C, S, row, 0, -side, fraction, W)
+                row[0] = keep
+        elif S.status[i] != HELD and P.kind[i] != COMPONENT and P.kind[i] != DISC and P.kind[i] != KINK:
+            found = _touches_at(P, C, S, row, S.deflate[i], float(S.status[i]), fraction, W)
         if found:
             meeting.grazed[i], meeting.graze_crosses[i] = fraction, int(meeting.tau[i] <= fraction + GRAZING)
-
-
-@kernel
-def _bound_touched_at(P, C, S, row, j, s, W):
-    """The same of the bounds of multiplier j."""
-    powers(W.step.end_power, s * W.step.length)
-    side = 1.0 if dot(row, W.step.end_power, C.order + 1) > 0.0 else -1.0
-    if 1.0 - side * S.mult[j] <= 1e-15:
-        return False
-    keep = row[0]
-    row[0] = keep - side
-    found = _touches_at(P, C, S, row, 0, -side, s, W)
-    row[0] = keep
-    return found
 
 
 @inlined_kernel
