@@ -37,7 +37,7 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 from scipy.optimize import brentq
-from studytools import Claim, Study, claim, command, part
+from studytools import Claim, Study, claim, command, part, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
@@ -248,7 +248,9 @@ def run(config):
             data["forces"].append({"kind": found["kind"], "over": found["over"], "value": values[k], "curve": r[k],
                                    "force": None if exact is None else math.exp(exact)})  # fmt: skip
     data["basins"] = [part(f"basin {r:g}", basin, r, config) for r in config.basins]
-    data["ramps"] = [part(f"ramp {e:g} {up}", ramp, e, up, config) for e in config.eps for up in (True, False)]
+    data["ramps"] = parts(
+        {f"ramp {e:g} {up}": (ramp, e, up, config) for e in config.eps for up in (True, False)}
+    )
     data["ramp_ratio"] = config.ramp_ratio
     data["ends"] = {k: ramp_end(k, config.ramp_ratio) for k in KINDS[:2]}
     data["slips_to"] = math.exp(from_force("slip only", "sigma", 2.4))

@@ -17,11 +17,17 @@ import math
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, quad, solve_ivp
 from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.stats import laplace, norm, uniform
 
 RHO = 3.0
 LAM_FOLD = math.sqrt((1 + RHO) / (3 * RHO))
 MU_S = 2 * RHO * LAM_FOLD**3
+LAWS = {  # of standard deviation 1, and the size that Kicks takes for it
+    "uniform": (uniform(-math.sqrt(3), 2 * math.sqrt(3)), math.sqrt(3)),
+    "normal": (norm(), 1.0),
+    "laplace": (laplace(scale=math.sqrt(0.5)), 1.0),
+}
+RATIO = 1.5  # of mean times, with static friction over without, at which it counts as gone
 
 
 def place(lam):
@@ -107,3 +113,37 @@ def kramers(force, s2):
 
     height = quad(slope, stuck, saddle, args=(force,))[0]
     return 2 * math.pi / math.sqrt(bend(stuck) * -bend(saddle)) * math.exp(2 * height / s2)
+
+
+def excess(ratio):
+    """Of a ratio of mean times: nearly a straight line over the logarithm of the noise."""
+    return np.log(np.log(np.maximum(ratio, 1.02)))
+
+
+def crossing(sd, values, errors, level, line, near):
+    """[sd, standard error] at which values fall to a level, by a weighted line through line(values) over log sd.
+
+    The points are those around the first fall below the level that lie within `near`, and one beyond on each side;
+    what comes later may rise again. None where nothing falls below it.
+    """
+    order = np.argsort(sd)
+    sd, values, errors = (np.array(a, float)[order] for a in (sd, values, errors))
+    below = np.flatnonzero(values < level)
+    if not below.size or below[0] == 0:
+        return None
+    left, right = below[0] - 1, below[0]
+    while left > 0 and values[left] < near[1]:
+        left -= 1
+    while right + 1 < len(sd) and values[right] > near[0]:
+        right += 1
+    x, y = np.log(sd[left : right + 1]), values[left : right + 1]
+    step = 1e-4 * y + 1e-9
+    errors = np.abs(line(y + step) - line(y - step)) / (2 * step) * errors[left : right + 1]
+    # An error of 0, of shares that were 0 or 1 throughout, or beyond the line's own bounds, says nothing.
+    weights = np.where(errors > 0, 1 / np.maximum(errors, 1e-3) ** 2, 1e-2)
+    A = np.column_stack([x, np.ones_like(x)])
+    covariance = np.linalg.inv(A.T @ (weights[:, None] * A))
+    slope, offset = covariance @ (A.T @ (weights * line(y)))
+    at = (float(line(level)) - offset) / slope
+    gradient = np.array([-at / slope, -1 / slope])
+    return [float(np.exp(at)), float(np.exp(at) * math.sqrt(gradient @ covariance @ gradient))]

@@ -12,15 +12,18 @@ only from kappa ~ eps (T/eps)^a on; a is to be measured.
 
 Expected of a: for T << eps the layer averages the kicks to a diffusion of intensity s^2 = sd^2/(eps T), which
 decides with s of order 1: a = 1/2. For T >> eps a contact that is kicked to v < 0 comes back within T if |v| < (F +
-N) T, and then it is caught; kicks beyond that never let it rest: a = 1.
+N) T, and then it is caught; kicks beyond that never let it rest: a = 1. The friction oscillator of figures 11 to 13
+under the same kicks is to show the same a.
 
 Method: trajectories of the layer with kicks (pwsmooth.Kicks: uniform, normal, Laplace's) or a diffusion, until u =
 20 + 4 kappa/eps. Their mean time, over that of rho = 0 with the same kicks, is R; the threshold is sd at R = 3/2,
 interpolated in log sd. Beside them the chain: where a kick leads to within T, from a table of plain Runge-Kutta
 steps, and the mean number of kicks from the linear equations of the chain on a grid of u; it knows of no trajectory
-with noise.
+with noise. The oscillator is smoothed, eps = beta, kicked in v for 6 periods, as it is and with rho = 0, and static
+friction is gone by three measures (noise_oscillator.py): when the contact departs (R again), how long it is stuck
+beyond N, how many half periods have a static peak. For T = 100 to 3000 eps, eps T is 0.003: as many kicks in a stick.
 
-Error bars: standard errors of the means; of a threshold, those of R over the slope of R.
+Error bars: standard errors of means, over trajectories; of thresholds and exponents, those of weighted lines.
 
 Changed after first runs: the spacings of the two exponents (at T = 10 to 100 eps the local one is 0.7 to 0.8: the
 asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off),
@@ -38,10 +41,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import noise_layer as layer
+import noise_oscillator as oscillator
 import numpy as np
 import sympy as sp
-from scipy.stats import laplace, norm, uniform
-from studytools import Claim, Study, claim, command, part
+from noise_layer import LAWS, RATIO
+from studytools import Claim, Study, claim, command, parts
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -49,12 +53,6 @@ from pwsmooth import Diffusion, Event, Kicks, System, ensemble
 from pwsmooth.analysis.capture import capture_threshold
 from pwsmooth.plotting import COLOUR, new_figure
 
-LAWS = {  # of standard deviation 1, and the size that Kicks takes for it
-    "uniform": (uniform(-math.sqrt(3), 2 * math.sqrt(3)), math.sqrt(3)),
-    "normal": (norm(), 1.0),
-    "laplace": (laplace(scale=math.sqrt(0.5)), 1.0),
-}
-RATIO = 1.5  # of the mean times, at the threshold
 LONGEST = 4000.0  # time of a trajectory
 FEW, MANY = 0.3, 300.0  # spacings far below and far above the layer's own time
 
@@ -65,13 +63,23 @@ class Config:
 
     force: float = 1.4
     spacings: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
-    count: int = 200  # trajectories of a mean
-    ratios: tuple[float, ...] = (0.1, 0.01)  # r beside 1, normal kicks
+    count: int = 120  # trajectories of a mean
+    ratios: tuple[float, ...] = (0.1, 0.01)  # r beside 1, normal kicks, at every other spacing
     chain_spacing: float = 100.0
     chain: tuple[tuple[float, float], ...] = ((1.4, 1.0), (1.4, 0.1), (1.6, 0.1))  # (F, r)
     chain_sizes: tuple[float, ...] = (2.0, 3.0, 10.0, 30.0, 100.0, 300.0)
     chain_count: int = 400
     most: int = 4000  # kicks
+    oscillator: tuple[tuple[float, float, str], ...] = (  # (eps, T/eps, law); T = 0: a diffusion
+        (4e-3, 0.1, "normal"), (4e-3, 0.3, "normal"), (1e-3, 1.0, "normal"), (1e-3, 3.0, "normal"),
+        (1e-3, 10.0, "normal"), (1e-4, 10.0, "normal"), (1e-4, 30.0, "normal"), (3e-5, 100.0, "normal"),
+        (1e-5, 300.0, "normal"), (3e-6, 1000.0, "normal"), (1e-6, 3000.0, "normal"),
+        (4e-3, 0.1, "uniform"), (4e-3, 0.3, "uniform"), (1e-5, 300.0, "uniform"), (1e-6, 3000.0, "uniform"),
+        (4e-3, 0.1, "laplace"), (4e-3, 0.3, "laplace"), (1e-5, 300.0, "laplace"), (1e-6, 3000.0, "laplace"),
+        (4e-3, 0.0, "diffusion"),
+    )  # fmt: skip
+    trajectories: int = 4
+    periods: int = 6  # of each; its first is left out
 
 
 def contact():
@@ -161,23 +169,18 @@ def chain_kicks(force, r, T, sd, law, caught=True):
     return float(np.linalg.solve(np.eye(n + 1) - matrix, np.ones(n + 1))[n])
 
 
-def chain(config):
-    rows = []
-    for force, r in config.chain:
-        T = config.chain_spacing
-        for law in LAWS if (force, r) == config.chain[0] else ("normal",):
-            for sd in config.chain_sizes:
-                predicted = chain_kicks(force, r, T, sd, law)
-                if predicted > 0.1 * config.most:
-                    continue
-                times = departures(force, layer.RHO, r, T, sd, law, config.chain_count, config.most, 5)
-                kicks = np.floor(times / T)
-                rows.append({
-                    "force": force, "r": r, "law": law, "sd": sd, "predicted": predicted,
-                    "no recapture": chain_kicks(force, r, T, sd, law, caught=False), "kicks": kicks.mean(),
-                    "error": kicks.std(ddof=1) / math.sqrt(len(kicks)), "cut": int((kicks >= config.most - 1).sum()),
-                })  # fmt: skip
-    return rows
+def escape(force, r, law, sd, config):
+    """The chain's number of kicks beside the measured one, or None where it takes too many."""
+    T = config.chain_spacing
+    predicted = chain_kicks(force, r, T, sd, law)
+    if predicted > 0.1 * config.most:
+        return None
+    kicks = np.floor(departures(force, layer.RHO, r, T, sd, law, config.chain_count, config.most, 5) / T)
+    return {
+        "force": force, "r": r, "law": law, "sd": sd, "predicted": predicted,
+        "no recapture": chain_kicks(force, r, T, sd, law, caught=False), "kicks": kicks.mean(),
+        "error": kicks.std(ddof=1) / math.sqrt(len(kicks)), "cut": int((kicks >= config.most - 1).sum()),
+    }  # fmt: skip
 
 
 # ---- the threshold
@@ -186,49 +189,70 @@ def chain(config):
 def threshold(T, r, law, config):
     """sd at which R is 3/2, with its standard error, and the values of R on the way."""
     sd = 6 * (math.sqrt(T) + T) if T else 3.0
-    seen = []
+    seen, up = [], False
     for k in range(40):
         n, most = config.count * (1 if T else 4), config.most  # diffusions are quick
         held = departures(config.force, layer.RHO, r, T, sd, law, n, most, 100 + k)
         free = departures(config.force, 0.0, r, T, sd, law, n, most, 100 + k)
         error = math.sqrt(sum((x.std(ddof=1) / x.mean()) ** 2 / n for x in (held, free)))
         seen.append([sd, held.mean() / free.mean(), error])
-        if seen[-1][1] > 1.25 * RATIO and k > 1:
+        # Up from where static friction is not gone yet, else down to where it is not.
+        up = seen[-1][1] > 1.2 if k == 0 else up and seen[-1][1] > 1.2
+        if not up and max(s[1] for s in seen) > 1.25 * RATIO:
             break
-        sd /= 1.35
-    near = [s for s in seen if RATIO / 1.5 < s[1] < RATIO * 2.5] or seen[-2:]
-    x, y, e = np.array(near).T
-    fit, covariance = np.polyfit(np.log(x), np.log(np.log(np.maximum(y, 1.02))), 1), None
-    slope = fit[0]
-    at = math.exp((math.log(math.log(RATIO)) - fit[1]) / slope)
-    covariance = float(np.mean(e)) / math.log(RATIO) / abs(slope) / math.sqrt(len(near))
-    return {"T": T, "r": r, "law": law, "sd": at, "error": at * covariance, "seen": seen}
+        sd = max(s[0] for s in seen) * 1.35 if up else min(s[0] for s in seen) / 1.35
+    sizes, ratios, errors = np.array(seen).T
+    at, error = layer.crossing(sizes, ratios, ratios * errors, RATIO, layer.excess, (1.1, 2.5))
+    return {"T": T, "r": r, "law": law, "sd": at, "error": error, "seen": seen}
 
 
 def run(config):
-    data = {"force": config.force, "chain": part("chain", chain, config)}
+    chain = [
+        (force, r, law, sd)
+        for force, r in config.chain
+        for law in (LAWS if (force, r) == config.chain[0] else ("normal",))
+        for sd in config.chain_sizes
+    ]
     cases = [(T, 1.0, law) for law in LAWS for T in config.spacings]
-    cases += [(T, r, "normal") for r in config.ratios for T in config.spacings]
+    cases += [(T, r, "normal") for r in config.ratios for T in config.spacings[::2]]
     cases += [(0.0, 1.0, "diffusion")]
-    data["thresholds"] = [part(f"threshold {case}", threshold, *case, config) for case in cases]
-    data["captures"] = {f"{r:g}": capture_threshold(layer.RHO, r) for r in (1.0, *config.ratios)}
-    return data
+    jobs = {f"chain {case}": (escape, *case, config) for case in chain}
+    jobs |= {f"threshold {case}": (threshold, *case, config) for case in cases}
+    jobs |= {f"oscillator {case}": (oscillator.thresholds, *case, config) for case in config.oscillator}
+    found = parts(jobs)
+    return {
+        "force": config.force, "chain": [x for x in found[: len(chain)] if x is not None],
+        "thresholds": found[len(chain) : len(chain) + len(cases)], "oscillator": found[len(chain) + len(cases) :],
+        "captures": {f"{r:g}": capture_threshold(layer.RHO, r) for r in (1.0, *config.ratios)},
+    }  # fmt: skip
+
+
+def exponent(points):
+    """(a, standard error) of sd ~ T^a, from (T, sd, error), by a weighted straight line."""
+    T, sd, e = np.array(points).T
+    x, weights = np.log(T), (sd / e) ** 2
+    centre = np.average(x, weights=weights)
+    spread = (weights * (x - centre) ** 2).sum()
+    return float((weights * (x - centre) * np.log(sd)).sum() / spread), float(1 / math.sqrt(spread))
 
 
 def exponents(data, law, r=1.0):
-    """(a, standard error) of the spacings up to FEW, and from MANY on, by weighted straight lines."""
-    mine = [x for x in data["thresholds"] if x["law"] == law and x["r"] == r]
-    result = []
-    for pick in (lambda T: T <= FEW, lambda T: T >= MANY):
-        T, sd, e = np.array([[x["T"], x["sd"], x["error"] / x["sd"]] for x in mine if pick(x["T"])]).T
-        weights = 1 / e**2
-        X = np.log(T)
-        centre = np.average(X, weights=weights)
-        spread = (weights * (X - centre) ** 2).sum()
-        result.append(
-            (float((weights * (X - centre) * np.log(sd)).sum() / spread), float(1 / math.sqrt(spread)))
-        )
-    return result
+    """The exponents of the layer for spacings up to FEW, and from MANY on."""
+    mine = [(x["T"], x["sd"], x["error"]) for x in data["thresholds"] if x["law"] == law and x["r"] == r]
+    return [exponent([x for x in mine if pick(x[0])]) for pick in (_fast, _slow)]
+
+
+def _fast(T):
+    return 0 < T <= FEW
+
+
+def _slow(T):
+    return T >= MANY
+
+
+def oscillators(data, name, law, pick):
+    """(T, sd, error) of a measure on the oscillator."""
+    return [(x["T"], *x[name]) for x in data["oscillator"] if x["law"] == law and pick(x["T"]) and x[name]]
 
 
 def claims(data) -> list[Claim]:
@@ -296,6 +320,80 @@ def claims(data) -> list[Claim]:
                 "z lasts for beta, longer than the excursions: what comes back is still strengthened, and caught",
             )
         )  # fmt: skip
+    return result + oscillator_claims(data)
+
+
+def oscillator_claims(data) -> list[Claim]:
+    told, good = [], True
+    laws = [law for law in LAWS if any(x["law"] == law for x in data["oscillator"])]
+    for law in laws:
+        both = [exponent(oscillators(data, "departure", law, pick)) for pick in (_fast, _slow)]
+        told.append(law + " " + " and ".join(f"{a:.2f} +- {e:.2f}" for a, e in both))
+        good &= all(abs(a - expected) < 3 * e for (a, e), expected in zip(both, (0.5, 1)))
+    (white,) = [x["departure"] for x in data["oscillator"] if x["law"] == "diffusion"]
+    dense = [x for x in data["oscillator"] if x["T"] == min(y["T"] for y in data["oscillator"] if y["T"])]
+    intensity = {x["law"]: np.array(x["departure"]) / math.sqrt(x["T"]) for x in dense}
+    apart = max(abs(s - white[0]) / math.hypot(e, white[1]) for s, e in intensity.values())
+    result = [
+        claim(
+            "oscillator: it departs as without static friction from kappa ~ eps (T/eps)^a on",
+            "a = 1/2 for T << eps, 1 for T >> eps, within 3 standard errors",
+            f"T <= {FEW:g} eps and T >= {MANY:g} eps: {'; '.join(told)}", good, "other exponents",
+        ),
+        claim(
+            f"oscillator: at T = {dense[0]['T']:g} eps only the intensity counts for its departure, not the law",
+            "that of a diffusion, within 3 standard errors",
+            f"{', '.join(f'{law} {s:.3f} +- {e:.3f}' for law, (s, e) in intensity.items())}; diffusion "
+            f"{white[0]:.3f} +- {white[1]:.3f}",
+            apart < 3, "single kicks are seen yet",
+        ),
+    ]  # fmt: skip
+    pairs = [
+        (x, y) for x in data["oscillator"] for y in data["oscillator"]
+        if x["T"] == y["T"] and x["law"] == y["law"] and x["eps"] > y["eps"]
+    ]  # fmt: skip
+    for x, y in pairs:
+        (a, e), (b, f) = x["departure"], y["departure"]
+        result.append(
+            claim(
+                "oscillator: the threshold of departures is a function of T/eps, whatever eps", "equal",
+                f"T = {x['T']:g} eps: {a:.2f} +- {e:.2f} at eps = {x['eps']:g}, {b:.2f} +- {f:.2f} at {y['eps']:g}",
+                abs(a - b) < 3 * math.hypot(e, f), "the slow motion matters",
+            )
+        )  # fmt: skip
+    for name, what in (
+        ("stuck", "a tenth is left of the time stuck beyond N"),
+        ("peak", f"half of the half periods have a static peak, |mu| > {oscillator.PEAK:g} before kicks"),
+    ):
+        slow = {law: oscillators(data, name, law, _slow) for law in laws}
+        found = {law: exponent(points) for law, points in slow.items() if len(points) > 1}
+        sizes = {law: math.exp(np.mean([math.log(sd) for _, sd, _ in slow[law]])) for law in found}
+        result.append(
+            claim(
+                f"oscillator: {what} at kicks that grow alike", "a = 1 for T >> eps",
+                "; ".join(f"{law} {a:.2f} +- {e:.2f}, at {sizes[law]:.1f} eps" for law, (a, e) in found.items()),
+                all(abs(a - 1) < max(0.05, 2 * e) for a, e in found.values()),
+                "rare kicks knock it loose one by one, at a few eps whatever T: recapture keeps it from departing, "
+                "not from being loose in between",
+            )
+        )  # fmt: skip
+    last = max((x for x in data["oscillator"] if x["law"] == "normal"), key=lambda x: x["T"])
+    there, left, alone = (
+        min(last["seen"][name], key=lambda x: abs(x[0] - last["departure"][0]))
+        for name in ("peak at all times", "stuck", "stuck, rho = 0")
+    )
+    result.append(
+        claim(
+            "oscillator: where it departs as without static friction nothing else tells of it",
+            "no peak at any time, no time stuck beyond that of rho = 0",
+            f"T = {last['T']:g} eps, {left[0]:.0f} eps: |mu| > {oscillator.PEAK:g} at some time in "
+            f"{100 * there[1]:.0f} % of the half periods, stuck beyond N for "
+            f"{100 * left[1]:.1f} +- {100 * left[2]:.1f} % of the noise-free time (rho = 0: "
+            f"{100 * alone[1]:.2f} +- {100 * alone[2]:.2f} %)",
+            left[1] - alone[1] < 3 * math.hypot(left[2], alone[2]) and there[1] < 0.5,
+            "what arrives is still caught, for a kick or two, and a kick itself lifts mu before z has followed",
+        )
+    )  # fmt: skip
     return result
 
 
@@ -306,7 +404,12 @@ def _share(data, r):
 
 
 def verdict(data) -> str:
-    chain_holds, recapture, exponent, *_ = (c.holds for c in claims(data))
+    chain_holds, recapture, expected, *_ = (c.holds for c in claims(data))
+    departs, *_ = (c.holds for c in oscillator_claims(data))
+    (quick, qe), (rare, re) = (
+        exponent(oscillators(data, "departure", "normal", pick)) for pick in (_fast, _slow)
+    )
+    knocked = exponent(oscillators(data, "stuck", "normal", _slow))
     (fast, fe), (slow, se) = exponents(data, "normal")
     ratio = min(x["r"] for x in data["thresholds"])
     slower = ""
@@ -321,16 +424,22 @@ def verdict(data) -> str:
         f"The chain {'held' if chain_holds and recapture else 'did not hold'} where the layer forgets between two "
         f"kicks. There is not one exponent a but two, {fast:.2f} +- {fe:.2f} for kicks that come faster than the layer "
         f"moves and {slow:.2f} +- {se:.2f} for rare ones (normal kicks)"
-        + (", as expected of averaging and of recapture." if exponent else ", which is not what was expected.")
+        + (", as expected of averaging and of recapture." if expected else ", which is not what was expected.")
         + slower
+        + f" On the oscillator {'they hold' if departs else 'they do not hold'} for when the contact departs "
+        f"({quick:.2f} +- {qe:.2f} and {rare:.2f} +- {re:.2f}), with a factor that depends on eps, but not for how "
+        "long it is stuck, nor for its static peaks: of rare kicks a few eps are enough for both, whatever their "
+        f"spacing (a = {knocked[0]:.2f} +- {knocked[1]:.2f} for the time stuck). Recapture saves the place of the "
+        "contact, not its rest."
     )
 
 
 def draw(data):
     from matplotlib.ticker import NullFormatter
 
-    figure = new_figure(11.0, 3.5)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(11.0, 7.0)
+    grid = figure.add_gridspec(2, 6)
+    left, middle, right = (figure.add_subplot(grid[0, 2 * k : 2 * k + 2]) for k in range(3))
     colours = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"], "laplace": COLOUR["velocity"]}
     marks = dict(zip(sorted({(x["force"], x["r"]) for x in data["chain"]}), "os^"))
     for x in data["chain"]:
@@ -384,7 +493,56 @@ def draw(data):
               ylabel="mean time over that of $\\rho$ = 0", title="Normal kicks")  # fmt: skip
     if right.get_legend_handles_labels()[0]:
         right.legend(fontsize=7)
+    draw_oscillator(data, figure.add_subplot(grid[1, :3]), figure.add_subplot(grid[1, 3:]), colours)
     return figure
+
+
+def draw_oscillator(data, left, right, colours):
+    """What is seen at one spacing, and the thresholds of the three measures."""
+    last = max((x for x in data["oscillator"] if x["law"] == "normal"), key=lambda x: x["T"])
+    looks = {"departure": ("o", "-", "exact"), "stuck": ("s", "--", "stick"), "peak": ("^", ":", "left")}
+    words = {
+        "departure": "time until it departs, over that of $\\rho$ = 0",
+        "stuck": "time stuck beyond N, over the noise-free one",
+        "peak": "half periods with $|\\mu|$ > 1.6 before kicks",
+    }
+    for name, (mark, dash, colour) in looks.items():
+        seen = np.array(last["seen"][name])
+        seen[seen[:, 1] <= 0] = np.nan  # no line across what a logarithmic axis does not show
+        left.errorbar(*seen[:, :2].T, 2 * seen[:, 2], fmt=mark, linestyle=dash, color=COLOUR[colour], markersize=4,
+                      linewidth=0.9, fillstyle="none", label=words[name])  # fmt: skip
+    there = np.array(last["seen"]["peak at all times"])
+    left.plot(
+        *there[:, :2].T,
+        "v",
+        color=COLOUR["left"],
+        markersize=3,
+        label="half periods with $|\\mu|$ > 1.6 at some time",
+    )
+    left.axhline(RATIO, color=COLOUR["mark"], linewidth=0.7)
+    left.axhline(0.1, color=COLOUR["mark"], linewidth=0.7)
+    left.set(xscale="log", yscale="log", ylim=(0.01, 30), xlabel="standard deviation$/\\varepsilon$",
+             title=f"Oscillator, normal kicks, $T = {last['T']:g}\\varepsilon$, "
+                   f"$\\varepsilon$ = {last['eps']:g}")  # fmt: skip
+    left.legend(fontsize=7, loc="upper left")
+    for name, (mark, _, _) in looks.items():
+        for law, colour in colours.items():
+            points = np.array(oscillators(data, name, law, lambda T: T > 0))
+            if points.size:
+                right.errorbar(points[:, 0], points[:, 1], 2 * points[:, 2], fmt=mark, color=colour, markersize=4,
+                               fillstyle="none", linewidth=0.8)  # fmt: skip
+        right.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none",
+                   label={"departure": "departs as with $\\rho$ = 0", "stuck": "a tenth of the time stuck",
+                          "peak": "half of the peaks"}[name])  # fmt: skip
+    for law, colour in colours.items():
+        right.plot([], [], "s", color=colour, markersize=4, label=law)
+    layer_ = np.array(
+        [(x["T"], x["sd"]) for x in data["thresholds"] if x["law"] == "normal" and x["r"] == 1 and x["T"]]
+    )
+    right.plot(*layer_.T, "-", color=COLOUR["mark"], linewidth=0.9, label="constant force, normal")
+    right.set(xscale="log", yscale="log", xlabel="spacing $T/\\varepsilon$", ylabel="standard deviation$/\\varepsilon$",
+              title="Oscillator: without static friction from here on")  # fmt: skip
+    right.legend(fontsize=7, loc="upper left")
 
 
 STUDY = Study(
@@ -396,7 +554,11 @@ STUDY = Study(
     full=Config(),
     fast=Config(
         spacings=(0.03, 0.3, 300.0, 3000.0), count=60, ratios=(), chain=((1.4, 1.0),), chain_sizes=(3.0, 100.0),
-        chain_count=150,
+        chain_count=150, trajectories=3, periods=4,
+        oscillator=(
+            (1e-2, 0.1, "normal"), (1e-2, 0.3, "normal"), (1e-5, 300.0, "normal"), (1e-6, 3000.0, "normal"),
+            (1e-2, 0.0, "diffusion"),
+        ),
     ),
     run=run,
     claims=claims,

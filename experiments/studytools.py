@@ -14,9 +14,11 @@ import argparse
 import dataclasses
 import hashlib
 import json
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,7 @@ from pwsmooth import plotting
 from pwsmooth.claims import Claim, counted
 from pwsmooth.results.files import write_whole
 
-__all__ = ["Claim", "Study", "claim", "command", "part"]
+__all__ = ["Claim", "Study", "claim", "command", "part", "parts"]
 
 RESULTS = Path(__file__).resolve().parent / "results"
 
@@ -108,17 +110,41 @@ def plain(value: Any) -> Any:
 
 _parts: dict = {}
 _parts_file: list[Path] = []  # of the study that runs as a command
+_began = {"cpu": 0.0, "clock": 0.0}  # when the run did, moved back by what a killed one had spent on its parts
+
+
+def _spent() -> dict[str, float]:
+    return {"cpu": time.process_time() - _began["cpu"], "clock": time.monotonic() - _began["clock"]}
+
+
+def _keep(name: str, value: Any) -> None:
+    _parts[name] = plain(value)
+    _parts["spent"] = _spent()
+    for file in _parts_file:
+        write_json(file, _parts)
 
 
 def part(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """function(*arguments) as plain data; a study that was killed finds it again, in NAME.parts.json."""
-    if name not in _parts:
-        before = time.process_time()
-        _parts[name] = plain(function(*arguments))
-        _parts["seconds"] = _parts.get("seconds", 0.0) + time.process_time() - before
-        for file in _parts_file:
-            write_json(file, _parts)
-    return _parts[name]
+    return parts({name: (function, *arguments)}, workers=1)[0]
+
+
+def parts(cases: Mapping[str, tuple[Any, ...]], workers: int | None = None) -> list[Any]:
+    """Parts that do not know of one another: name -> (function, *arguments); in threads, one a core, as compiled
+    loops run without Python's lock."""
+    missing = [name for name in cases if name not in _parts]
+    if workers == 1:
+        for name in missing:
+            _keep(name, cases[name][0](*cases[name][1:]))
+    else:
+        with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+            running = {pool.submit(*cases[name]): name for name in missing}
+            try:
+                for done in as_completed(running):
+                    _keep(running[done], done.result())
+            finally:
+                pool.shutdown(cancel_futures=True)
+    return [_parts[name] for name in cases]
 
 
 def _resume(file: Path, begun: dict) -> None:
@@ -140,9 +166,10 @@ def result(study: Study, fast: bool = False) -> dict:
     config = study.fast if fast else study.full
     if not _parts_file:
         _parts.clear()
-    # Of a run that goes on, what the killed one has spent on its parts too.
-    begun = time.process_time() - _parts.get("seconds", 0.0)
-    data = plain(study.run(config))
+    _began.update(cpu=0.0, clock=0.0)
+    earlier, now = _parts.get("spent", {"cpu": 0.0, "clock": 0.0}), _spent()
+    _began.update({key: now[key] - earlier[key] for key in now})
+    data, spent = plain(study.run(config)), _spent()
     return {
         "study": study.name,
         "question": study.question,
@@ -151,7 +178,8 @@ def result(study: Study, fast: bool = False) -> dict:
         "fast": fast,
         "data": data,
         **judged(study, data),
-        "cpu_seconds": round(time.process_time() - begun, 1),
+        "cpu_seconds": round(spent["cpu"], 1),
+        "clock_seconds": round(spent["clock"], 1),
         "provenance": provenance(),
     }
 
@@ -196,4 +224,4 @@ def command(study: Study) -> None:
         print(
             f"- {claim['claim']}\n    expected {claim['source']}; found {claim['ours']}: {claim['verdict']}{reason}"
         )
-    print(f"{counted(content['claims'])}; written to {folder}; {content['cpu_seconds']} s")
+    print(f"{counted(content['claims'])}; written to {folder}; {content['cpu_seconds']} s of processor time")

@@ -371,3 +371,11 @@ def test_sizes_of_micrometres_and_stiff_contacts_are_told_apart():
         and held.multipliers["R"] == pytest.approx(push, abs=1e-8)
         and held.stable
     )
+
+
+def test_an_equilibrium_within_rounding_below_the_zero_of_a_nonnegative_state_is_found():
+    level, a, b = sp.Symbol("level", nonnegative=True), *sp.symbols("a b", real=True)
+    tank = System({level: a - b - level}, parameters={a: 0.3, b: 0.1 + 0.2})  # at -5.6e-17
+    (one,) = equilibria(tank, {level: (0, 2)})
+    assert abs(one.x[0]) < 1e-15 and find_equilibrium(tank, {level: 0.1}).success
+    assert solve(tank, (0, 1), one.x).success

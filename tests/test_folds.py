@@ -9,6 +9,7 @@ A^2 > (4/9)(1 + rho)^3/(3 rho): decided here in exact fractions.
 import math
 from fractions import Fraction
 
+import friction_oscillator
 import numpy as np
 import pytest
 import sympy as sp
@@ -112,3 +113,48 @@ def test_a_fold_at_the_bound_is_left():
     solution = solve(block, (0, 20), [0.0])
     assert solution.success and solution["x"][-1] == pytest.approx(5.0, abs=1e-8)  # (t - 10)^2/20
     assert [e.time for e in solution.events] == pytest.approx([10.0], abs=1e-8)
+
+
+# ---- far from a fold: where lambda stands still
+
+
+@pytest.mark.parametrize("force", [0.5, 0.968, 1.5])
+@pytest.mark.parametrize("off", [0, 1e-13, -1e-13, 1e-10, -1e-10, 1e-8, 1e-6, -1e-6, 1e-4, 1e-2])
+def test_a_stick_may_begin_beside_the_turn_of_its_force(force, off):
+    # lambda' is almost 0 there, lambda'' is not, which beside a fold means that it is near.
+    stuck = System({v: force * sp.cos(t) - hold}, time=t, parameters={rho: 3})
+    run = solve(stuck, (off, 1), {v: 0})
+    assert run.success and not run.events and run.cost["steps"] < 20
+    lam_at_end = run["lam"][-1]
+    assert lam_at_end * (1 + 3 * (1 - lam_at_end**2)) == pytest.approx(force * math.cos(1), abs=1e-8)
+
+
+def test_a_stick_begins_beside_flat_points_of_random_forces():
+    """Force f_0 + f_n t^n + higher terms, far below the hold, from within 10^-14 to 10^-2 of t = 0."""
+    c = sp.symbols("c0:7", real=True)
+    stuck = System({v: sum(a * t**k for k, a in enumerate(c)) - hold}, time=t,
+                   parameters={rho: 3.0, **dict.fromkeys(c, 0.0)})  # fmt: skip
+    random = np.random.default_rng(8)
+    for _ in range(200):
+        values = np.zeros(7)
+        values[0] = random.uniform(-1.2, 1.2)
+        n = random.integers(2, 6)
+        values[n:] = random.uniform(-0.05, 0.05, 7 - n) * 10.0 ** random.uniform(-2, 0)
+        off = random.choice([-1, 1]) * 10.0 ** random.uniform(-14, -2)
+        run = solve(stuck, (off, 1), {v: 0}, parameters=dict(zip(c, values)))
+        assert run.success and not run.events, (values, off, run.outcome)
+        last = run["lam"][-1]
+        assert last * (1 + 3 * (1 - last**2)) == pytest.approx(values.sum(), abs=1e-8)
+
+
+LATE = [(5.325, 0.2, 120), (5.325, 0.2, 400), (5.975, 0.75, 1500)]
+
+
+@pytest.mark.parametrize(("strength", "frequency", "periods"), LATE)
+def test_a_stick_ends_at_its_fold_however_late(strength, frequency, periods):
+    # After 110 periods of 31 a step ends one rounding of the time, 5e-13, from a fold: 9e-8 of lambda.
+    late = friction_oscillator.hidden(sigma=strength, omega=frequency).layered({friction_oscillator.z: sp.oo})
+    run = solve(
+        late, (0, periods * 2 * math.pi / frequency), [0.5, 0.3], t_eval=[periods * 2 * math.pi / frequency]
+    )
+    assert run.success, run.message

@@ -270,3 +270,39 @@ def test_good_input_in_unusual_types_is_taken():
                      max_steps=1e5, order=np.int64(12), strict=np.bool_(True), t_eval=(0, 0.5, 0.5, 1),
                      parameters={})  # fmt: skip
     assert solution.success and solution.t.tolist() == [0, 0.5, 0.5, 1]
+
+
+# ---- a run's end as the next one's start
+
+
+LEVEL = sp.Symbol("level", nonnegative=True)
+SWING = System({LEVEL: v, v: -LEVEL})
+
+
+def test_a_nonnegative_state_that_a_run_has_ended_within_rounding_below_zero_starts_the_next():
+    below = 0
+    for k in range(1, 12):
+        end = solve(SWING, (0, k * math.pi), [0, 1], rtol=1e-12).x[:, -1]
+        below += end[0] < 0
+        for start in (end, end.tolist(), {"level": end[0], v: end[1]}):
+            run = solve(SWING, (0, math.pi / 2), start)
+            assert run["level"][-1] == pytest.approx((-1) ** k, abs=1e-9)
+    assert below > 3
+
+
+def test_every_start_takes_it():
+    many = sweep(SWING, points={"level": [-7e-18, 0.0, 1.0]}, start={v: 1}, period=2 * sp.pi,
+                 measures=["points(level)"], progress=False)  # fmt: skip
+    assert (many.outcome.values == 0).all()
+    assert SWING.initial_state([-7e-18, 1]) == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("value", [-1e-9, -1.0])
+def test_what_is_below_zero_by_more_than_rounding_is_refused(value):
+    with pytest.raises(ValueError, match="its symbol is declared nonnegative"):
+        solve(SWING, (0, 1), [value, 1])
+
+
+def test_a_positive_state_may_not_be_zero_within_rounding():
+    with pytest.raises(ValueError, match="declared positive"):
+        gap(x0={"p": -7e-18})

@@ -34,13 +34,18 @@ DIFFER = {
         "hypothesis 1: with one e at one speed the eight laws do the same",
         "hypothesis 2: laws with the same e at all speeds do the same",
     },
+    "noise_recapture": {
+        "oscillator: a tenth is left of the time stuck beyond N at kicks that grow alike",
+        "oscillator: half of the half periods have a static peak, |mu| > 1.6 before kicks at kicks that grow alike",
+        "oscillator: where it departs as without static friction nothing else tells of it",
+    },
 }
 
 
 # The misprints and slips that the studies of the sources' statements list: how many.
 MISPRINTS = {"statements_solid_friction": 8, "statements_friction_contact": 1}
 STUDIES = [
-    "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "gradient_optimum", "ladder",
+    "capture_bifurcation", "capture_exponents", "capture_map", "contact_laws", "drive_map", "gradient_optimum", "ladder",
     "noise_recapture", "planar_friction", "propositions", "rest_limit", "symmetry_breaking", "wider_circle", *MISPRINTS,
 ]  # fmt: skip
 
@@ -55,6 +60,22 @@ def test_a_study_finds_what_it_expects(name, tmp_path):
     # The chart is drawn from what the data file holds, and from nothing else.
     tools.draw(study, json.loads(json.dumps(content)), tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 10_000
+
+
+def test_the_parts_of_a_killed_study_are_found_again_and_the_others_computed(monkeypatch):
+    tools = importlib.import_module("studytools")
+    monkeypatch.setattr(tools, "_parts", {"first": 1})
+    called = []
+
+    def square(x):
+        called.append(x)
+        return x * x
+
+    assert tools.parts({"third": (square, 3), "first": (square, 1), "second": (square, 2)}) == [9, 1, 4]
+    assert sorted(called) == [2, 3]
+    with pytest.raises(ZeroDivisionError):
+        tools.parts({"broken": (lambda: 1 / 0,), "fifth": (square, 5)})
+    assert "broken" not in tools._parts
 
 
 # Gradients are measured beside peers that the tests do without; bifurcation sets take minutes, in the fast form too.

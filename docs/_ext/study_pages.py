@@ -29,7 +29,8 @@ from page import (
 SCRIPTS = ROOT / "experiments"
 RESULTS = SCRIPTS / "results"
 STUDIES = AUTO / "experiments"
-TOOLS = ("benchtools", "studytools", "gradient_peers")  # shared by the scripts, no studies
+# Shared by the scripts, no studies.
+TOOLS = ("benchtools", "studytools", "gradient_peers", "noise_layer", "noise_oscillator")
 
 
 def write_pages() -> None:

@@ -80,7 +80,9 @@ def same(one: Equilibrium, other: Equilibrium, unit: Any = 1.0) -> bool:
 
 
 def fits(system: Any, x: np.ndarray) -> bool:
-    return all(checks.fits(s, float(value)) for s, value in zip(system.model.states, x))
+    """Whether the states have the properties that their symbols are declared to have, to rounding."""
+    values = zip(system.model.states, x.tolist())
+    return all(checks.fits(s, value) or checks.is_zero_of(s, value) for s, value in values)
 
 
 def ends_set(e: Equilibrium, found: list[Equilibrium]) -> bool:

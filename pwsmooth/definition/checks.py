@@ -457,11 +457,25 @@ def ratio(value, what):
     return sp.oo if result == math.inf else result or 0
 
 
+#: The default `atol`: a state this near to 0 is 0 as far as a run can tell.
+UNRESOLVED = 1e-12
+
+
 def initial_value(symbol, value):
-    """The initial value of a state as a float that fits the symbol's assumptions."""
+    """The initial value of a state as a float that fits the symbol's assumptions.
+
+    Where one run's end is the next one's start, a state that is never negative may be -7e-18: that is 0.
+    """
     if type(value) is float and math.isfinite(value) and fits(symbol, value):
         return value  # fast path: no message is built for valid input
+    if is_zero_of(symbol, number(value, f"`x0`, value of {symbol.name!r}")):
+        return 0.0
     return _fitting(symbol, value, "x0")
+
+
+def is_zero_of(symbol, value):
+    """Whether a number stands for the 0 that a symbol may have, and only rounding is in the way of its assumptions."""
+    return abs(value) <= UNRESOLVED and not fits(symbol, value) and fits(symbol, 0.0)
 
 
 def initial_state(x0, states, initial_memory, gone):

@@ -53,7 +53,7 @@ from .state import (
 from .step.arc import end_of_arc, propose_arc
 from .step.finer import follow_as_asked
 from .step.looking import shorten_to_fit
-from .step.meeting import find_first, first_graze
+from .step.meeting import find_first, first_graze, touched_at_the_end
 from .step.recording import (
     has_room,
     keep_dense,
@@ -350,6 +350,8 @@ def find_end(P, C, S, R, W):
     happened = best <= fraction
     if happened:
         fraction, end.stopped = best, 0
+    if happened or end.stopped:
+        touched_at_the_end(P, C, S, fraction, W)
     end.met, end.last_graze = best, fraction
     grazes = first_graze(P, W) <= fraction
     if grazes and C.strict:

@@ -100,8 +100,8 @@ class Meeting(Bundle):
 
     tau: "f8[m + ne]"  # where in the step each surface is met, in [0, 1]; 2 = not met
     exit_side: "i8[m]"  # bound that a solved multiplier runs into
-    grazed: "f8[m]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
-    graze_crosses: "i8[m]"  # and whether it counts as crossed
+    grazed: "f8[m + ne]"  # where in the step each surface is grazed, in [0, 1]; 2 = not grazed
+    graze_crosses: "i8[m + ne]"  # and whether it counts as crossed
     widest: "f8[m + ne]"  # largest |h| of each surface so far
     rhythm: "f8[3*m + 3*ne + 1, 2]"  # see rhythm.py
 

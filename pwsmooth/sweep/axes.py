@@ -136,6 +136,8 @@ def _numbers(system, name, kind, symbol, numbers, what):
     elif kind == "state":
         for value in telling:
             checks.initial_value(symbol, value)
+        near = np.abs(array) <= checks.UNRESOLVED
+        array[near] = [checks.initial_value(symbol, value) for value in array[near]]
     if what == "axes" and len(np.unique(array)) < len(array):
         raise ValueError(f"`axes` of {name!r} has a value twice; an axis of a grid needs distinct values.")
     return array

@@ -29,6 +29,7 @@ _BEND = 1e-4  # step of lambda for d2g/dlambda2
 _NEAR = 4.5e-8  # lambda this near to that of a fold: e = b (lambda - lambda_f)^2 < 2e-15 b, the rounding of g
 # The same where the pair's steps are rounding of t: lambda_f - lambda ~ sqrt(t_f - t).
 _VANISHED = 1e-5
+_LATE = 1e-15  # of the time: its rounding, and that of the step to it
 
 
 @kernel
@@ -223,11 +224,23 @@ def _leave(W, toward):
 
 
 @kernel
+def _is_late(P, S, W, j, slope, bend):
+    """Whether lambda_j stands as near to its fold as the rounding of a late time can tell: e = slope^2/(2 bend)."""
+    arc, late = W.arc, _LATE * (1.0 + abs(S.t))
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    now = W.g[j]
+    for i in range(P.n):
+        arc.there[i] = S.x[i] + late * W.dx[i]
+    call_fields(P.fields, S.t + late, arc.there, S.mult, P.p, W.dx, W.h, W.g)
+    return slope * slope <= 2.0 * abs(bend * (W.g[j] - now))
+
+
+@kernel
 def lost_at_a_fold(P, C, S, R, W, clear):
     """A root that Newton's method has lost, from W.arc.mult_before, within rounding of its fold: it leaves, recorded.
 
     Not recorded where that is `clear`, as the pair's steps have vanished on the root's way there, whose speed is
-    infinite, and it does not come back.
+    infinite, or where a late time's rounding hides that way, and it does not come back.
     Returns a code; NOTHING where S stands at the fold's lambda.
     """
     for i in range(P.m):
@@ -237,7 +250,8 @@ def lost_at_a_fold(P, C, S, R, W, clear):
             continue
         slope = _slope(P, S, W, S.t, S.x, S.mult, j)
         bend = _bend(P, S, W, S.t, S.x, S.mult, j, slope, _inward(S.mult[j]))
-        if abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend):
+        late = not abs(slope) <= (_VANISHED if clear else _NEAR) * abs(bend)
+        if not late or _is_late(P, S, W, j, slope, bend):
             W.arc.touched = j
             S.mult[j] -= slope / bend
             toward = (
@@ -245,7 +259,7 @@ def lost_at_a_fold(P, C, S, R, W, clear):
             )  # past the fold g has the sign of its bend, and pushes lambda that way
             _leave(W, toward)
             W.arc.hop = HOP * (1.0 + abs(S.t))
-            if clear and not _root_is_back(P, S, W, j, toward):
+            if (clear or late) and not _root_is_back(P, S, W, j, toward):
                 return NOTHING
             record_ambiguity(S, R, j, AMB_FOLD, 1)
             return Outcome.AMBIGUITY if C.strict else NOTHING

@@ -24,13 +24,17 @@ _TURN = 1e-9  # of dt/ds: time then turns back by (1e-9)^(3/2) of an arc, less t
 def _near_fold(P, S, rows, mult_row, h):
     """The multiplier whose square-root singularity lies within three steps, or -1.
 
-    For lambda ~ a - b sqrt(t* - t) the first two derivatives give t* - t = lambda'/(2 lambda'').
+    For lambda ~ a - b sqrt(t* - t) the first two derivatives give t* - t = lambda'/(2 lambda''). So they do, and as
+    near, beside a point where lambda = c_0 + c_n t^n comes to rest; the third tells: c_1 c_3/c_2^2 is 2/3 (n - 2)/(n
+    - 1), which is 2 for n = 1/2, 5/3 for 1/3, and less than 2/3 for n = 2, 3, ...
     """
     found, shortest = -1, 3.0 * h
     for j in range(P.m):
         if S.status[j] == SOLVED and P.hidden[j]:
             first, second = rows[mult_row + j, 1], 2.0 * rows[mult_row + j, 2]
-            if first * second > 0.0 and first / second < 2.0 * shortest:
+            third = 6.0 * rows[mult_row + j, 3]
+            near = first * second > 0.0 and first / second < 2.0 * shortest
+            if near and first * third > 1.5 * second * second:  # c_1 c_3 > c_2^2
                 found, shortest = j, first / (2.0 * second)
     return found
 

@@ -7,18 +7,21 @@ import math
 
 from ..machine.compiling import inlined_kernel, kernel
 from ..machine.lanes import load8, store8
-from ..machine.pointers import at, call_linear
-from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, SOLVED
+from ..machine.pointers import at, call_act, call_linear
+from ..state import ALGEBRAIC, COMPONENT, CONTACT, DISC, HELD, KINK, PAIR, SOLVED
 from ..surface.sliding import surface_size
 from .finer import SWITCHING
 from .rhythm import expected
 from .roots import GRAZING, NO_ROOT, first_root, low_bounds, remainder
-from .steps import SURFACE_ROUNDING, powers, scaled, surface_rows
+from .steps import SURFACE_ROUNDING, dot, powers, scaled, surface_rows
 
 _LEAST = 1e-3  # of its tolerance: the rounding of a state that is a surface, where its arcs shrink
 _ROUNDING = 1e-13  # of what the terms of a series add up to
 _ROUNDING_OF_A_FIT = 1e-12  # of a lambda near 1 in the terms of the pair's fit: 2^-53 times some thousands
 _TOUCHES = 4  # orders to which a surface or a bound may be touched where a step begins
+_BEFORE = 1e-6  # of a step
+_NEARBY = 1e3  # times that: worth a look
+_CURVED = 1e-6  # of a surface's change on the step: less is the bend of one that crosses with its slope 0
 _SHALLOW = 10.0  # tolerances: the interpolant of the pair is less good than its step
 
 
@@ -96,9 +99,13 @@ def _meet_bounds(P, C, S, row, power, degree, j, W):
         for k in range(0, degree - drop + 1, 8):
             store8(poly, k, load8(poly, k) * load8(W.step.end_power, k))
         roots.guess = 0.0
+        noted, at_first = roots.dips, roots.dip_at
+        roots.dips = 0
         s = first_root(P, W.roots, degree - drop)
-        if roots.dips == 1:
+        if roots.dips != 0:
             roots.dip_at *= best
+        elif noted != 0:
+            roots.dips, roots.dip_at = noted, at_first
         if s < 1.0 and best > 0.0:
             best *= s
             W.meeting.exit_side[j] = side
@@ -184,19 +191,113 @@ def find_first(P, C, S, W):
         meeting.graze_crosses[j] = roots.dip_crosses
     for i in range(m, m + P.ne):
         tau[i] = NO_ROOT
+        meeting.grazed[i] = NO_ROOT
         if all_rows[i] >= 0 and P.watch[i - m] == 0:
+            roots.dips = 0
             roots.guess = expected(W, i, S.side[i - m], S.t, h)
             _note_size(P, C, W, i, rows[all_rows[i]], deflate[i])
             tau[i] = meet(P, rows[all_rows[i]], power, K, deflate[i], float(S.side[i - m]), W)
             best = min(best, tau[i])
+            if roots.dips != 0 and _would_act(P, C, S, i - m, roots.dip_at, W):
+                meeting.grazed[i], meeting.graze_crosses[i] = roots.dip_at, roots.dip_crosses
         roots.shallow = 0.0
     return best
+
+
+@kernel
+def _would_act(P, C, S, i, s, W):
+    """Whether the `when` of event i holds where its surface is touched, or just before.
+
+    Before, as a condition on the sign of what makes the surface turn there is on its own border: an element of a law
+    of friction slips in its direction of motion, and a touch is where that turns round.
+    """
+    step, x = W.step, W.step.x
+    for share in range(2):
+        at_s = s * step.length * (1.0 if share == 0 else 1.0 - _BEFORE)
+        powers(step.end_power, at_s)
+        for k in range(P.n):
+            x[k] = W.firing.after[k] = dot(step.rows[k], step.end_power, C.order + 1)
+        t = (
+            dot(step.rows[step.time_row], step.end_power, C.order + 1)
+            if step.time_row >= 0
+            else step.start + at_s
+        )
+        if call_act(P.act, i, t, x, S.mult, P.p, W.firing.after) != 0:
+            return True
+    return False
+
+
+@kernel
+def _undecided(C, W):
+    """What a dip may have of a surface's size on the step and be none."""
+    return max(GRAZING, _SHALLOW * C.rtol) if W.step.kind == PAIR else GRAZING
+
+
+@kernel
+def _touches_at(P, C, S, row, drop, sign, s, W):
+    """Whether a polynomial, positive before, is touched at s of the step, where it is cut: zero with its slope."""
+    poly, size, value, slope, bend, s_k = W.roots.poly, 0.0, 0.0, 0.0, 0.0, 1.0
+    scaled(row, W.step.power, poly, C.order, drop, sign)
+    for k in range(C.order - drop + 1):
+        size += abs(poly[k]) * s_k
+        value += poly[k] * s_k
+        slope += k * poly[k] * s_k
+        bend += k * (k - 1) * poly[k] * s_k
+        s_k *= s
+    small = _undecided(C, W) * size
+    curved = size > SURFACE_ROUNDING and bend >= _CURVED * size
+    return curved and abs(value) <= small and slope * slope <= 2.0 * small * bend
+
+
+@kernel
+def touched_at_the_end(P, C, S, fraction, W):
+    """Notes as grazed what is touched where something else ends the step, at this share of it: what follows may be on
+    either side."""
+    step, meeting = W.step, W.meeting
+    rows, all_rows, length, near = (
+        step.rows,
+        surface_rows(P, step.kind),
+        fraction * step.length,
+        _NEARBY * _undecided(C, W),
+    )
+    powers(step.end_power, length)
+    for i in range(P.m + P.ne):
+        solved = i < P.m and S.status[i] == SOLVED
+        r = step.mult_row + i if solved else all_rows[i]
+        if r < 0 or meeting.grazed[i] <= fraction or meeting.tau[i] < fraction:
+            continue
+        # Most are far from it: one look tells.
+        row, value = rows[r], dot(rows[r], step.end_power, C.order + 1)
+        side = 1.0 if value > 0.0 else -1.0
+        if solved:
+            if abs(side * value - 1.0) > near:
+                continue
+        elif abs(value) > near * (abs(row[0]) + length * (abs(row[1]) + length * abs(row[2]))):
+            continue
+        found = False
+        if i >= P.m:
+            if P.watch[i - P.m] == 0 and _touches_at(
+                P, C, S, row, S.deflate[i], float(S.side[i - P.m]), fraction, W
+            ):
+                found = _would_act(P, C, S, i - P.m, fraction, W)
+                powers(step.end_power, length)
+        elif solved:
+            if P.kind[i] != CONTACT and P.kind[i] != ALGEBRAIC and P.kind[i] != COMPONENT:
+                at_bound = 1.0 - side * S.mult[i] <= 1e-15  # since the step's start
+                keep = row[0]
+                row[0] = keep - side
+                found = not at_bound and _touches_at(P, C, S, row, 0, -side, fraction, W)
+                row[0] = keep
+        elif S.status[i] != HELD and P.kind[i] != COMPONENT and P.kind[i] != DISC and P.kind[i] != KINK:
+            found = _touches_at(P, C, S, row, S.deflate[i], float(S.status[i]), fraction, W)
+        if found:
+            meeting.grazed[i], meeting.graze_crosses[i] = fraction, int(meeting.tau[i] <= fraction + GRAZING)
 
 
 @inlined_kernel
 def first_graze(P, W):
     """Where in the step the first surface is grazed."""
     first = NO_ROOT
-    for j in range(P.m):
+    for j in range(P.m + P.ne):
         first = min(first, W.meeting.grazed[j])
     return first

@@ -30,7 +30,7 @@ def has_room(R, S):
     return (
         S.points + 8 < R.t.shape[0]
         and S.events + 2 * S.last.shape[0] + 3 * S.side.shape[0] + 64 < R.event_t.shape[0]
-        and S.ambiguities + S.last.shape[0] + 8 < R.ambiguity_t.shape[0]
+        and S.ambiguities + S.last.shape[0] + S.side.shape[0] + 8 < R.ambiguity_t.shape[0]
         and (R.dense.shape[0] == 0 or S.pieces + 1 < R.dense.shape[0])
         and (
             R.tape.shape[0] == 0 or S.taped + 5 * S.last.shape[0] + 6 * S.side.shape[0] + 256 < R.tape.shape[0]
@@ -219,7 +219,7 @@ def keep_dense(P, C, S, R, W):
 def record_grazes(P, C, S, R, W):
     """Records every surface grazed in the step up to its end; leaves S.t at one of them."""
     t0, rows, time_row = S.t, W.step.rows, W.step.time_row
-    for j in range(P.m):
+    for j in range(P.m + P.ne):
         if W.meeting.grazed[j] <= W.end.last_graze:
             s = W.meeting.grazed[j] * W.step.length
             S.t = t0 + s
