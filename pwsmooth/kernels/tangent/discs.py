@@ -25,7 +25,7 @@ from .state import F_MULT, F_P, F_X, G_MULT, G_P, G_T, G_X, H_P, H_X
 _TOLERANCE, _DIRECTION = 1e-11, 1e-6
 _ENDED = -25.0  # of log(r/r1)
 _PASSED = 0.5
-_STRAIGHT = 1e-6  # of the changes of n, b and n.G while r falls by e: the rest is a line
+_STRAIGHT, _STEADY = 1e-9, 1e-6  # of the changes of n and b, and of n.G, while r falls by e: the rest is a line
 _STEPS = 20000
 _SWEEPS = 12
 _NEARBY = 1e-4  # of time, over which rates are differenced
@@ -248,7 +248,7 @@ def _run_to_rest(P, V, j, size):
             y[i], k[0, i] = new[i], k[STAGES, i]
         if y[_LOG] > _PASSED:
             return False
-        steady = abs(along - before) <= _STRAIGHT * abs(along) * min(1.0, step * abs(k[0, _LOG]))
+        steady = abs(along - before) <= _STEADY * abs(along) * min(1.0, step * abs(k[0, _LOG]))
         straight = steady and _is_straight(P, V, d)
         if along < 0.0 and (straight or y[_LOG] < _ENDED):
             _rest_of_line(P, V, j, size, along)
