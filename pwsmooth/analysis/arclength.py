@@ -22,7 +22,7 @@ from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
 from .recutting import longest_slip
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
+from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated, sizes, swelling
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
@@ -60,7 +60,6 @@ class Walk:
 
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
-        self.must = False  # whether segments stay where multipliers alone do not ask for them
         self._take(orbit)
 
     def _take(self, orbit: PeriodicOrbit) -> None:
@@ -181,19 +180,18 @@ class Walk:
         return self.point(other, np.append(way / math.sqrt(turned.number), here.tangent[-1]))
 
     def cut(self, here: Point) -> Point | None:
-        """The same orbit in segments to stay, where deviations grow on the way by more than its multipliers."""
-        if here.orbit.segments is not None or self.must:
-            return None
-        self.must = True
-        other = self.segmented(here)
+        """The same orbit in segments, where deviations grow on the way by more than its multipliers tell."""
+        other = here if here.orbit.segments is not None else self.segmented(here, must=True)
         return None if other is here else other
 
-    def segmented(self, here: Point) -> Point:
+    def segmented(self, here: Point, must: bool = False) -> Point:
         """The same orbit in other segments, where its own (or one piece) have grown too long or too short."""
-        orbit, segments = here.orbit, here.orbit.segments
+        orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
         if segments is None:
-            if not (largest > TOO_LONG or self.must):
+            # A parameter acts all along, so that the orbit's end tells of deviations from on the way.
+            along = np.abs(here.image.by_parameter[:, 0] * self.scale / size).max(initial=0.0)
+            if not (max(largest, along) > TOO_LONG or must):
                 return here
             if (new := _begun(orbit)) is None:
                 return here
@@ -201,7 +199,7 @@ class Walk:
             way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
-            if largest < SHORT and not (segments.asked or self.must):
+            if largest < SHORT and not segments.asked and swelling(segments.matrices, size) < SHORT:
                 whole = refine(orbit.map, orbit.x)
                 if whole.success and whole.segments is None:
                     return self.point(whole, here.tangent)

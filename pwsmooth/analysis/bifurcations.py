@@ -32,6 +32,8 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+# Of a test function, as multipliers have it: orbits at rest have one at -1, or at 1, everywhere.
+ROUNDING = 1e-9
 # Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
 # root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
 _APART = (1e-6, 1e-8, 1e-10)
@@ -89,8 +91,10 @@ class Bifurcation:
     @property
     def jumps(self) -> bool:
         """Whether the Poincare map jumps there, so that the branch ends."""
-        parts = self.kind == ADDING and (self.beyond is None or not self.change.before)  # type: ignore[union-attr]
-        return self.kind == CAPTURE or parts
+        if self.kind != ADDING or self.beyond is None or self.change is None:
+            return self.kind in (CAPTURE, ADDING)
+        # What a fold of the layer lets go is gone; what only comes to the end of it slips and is back at once.
+        return not self.change.before and any("fold" in letter.kind for letter in self.change.after)
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
@@ -335,7 +339,7 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     }
     for kind, test in tests.items():
         a, b = test(here), test(there)
-        if not (a * b < 0):
+        if not (a * b < 0) or kind != "fold" and max(abs(a), abs(b)) < ROUNDING:
             continue
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's

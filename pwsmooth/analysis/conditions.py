@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .fixed_points import PINNED
 from .impacts import EventImage
 from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
@@ -321,12 +322,17 @@ def differences(
     """
     near = min(_STEP, _PART * max(reach, _LEAST))
     columns, middle, first = [], value(place), 0
+    # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
+    stays = (place.F == 0) & (np.abs(place.DP).max(axis=1) <= PINNED)
     if isinstance(place.map, Pieces):
-        found = _by_points(place, value, near)
+        found = _by_points(place, value, near, stays)
         if found is None:
             return None
         columns, first = found, len(place.x)
     for j in range(first, len(u)):
+        if j < len(stays) and stays[j]:
+            columns.append(np.zeros_like(middle))
+            continue
         h = near * (1 + abs(u[j]))
         sides = []
         for step in (h, -h):
@@ -350,15 +356,20 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
     return None if below is None else (middle - below) / h
 
 
-def _by_points(place: Place, value: Callable[[Place], np.ndarray], near: float) -> list[np.ndarray] | None:
+def _by_points(
+    place: Place, value: Callable[[Place], np.ndarray], near: float, stays: np.ndarray
+) -> list[np.ndarray] | None:
     """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
     pieces, X, n = place.map, place.x, place.n
     middle, columns = value(place), {}
     sizes = near * (1 + np.abs(X.reshape(-1, n)))
     for i in range(n):
-        steps = sizes * np.eye(n)[i]
+        steps = np.where(stays.reshape(-1, n), 0.0, sizes) * np.eye(n)[i]
         sides = [list(pieces.varied(X, place.image, sign * steps, place.names)) for sign in (1, -1)]
         for k, pair in enumerate(zip(*sides)):
+            if stays[k * n + i]:
+                columns[k * n + i] = np.zeros_like(middle)
+                continue
             values = [
                 None if there is None else value(place_of(pieces, there, X, place.names)) for there in pair
             ]

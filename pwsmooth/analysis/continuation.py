@@ -241,6 +241,7 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
     ds = min(step, longest_step)
+    looked_at: Point | None = None  # whose segments are those that it asks for
     while len(branch.orbits) < most:
         if used_up():
             return (
@@ -254,11 +255,12 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             )
         there = walk.step(here, ds)
         if there is None:
+            if here is not looked_at and (other := walk.cut(here)) is not None:
+                here = looked_at = other
+                continue
+            looked_at = here
             if ds > shortest_step:
                 ds *= 0.3
-                continue
-            if (other := walk.cut(here)) is not None:
-                here, ds = other, min(step, longest_step)
                 continue
             there = walk.turn(here, ds)
             if there is None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .bifurcations import change_enclosed, of_no_effect
+from .bifurcations import ROUNDING, change_enclosed, of_no_effect
 from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
@@ -24,7 +24,6 @@ from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
-_ROUNDING = 1e-9  # of a test function, as multipliers have it: a change of sign there is none
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _RUN_OUT = 5e-3  # of the ranges: so near to its end a curve may have no more points
@@ -52,6 +51,7 @@ class Way:
     def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
         step, longest, shortest = self.lengths
         walk, spots, ds = self.walk, [here], min(step, longest)
+        looked_at = None  # the point whose segments are those that it asks for
         while len(spots) < self.most:
             at = where(walk, here)
             if self.used_up():
@@ -60,11 +60,12 @@ class Way:
                 return self._ended(spots, f"at {at} no single way leads on: two curves meet there.")
             there = self._stepped(here, ds)
             if there is None:
+                if here is not looked_at and (other := walk.cut(here)) is not None:
+                    here = looked_at = other
+                    continue
+                looked_at = here
                 if ds > shortest:
                     ds *= 0.3
-                    continue
-                if (other := walk.cut(here)) is not None:
-                    here, ds = other, min(step, longest)
                     continue
                 here = self._last(here, ds)
                 spots.append(here)
@@ -165,8 +166,8 @@ class Way:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
-            if max(abs(a), abs(b)) < _ROUNDING:
-                continue  # as all along a curve of orbits at rest, which have such a multiplier everywhere
+            if max(abs(a), abs(b)) < ROUNDING:
+                continue
             spot = zero_between(walk, here, there, _test(name))
             why = walk.condition.ends(name)
             if spot is None and why:

@@ -28,6 +28,7 @@ def cyclic_multipliers(matrices: Sequence[np.ndarray]) -> np.ndarray:
     n = matrices[0].shape[1]
     if n == 0:
         return np.empty(0, complex)
+    matrices = _balanced(matrices)
     frame = np.linalg.qr(np.random.default_rng(20).normal(size=(n, n)))[0]  # generic, the same in every call
     growth, blocks = np.zeros(n), [np.arange(n)]
     for rounds in range(1, _MOST_ROUNDS + 1):
@@ -52,6 +53,25 @@ def cyclic_multipliers(matrices: Sequence[np.ndarray]) -> np.ndarray:
         values.append(np.linalg.eigvals(product @ turned).astype(complex))
     found = np.concatenate(values)
     return found[np.argsort(-np.abs(found), kind="stable")]
+
+
+def _balanced(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The same between states in other units, of their own at each end of a segment.
+
+    Beside a canard a state answers to another one by 1e10: the digits of the other one would drown in its roundings.
+    """
+    from scipy.linalg import matrix_balance
+
+    ends = np.cumsum([0, *(matrix.shape[1] for matrix in matrices)])
+    places = [slice(*pair) for pair in zip(ends, ends[1:])]
+    cyclic = np.zeros((ends[-1], ends[-1]))
+    for column, row, matrix in zip(places, [*places[1:], places[0]], matrices):
+        cyclic[row, column] += matrix
+    _, (units, _) = matrix_balance(cyclic, permute=False, separate=True)
+    return [
+        matrix * units[column] / units[row][:, None]
+        for column, row, matrix in zip(places, [*places[1:], places[0]], matrices)
+    ]
 
 
 def _blocks(growth: np.ndarray, closing: np.ndarray, rounds: int) -> list[np.ndarray]:

@@ -16,7 +16,7 @@ from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes
+from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes, swelling
 from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
@@ -39,8 +39,13 @@ def begun(inner: Any, x: np.ndarray) -> tuple[Pieces, np.ndarray, Any] | None:
     return (pieces, X, image) if image is not None and image.success else None
 
 
-def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must: bool) -> Cut | None:
-    """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not."""
+def anew(
+    map_: Any, x: np.ndarray, image: Any, largest: float, scales: np.ndarray, held: bool, must: bool
+) -> Cut | None:
+    """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not.
+
+    `largest` is that of the multipliers, `scales` are those of the parameters.
+    """
     new: Any
     if isinstance(map_, FromEvent):
         # What a slow event makes large no segments make less.
@@ -51,13 +56,15 @@ def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must:
         inner, x = map_.exact(x, image)
         new = begun(inner, x)
     elif isinstance(map_, Shooting):
-        if largest < SHORT and not must:
+        if largest < SHORT and swelling(map_.matrices(image.jacobian), sizes(image.runs)) < SHORT:
             return map_.map, x[: len(x) // map_.number], False
         if not restless(map_, image, held):
             return None
         new = (map_, x, image)
     else:
-        if not (largest > TOO_LONG or must):
+        # A parameter acts all along, so that the orbit's end tells of deviations from on the way.
+        along = np.abs(image.by_parameter * scales / sizes(image.runs)[:, None]).max()
+        if not (max(largest, along) > TOO_LONG or must):
             return None
         new = begun(map_, x)
     if new is None or (found := cut(*new)) is None:
