@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..results.solution import Solution
-from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of, relative, shot
+from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned, relative, shot
 from .itineraries import same_itinerary
 from .orbits import refine
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
 from .recutting import longest_slip
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated, sizes, swelling
+from .segments import SHORT, TOO_LONG, Shooting, answers, best_place, cut, restless, rotated, sizes, swelling
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
@@ -98,6 +98,7 @@ class Walk:
         equations = self.image(u)
         assert equations is not None
         tangent, alone = only_way(equations[3], direction)
+        tangent[:-1][pinned(equations[1])] = 0.0
         return Point(u, tangent, orbit, equations[1], 0, alone)
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
@@ -114,16 +115,16 @@ class Walk:
                 kept = (False, False) if self.segments is None else self.segments.kept
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
                 tangent, alone = only_way(DF, direction)
+                tangent[:-1][pinned(image)] = 0.0
                 return Point(u, tangent, orbit, image, steps, alone)
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
             right = np.append(-F, -normal @ (u - guess))
             step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
-            if self.segments is not None and self.segments.held:
-                # As in fixed_points.py: v = 0 of a segment that begins in a stick.
-                step[:-1][(F == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
             u = u + step
+            stays = pinned(image)
+            u[:-1][stays] = image.x[stays] / self.weight
             u = np.append(onto_section(here, u[:-1] * self.weight) / self.weight, u[-1])
         return None
 
@@ -189,9 +190,7 @@ class Walk:
         orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
         if segments is None:
-            # A parameter acts all along, so that the orbit's end tells of deviations from on the way.
-            along = np.abs(here.image.by_parameter[:, 0] * self.scale / size).max(initial=0.0)
-            if not (max(largest, along) > TOO_LONG or must):
+            if not (max(largest, answers(here.image, self.scale)) > TOO_LONG or must):
                 return here
             if (new := _begun(orbit)) is None:
                 return here
@@ -203,7 +202,7 @@ class Walk:
                 whole = refine(orbit.map, orbit.x)
                 if whole.success and whole.segments is None:
                     return self.point(whole, here.tangent)
-            if not restless(shooting, image, segments.held):
+            if not restless(shooting, image, segments.held, self.scale):
                 return here
             way = here.tangent[:-1] * self.weight
         number = len(segments) if segments is not None and segments.asked else None

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .fixed_points import PINNED
+from .fixed_points import pinned
 from .impacts import EventImage
 from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
@@ -323,7 +323,7 @@ def differences(
     near = min(_STEP, _PART * max(reach, _LEAST))
     columns, middle, first = [], value(place), 0
     # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
-    stays = (place.F == 0) & (np.abs(place.DP).max(axis=1) <= PINNED)
+    stays = pinned(place.image)
     if isinstance(place.map, Pieces):
         found = _by_points(place, value, near, stays)
         if found is None:

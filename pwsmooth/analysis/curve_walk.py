@@ -20,7 +20,7 @@ from . import captures
 from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
 from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
-from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
+from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned
 from .impacts import FromEvent
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
@@ -139,9 +139,6 @@ class CurveWalk(Walk):
             if not (np.isfinite(rows).all() and np.isfinite(right).all()):
                 return None
             move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
-            if self.held:
-                # As in orbits.py: v = 0 of a segment that begins in a stick.
-                move[:n][(place.F == 0) & (np.abs(place.DP).max(axis=1) <= PINNED)] = 0.0
             off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
             size = float(np.abs(move / (1 + np.abs(u))).max())
             if not np.isfinite(size):
@@ -150,6 +147,7 @@ class CurveWalk(Walk):
             if off <= TOLERANCE and (size <= _CONVERGED or stands):
                 orbit = _orbit(condition, place, off, steps, self.held)
                 tangent, alone = only_way(DG, np.ones(len(u)) if direction is None else direction)
+                tangent[:n][pinned(place.image)] = 0.0
                 tests = condition.tests(place, extra, slopes)
                 return Spot(
                     u,
@@ -165,8 +163,8 @@ class CurveWalk(Walk):
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
             last, slow = size, size > _SLOW * last
-            u = u + move
-            weight = self.sizes[:n]
+            u, weight, stays = u + move, self.sizes[:n], pinned(place.image)
+            u[:n][stays] = place.image.x[stays] / weight[stays]
             u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
         return None
 
@@ -273,7 +271,7 @@ class CurveWalk(Walk):
             )
             self.map = dataclasses.replace(self.map, map=moved) if pieces else moved
             return here
-        widest = narrowed(place.map.number) if pieces else WIDEST
+        widest = narrowed(place.map, place.image) if pieces else WIDEST
         inner, x = recentred(map_, place.image.runs, near.place, window, T, begins, widest)
         if not pieces:
             return self._turned(here, inner, x)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from .bifurcations import ROUNDING, change_enclosed, of_no_effect
+from .bifurcations import undecided, change_enclosed, of_no_effect
 from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
-from .curve_starts import TOUCHES
+from .curve_starts import SMOOTH, TOUCHES
 from .curve_walk import HARDLY, CurveWalk, Spot, where
 from .emanating import change_along, leads, leads_of_change, of_capture
 from .itineraries import Change, same_itinerary
@@ -166,8 +166,9 @@ class Way:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
-            if max(abs(a), abs(b)) < ROUNDING:
-                continue
+            second = name.rpartition(" + ")[2]
+            if second in SMOOTH and second != "torus" and undecided(here, there, second):
+                continue  # as all along a curve of orbits at rest
             spot = zero_between(walk, here, there, _test(name))
             why = walk.condition.ends(name)
             if spot is None and why:

@@ -20,6 +20,7 @@ import numpy as np
 _MOST_ROUNDS = 40  # directions whose growth differs by a factor of 0.39 or less have come apart by then
 _APART = 37.0  # natural logarithm of what is coupled less than by a rounding
 _COUPLED = 1e-10
+_ROUNDED = 1e-12  # of a matrix's entry
 _RANK = 1e-14  # of a matrix: what a stick leaves of the direction that it takes away
 
 
@@ -62,16 +63,26 @@ def _balanced(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
     """
     from scipy.linalg import matrix_balance
 
+    cyclic, pairs = _cyclic(matrices)
+    _, (units, _) = matrix_balance(cyclic, permute=False, separate=True)
+    return [matrix * units[column] / units[row][:, None] for (row, column), matrix in zip(pairs, matrices)]
+
+
+def within_roundings(matrices: Sequence[np.ndarray], root: int) -> bool:
+    """Whether roundings of the matrices are enough to make 1 or -1 an eigenvalue of their product."""
+    cyclic, _ = _cyclic([*matrices[:-1], matrices[-1] / root])
+    return bool(np.linalg.svd(cyclic - np.eye(len(cyclic)), compute_uv=False)[-1] <= _ROUNDED)
+
+
+def _cyclic(matrices: Sequence[np.ndarray]) -> tuple[np.ndarray, list[tuple[slice, slice]]]:
+    """The block-cyclic matrix with the N-th roots of their product's eigenvalues; rows and columns of each of them."""
     ends = np.cumsum([0, *(matrix.shape[1] for matrix in matrices)])
     places = [slice(*pair) for pair in zip(ends, ends[1:])]
+    pairs = list(zip([*places[1:], places[0]], places))
     cyclic = np.zeros((ends[-1], ends[-1]))
-    for column, row, matrix in zip(places, [*places[1:], places[0]], matrices):
+    for (row, column), matrix in zip(pairs, matrices):
         cyclic[row, column] += matrix
-    _, (units, _) = matrix_balance(cyclic, permute=False, separate=True)
-    return [
-        matrix * units[column] / units[row][:, None]
-        for column, row, matrix in zip(places, [*places[1:], places[0]], matrices)
-    ]
+    return cyclic, pairs
 
 
 def _blocks(growth: np.ndarray, closing: np.ndarray, rounds: int) -> list[np.ndarray]:

@@ -5,6 +5,7 @@ Chain: pieces.py -> **recutting** -> curve_walk.py.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes, swelling
+from .segments import LONG_ENOUGH, SHORT, TOO_LONG, Shooting, answers, cut, growth, restless, rotated, sizes, swelling
 from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
@@ -58,13 +59,11 @@ def anew(
     elif isinstance(map_, Shooting):
         if largest < SHORT and swelling(map_.matrices(image.jacobian), sizes(image.runs)) < SHORT:
             return map_.map, x[: len(x) // map_.number], False
-        if not restless(map_, image, held):
+        if not restless(map_, image, held, scales):
             return None
         new = (map_, x, image)
     else:
-        # A parameter acts all along, so that the orbit's end tells of deviations from on the way.
-        along = np.abs(image.by_parameter * scales / sizes(image.runs)[:, None]).max()
-        if not (max(largest, along) > TOO_LONG or must):
+        if not (max(largest, answers(image, scales)) > TOO_LONG or must):
             return None
         new = begun(map_, x)
     if new is None or (found := cut(*new)) is None:
@@ -108,9 +107,17 @@ def longest_slip(run: Solution) -> tuple[float, float]:
     return float(middles[best]), float(lengths[best])
 
 
-def narrowed(number: int) -> float:
-    """How wide a window is to either side: of an orbit in segments not much more than one of them."""
-    return min(WIDEST, 0.5 / number)
+def narrowed(pieces: Shooting, image: Any) -> float:
+    """How wide a window is to either side: of an orbit in segments not much more than one of them.
+
+    No segment begins in it, so that in all of it deviations may grow by no more than in a segment.
+    """
+    size = sizes(image.runs)
+    lengths = [last - first for _, first, last in pieces.legs]
+    fastest = max(
+        math.log(max(1.0, growth(A, size))) / length for A, length in zip(pieces.matrices(image.jacobian), lengths)
+    )
+    return min(WIDEST, 0.5 / pieces.number, math.log(LONG_ENOUGH) / (2 * fastest) if fastest > 0 else WIDEST)
 
 
 def of_orbit(orbit: PeriodicOrbit, inner: Any) -> Cut:
@@ -145,7 +152,7 @@ def touched(orbit: PeriodicOrbit, name: str, phase: float | None = None, stays: 
     image = pieces.image(X, ())
     if not image.success:
         return f"the orbit was not run through: {image.reason}"
-    found = touching(map_, image.runs, name, phase, stays, narrowed(pieces.number))
+    found = touching(map_, image.runs, name, phase, stays, narrowed(pieces, image))
     if isinstance(found, str):
         return found
     return at_section(pieces, X, image, found[0]) or "its segments are not cut anew"

@@ -28,7 +28,7 @@ from .variations import sticks_at_start
 
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
 _MOST = 1e3  # growth of a segment, with which it is cut anew
-_GROWTH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
+LONG_ENOUGH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
 SHORT = 1e3  # growth of a whole orbit that needs no segments any more
 _LESS = 0.1  # of that growth: with less, segments that begin in a slide are better than those that do not
 _MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
@@ -163,13 +163,13 @@ class Shooting:
         return np.array([blocks[(k + 1) % N, :, k] for k in range(N)])
 
 
-def restless(shooting: Shooting, image: Image, held: bool) -> bool:
+def restless(shooting: Shooting, image: Image, held: bool, scales: Any) -> bool:
     """Whether segments must be cut anew: one has grown too long, or begins in a slide or too near to an event.
 
-    `held` are those that may begin in a slide.
+    `held` are those that may begin in a slide, `scales` are those of the image's parameters.
     """
     size = sizes(image.runs)
-    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
+    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST or answers(image, scales) > TOO_LONG:
         return True
     near = _CLOSE * image.time / shooting.map.turns
     before = image.by_legs[-1]
@@ -195,6 +195,16 @@ def _inner(run: Solution) -> np.ndarray:
     """Times of a run's events, without its ends."""
     times = np.array([e.time for e in run.events])
     return times[(times > run.t[0]) & (times < run.t[-1])]
+
+
+def answers(image: Image, scales: Any) -> float:
+    """How far ends move with parameters, each state measured by its size on the orbit.
+
+    What grows on the way and is gone at the end shows there: a parameter acts all along.
+    """
+    size = sizes(image.runs)
+    moved = (image.by_parameter * scales).reshape(-1, len(size), image.by_parameter.shape[1])
+    return float(np.abs(moved / size[:, None]).max(initial=0.0))
 
 
 def growth(matrix: np.ndarray, size: np.ndarray) -> float:
@@ -273,7 +283,7 @@ def _pieces(shooting, X, image, number, way, speed, name, also) -> list[_Piece] 
     map_, n = shooting.map, len(X) // shooting.number
     time, size = image.time / map_.turns, sizes(image.runs)
     grown = sum(math.log(max(1.0, growth(A, size))) for A in shooting.matrices(image.jacobian))
-    wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(_GROWTH)))
+    wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(LONG_ENOUGH)))
     parameters = () if name is None else (name,)
     pieces = []
     barred = getattr(map_, "barred", lambda k, place: False)
@@ -325,7 +335,7 @@ def _as_grown(pieces: list[_Piece], size: np.ndarray, must: set[float | None]) -
     chosen, most, since = [], 0.0, np.empty((0, len(size), len(size)))
     for piece in pieces:
         grown = _since(since, piece.matrix)
-        if piece.leg[1] in must or piece.begins and _most(grown, size) > _GROWTH:
+        if piece.leg[1] in must or piece.begins and _most(grown, size) > LONG_ENOUGH:
             chosen.append(piece)
             grown = piece.matrix[None]
         since, most = grown, max(most, _most(grown, size))
