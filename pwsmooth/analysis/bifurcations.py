@@ -316,7 +316,7 @@ def _outside(orbit: PeriodicOrbit) -> int | None:
 
 
 def undecided(here: Point, there: Point, kind: str) -> bool:
-    """Whether a point has the multiplier of a bifurcation but for roundings: then a change of its sign means nothing."""
+    """Whether a point has the multiplier of a bifurcation but for roundings: a change of sign there means nothing."""
     root = 1 if kind in ("fold", "branch point") else -1
     return any(point.orbit._at_rounding(root) for point in (here, there))
 

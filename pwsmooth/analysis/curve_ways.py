@@ -5,13 +5,15 @@ Chain: curve_walk.py, bifurcations.py -> **curve_ways** -> curves.py.
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from .bifurcations import undecided, change_enclosed, of_no_effect
+from .arclength import Walk
+from .bifurcations import change_enclosed, of_no_effect, undecided
 from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
@@ -20,6 +22,7 @@ from .curve_walk import HARDLY, CurveWalk, Spot, where
 from .emanating import change_along, leads, leads_of_change, of_capture
 from .itineraries import Change, same_itinerary
 from .orbits import refine
+from .periodic_orbit import PeriodicOrbit
 from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
@@ -32,6 +35,7 @@ _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _LAST, _STUCK = 40, 1e-3
 _AT = 1e-14  # of the ranges: on the border
 _STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
+_CORNER = 0.1  # of that: so near to it a branch is looked for around a corner, ten times that far and more
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
 
@@ -295,16 +299,10 @@ class Way:
 
     def _lost(self, here: Spot) -> tuple[str, Change | None]:
         """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
-        walk, n = self.walk, self.walk.n
+        walk = self.walk
         at = where(walk, here)
-        for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
-            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
-            try:
-                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
-            except ValueError:  # outside the assumptions of a parameter
-                continue
-            beyond = refine(map_, here.orbit.x)
-            if not beyond.success or same_itinerary(here.orbit, beyond):
+        for beyond in self._orbits_beside(here):
+            if same_itinerary(here.orbit, beyond):
                 continue
             change = change_along(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
@@ -319,6 +317,30 @@ class Way:
             self.points.append(Codimension2(name, walk.parameters(here), here.orbit, why, begins))
             return f"{name} at {at}: {why}.", None
         return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
+
+    def _orbits_beside(self, here: Spot) -> Iterator[PeriodicOrbit]:
+        """Orbits beside the end of a curve: ahead of it, and on the branch over one parameter, to both sides.
+
+        That branch turns at a fold: those that are ahead may be none of its orbits.
+        """
+        walk, n = self.walk, self.walk.n
+        reaches = (_BESIDE, 10 * _BESIDE, 100 * _BESIDE)
+        for reach in reaches:
+            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
+            try:
+                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
+            except ValueError:  # outside the assumptions of a parameter
+                continue
+            if (beyond := refine(map_, here.orbit.x)).success:
+                yield beyond
+        branch = Walk(here.orbit, walk.names[0], float(walk.scales[0]))
+        point = branch.point(here.orbit, np.append(np.ones(len(here.orbit.x)), 1.0))
+        for reach in reaches:
+            for side in (1, -1):
+                on = dataclasses.replace(point, tangent=side * point.tangent)
+                there = branch.step(on, reach) or branch.turn(on, _CORNER * reach)
+                if there is not None:
+                    yield there.orbit
 
     def _closes(self, spots: list[Spot]) -> bool:
         """Whether the last step has passed the first point, along the same way."""

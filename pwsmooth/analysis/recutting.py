@@ -17,7 +17,19 @@ from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
-from .segments import LONG_ENOUGH, SHORT, TOO_LONG, Shooting, answers, cut, growth, restless, rotated, sizes, swelling
+from .segments import (
+    LONG_ENOUGH,
+    SHORT,
+    TOO_LONG,
+    Shooting,
+    answers,
+    cut,
+    growth,
+    restless,
+    rotated,
+    sizes,
+    swelling,
+)
 from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
@@ -115,7 +127,8 @@ def narrowed(pieces: Shooting, image: Any) -> float:
     size = sizes(image.runs)
     lengths = [last - first for _, first, last in pieces.legs]
     fastest = max(
-        math.log(max(1.0, growth(A, size))) / length for A, length in zip(pieces.matrices(image.jacobian), lengths)
+        math.log(max(1.0, growth(A, size))) / length
+        for A, length in zip(pieces.matrices(image.jacobian), lengths)
     )
     return min(WIDEST, 0.5 / pieces.number, math.log(LONG_ENOUGH) / (2 * fastest) if fastest > 0 else WIDEST)
 

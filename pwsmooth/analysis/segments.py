@@ -169,7 +169,10 @@ def restless(shooting: Shooting, image: Image, held: bool, scales: Any) -> bool:
     `held` are those that may begin in a slide, `scales` are those of the image's parameters.
     """
     size = sizes(image.runs)
-    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST or answers(image, scales) > TOO_LONG:
+    if (
+        max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST
+        or answers(image, scales) > TOO_LONG
+    ):
         return True
     near = _CLOSE * image.time / shooting.map.turns
     before = image.by_legs[-1]
