@@ -20,6 +20,7 @@ import numpy as np
 
 from .fixed_points import pinned
 from .impacts import EventImage
+from .multipliers import balanced
 from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
 from .poincare import Word
@@ -139,33 +140,37 @@ class Critical(Condition):
 
     def __init__(self, kind: str, root: int) -> None:
         self.kind, self.root = kind, root
-        self.b = self.c = np.empty(0)
+        self.b = self.c = self.units = np.empty(0)
 
     def start(self, place: Place) -> np.ndarray:
-        left, _, right = np.linalg.svd(place.critical(self.root))
-        self.b, self.c = left[:, -1], right[-1]
+        self.units = units_of(place)
+        left, _, right = np.linalg.svd(place.critical(self.root) * self.units / self.units[:, None])
+        self.b, self.c = left[:, -1] * self.units, right[-1] / self.units
         return np.empty(0)
 
     def frame(self, place: Place, extra: np.ndarray) -> None:
         v, w, _ = self.null(place)
-        self.b, self.c = w / np.linalg.norm(w), v / np.linalg.norm(v)
+        self.units = units_of(place)
+        self.b, self.c = w * self.units**2, v / self.units**2
+        self.b /= np.linalg.norm(self.b / self.units)
+        self.c /= np.linalg.norm(self.c * self.units)
 
     def null(self, place: Place) -> tuple[np.ndarray, np.ndarray, float]:
         """v, w (n,) and g."""
-        n = len(place.x)
+        n, units = len(place.x), self.units
         matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = place.critical(self.root)
-        matrix[:n, n], matrix[n, :n] = self.b, self.c
+        matrix[:n, :n] = place.critical(self.root) * units / units[:, None]
+        matrix[:n, n], matrix[n, :n] = self.b / units, self.c * units
         last = np.append(np.zeros(n), 1.0)
         right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
-        return right[:n], left[:n], float(right[n])
+        return right[:n] * units, left[:n] / units, float(right[n])
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         return np.array([self.null(place)[2]])
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         v, w, _ = self.null(place)
-        v, w = v / np.linalg.norm(v), w / np.linalg.norm(w)
+        v, w = v / np.linalg.norm(v / self.units), w / np.linalg.norm(w * self.units)
         rest = others(place.multipliers, [complex(self.root)])
         double = "1:1 resonance" if self.root > 0 else "1:2 resonance"
         image = place.image
@@ -288,6 +293,13 @@ class BranchPoint(Critical):
         return found
 
 
+def units_of(place: Place) -> np.ndarray:
+    """Of the unknowns, in which the null vectors of an orbit in segments have entries of one size, (n,)."""
+    if not isinstance(place.map, Shooting):
+        return np.ones(len(place.x))
+    return balanced(place.DP)
+
+
 def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
     """Multipliers without those nearest to the critical ones."""
     rest = mu
@@ -321,11 +333,14 @@ def differences(
     From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
     """
     near = min(_STEP, _PART * max(reach, _LEAST))
+    # What moves the end by much bends on the way: halfway, in digits, between there and here.
+    moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
+    steps = near * (1 + np.abs(u)) / np.sqrt(np.maximum(1.0, moved.max(axis=0, initial=0.0)))
     columns, middle, first = [], value(place), 0
     # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
     stays = pinned(place.image)
     if isinstance(place.map, Pieces):
-        found = _by_points(place, value, near, stays)
+        found = _by_points(place, value, np.where(stays, 0.0, steps[: len(stays)]), stays)
         if found is None:
             return None
         columns, first = found, len(place.x)
@@ -333,12 +348,12 @@ def differences(
         if j < len(stays) and stays[j]:
             columns.append(np.zeros_like(middle))
             continue
-        h = near * (1 + abs(u[j]))
+        h = steps[j]
         sides = []
         for step in (h, -h):
-            moved = u.copy()
-            moved[j] += step
-            beside = at(moved)
+            other = u.copy()
+            other[j] += step
+            beside = at(other)
             same = beside is not None and beside.image.word == place.image.word
             sides.append(value(beside) if same and beside is not None else None)
         if (slope := _slope(sides[0], sides[1], middle, h)) is None:
@@ -357,15 +372,14 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
 
 
 def _by_points(
-    place: Place, value: Callable[[Place], np.ndarray], near: float, stays: np.ndarray
+    place: Place, value: Callable[[Place], np.ndarray], steps: np.ndarray, stays: np.ndarray
 ) -> list[np.ndarray] | None:
     """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
     pieces, X, n = place.map, place.x, place.n
     middle, columns = value(place), {}
-    sizes = near * (1 + np.abs(X.reshape(-1, n)))
     for i in range(n):
-        steps = np.where(stays.reshape(-1, n), 0.0, sizes) * np.eye(n)[i]
-        sides = [list(pieces.varied(X, place.image, sign * steps, place.names)) for sign in (1, -1)]
+        moves = steps.reshape(-1, n) * np.eye(n)[i]
+        sides = [list(pieces.varied(X, place.image, sign * moves, place.names)) for sign in (1, -1)]
         for k, pair in enumerate(zip(*sides)):
             if stays[k * n + i]:
                 columns[k * n + i] = np.zeros_like(middle)
@@ -373,7 +387,7 @@ def _by_points(
             values = [
                 None if there is None else value(place_of(pieces, there, X, place.names)) for there in pair
             ]
-            slope = _slope(values[0], values[1], middle, sizes[k, i])
+            slope = _slope(values[0], values[1], middle, steps[k * n + i])
             if slope is None:
                 return None
             columns[k * n + i] = slope

@@ -57,15 +57,20 @@ def cyclic_multipliers(matrices: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _balanced(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """The same between states in other units, of their own at each end of a segment.
+    """The same between states in other units, of their own at each end of a segment."""
+    cyclic, pairs = _cyclic(matrices)
+    units = balanced(cyclic)
+    return [matrix * units[column] / units[row][:, None] for (row, column), matrix in zip(pairs, matrices)]
+
+
+def balanced(cyclic: np.ndarray) -> np.ndarray:
+    """Units in which rows and columns of a matrix are of one size.
 
     Beside a canard a state answers to another one by 1e10: the digits of the other one would drown in its roundings.
     """
     from scipy.linalg import matrix_balance
 
-    cyclic, pairs = _cyclic(matrices)
-    _, (units, _) = matrix_balance(cyclic, permute=False, separate=True)
-    return [matrix * units[column] / units[row][:, None] for (row, column), matrix in zip(pairs, matrices)]
+    return matrix_balance(cyclic, permute=False, separate=True)[1][0]
 
 
 def within_roundings(matrices: Sequence[np.ndarray], root: int) -> bool:

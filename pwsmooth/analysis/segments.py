@@ -171,7 +171,7 @@ def restless(shooting: Shooting, image: Image, held: bool, scales: Any) -> bool:
     size = sizes(image.runs)
     if (
         max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST
-        or answers(image, scales) > TOO_LONG
+        or answers(image, scales) > _MOST
     ):
         return True
     near = _CLOSE * image.time / shooting.map.turns
