@@ -70,7 +70,10 @@ def balanced(cyclic: np.ndarray) -> np.ndarray:
     """
     from scipy.linalg import matrix_balance
 
-    return matrix_balance(cyclic, permute=False, separate=True)[1][0]
+    with np.errstate(
+        invalid="ignore"
+    ):  # units that no integer holds are no permutation, which is not asked for
+        return matrix_balance(cyclic, permute=False, separate=True)[1][0]
 
 
 def within_roundings(matrices: Sequence[np.ndarray], root: int) -> bool:
