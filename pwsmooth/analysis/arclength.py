@@ -198,7 +198,7 @@ class Walk:
             way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
-            if largest < SHORT and not segments.asked and swelling(segments.matrices, size) < SHORT:
+            if largest < SHORT and not segments.asked and swelling(list(segments.matrices), size) < SHORT:
                 whole = refine(orbit.map, orbit.x)
                 if whole.success and whole.segments is None:
                     return self.point(whole, here.tangent)

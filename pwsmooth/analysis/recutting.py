@@ -69,7 +69,7 @@ def anew(
         inner, x = map_.exact(x, image)
         new = begun(inner, x)
     elif isinstance(map_, Shooting):
-        if largest < SHORT and swelling(map_.matrices(image.jacobian), sizes(image.runs)) < SHORT:
+        if largest < SHORT and swelling(list(map_.matrices(image.jacobian)), sizes(image.runs)) < SHORT:
             return map_.map, x[: len(x) // map_.number], False
         if not restless(map_, image, held, scales):
             return None
