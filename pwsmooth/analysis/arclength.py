@@ -22,7 +22,7 @@ from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
 from .recutting import longest_slip
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, answers, best_place, cut, restless, rotated, sizes, swelling
+from .segments import Shooting, best_place, cut, pressed, restless, rotated, settled, sizes
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
@@ -190,7 +190,7 @@ class Walk:
         orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
         if segments is None:
-            if not (max(largest, answers(here.image, self.scale)) > TOO_LONG or must):
+            if not (pressed(here.image, self.scale, largest) or must):
                 return here
             if (new := _begun(orbit)) is None:
                 return here
@@ -198,7 +198,7 @@ class Walk:
             way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
-            if largest < SHORT and not segments.asked and swelling(list(segments.matrices), size) < SHORT:
+            if not segments.asked and settled(list(segments.matrices), size, largest):
                 whole = refine(orbit.map, orbit.x)
                 if whole.success and whole.segments is None:
                     return self.point(whole, here.tangent)

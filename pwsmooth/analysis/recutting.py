@@ -17,19 +17,7 @@ from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
-from .segments import (
-    LONG_ENOUGH,
-    SHORT,
-    TOO_LONG,
-    Shooting,
-    answers,
-    cut,
-    growth,
-    restless,
-    rotated,
-    sizes,
-    swelling,
-)
+from .segments import LONG_ENOUGH, TOO_LONG, Shooting, cut, growth, pressed, restless, rotated, settled, sizes
 from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
@@ -69,13 +57,13 @@ def anew(
         inner, x = map_.exact(x, image)
         new = begun(inner, x)
     elif isinstance(map_, Shooting):
-        if largest < SHORT and swelling(list(map_.matrices(image.jacobian)), sizes(image.runs)) < SHORT:
+        if settled(list(map_.matrices(image.jacobian)), sizes(image.runs), largest):
             return map_.map, x[: len(x) // map_.number], False
         if not restless(map_, image, held, scales):
             return None
         new = (map_, x, image)
     else:
-        if not (max(largest, answers(image, scales)) > TOO_LONG or must):
+        if not (pressed(image, scales, largest) or must):
             return None
         new = begun(map_, x)
     if new is None or (found := cut(*new)) is None:

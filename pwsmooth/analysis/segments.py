@@ -200,6 +200,16 @@ def _inner(run: Solution) -> np.ndarray:
     return times[(times > run.t[0]) & (times < run.t[-1])]
 
 
+def pressed(image: Image, scales: Any, largest: float) -> bool:
+    """Whether an orbit of one piece asks for segments: by the largest multiplier, or by what grows on the way."""
+    return largest > TOO_LONG or answers(image, scales) > _MOST
+
+
+def settled(matrices: Sequence[np.ndarray], size: np.ndarray, largest: float) -> bool:
+    """Whether an orbit in segments needs none any more."""
+    return largest < SHORT and swelling(matrices, size) < LONG_ENOUGH
+
+
 def answers(image: Image, scales: Any) -> float:
     """How far ends move with parameters, each state measured by its size on the orbit.
 
