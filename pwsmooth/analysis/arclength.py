@@ -26,6 +26,7 @@ from .segments import Shooting, best_place, cut, pressed, restless, rotated, set
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
+EASY = 3  # steps of Newton's method: where it takes more, it is seen whether segments would make it easier
 NEAR = 0.03  # of the period: an event so near to the section moves it
 _ALONG = 0.8  # cosine between tangents and the chord of a step
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
@@ -190,7 +191,7 @@ class Walk:
         orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
         if segments is None:
-            if not (pressed(here.image, self.scale, largest) or must):
+            if not (must or here.steps > EASY or pressed(here.image, self.scale, largest)):
                 return here
             if (new := _begun(orbit)) is None:
                 return here

@@ -28,6 +28,7 @@ from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
+_SOONER = 1e2  # the part of it that is left at least: four digits of slopes are roundings then
 _PART, _LEAST = 1.0, 1e-7  # of the curve's step, and the least of that: five digits are left
 
 
@@ -333,9 +334,9 @@ def differences(
     From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
     """
     near = min(_STEP, _PART * max(reach, _LEAST))
-    # What moves the end by much bends on the way: halfway, in digits, between there and here.
+    # What moves the end by much bends the sooner.
     moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
-    steps = near * (1 + np.abs(u)) / np.sqrt(np.maximum(1.0, moved.max(axis=0, initial=0.0)))
+    steps = near * (1 + np.abs(u)) / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
     columns, middle, first = [], value(place), 0
     # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
     stays = pinned(place.image)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from . import captures
-from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
+from .arclength import EASY, NEAR, Point, Walk, only_way, quiet_time, value_of
 from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
 from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned
@@ -242,6 +242,7 @@ class CurveWalk(Walk):
         place, largest = self.place_at(here), float(np.abs(here.orbit.map_multipliers).max(initial=0.0))
         if place is None or not np.linalg.norm(here.way) > 1e-3:
             return here
+        must = must or here.steps > EASY
         found = anew(place.map, place.x, place.image, largest, self.scales, self.held, must)
         if found is None:
             return here

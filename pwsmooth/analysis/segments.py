@@ -29,6 +29,7 @@ from .variations import sticks_at_start
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
 _MOST = 1e3  # growth of a segment, with which it is cut anew
 LONG_ENOUGH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
+CALM = 10.0  # growth from anywhere on the way to anywhere, likewise: a tenth of that of new segments
 SHORT = 1e3  # growth of a whole orbit that needs no segments any more
 _LESS = 0.1  # of that growth: with less, segments that begin in a slide are better than those that do not
 _MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
@@ -207,7 +208,7 @@ def pressed(image: Image, scales: Any, largest: float) -> bool:
 
 def settled(matrices: Sequence[np.ndarray], size: np.ndarray, largest: float) -> bool:
     """Whether an orbit in segments needs none any more."""
-    return largest < SHORT and swelling(matrices, size) < LONG_ENOUGH
+    return largest < SHORT and swelling(matrices, size) < CALM
 
 
 def answers(image: Image, scales: Any) -> float:
