@@ -61,7 +61,7 @@ MIRROR = {y: -y, v: -v}
 SETS = {  # name -> (view, parameters, ranges, lines)
     "slaved over (omega, sigma)": ("slaved", "omega sigma", ((0.4, 3), (0.5, 5)), "drive"),
     "slaved over (rho, sigma)": ("slaved", "rho sigma", ((0, 5), (0.5, 5)), "static"),
-    "relaxing over (omega, sigma)": ("relaxing", "omega sigma", ((0.4, 3), (0.5, 5)), "drive"),
+    "relaxing over (omega, sigma)": ("relaxing", "omega sigma", ((0.4, 3), (0.5, 5)), "canards"),
 }
 
 
@@ -78,6 +78,7 @@ class Config:
         (0.25, 0.75, 1.2, 2, 3, 4.5),
         (1.5, 2, 2.7, 3.5, 4.3),
     )
+    canards: tuple[tuple[float, ...], tuple[float, ...]] = ((0.5, 0.75, 1, 1.25, 1.5, 2, 2.5), (1.4, 3))
     starts: tuple[tuple[float, float], ...] = ((0.5, 0.3), (-1, 1), (1.5, -0.5))
     values: int = 60
     longest: int = 2  # periods of the orbits whose branches are followed
