@@ -61,6 +61,7 @@ class Walk:
 
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
+        self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
         self._take(orbit)
 
     def _take(self, orbit: PeriodicOrbit) -> None:
@@ -73,8 +74,11 @@ class Walk:
 
     def image(self, u: np.ndarray):
         """F, DF (n, n + 1) and the image at u; None where the trajectory does not return or q is not allowed."""
+        value = float(u[-1] * self.scale)
+        if not self.bounds[0] <= value <= self.bounds[1]:
+            return None
         try:
-            here = self.map.with_parameters({self.name: float(u[-1] * self.scale)})
+            here = self.map.with_parameters({self.name: value})
         except ValueError:  # outside the assumptions of the parameter
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
