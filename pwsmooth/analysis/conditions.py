@@ -334,9 +334,11 @@ def differences(
     From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
     """
     near = min(_STEP, _PART * max(reach, _LEAST))
-    # What moves the end by much bends the sooner.
-    moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
-    steps = near * (1 + np.abs(u)) / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
+    steps = near * (1 + np.abs(u))
+    if not isinstance(place.image, EventImage):  # a motion from event to event is chosen to be even
+        # What moves the end by much bends the sooner.
+        moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
+        steps = steps / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
     columns, middle, first = [], value(place), 0
     # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
     stays = pinned(place.image)
