@@ -9,7 +9,8 @@ Expected: in slip the hidden term vanishes, so the slip-only orbit of rho = 0 is
 layer captures it. Slaved, that is where the force |F| = 1.04008 at its crossings falls below N mu_s(rho), mu_s =
 2 rho ((1 + rho)/(3 rho))^(3/2) for rho > 1/2: at rho = 0.8039. There |F| grows at once past N mu_s, so that the stick
 is born with length zero. Relaxing, capture needs |F| < N, which the slip-only orbit never meets: it stays an
-attractor for every rho, and sticking orbits appear beside it, asymmetric, with one stick a period.
+attractor for every rho, and sticking orbits appear beside it, asymmetric, with one stick a period: in a fold, at which
+their branch, followed from rho = 3, turns back.
 
 Usage: python experiments/rho.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -26,9 +27,9 @@ from studytools import Claim, Study, claim, command
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-from friction_oscillator import coulomb, hidden, omega, z
+from friction_oscillator import coulomb, hidden, omega, v, y, z
 
-from pwsmooth import solve, sweep
+from pwsmooth import find_orbit, follow, solve, sweep
 from pwsmooth.analysis.sticking import fold
 from pwsmooth.plotting import COLOUR, new_figure
 
@@ -47,7 +48,7 @@ class Config:
     refinements: int = 7  # of the birth's bracket, each by ten
 
 
-def follow(system, rhos, config, more, starts=slice(None)):
+def swept(system, rhos, config, more, starts=slice(None)):
     """The sweep of one regime over rho and the starts."""
     return sweep(
         system, {"rho": rhos}, points={"y": config.ys[starts], "v": config.vs[starts]}, start=more, period=DRIVE,
@@ -60,7 +61,7 @@ def birth(system, config, more, low, high):
     last = slice(len(config.ys) - 1, None)
     for _ in range(config.refinements):
         rhos = np.linspace(low, high, 11)
-        times = follow(system, rhos, config, more, last).stick_time.values[0]
+        times = swept(system, rhos, config, more, last).stick_time.values[0]
         if not (times > 0).any():
             return None
         k = int(np.argmax(times > 0))
@@ -75,12 +76,25 @@ def crossing_force():
     return float(abs(-2.4 * np.sin(at) - 3.1 * orbit(at, "y")))
 
 
+def fold_of_sticks(config: Config) -> dict:
+    """Where the relaxing block's sticking orbit, followed down from rho = 3, turns back; its stick time there."""
+    start = {y: config.ys[0], v: config.vs[0], z: 0}
+    orbit = find_orbit(hidden(rho=3), start, period=DRIVE, transient=config.transient)
+    branch = follow(orbit, "rho", to=0)
+    found = branch.of_kind("fold")[0]
+    events = [e for run in found.orbit.runs() for e in run.events]
+    begin, end = (next(e.time for e in events if e.kind.startswith(kind)) for kind in ("stick", "slip"))
+    return {
+        "rho": found.parameter, "stick time": (end - begin) % found.orbit.period, "end": branch.end,
+    }  # fmt: skip
+
+
 def run(config: Config) -> dict:
     rhos = np.linspace(*config.rhos)
     regimes = {"slaved": (hidden().layered({z: sp.oo}), {}), "relaxing": (hidden(), {"z": 0.0})}
-    data: dict = {"rho": rhos, "force": crossing_force(), "regimes": {}}
+    data: dict = {"rho": rhos, "force": crossing_force(), "fold": fold_of_sticks(config), "regimes": {}}
     for name, (system, more) in regimes.items():
-        found = follow(system, rhos, config, more)
+        found = swept(system, rhos, config, more)
         data["regimes"][name] = {
             "stick time": np.round(found.stick_time.values, 9),
             "sticks": np.round(found.sticks.values, 3),
@@ -113,6 +127,7 @@ def claims(data: dict) -> list[Claim]:
     at_3 = int(np.argmin(abs(rho - 3)))
     longest = np.array(relaxing["stick time"]).max(axis=0)
     appears = int(np.argmax(longest > 0))
+    turn = data["fold"]
     return [
         claim("Slaved: nonlinear sticking is born where N mu_s reaches the force at the crossings", f"{predicted:.7f}",
               f"between {low:.7f} and {high:.7f}", low - 1e-6 <= predicted <= high + 1e-6, "born elsewhere",
@@ -126,9 +141,13 @@ def claims(data: dict) -> list[Claim]:
         ),
         claim("Relaxing: the slip-only orbit is never captured", "slip only at every rho from its neighbourhood",
               "R L at all" if slip_only else "other orbits at some rho", slip_only, "it was captured"),
-        claim("Relaxing: sticking orbits appear in a fold, with a stick of finite length", "a jump from 0",
-              f"stick time {longest[appears]:.3f} at rho = {rho[appears]:.3f}", longest[appears] > 0.2,
-              "born of length zero"),
+        claim(
+            "Relaxing: sticking orbits appear in a fold, with a stick of finite length", "a fold of their branch",
+            f"rho = {turn['rho']:.9f}, stick time {turn['stick time']:.6f} there; by trajectories from rho = "
+            f"{rho[appears]:.3f} on, {longest[appears]:.3f}",
+            turn["stick time"] > 0.2 and rho[appears - 1] < turn["rho"] <= rho[appears],
+            "born of length zero, or elsewhere than trajectories find them",
+        ),
         claim("Relaxing: one stick a period", "S R L or S L R, where it sticks", ", ".join(sorted(set(words.ravel()))),
               set(words.ravel()) <= {"R L", "S R L", "S L R", "S"}, "other orbits were met"),
         claim("At rho = 3 the relaxing stick has the length that another program finds", "1.179049648",
@@ -160,6 +179,14 @@ def draw(data: dict):
                 ax.plot(rho, row, marker, color=colour, label=title if i == 0 else None, **look)
         ax.axvline(expected_birth(force), color=COLOUR["mark"], linewidth=0.8, linestyle=":")
         ax.set(xlabel="hidden term ρ", ylabel=label, xlim=(rho[0], rho[-1]))
+    axes[0].plot(
+        data["fold"]["rho"], data["fold"]["stick time"], "D", color=COLOUR["mark"], markersize=4.5,
+        fillstyle="none", zorder=3,
+    )  # fmt: skip
+    axes[0].annotate(
+        "fold", (data["fold"]["rho"], data["fold"]["stick time"]), xytext=(-28, 2), textcoords="offset points",
+        color=COLOUR["mark"], fontsize=8,
+    )  # fmt: skip
     axes[0].set_ylim(-0.05, 2)
     axes[1].set_ylim(1.05, 1.35)
     axes[0].annotate(

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from test_continuation import a, b, t, u, x
 
 from pwsmooth import Event, System, Unilateral, find_orbit, follow, follow_curve, solve
+from pwsmooth.analysis import curve_ways
 from pwsmooth.analysis.orbits import refine
 
 # Orbits are known to 1e-11 and multipliers to some digits less; the issue asks for this.
@@ -455,17 +456,30 @@ def test_static_friction_that_just_catches_ends_a_branch_and_is_followed(slaved)
     assert curve.values[1, curve.values[0] == 0.4] == pytest.approx(other.parameter, abs=other.uncertainty)
 
 
-def test_a_curve_that_leads_no_further_says_so():
-    # Beside a stick that parts the fold's condition has a square root, and steps become ever shorter.
+def test_folds_of_rest_and_of_two_sticks_are_followed_through_canards():
+    # Beside them the fold's condition bends within 1e-6 of a state. At rest only omega beta counts.
     from friction_oscillator import hidden, omega, sigma, v, y, z
+
+    from tests.reference.rest import rest_limit
 
     orbit = find_orbit(
         hidden(rho=3, beta=0.1, omega=0.5, sigma=3), {y: 0.5, v: 0.3, z: 0}, period=2 * sp.pi / omega,
         symmetry={y: -y, v: -v}, transient=100,
     )  # fmt: skip
-    fold = follow(orbit, sigma, to=0.5, longest_step=0.1).of_kind("fold")[0]
-    curve = follow_curve(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
-    assert any("cover" in end for end in curve.ends) and len(curve.orbits) < 200
+    for fold, most in zip(follow(orbit, sigma, to=0.5, longest_step=0.1).of_kind("fold"), (200, 60)):
+        curve = follow_curve(fold, {omega: (0.4, 3), sigma: (0.5, 5)})
+        assert set(curve.ends) == {"reached omega = 0.4.", "reached omega = 3."}
+        assert len(curve.orbits) < most
+    k = int(np.argmin(np.abs(curve.values[0] - 1)))
+    assert curve.values[1, k] == pytest.approx(rest_limit(0.1 * curve.values[0, k], 1.8, 1.95), abs=2e-8)
+
+
+def test_a_curve_that_leads_no_further_says_so(monkeypatch):
+    # Where steps become ever shorter, as in a canard whose slopes are not known; here all are cut short.
+    monkeypatch.setattr(curve_ways.Way, "_longer", staticmethod(lambda here, there: 0.5))
+    orbit = map_in_two({x: a * x * (1 - x) - b * x}, {x: 0.6}, (2.8, 0))
+    curve = follow_curve(only(follow(orbit, a, to=3.3), "flip"), {a: (1, 5), b: (-1, 1)})
+    assert all("cover" in end for end in curve.ends) and len(curve.orbits) < 200
 
 
 def test_two_routes_lead_to_the_point_where_symmetry_breaking_meets_crossing_sliding(slaved):

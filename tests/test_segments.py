@@ -11,11 +11,12 @@ from friction_oscillator import coulomb, hidden, v, y, z
 from pwsmooth import Event, System, Unilateral
 from pwsmooth.analysis.continuation import branch_off, follow
 from pwsmooth.analysis.fixed_points import TOLERANCE
-from pwsmooth.analysis.multipliers import cyclic_multipliers
+from pwsmooth.analysis.multipliers import cyclic_multipliers, within_roundings
 from pwsmooth.analysis.orbits import find_orbit
 from pwsmooth.analysis.segments import Shooting, cut
 from tests.fuzz import orbits as planted
 from tests.fuzz.judging import WRONG
+from tests.reference.rest import rest_limit
 
 t, x, u, w = sp.symbols("t x u w", real=True)
 a, k = sp.symbols("a k", real=True)
@@ -128,6 +129,33 @@ def test_a_canard_is_followed_around_its_end():
     map_, nodes = replace(largest.map, options={"method": "rk"}), largest.segments.nodes
     other = [map_.leg(node, leg).x for node, leg in zip(nodes, Shooting(map_, largest.segments.cuts).legs)]
     assert np.array(other) == pytest.approx(np.roll(nodes, -1, axis=0), abs=1e-8)
+
+
+@pytest.mark.parametrize("drive", [1, 0.5])
+def test_rest_ends_in_a_fold_and_goes_over_to_slips_through_its_canard(drive):
+    """Multipliers of 1 and less, and a growth of 1e7 and more on the way: one piece drowns in its roundings.
+
+    Stuck at y = 0 the block's symmetric orbit has the multiplier -1 everywhere. The touch of |lam| = 1, behind the
+    fold, is no jump: what comes to the end of the layer slips and is back at once.
+    """
+    orbit = find_orbit(
+        hidden(omega=drive, sigma=0.6), {y: 0, v: 0, z: 0.9}, period=2 * sp.pi / drive, symmetry=MIRROR
+    )
+    branch = follow(orbit, "sigma", to=3)
+    first, second = branch.bifurcations[:2]
+    assert branch.end == "reached sigma = 3." and (first.kind, second.kind) == ("fold", "adding-sliding")
+    assert first.parameter == pytest.approx(rest_limit(0.1 * drive, 1.8, 1.95), abs=2e-8)
+    assert first.parameter - 1e-7 < second.parameter < first.parameter
+    assert len(branch.of_kind("fold")) == 2 and len(branch.of_kind("adding-sliding")) == 1
+
+
+def test_a_multiplier_of_minus_one_keeps_its_digits_where_another_state_answers_by_1e10():
+    grows = [np.array([[1.0, 0, 0], [0, 0, 0], [30.0, 0, a]]) for a in (1e-5, 1e-5, *[1e2] * 4)]
+    grows[-1][0, 0] = -1.0
+    assert np.abs(cyclic_multipliers(grows) + 1).min() < 1e-12
+    # What roundings leave of a zero, times the growth, is how far it is known.
+    grows[0][0, 2] = 1e-17
+    assert within_roundings(grows, -1) and not within_roundings(grows, 1)
 
 
 def test_bifurcations_are_found_beside_a_multiplier_of_1e8():

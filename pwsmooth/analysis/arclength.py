@@ -15,17 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..results.solution import Solution
-from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of, relative, shot
+from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned, relative, shot
 from .itineraries import same_itinerary
 from .orbits import refine
 from .periodic_orbit import MULTIPLIERS, PeriodicOrbit
 from .poincare import Image
 from .recutting import longest_slip
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, best_place, cut, restless, rotated
+from .segments import Shooting, best_place, cut, pressed, restless, rotated, settled, sizes
 from .variations import chosen_parameters, moved, sticks_at_start
 
 _MOST_NEWTON = 8
+EASY = 3  # steps of Newton's method: where it takes more, it is seen whether segments would make it easier
 NEAR = 0.03  # of the period: an event so near to the section moves it
 _ALONG = 0.8  # cosine between tangents and the chord of a step
 _MOVES = 1e-3  # of the arc: with longer steps than this an event comes so near first
@@ -60,7 +61,7 @@ class Walk:
 
     def __init__(self, orbit: PeriodicOrbit, name: str, scale: float) -> None:
         self.map, self.name, self.scale = orbit.map, name, scale
-        self.must = False  # whether segments stay where multipliers alone do not ask for them
+        self.bounds = (-math.inf, math.inf)  # of the parameter: what it is tried at
         self._take(orbit)
 
     def _take(self, orbit: PeriodicOrbit) -> None:
@@ -73,8 +74,11 @@ class Walk:
 
     def image(self, u: np.ndarray):
         """F, DF (n, n + 1) and the image at u; None where the trajectory does not return or q is not allowed."""
+        value = float(u[-1] * self.scale)
+        if not self.bounds[0] <= value <= self.bounds[1]:
+            return None
         try:
-            here = self.map.with_parameters({self.name: float(u[-1] * self.scale)})
+            here = self.map.with_parameters({self.name: value})
         except ValueError:  # outside the assumptions of the parameter
             return None
         shooting = here if self.segments is None else Shooting(here, self.segments.cuts)
@@ -99,6 +103,7 @@ class Walk:
         equations = self.image(u)
         assert equations is not None
         tangent, alone = only_way(equations[3], direction)
+        tangent[:-1][pinned(equations[1])] = 0.0
         return Point(u, tangent, orbit, equations[1], 0, alone)
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> Point | None:
@@ -115,16 +120,16 @@ class Walk:
                 kept = (False, False) if self.segments is None else self.segments.kept
                 orbit = orbit_of(here, x, image, size, steps, True, "continued", kept)
                 tangent, alone = only_way(DF, direction)
+                tangent[:-1][pinned(image)] = 0.0
                 return Point(u, tangent, orbit, image, steps, alone)
             if size > 10 * last or steps == _MOST_NEWTON:
                 return None
             last = size
             right = np.append(-F, -normal @ (u - guess))
             step = np.linalg.lstsq(np.vstack([DF, normal]), right, rcond=1e-14)[0]
-            if self.segments is not None and self.segments.held:
-                # As in fixed_points.py: v = 0 of a segment that begins in a stick.
-                step[:-1][(F == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
             u = u + step
+            stays = pinned(image)
+            u[:-1][stays] = image.x[stays] / self.weight
             u = np.append(onto_section(here, u[:-1] * self.weight) / self.weight, u[-1])
         return None
 
@@ -181,19 +186,16 @@ class Walk:
         return self.point(other, np.append(way / math.sqrt(turned.number), here.tangent[-1]))
 
     def cut(self, here: Point) -> Point | None:
-        """The same orbit in segments to stay, where deviations grow on the way by more than its multipliers."""
-        if here.orbit.segments is not None or self.must:
-            return None
-        self.must = True
-        other = self.segmented(here)
+        """The same orbit in segments, where deviations grow on the way by more than its multipliers tell."""
+        other = here if here.orbit.segments is not None else self.segmented(here, must=True)
         return None if other is here else other
 
-    def segmented(self, here: Point) -> Point:
+    def segmented(self, here: Point, must: bool = False) -> Point:
         """The same orbit in other segments, where its own (or one piece) have grown too long or too short."""
-        orbit, segments = here.orbit, here.orbit.segments
+        orbit, segments, size = here.orbit, here.orbit.segments, sizes(here.image.runs)
         largest = float(np.abs(orbit.map_multipliers).max(initial=0.0))
         if segments is None:
-            if not (largest > TOO_LONG or self.must):
+            if not (must or here.steps > EASY or pressed(here.image, self.scale, largest)):
                 return here
             if (new := _begun(orbit)) is None:
                 return here
@@ -201,11 +203,11 @@ class Walk:
             way = np.concatenate([here.tangent[:-1], np.zeros(len(X) - len(orbit.x))])
         else:
             shooting, X, image = Shooting(orbit.map, segments.cuts), segments.nodes.ravel(), here.image
-            if largest < SHORT and not (segments.asked or self.must):
+            if not segments.asked and settled(list(segments.matrices), size, largest):
                 whole = refine(orbit.map, orbit.x)
                 if whole.success and whole.segments is None:
                     return self.point(whole, here.tangent)
-            if not restless(shooting, image, segments.held):
+            if not restless(shooting, image, segments.held, self.scale):
                 return here
             way = here.tangent[:-1] * self.weight
         number = len(segments) if segments is not None and segments.asked else None

@@ -32,6 +32,7 @@ P = TypeVar("P", bound=Point)
 _BRACKET = 1e-12  # of the arc, in which a change of itinerary is enclosed
 _HALVINGS = 30  # of a step, in which a change of stability is enclosed that no test sees
 _ON_CIRCLE = 1e-7  # from 1: multipliers that may lie on either side
+_NEAR = 0.1  # to the unit circle: a multiplier that may be 1 or -1 but for roundings
 # Of the arc, to either side of a change: there its events stand apart and can be named. What begins with the square
 # root of the distance, as a slip at the end of a stick does, comes together only nearer; at a jump nothing does.
 _APART = (1e-6, 1e-8, 1e-10)
@@ -89,8 +90,10 @@ class Bifurcation:
     @property
     def jumps(self) -> bool:
         """Whether the Poincare map jumps there, so that the branch ends."""
-        parts = self.kind == ADDING and (self.beyond is None or not self.change.before)  # type: ignore[union-attr]
-        return self.kind == CAPTURE or parts
+        if self.kind != ADDING or self.beyond is None or self.change is None:
+            return self.kind in (CAPTURE, ADDING)
+        # What a fold of the layer lets go is gone; what only comes to the end of it slips and is back at once.
+        return not self.change.before and any("fold" in letter.kind for letter in self.change.after)
 
     def __str__(self) -> str:
         text = f"{self.kind} at {self.name} = {self.parameter:.10g} (+- {self.uncertainty:.1g})"
@@ -306,7 +309,16 @@ def _smooth_all(walk: Walk, here: Point, there: Point, depth: int = 0) -> list[B
 def _outside(orbit: PeriodicOrbit) -> int | None:
     """How many multipliers lie outside of the unit circle; None where one lies on it."""
     sizes = np.abs(orbit.map_multipliers)
-    return None if np.any(np.abs(sizes - 1) < _ON_CIRCLE) else int(np.sum(sizes > 1))
+    off = np.abs(sizes - 1).min(initial=np.inf)
+    if off < _ON_CIRCLE or off < _NEAR and any(orbit._at_rounding(root) for root in (1, -1)):
+        return None
+    return int(np.sum(sizes > 1))
+
+
+def undecided(here: Point, there: Point, kind: str) -> bool:
+    """Whether a point has the multiplier of a bifurcation but for roundings: a change of sign there means nothing."""
+    root = 1 if kind in ("fold", "branch point") else -1
+    return any(point.orbit._at_rounding(root) for point in (here, there))
 
 
 def _unnamed(walk: Walk, here: Point, there: Point, at: Point) -> Bifurcation:
@@ -335,7 +347,7 @@ def _smooth(walk: Walk, here: Point, there: Point) -> list[Bifurcation]:
     }
     for kind, test in tests.items():
         a, b = test(here), test(there)
-        if not (a * b < 0):
+        if not (a * b < 0) or kind not in ("fold", "torus") and undecided(here, there, kind):
             continue
         if kind == "branch point" and here.tangent[-1] * there.tangent[-1] < 0:
             continue  # the same zero as the fold's

@@ -18,7 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .fixed_points import pinned
 from .impacts import EventImage
+from .multipliers import balanced
 from .normal_forms import flip_coefficient
 from .pieces import Pieces, critical, spectrum, square
 from .poincare import Word
@@ -26,6 +28,7 @@ from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
+_SOONER = 1e2  # the part of it that is left at least: four digits of slopes are roundings then
 _PART, _LEAST = 1.0, 1e-7  # of the curve's step, and the least of that: five digits are left
 
 
@@ -138,33 +141,37 @@ class Critical(Condition):
 
     def __init__(self, kind: str, root: int) -> None:
         self.kind, self.root = kind, root
-        self.b = self.c = np.empty(0)
+        self.b = self.c = self.units = np.empty(0)
 
     def start(self, place: Place) -> np.ndarray:
-        left, _, right = np.linalg.svd(place.critical(self.root))
-        self.b, self.c = left[:, -1], right[-1]
+        self.units = units_of(place)
+        left, _, right = np.linalg.svd(place.critical(self.root) * self.units / self.units[:, None])
+        self.b, self.c = left[:, -1] * self.units, right[-1] / self.units
         return np.empty(0)
 
     def frame(self, place: Place, extra: np.ndarray) -> None:
         v, w, _ = self.null(place)
-        self.b, self.c = w / np.linalg.norm(w), v / np.linalg.norm(v)
+        self.units = units_of(place)
+        self.b, self.c = w * self.units**2, v / self.units**2
+        self.b /= np.linalg.norm(self.b / self.units)
+        self.c /= np.linalg.norm(self.c * self.units)
 
     def null(self, place: Place) -> tuple[np.ndarray, np.ndarray, float]:
         """v, w (n,) and g."""
-        n = len(place.x)
+        n, units = len(place.x), self.units
         matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n] = place.critical(self.root)
-        matrix[:n, n], matrix[n, :n] = self.b, self.c
+        matrix[:n, :n] = place.critical(self.root) * units / units[:, None]
+        matrix[:n, n], matrix[n, :n] = self.b / units, self.c * units
         last = np.append(np.zeros(n), 1.0)
         right, left = np.linalg.solve(matrix, last), np.linalg.solve(matrix.T, last)
-        return right[:n], left[:n], float(right[n])
+        return right[:n] * units, left[:n] / units, float(right[n])
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         return np.array([self.null(place)[2]])
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         v, w, _ = self.null(place)
-        v, w = v / np.linalg.norm(v), w / np.linalg.norm(w)
+        v, w = v / np.linalg.norm(v / self.units), w / np.linalg.norm(w * self.units)
         rest = others(place.multipliers, [complex(self.root)])
         double = "1:1 resonance" if self.root > 0 else "1:2 resonance"
         image = place.image
@@ -287,6 +294,13 @@ class BranchPoint(Critical):
         return found
 
 
+def units_of(place: Place) -> np.ndarray:
+    """Of the unknowns, in which the null vectors of an orbit in segments have entries of one size, (n,)."""
+    if not isinstance(place.map, Shooting):
+        return np.ones(len(place.x))
+    return balanced(place.DP)
+
+
 def others(mu: np.ndarray, critical: list[complex]) -> np.ndarray:
     """Multipliers without those nearest to the critical ones."""
     rest = mu
@@ -320,19 +334,29 @@ def differences(
     From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
     """
     near = min(_STEP, _PART * max(reach, _LEAST))
+    steps = near * (1 + np.abs(u))
+    if not isinstance(place.image, EventImage):  # a motion from event to event is chosen to be even
+        # What moves the end by much bends the sooner.
+        moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
+        steps = steps / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
     columns, middle, first = [], value(place), 0
+    # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
+    stays = pinned(place.image)
     if isinstance(place.map, Pieces):
-        found = _by_points(place, value, near)
+        found = _by_points(place, value, np.where(stays, 0.0, steps[: len(stays)]), stays)
         if found is None:
             return None
         columns, first = found, len(place.x)
     for j in range(first, len(u)):
-        h = near * (1 + abs(u[j]))
+        if j < len(stays) and stays[j]:
+            columns.append(np.zeros_like(middle))
+            continue
+        h = steps[j]
         sides = []
         for step in (h, -h):
-            moved = u.copy()
-            moved[j] += step
-            beside = at(moved)
+            other = u.copy()
+            other[j] += step
+            beside = at(other)
             same = beside is not None and beside.image.word == place.image.word
             sides.append(value(beside) if same and beside is not None else None)
         if (slope := _slope(sides[0], sides[1], middle, h)) is None:
@@ -350,19 +374,23 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
     return None if below is None else (middle - below) / h
 
 
-def _by_points(place: Place, value: Callable[[Place], np.ndarray], near: float) -> list[np.ndarray] | None:
+def _by_points(
+    place: Place, value: Callable[[Place], np.ndarray], steps: np.ndarray, stays: np.ndarray
+) -> list[np.ndarray] | None:
     """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
     pieces, X, n = place.map, place.x, place.n
     middle, columns = value(place), {}
-    sizes = near * (1 + np.abs(X.reshape(-1, n)))
     for i in range(n):
-        steps = sizes * np.eye(n)[i]
-        sides = [list(pieces.varied(X, place.image, sign * steps, place.names)) for sign in (1, -1)]
+        moves = steps.reshape(-1, n) * np.eye(n)[i]
+        sides = [list(pieces.varied(X, place.image, sign * moves, place.names)) for sign in (1, -1)]
         for k, pair in enumerate(zip(*sides)):
+            if stays[k * n + i]:
+                columns[k * n + i] = np.zeros_like(middle)
+                continue
             values = [
                 None if there is None else value(place_of(pieces, there, X, place.names)) for there in pair
             ]
-            slope = _slope(values[0], values[1], middle, sizes[k, i])
+            slope = _slope(values[0], values[1], middle, steps[k * n + i])
             if slope is None:
                 return None
             columns[k * n + i] = slope

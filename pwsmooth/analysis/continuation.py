@@ -34,6 +34,7 @@ from .symmetry import repeats_in
 __all__ = ["Bifurcation", "Branch", "branch_off", "follow"]
 
 
+_MORE = 0.5  # of the range, to either side
 _COUNTED = 2**62  # steps of a budget that only counts them: an orbit that is begun is ended
 
 
@@ -238,9 +239,11 @@ def _by_shorter_periods(orbit: PeriodicOrbit) -> PeriodicOrbit:
 def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
     """Adds to a branch what there is up to its end, or until it is `used_up()` (bool); why it ends."""
     (step, longest_step, shortest_step), name, (orbit,) = lengths, walk.name, branch.orbits
+    walk.bounds = _tried(*sorted((begin, end)))
     here = walk.point(orbit, np.append(np.zeros(len(orbit.x)), math.copysign(1.0, end - begin)))
     here = walk.rephased(here)
     ds = min(step, longest_step)
+    looked_at: Point | None = None  # whose segments are those that it asks for
     while len(branch.orbits) < most:
         if used_up():
             return (
@@ -254,11 +257,12 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
             )
         there = walk.step(here, ds)
         if there is None:
+            if here is not looked_at and (other := walk.cut(here)) is not None:
+                here = looked_at = other
+                continue
+            looked_at = here
             if ds > shortest_step:
                 ds *= 0.3
-                continue
-            if (other := walk.cut(here)) is not None:
-                here, ds = other, min(step, longest_step)
                 continue
             there = walk.turn(here, ds)
             if there is None:
@@ -302,6 +306,15 @@ def followed(branch, walk, begin, end, lengths, most, used_up) -> str:
         if there.orbit.segments is None and here.orbit.segments is not None:
             branch.orbits[-1] = here.orbit  # the same one, better known
     return f"stopped after {len(branch.orbits)} orbits (`most`)."
+
+
+def _tried(low: float, high: float) -> tuple[float, float]:
+    """Where orbits are looked for: somewhat beyond the ends, but not near to 0, where a drive's period has no end."""
+    more = _MORE * (high - low)
+    return (
+        max(low - more, low / 2 if low > 0 else -math.inf),
+        min(high + more, high / 2 if high < 0 else math.inf),
+    )
 
 
 def _ended(branch: Branch, walk: Walk, here: Point, ds: float) -> str:

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from . import captures
-from .arclength import NEAR, Point, Walk, only_way, quiet_time, value_of
+from .arclength import EASY, NEAR, Point, Walk, only_way, quiet_time, value_of
 from .captures import AtFold, Capture
 from .conditions import Condition, Place, differences, place_of
-from .fixed_points import PINNED, TOLERANCE, onto_section, orbit_of
+from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned
 from .impacts import FromEvent
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
@@ -33,7 +33,6 @@ from .windows import WIDEST, Windowed, recentred
 _MOST_NEWTON = 8
 _CONVERGED, _ROUNDED = 1e-12, 1e-9  # of the unknowns: what the last correction is, and may be where it stays so
 _SLOW = 1e-2  # of the last correction: what is not less takes new slopes
-_GROWS = 1e2  # of the map's slope: what segments make less
 HARDLY = 1e-5  # in the unit of dh/dt: the speed of a release that may as well be none
 _REPEATED = 1e-6  # to which an orbit beside grazing comes back
 
@@ -63,7 +62,6 @@ class CurveWalk(Walk):
     def __init__(
         self, map_: Any, condition: Condition, names: tuple[str, str], scales: np.ndarray, n: int, held: bool
     ) -> None:
-        self.must = False  # whether segments stay where multipliers alone do not ask for them
         self.reach = 1.0  # how long the present step is
         self.condition, self.names, self.scales = condition, names, scales
         self.offset: Any = 0.0  # what c is, on the way to a first point
@@ -141,9 +139,6 @@ class CurveWalk(Walk):
             if not (np.isfinite(rows).all() and np.isfinite(right).all()):
                 return None
             move = np.linalg.lstsq(rows, right, rcond=1e-14)[0]
-            if self.held:
-                # As in orbits.py: v = 0 of a segment that begins in a stick.
-                move[:n][(place.F == 0) & (np.abs(place.DP).max(axis=1) <= PINNED)] = 0.0
             off = float(np.abs(G[:n] / (1 + np.abs(w[:n]))).max(initial=0.0))
             size = float(np.abs(move / (1 + np.abs(u))).max())
             if not np.isfinite(size):
@@ -152,6 +147,7 @@ class CurveWalk(Walk):
             if off <= TOLERANCE and (size <= _CONVERGED or stands):
                 orbit = _orbit(condition, place, off, steps, self.held)
                 tangent, alone = only_way(DG, np.ones(len(u)) if direction is None else direction)
+                tangent[:n][pinned(place.image)] = 0.0
                 tests = condition.tests(place, extra, slopes)
                 return Spot(
                     u,
@@ -167,8 +163,8 @@ class CurveWalk(Walk):
             if steps == _MOST_NEWTON or size > 10 * last:
                 return None
             last, slow = size, size > _SLOW * last
-            u = u + move
-            weight = self.sizes[:n]
+            u, weight, stays = u + move, self.sizes[:n], pinned(place.image)
+            u[:n][stays] = place.image.x[stays] / weight[stays]
             u = np.concatenate([onto_section(exact(place.map), u[:n] * weight) / weight, u[n:]])
         return None
 
@@ -241,24 +237,23 @@ class CurveWalk(Walk):
         found = at_section(place.map, place.x, place.image, inner)
         return here if found is None else self._turned(here, *found, passed=at * map_.beat)
 
-    def segmented(self, here: Any) -> Any:
-        """The same orbit in segments, in others or in none any more, as its multipliers ask for."""
+    def segmented(self, here: Any, must: bool = False) -> Any:
+        """The same orbit in segments, in others or in none any more, as deviations from it ask for."""
         place, largest = self.place_at(here), float(np.abs(here.orbit.map_multipliers).max(initial=0.0))
         if place is None or not np.linalg.norm(here.way) > 1e-3:
             return here
-        found = anew(place.map, place.x, place.image, largest, self.held, self.must)
+        must = must or here.steps > EASY
+        found = anew(place.map, place.x, place.image, largest, self.scales, self.held, must)
         if found is None:
             return here
         map_, x, held = found
         return self._turned(here, map_, x, held)
 
     def cut(self, here: Any) -> Any:
-        """The same orbit in segments to stay; None where it is in segments or deviations do not grow on the way."""
-        grown = np.abs(here.orbit.jacobian).max(initial=0.0)
-        if self.must or isinstance(self.map, (Shooting, FromEvent)) or not grown > _GROWS:
+        """The same orbit in segments; None where it is in segments or deviations do not grow on the way."""
+        if isinstance(self.map, (Shooting, FromEvent)):
             return None
-        self.must = True
-        there = self.segmented(here)
+        there = self.segmented(here, must=True)
         return None if there is here else there
 
     def _recentred(self, here: Spot) -> Spot:
@@ -277,7 +272,7 @@ class CurveWalk(Walk):
             )
             self.map = dataclasses.replace(self.map, map=moved) if pieces else moved
             return here
-        widest = narrowed(place.map.number) if pieces else WIDEST
+        widest = narrowed(place.map, place.image) if pieces else WIDEST
         inner, x = recentred(map_, place.image.runs, near.place, window, T, begins, widest)
         if not pieces:
             return self._turned(here, inner, x)

@@ -5,26 +5,28 @@ Chain: curve_walk.py, bifurcations.py -> **curve_ways** -> curves.py.
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from .bifurcations import change_enclosed, of_no_effect
+from .arclength import Walk
+from .bifurcations import change_enclosed, of_no_effect, undecided
 from .bracketing import zero_between
 from .captures import CAPTURE, at_threshold
 from .codimension import Codimension2
-from .curve_starts import TOUCHES
+from .curve_starts import SMOOTH, TOUCHES
 from .curve_walk import HARDLY, CurveWalk, Spot, where
 from .emanating import change_along, leads, leads_of_change, of_capture
 from .itineraries import Change, same_itinerary
 from .orbits import refine
+from .periodic_orbit import PeriodicOrbit
 from .recutting import touched
 
 _BRACKET = 1e-10  # of the arc, in which the end of a curve is enclosed
 _MOST_HALVED = 100
-_ROUNDING = 1e-9  # of a test function, as multipliers have it: a change of sign there is none
 _BEGUN = 1e-6  # of a test function: what is less is a rounding at a start
 _EXTRAPOLATED = 5  # points
 _RUN_OUT = 5e-3  # of the ranges: so near to its end a curve may have no more points
@@ -33,6 +35,7 @@ _TURNS = 1e-7  # of a unit tangent: what is less may be a rounding
 _LAST, _STUCK = 40, 1e-3
 _AT = 1e-14  # of the ranges: on the border
 _STRAIGHT = 0.02  # of a step: so little aside it comes to lie where the next one may be longer
+_CORNER = 0.1  # of that: so near to it a branch is looked for around a corner, ten times that far and more
 _BESIDE = 1e-6  # of the scaled parameters: so far beyond a change of itinerary it is looked at
 
 
@@ -52,6 +55,7 @@ class Way:
     def followed(self, here: Spot) -> tuple[list[Spot], list[Codimension2], str]:
         step, longest, shortest = self.lengths
         walk, spots, ds = self.walk, [here], min(step, longest)
+        looked_at = None  # the point whose segments are those that it asks for
         while len(spots) < self.most:
             at = where(walk, here)
             if self.used_up():
@@ -60,11 +64,12 @@ class Way:
                 return self._ended(spots, f"at {at} no single way leads on: two curves meet there.")
             there = self._stepped(here, ds)
             if there is None:
+                if here is not looked_at and (other := walk.cut(here)) is not None:
+                    here = looked_at = other
+                    continue
+                looked_at = here
                 if ds > shortest:
                     ds *= 0.3
-                    continue
-                if (other := walk.cut(here)) is not None:
-                    here, ds = other, min(step, longest)
                     continue
                 here = self._last(here, ds)
                 spots.append(here)
@@ -165,8 +170,9 @@ class Way:
             a, b = here.tests[name], there.tests.get(name, math.nan)
             if not a * b < 0 or here is self.born and abs(a) < _BEGUN * abs(b):
                 continue
-            if max(abs(a), abs(b)) < _ROUNDING:
-                continue  # as all along a curve of orbits at rest, which have such a multiplier everywhere
+            second = name.rpartition(" + ")[2]
+            if second in SMOOTH and second != "torus" and undecided(here, there, second):
+                continue  # as all along a curve of orbits at rest
             spot = zero_between(walk, here, there, _test(name))
             why = walk.condition.ends(name)
             if spot is None and why:
@@ -293,16 +299,10 @@ class Way:
 
     def _lost(self, here: Spot) -> tuple[str, Change | None]:
         """What keeps the curve from going on, in words: a change of itinerary beside its end, as a rule."""
-        walk, n = self.walk, self.walk.n
+        walk = self.walk
         at = where(walk, here)
-        for reach in (_BESIDE, 10 * _BESIDE, 100 * _BESIDE):
-            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
-            try:
-                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
-            except ValueError:  # outside the assumptions of a parameter
-                continue
-            beyond = refine(map_, here.orbit.x)
-            if not beyond.success or same_itinerary(here.orbit, beyond):
+        for beyond in self._orbits_beside(here):
+            if same_itinerary(here.orbit, beyond):
                 continue
             change = change_along(here.orbit, beyond)
             name = f"{walk.condition.kind} + {change.name}"
@@ -317,6 +317,30 @@ class Way:
             self.points.append(Codimension2(name, walk.parameters(here), here.orbit, why, begins))
             return f"{name} at {at}: {why}.", None
         return f"no orbit was found beyond {at} with steps down to {self.lengths[2]:.1g}.", None
+
+    def _orbits_beside(self, here: Spot) -> Iterator[PeriodicOrbit]:
+        """Orbits beside the end of a curve: ahead of it, and on the branch over one parameter, to both sides.
+
+        That branch turns at a fold: those that are ahead may be none of its orbits.
+        """
+        walk, n = self.walk, self.walk.n
+        reaches = (_BESIDE, 10 * _BESIDE, 100 * _BESIDE)
+        for reach in reaches:
+            ahead = ((here.u + reach * here.tangent) * walk.sizes)[n : n + 2]
+            try:
+                map_ = here.orbit.map.with_parameters(dict(zip(walk.names, map(float, ahead))))
+            except ValueError:  # outside the assumptions of a parameter
+                continue
+            if (beyond := refine(map_, here.orbit.x)).success:
+                yield beyond
+        branch = Walk(here.orbit, walk.names[0], float(walk.scales[0]))
+        point = branch.point(here.orbit, np.append(np.ones(len(here.orbit.x)), 1.0))
+        for reach in reaches:
+            for side in (1, -1):
+                on = dataclasses.replace(point, tangent=side * point.tangent)
+                there = branch.step(on, reach) or branch.turn(on, _CORNER * reach)
+                if there is not None:
+                    yield there.orbit
 
     def _closes(self, spots: list[Spot]) -> bool:
         """Whether the last step has passed the first point, along the same way."""

@@ -30,6 +30,7 @@ from .curve_ways import Way
 from .equilibrium import Equilibrium
 from .equilibrium_branch import EquilibriumBifurcation
 from .equilibrium_curves import EquilibriumCurve, follow_equilibria
+from .impacts import FromEvent
 from .periodic_orbit import PeriodicOrbit
 from .plane import InPlane
 
@@ -223,11 +224,13 @@ def _both_sides(lead, condition, names, bounds, lengths, most, virtual, used_up)
     walk.framed(first)
     if lead.direction is None:  # nearly along the curve itself, the nearest point may be far
         first = walk.correct(first.u, None, first.tangent) or first
+    if not isinstance(walk.map, FromEvent):
+        first = walk.segmented(first)  # what grows in a window or beside it did not for the branch
     ways: list[Way] = []
     sides: list[tuple[list[Spot], list[Codimension2], str]] = []
     for sign in (-1.0, 1.0):
         side = copy.copy(walk)
-        side.condition = copy.deepcopy(condition)
+        side.condition = copy.deepcopy(walk.condition)
         here = copy.copy(first)
         object.__setattr__(here, "tangent", sign * first.tangent)
         way = Way(side, bounds, lengths, most, virtual, used_up)

@@ -50,8 +50,7 @@ def newton(
         # A component that the map leaves at its start (a memory that events put back) keeps the first guess.
         free = (off != 0) | (np.abs(slope).max(axis=1) > PINNED)
         step[free] = np.linalg.lstsq(slope[:, free], -off, rcond=1e-13)[0]
-        # One that returns exactly from every start nearby (v = 0 in a stick) stays: rounding would leave the surface.
-        step[(off == 0) & (np.abs(image.jacobian).max(axis=1) <= PINNED)] = 0.0
+        step[pinned(image)] = off[pinned(image)]
         closer = _shortened(map_, x, step, size)
         if closer is None:
             break
@@ -66,6 +65,14 @@ def newton(
             "orbit, a `transient`, or another `phase`."
         )
     return orbit_of(map_, x, image, size, steps, success, message, kept)
+
+
+def pinned(image: Image) -> np.ndarray:
+    """Which components come back the same from every start nearby, bool (n,): v = 0 in a stick.
+
+    They are set to that: a rounding would leave the surface.
+    """
+    return np.abs(np.hstack([image.jacobian, image.by_parameter])).max(axis=1) <= PINNED
 
 
 def orbit_of(

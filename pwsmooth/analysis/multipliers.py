@@ -20,6 +20,7 @@ import numpy as np
 _MOST_ROUNDS = 40  # directions whose growth differs by a factor of 0.39 or less have come apart by then
 _APART = 37.0  # natural logarithm of what is coupled less than by a rounding
 _COUPLED = 1e-10
+_ROUNDED = 1e-12  # of a matrix's entry
 _RANK = 1e-14  # of a matrix: what a stick leaves of the direction that it takes away
 
 
@@ -28,6 +29,7 @@ def cyclic_multipliers(matrices: Sequence[np.ndarray]) -> np.ndarray:
     n = matrices[0].shape[1]
     if n == 0:
         return np.empty(0, complex)
+    matrices = _balanced(matrices)
     frame = np.linalg.qr(np.random.default_rng(20).normal(size=(n, n)))[0]  # generic, the same in every call
     growth, blocks = np.zeros(n), [np.arange(n)]
     for rounds in range(1, _MOST_ROUNDS + 1):
@@ -52,6 +54,43 @@ def cyclic_multipliers(matrices: Sequence[np.ndarray]) -> np.ndarray:
         values.append(np.linalg.eigvals(product @ turned).astype(complex))
     found = np.concatenate(values)
     return found[np.argsort(-np.abs(found), kind="stable")]
+
+
+def _balanced(matrices: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The same between states in other units, of their own at each end of a segment."""
+    cyclic, pairs = _cyclic(matrices)
+    units = balanced(cyclic)
+    return [matrix * units[column] / units[row][:, None] for (row, column), matrix in zip(pairs, matrices)]
+
+
+def balanced(cyclic: np.ndarray) -> np.ndarray:
+    """Units in which rows and columns of a matrix are of one size.
+
+    Beside a canard a state answers to another one by 1e10: the digits of the other one would drown in its roundings.
+    """
+    from scipy.linalg import matrix_balance
+
+    with np.errstate(
+        invalid="ignore"
+    ):  # units that no integer holds are no permutation, which is not asked for
+        return matrix_balance(cyclic, permute=False, separate=True)[1][0]
+
+
+def within_roundings(matrices: Sequence[np.ndarray], root: int) -> bool:
+    """Whether roundings of the matrices are enough to make 1 or -1 an eigenvalue of their product."""
+    cyclic, _ = _cyclic([*matrices[:-1], matrices[-1] / root])
+    return bool(np.linalg.svd(cyclic - np.eye(len(cyclic)), compute_uv=False)[-1] <= _ROUNDED)
+
+
+def _cyclic(matrices: Sequence[np.ndarray]) -> tuple[np.ndarray, list[tuple[slice, slice]]]:
+    """The block-cyclic matrix with the N-th roots of their product's eigenvalues; rows and columns of each of them."""
+    ends = np.cumsum([0, *(matrix.shape[1] for matrix in matrices)])
+    places = [slice(*pair) for pair in zip(ends, ends[1:])]
+    pairs = list(zip([*places[1:], places[0]], places))
+    cyclic = np.zeros((ends[-1], ends[-1]))
+    for (row, column), matrix in zip(pairs, matrices):
+        cyclic[row, column] += matrix
+    return cyclic, pairs
 
 
 def _blocks(growth: np.ndarray, closing: np.ndarray, rounds: int) -> list[np.ndarray]:

@@ -21,7 +21,7 @@ from ..definition import checks
 from ..definition.describe import Described, Rows, listed, number, some, values
 from ..results.solution import Solution
 from ..solve import solve
-from .multipliers import cyclic_multipliers
+from .multipliers import cyclic_multipliers, within_roundings
 from .sections import Section, Stroboscopic, Word
 from .segments import Segments, Shooting
 
@@ -106,6 +106,15 @@ class PeriodicOrbit(Described):
         """Eigenvalues of D P on the section, largest first; of the half-period map for a symmetric orbit."""
         if not np.isfinite(self.jacobian).all():
             return np.full(len(self.x), np.nan, complex)
+        matrices = self._matrices
+        if len(matrices) > 1:
+            return cyclic_multipliers(matrices)
+        values = np.linalg.eigvals(matrices[0]).astype(complex)
+        return values[np.argsort(-np.abs(values), kind="stable")]
+
+    @property
+    def _matrices(self) -> list[np.ndarray]:
+        """Whose product has the multipliers: of the segments, or D P."""
         matrices = [self.jacobian] if self.segments is None else list(self.segments.matrices)
         if isinstance(self.map, Section):
             # Tangent to the section: the direction across it would only add an eigenvalue 0.
@@ -113,10 +122,11 @@ class PeriodicOrbit(Described):
             basis = np.linalg.svd(normal[None])[2][1:].T
             matrices[0] = matrices[0] @ basis
             matrices[-1] = basis.T @ matrices[-1]
-        if len(matrices) > 1:
-            return cyclic_multipliers(matrices)
-        values = np.linalg.eigvals(matrices[0]).astype(complex)
-        return values[np.argsort(-np.abs(values), kind="stable")]
+        return matrices
+
+    def _at_rounding(self, root: int) -> bool:
+        """Whether the map has the multiplier 1 or -1 but for roundings, as orbits at rest have one everywhere."""
+        return within_roundings(self._matrices, root)
 
     @property
     def multipliers(self) -> np.ndarray:

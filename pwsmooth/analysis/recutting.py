@@ -5,6 +5,7 @@ Chain: pieces.py -> **recutting** -> curve_walk.py.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from .periodic_orbit import PeriodicOrbit
 from .pieces import Pieces
 from .poincare import why_stopped
 from .sections import Stroboscopic
-from .segments import SHORT, TOO_LONG, Shooting, cut, growth, restless, rotated, sizes
+from .segments import LONG_ENOUGH, TOO_LONG, Shooting, cut, growth, pressed, restless, rotated, settled, sizes
 from .variations import sticks_at_start
 from .windows import WIDEST, Windowed, touching
 
@@ -39,8 +40,13 @@ def begun(inner: Any, x: np.ndarray) -> tuple[Pieces, np.ndarray, Any] | None:
     return (pieces, X, image) if image is not None and image.success else None
 
 
-def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must: bool) -> Cut | None:
-    """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not."""
+def anew(
+    map_: Any, x: np.ndarray, image: Any, largest: float, scales: np.ndarray, held: bool, must: bool
+) -> Cut | None:
+    """Other segments, where those of an orbit (or its one piece) have grown too long or too short; None where not.
+
+    `largest` is that of the multipliers, `scales` are those of the parameters.
+    """
     new: Any
     if isinstance(map_, FromEvent):
         # What a slow event makes large no segments make less.
@@ -51,13 +57,13 @@ def anew(map_: Any, x: np.ndarray, image: Any, largest: float, held: bool, must:
         inner, x = map_.exact(x, image)
         new = begun(inner, x)
     elif isinstance(map_, Shooting):
-        if largest < SHORT and not must:
+        if settled(list(map_.matrices(image.jacobian)), sizes(image.runs), largest):
             return map_.map, x[: len(x) // map_.number], False
-        if not restless(map_, image, held):
+        if not restless(map_, image, held, scales):
             return None
         new = (map_, x, image)
     else:
-        if not (largest > TOO_LONG or must):
+        if not (pressed(image, scales, largest) or must):
             return None
         new = begun(map_, x)
     if new is None or (found := cut(*new)) is None:
@@ -101,9 +107,18 @@ def longest_slip(run: Solution) -> tuple[float, float]:
     return float(middles[best]), float(lengths[best])
 
 
-def narrowed(number: int) -> float:
-    """How wide a window is to either side: of an orbit in segments not much more than one of them."""
-    return min(WIDEST, 0.5 / number)
+def narrowed(pieces: Shooting, image: Any) -> float:
+    """How wide a window is to either side: of an orbit in segments not much more than one of them.
+
+    No segment begins in it, so that in all of it deviations may grow by no more than in a segment.
+    """
+    size = sizes(image.runs)
+    lengths = [last - first for _, first, last in pieces.legs]
+    fastest = max(
+        math.log(max(1.0, growth(A, size))) / length
+        for A, length in zip(pieces.matrices(image.jacobian), lengths)
+    )
+    return min(WIDEST, 0.5 / pieces.number, math.log(LONG_ENOUGH) / (2 * fastest) if fastest > 0 else WIDEST)
 
 
 def of_orbit(orbit: PeriodicOrbit, inner: Any) -> Cut:
@@ -138,7 +153,7 @@ def touched(orbit: PeriodicOrbit, name: str, phase: float | None = None, stays: 
     image = pieces.image(X, ())
     if not image.success:
         return f"the orbit was not run through: {image.reason}"
-    found = touching(map_, image.runs, name, phase, stays, narrowed(pieces.number))
+    found = touching(map_, image.runs, name, phase, stays, narrowed(pieces, image))
     if isinstance(found, str):
         return found
     return at_section(pieces, X, image, found[0]) or "its segments are not cut anew"

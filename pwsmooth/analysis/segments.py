@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,8 +28,10 @@ from .variations import sticks_at_start
 
 TOO_LONG = 1e4  # multiplier beyond which an orbit is not shot over in one piece
 _MOST = 1e3  # growth of a segment, with which it is cut anew
-_GROWTH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
+LONG_ENOUGH = 1e2  # of a segment that is newly cut: with it both exp(kT) and exp(-kT) are known to nine digits
+CALM = 10.0  # growth from anywhere on the way to anywhere, likewise: a tenth of that of new segments
 SHORT = 1e3  # growth of a whole orbit that needs no segments any more
+_LESS = 0.1  # of that growth: with less, segments that begin in a slide are better than those that do not
 _MARGIN = 3e-3  # of an application's time: nearer to an event no segment begins
 _CLOSE = 1e-3  # the same: a beginning to which an event has come so near is moved
 _LAST, _LATEST = 0.9, 0.97  # of the time to a return: where the last segment begins at first, and at most
@@ -162,13 +164,16 @@ class Shooting:
         return np.array([blocks[(k + 1) % N, :, k] for k in range(N)])
 
 
-def restless(shooting: Shooting, image: Image, held: bool) -> bool:
+def restless(shooting: Shooting, image: Image, held: bool, scales: Any) -> bool:
     """Whether segments must be cut anew: one has grown too long, or begins in a slide or too near to an event.
 
-    `held` are those that may begin in a slide.
+    `held` are those that may begin in a slide, `scales` are those of the image's parameters.
     """
     size = sizes(image.runs)
-    if max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST:
+    if (
+        max(growth(A, size) for A in shooting.matrices(image.jacobian)) > _MOST
+        or answers(image, scales) > _MOST
+    ):
         return True
     near = _CLOSE * image.time / shooting.map.turns
     before = image.by_legs[-1]
@@ -196,6 +201,26 @@ def _inner(run: Solution) -> np.ndarray:
     return times[(times > run.t[0]) & (times < run.t[-1])]
 
 
+def pressed(image: Image, scales: Any, largest: float) -> bool:
+    """Whether an orbit of one piece asks for segments: by the largest multiplier, or by what grows on the way."""
+    return largest > TOO_LONG or answers(image, scales) > _MOST
+
+
+def settled(matrices: Sequence[np.ndarray], size: np.ndarray, largest: float) -> bool:
+    """Whether an orbit in segments needs none any more."""
+    return largest < SHORT and swelling(matrices, size) < CALM
+
+
+def answers(image: Image, scales: Any) -> float:
+    """How far ends move with parameters, each state measured by its size on the orbit.
+
+    What grows on the way and is gone at the end shows there: a parameter acts all along.
+    """
+    size = sizes(image.runs)
+    moved = (image.by_parameter * scales).reshape(-1, len(size), image.by_parameter.shape[1])
+    return float(np.abs(moved / size[:, None]).max(initial=0.0))
+
+
 def growth(matrix: np.ndarray, size: np.ndarray) -> float:
     """By how much deviations grow, each state measured by its size on the orbit."""
     return float(np.linalg.norm(matrix * size / size[:, None], 2))
@@ -212,7 +237,8 @@ def sizes(runs: Sequence[Solution]) -> np.ndarray:
 class _Piece:
     """A little part of the orbit, from one candidate to the next: its leg, point, the point's way, its matrix.
 
-    `begins` is False where an old segment begins that an event has come near to: no new one may.
+    `begins` is False where an old segment begins that an event has come near to: no new one may. `slides` says whether
+    the motion is held there.
     """
 
     leg: Leg
@@ -220,6 +246,7 @@ class _Piece:
     way: np.ndarray
     matrix: np.ndarray
     begins: bool = True
+    slides: bool = False
 
 
 def cut(
@@ -241,13 +268,17 @@ def cut(
     old points ends.
     """
     way, size, must = np.zeros_like(X) if way is None else way, sizes(image.runs), {0.0, also}
-    for held in (False, True):
-        pieces = _pieces(shooting, X, image, number, way, speed, name, also, held)
-        if pieces is None:
-            return None
-        chosen, most = _as_grown(pieces, size, must) if number is None else _even(pieces, size, must, number)
-        if most <= _MOST:
-            break
+    known = _pieces(shooting, X, image, number, way, speed, name, also)
+    if known is None:
+        return None
+    # What grows within a slide is seen too where no segment may begin there.
+    free = [replace(one, begins=one.begins and not one.slides) for one in known]
+    chosen, most = _chosen(free, size, must, number)
+    held = False
+    if most > _MOST:
+        within, less = _chosen(known, size, must, number)
+        if held := less < _LESS * most:
+            chosen = within
     cuts = tuple(
         tuple(one.leg[1] for one in chosen if one.leg[0] == k and one.leg[1] > 0)
         for k in range(shooting.map.turns)
@@ -255,62 +286,92 @@ def cut(
     return cuts, np.concatenate([one.x for one in chosen]), np.concatenate([one.way for one in chosen]), held
 
 
-def _pieces(shooting, X, image, number, way, speed, name, also, held) -> list[_Piece] | None:
+def _chosen(
+    pieces: list[_Piece], size: np.ndarray, must: set[float | None], number: int | None
+) -> tuple[list[_Piece], float]:
+    """Those with which segments begin, and the largest growth within a segment."""
+    return _as_grown(pieces, size, must) if number is None else _even(pieces, size, must, number)
+
+
+def _pieces(shooting, X, image, number, way, speed, name, also) -> list[_Piece] | None:
     map_, n = shooting.map, len(X) // shooting.number
     time, size = image.time / map_.turns, sizes(image.runs)
     grown = sum(math.log(max(1.0, growth(A, size))) for A in shooting.matrices(image.jacobian))
-    wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(_GROWTH)))
+    wanted = max(_CANDIDATES, 4 * (number or 0), math.ceil(3 * grown / math.log(LONG_ENOUGH)))
     parameters = () if name is None else (name,)
     pieces = []
     barred = getattr(map_, "barred", lambda k, place: False)
     before = image.by_legs[-1]
     for j, ((k, first, last), runs) in enumerate(zip(shooting.legs, image.by_legs)):
-        keeps = _keeps_off(before[-1], runs[0], _MARGIN * time, held)
+        keeps = _keeps_off(before[-1], runs[0], _MARGIN * time, True)
         before = runs
-        free, begin = [], first
+        free, begin = dict[float, bool](), first
         for run in runs:
-            free += [float(begin + (s - run.t[0]) / map_.beat) for s in _free(run, time, time / wanted, held)]
+            for s, slides in _free(run, time, time / wanted):
+                free[float(begin + (s - run.t[0]) / map_.beat)] = slides
             begin += float(run.t[-1] - run.t[0]) / map_.beat
-        free = [place for place in free if not barred(k, place)]
+        free = {place: slides for place, slides in free.items() if not barred(k, place)}
         if last == math.inf:
-            free = [place for place in free if place < _LAST * begin]
+            free = {place: slides for place, slides in free.items() if place < _LAST * begin}
         if also is not None and first < also < min(last, 1.0):
-            free = sorted({*free, also})
+            free = dict(sorted({also: False, **free}.items()))
+        free = {first: sticks_at_start(runs[0]), **free}
         x, moving = X[j * n : (j + 1) * n], way[j * n : (j + 1) * n]
-        for leg in zip((first, *free), (*free, last)):
+        for leg in zip(free, (*list(free)[1:], last)):
             piece = map_.leg(x, (k, *leg), parameters)
             if not piece.success:
                 return None
-            pieces.append(_Piece((k, *leg), x, moving, piece.jacobian, keeps or leg[0] != first))
+            begins, slides = keeps or leg[0] != first, free[leg[0]]
+            pieces.append(_Piece((k, *leg), x, moving, piece.jacobian, begins, slides))
             x, moving = piece.x, piece.jacobian @ moving
             if name is not None:
                 moving = moving + speed * piece.by_parameter[:, 0]
     return pieces
 
 
-def _free(run: Solution, time: float, spacing: float, held: bool) -> list[float]:
-    """Times of a run at which nothing slides (or something may) and no event is near, about so far apart."""
+def _free(run: Solution, time: float, spacing: float) -> list[tuple[float, bool]]:
+    """Times of a run at which no event is near, about so far apart, and whether something slides there."""
     bounds = np.unique(np.concatenate([run.t[:1], _inner(run), run.t[-1:]]))
     column = np.searchsorted(run.t, (bounds[1:] + bounds[:-1]) / 2, side="right") - 1
-    slips = ~run._holds(run.status[:, column]) | held
-    found: list[float] = []
-    for begin, end, slipping in zip(bounds, bounds[1:], slips):
-        if slipping and end - begin > 2 * _MARGIN * time:
+    found: list[tuple[float, bool]] = []
+    for begin, end, slides in zip(bounds, bounds[1:], run._holds(run.status[:, column]).tolist()):
+        if end - begin > 2 * _MARGIN * time:
             k = max(1, round((end - begin) / spacing))
-            found += (begin + (end - begin) * (np.arange(k) + 0.5) / k).tolist()
+            found += [(at, slides) for at in (begin + (end - begin) * (np.arange(k) + 0.5) / k).tolist()]
     return found
 
 
 def _as_grown(pieces: list[_Piece], size: np.ndarray, must: set[float | None]) -> tuple[list[_Piece], float]:
-    """Those with which segments begin, as late as the growth allows; the largest growth of a segment."""
-    chosen, total, most = [], np.eye(len(size)), 0.0
+    """Those with which segments begin, as late as the growth allows; the largest growth within a segment.
+
+    From anywhere in it: where deviations shrink at first and then grow, those of roundings on the way do nothing else.
+    """
+    chosen, most, since = [], 0.0, np.empty((0, len(size), len(size)))
     for piece in pieces:
-        grown = piece.matrix @ total
-        if piece.leg[1] in must or piece.begins and growth(grown, size) > _GROWTH:
+        grown = _since(since, piece.matrix)
+        if piece.leg[1] in must or piece.begins and _most(grown, size) > LONG_ENOUGH:
             chosen.append(piece)
-            grown = piece.matrix
-        total, most = grown, max(most, growth(grown, size))
+            grown = piece.matrix[None]
+        since, most = grown, max(most, _most(grown, size))
     return chosen, most
+
+
+def swelling(matrices: Sequence[np.ndarray], size: np.ndarray) -> float:
+    """The largest growth from the beginning of one segment to the end of the same or a later one."""
+    since, most = np.empty((0, len(size), len(size))), 0.0
+    for matrix in matrices:
+        since = _since(since, matrix)
+        most = max(most, _most(since, size))
+    return most
+
+
+def _since(since: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Matrices (m, n, n) from m beginnings on, one step further, and that of the step itself."""
+    return np.concatenate([matrix @ since, matrix[None]])
+
+
+def _most(since: np.ndarray, size: np.ndarray) -> float:
+    return float(np.linalg.norm(since * size / size[:, None], axis=(1, 2)).max())
 
 
 def _even(
@@ -322,6 +383,7 @@ def _even(
     barred = np.array([0.0 if piece.begins else np.inf for piece in pieces])
     chosen = {k for k, piece in enumerate(pieces) if piece.leg[1] in must}
     for j in range(1, number):
+        barred[list(chosen)] = np.inf
         at = int(np.argmin(np.abs(load[:-1] - load[-1] * j / number) + barred))
         if len(chosen) < number:
             chosen.add(at)
