@@ -184,7 +184,7 @@ def draw(data: dict):
         fillstyle="none", zorder=3,
     )  # fmt: skip
     axes[0].annotate(
-        "fold", (data["fold"]["rho"], data["fold"]["stick time"]), xytext=(-28, 2), textcoords="offset points",
+        "fold", (data["fold"]["rho"], data["fold"]["stick time"]), xytext=(-19, 5), textcoords="offset points",
         color=COLOUR["mark"], fontsize=8,
     )  # fmt: skip
     axes[0].set_ylim(-0.05, 2)
