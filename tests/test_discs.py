@@ -309,3 +309,12 @@ def test_how_near_to_rest_a_hidden_static_friction_catches():
         return np.hypot(*run.x[:, -1]) < 50 * width
 
     assert caught(3.9604 * width) and not caught(3.9608 * width)
+
+
+def test_lambda_at_the_instant_at_which_a_slip_begins():
+    lam = Disc("lam", (vx, vy))
+    pulled = System({vx: 4 * t / 5 - lam[0], vy: 3 * t / 5 - lam[1]}, time=t, outputs={"pull": lam[0]})
+    run = solve(pulled, (0, 3), {vx: 0, vy: 0}, dense_output=True, **TIGHT)
+    (slip,) = run.event_times("slip by tangency")
+    for name in ("lam_x", "pull"):
+        assert run(slip, name) == pytest.approx(0.8, abs=1e-12)

@@ -37,10 +37,13 @@ def _function(
             (a, sp.Eq(lam, 1)), (b, sp.Eq(lam, -1)), (Select(lam, a, b).affine(surface.get(lam)), True)
         )
 
+    def shown(lam: sp.Expr, apart: sp.Expr, held: sp.Expr) -> sp.Expr:
+        # At the instant at which a slip begins from rest h/|h| is 0/0, and lambda what its components say.
+        sizes = [p.base for p in apart.atoms(sp.Pow) if p.exp == -sp.S.Half]
+        return sp.Piecewise((apart, sp.And(sp.Eq(sp.Abs(lam), 1), *(size > 0 for size in sizes))), (held, True))
+
     # Before the selections, some of which stand inside.
-    expression = expression.replace(
-        Held, lambda lam, apart, held: sp.Piecewise((apart, sp.Eq(sp.Abs(lam), 1)), (held, True))
-    )
+    expression = expression.replace(Held, shown)
     while expression.has(Select):
         # Innermost first, one level a pass: Selects nest in clips and in the elastoplastic law.
         expression = expression.replace(
