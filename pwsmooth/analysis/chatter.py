@@ -48,6 +48,7 @@ class EndOfChatter(AtEvent):
 
     extras = 1
     arrives = False
+    in_segments = False
 
     def events(self, image: Any) -> list[tuple[int, int]]:
         return [

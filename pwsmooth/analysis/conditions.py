@@ -82,6 +82,7 @@ class Condition:
     kind: str
     extras = 0
     of_multipliers = True  # it asks nothing of a surface, so that a map may leave one out
+    in_segments = True  # its slopes know the points of an orbit in segments
 
     def start(self, place: Place) -> np.ndarray:
         """First values of the unknowns of its own, (extras,); frames are set."""

@@ -240,7 +240,7 @@ class CurveWalk(Walk):
     def segmented(self, here: Any, must: bool = False) -> Any:
         """The same orbit in segments, in others or in none any more, as deviations from it ask for."""
         place, largest = self.place_at(here), float(np.abs(here.orbit.map_multipliers).max(initial=0.0))
-        if place is None or not np.linalg.norm(here.way) > 1e-3:
+        if place is None or not np.linalg.norm(here.way) > 1e-3 or not self.condition.in_segments:
             return here
         must = must or here.steps > EASY
         found = anew(place.map, place.x, place.image, largest, self.scales, self.held, must)

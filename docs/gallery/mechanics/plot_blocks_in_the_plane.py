@@ -43,7 +43,6 @@ axes[0].invert_yaxis()
 axes[0].set(xlabel="across (m)", ylabel="downhill (m)", title=r"incline, with $\mu/\tan\alpha$")
 print(f"farthest from the closed form: {np.abs(misses).max():.1e}")
 
-# %%
 # The block comes in at 2 m/s along x, the plate is pushed off at 1 m/s along y.
 stack = stacked_plates(Coulomb(F_c=0.4), Coulomb(F_c=0.1), block=(2, 0), plate=(0, 1))
 run = stack.solve(dense_output=True)

@@ -42,7 +42,6 @@ axes[0].set(xlabel="y/L", ylabel="x/L", aspect="equal", title="around a corner",
 axes[0].legend(loc="lower right", fontsize=7)
 print("farthest from the tractrix:", ", ".join(f"{miss:.3f} at the mass {m:g}" for m, miss in misses.items()))
 
-# %%
 # A cue ball of radius 28 mm, with side spin and back spin, on cloth with some rolling resistance.
 radius, mu = 0.028, 0.2
 for spins, colour in (((0, 0), "mark"), ((60, -40), "right"), ((-60, -90), "left")):

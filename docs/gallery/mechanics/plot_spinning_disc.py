@@ -46,7 +46,6 @@ axes[0].legend(fontsize=7)
 for (name, spin), (stop, far, last) in ends.items():
     print(f"{name:21} spin {spin:4.2f}: stops after {stop:.4f} at {far:.4f}, last ratio {last:.4f}")
 
-# %%
 # The farther the more it spins.
 spins = np.linspace(0, 6, 25)
 for law, inertia, colour, dash in LAWS.values():
@@ -57,7 +56,6 @@ for law, inertia, colour, dash in LAWS.values():
     axes[1].plot(spins, far, dash, color=COLOUR[colour])
 axes[1].set(xlabel=r"$R\omega/v$ at the start", ylabel=r"distance, $v^2/(\mu g)$", title="how far")
 
-# %%
 # A gripper holds a bar beside its centre of mass and opens slowly: the grip at which it slips, for an ellipsoidal limit
 # surface, against the closed form.
 arms = np.array([0.005, 0.01, 0.02, 0.035, 0.05])
