@@ -116,10 +116,13 @@ def rest_end(beta, *, A=0.0, offset=0.0, over="A", to=3.0):
 
     def seen(orbit):
         """(largest |lam|, least z, largest z) of an orbit."""
-        run = solve(orbit.system, (0, 2 * np.pi), orbit.x, dense_output=True, **FINE)
-        times = np.linspace(0, 2 * np.pi, 4001)
-        z = run(times, "z")
-        return [float(value) for value in (np.abs(run(times, "lam")).max(), z.min(), z.max())]
+        runs = orbit.runs(dense_output=True)  # of a canard in segments, from which trajectories leave it
+        times = [np.linspace(run.t[0], run.t[-1], 4001) for run in runs]
+        z, lam = (
+            np.concatenate([run(at, name) for run, at in zip(runs, times, strict=True)])
+            for name in ("z", "lam")
+        )
+        return [float(value) for value in (np.abs(lam).max(), z.min(), z.max())]
 
     first = find_orbit(rest, {osc.z: 0.8}, transient=20, **options)
     branch = follow(first, over, to, most=80, shortest_step=1e-10)

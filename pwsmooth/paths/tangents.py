@@ -18,7 +18,7 @@ from ..codegen import LANES, compile_model
 from ..definition.folds import fold_model
 from ..definition.model import Model
 from ..kernels import state as names
-from ..kernels.step.onset import STAGES
+from ..kernels.step.tables import STAGES
 from ..kernels.tangent.state import NO_SERIES, UNKNOWN, ZEROS, Flow, Tangent
 from .clock import slopes_of_instants
 from .linearised import rates

@@ -19,8 +19,8 @@ from ..surface.sliding import INSIDE, mask_solved, put_in_slip
 from ..surface.sparse import solve_dense
 from ..surface.vector import begins, push_of_disc, slopes_of_disc
 from ..work import Work
+from .tables import STAGES
 
-STAGES = 8
 _LEGENDRE = np.polynomial.legendre
 _TRIES, _SWEEPS = 40, 12
 _STIFF = 1.0 / 18.0  # of 1/(d|lambda|/dt): later the series of the direction diverges before it is good

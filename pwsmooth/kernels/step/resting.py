@@ -61,6 +61,13 @@ def _near_rest(P, C, S, W, j):
 
 
 @kernel
+def _is_unseen(P, S, R, latest):
+    """Whether nobody asks for the states on the way: the last moments of a slip leave no polynomial."""
+    wanted = S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= latest
+    return not wanted and (R.dense.shape[0] == 0 or R.dense.shape[1] == P.n + P.m)
+
+
+@kernel
 def _is_alone(P, S, W, j, left):
     """Whether no surface, and no bound of what is solved for, can be met before disc j is at rest."""
     rows, all_rows, far = W.step.rows, surface_rows(P, W.step.kind), _FAR * left
@@ -133,7 +140,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         early, late = _near_rest(P, C, S, W, j)
         latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
         fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
-        closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
+        early_too = fast and _is_unseen(P, S, R, S.t + _FAR * left) and _is_alone(P, S, W, j, left)
+        closes = square <= late or (square <= early and early_too)
         if closes and S.t + left < latest and _close(P, S, R, W, j, square, late, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
