@@ -104,7 +104,9 @@ def test_ends_and_instants_move_as_those_of_runs_beside(case):
 def test_the_time_to_rest_of_a_thrown_block_moves_as_the_closed_form():
     block = System({x: u, y: v, u: 1 - mu * lam[0], v: -mu * lam[1]}, parameters={mu: 1.05})
     start = {x: 0, y: 0, u: 2 * math.cos(2.5), v: 2 * math.sin(2.5)}
-    stop = solve(block, (0, 6), start, with_respect_to=[u, v], **TIGHT).derivatives.at_event(0)
+    runs = [solve(block, (0, 6), start, with_respect_to=[u, v], dense_output=d, **TIGHT) for d in (False, True)]
+    stop, again = (run.derivatives.at_event(0) for run in runs)
+    assert again.time == pytest.approx(stop.time, rel=1e-12)
     slope = (1.05 * np.array([math.cos(2.5), math.sin(2.5)]) + [1, 0]) / (1.05**2 - 1)
     assert stop.time == pytest.approx(slope, rel=1e-9)
     assert np.abs(stop.after[2:]).max() == 0 and np.abs(stop.before[2:]).max() < 1e-9

@@ -318,3 +318,21 @@ def test_lambda_at_the_instant_at_which_a_slip_begins():
     (slip,) = run.event_times("slip by tangency")
     for name in ("lam_x", "pull"):
         assert run(slip, name) == pytest.approx(0.8, abs=1e-12)
+
+
+def test_the_last_moments_before_rest_are_there_for_whoever_asks(block):
+    # (mu |v| + F.v)/(mu^2 - |F|^2) is the time that is left.
+    given = {"F1": 1, "F2": 0.4, "mu": 1.3}
+    start = [0, 0, 0.8, -1.1]
+    plain = solve(block, (0, 20), start, parameters=given, **TIGHT)
+    stop = plain.event_times("stick")[0]
+    left = np.array([1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 1e-7, 1e-8])
+    dense = solve(block, (0, 20), start, parameters=given, dense_output=True, **TIGHT)
+    asked = solve(block, (0, 20), start, parameters=given, t_eval=stop - left, **TIGHT)
+    assert np.array_equal(dense.event_times(), plain.event_times()) and np.array_equal(dense.x, plain.x)
+    assert np.array_equal(asked.event_times(), plain.event_times())
+    for speed, push in ((dense(stop - left)[2:], dense(stop - left, "lam_x")), (asked.x[2:], asked["lam_x"])):
+        size = np.hypot(*speed)
+        told = (1.3 * size + speed[0] + 0.4 * speed[1]) / (1.3**2 - 1.16)
+        assert told == pytest.approx(left, rel=1e-6, abs=1e-13)
+        assert push == pytest.approx(speed[0] / size, abs=1e-9)

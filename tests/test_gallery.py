@@ -22,11 +22,11 @@ GALLERY = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
 
 @functools.cache
-def page(name):
+def page(name, folder="gallery/*"):
     """The names that a page's script leaves behind."""
     from matplotlib import pyplot
 
-    (path,) = GALLERY.glob(f"*/plot_{name}.py")
+    (path,) = GALLERY.parent.glob(f"{folder}/plot_{name}.py")
     backend = matplotlib.get_backend()
     pyplot.switch_backend("Agg")
     try:
@@ -769,3 +769,17 @@ def test_blocks_stop_on_the_closed_form_and_a_block_rides_on_its_plate_when_anot
     assert names["marks"] == pytest.approx([rides, stands], abs=1e-6)
     far = np.hypot(*q[6:8]) * q[6:8] / (2 * 0.1 * 9.81)
     assert names["run"].x[:4, -1] == pytest.approx(q[:4] + np.tile(far, 2), abs=1e-6)
+
+
+def test_a_pin_that_slides_on_a_table_becomes_a_hinge():
+    run = page("6_mechanics", "howto")["run"]
+    assert run.itinerary[:2] == ("slip (lam)", "stick (lam sliding)")
+    # In stick the pin is a fixed joint, and the rod turns about it at constant speed.
+    assert np.ptp(run["spin"][run.t > run.events[0].time]) < 1e-10
+    times = np.linspace(0, run.events[0].time, 20001)
+    energy, turn, rate = (run(times, name) for name in ("energy", "theta", "spin"))
+    power = 1.2 * np.hypot(
+        run(times, "u1") - rate * np.sin(turn) / 2, run(times, "u2") + rate * np.cos(turn) / 2
+    )
+    lost = np.sum((power[1:] + power[:-1]) / 2 * np.diff(times))
+    assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-8)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
-from sympy.physics import mechanics as me
 
 from pwsmooth import Disc, Drive, Event, Family, Solution, System, Unilateral, equilibria, solve, sweep
 from pwsmooth.laws.friction import (
@@ -263,40 +262,6 @@ def test_a_solution_with_a_disc_is_saved_and_found_again(tmp_path):
         == pytest.approx(run(0.3, "u") / np.hypot(*run(0.3)), abs=1e-12)
     )
     assert run["lam_x"][-1] == pytest.approx(0.4)
-
-
-def test_a_pin_that_slides_on_a_table():
-    q1, q2, theta = me.dynamicsymbols("q1 q2 theta")
-    u1, u2, spin = me.dynamicsymbols("u1 u2 spin")
-    time = me.dynamicsymbols._t
-    N, O = me.ReferenceFrame("N"), me.Point("O")
-    O.set_vel(N, 0)
-    B = N.orientnew("B", "Axis", [theta, N.z])
-    B.set_ang_vel(N, spin * N.z)
-    G = O.locatenew("G", q1 * N.x + q2 * N.y)
-    G.set_vel(N, u1 * N.x + u2 * N.y)
-    rod = me.RigidBody("rod", G, B, 1, (me.inertia(B, 0, 0, sp.Rational(1, 3)), G))
-    pin = G.locatenew("pin", B.x / 2).v2pt_theory(G, N, B)
-    kane = me.KanesMethod(
-        N, [q1, q2, theta], [u1, u2, spin],
-        kd_eqs=[u1 - q1.diff(time), u2 - q2.diff(time), spin - theta.diff(time)],
-    )  # fmt: skip
-    kane.kanes_equations([rod], [(G, 0 * N.x)])
-    slip = (pin.dot(N.x), pin.dot(N.y))
-    system = System.from_mechanics(kane, friction={slip: Coulomb(F_c=1.2)})
-    start = {"q1": 0, "q2": 0, "theta": 0.5, "u1": 0.4, "u2": 0.3, "spin": 1}
-    run = solve(system, (0, 6), start, dense_output=True, rtol=1e-11, atol=1e-13)
-    assert run.itinerary[:2] == ("slip (lam)", "stick (lam sliding)")
-    # In stick the pin is a fixed joint, and the rod turns about it at constant speed.
-    assert np.ptp(run["spin"][run.t > run.events[0].time]) < 1e-10
-    times = np.linspace(0, run.events[0].time, 20001)
-    energy = sum(m * run(times, s) ** 2 / 2 for s, m in (("u1", 1), ("u2", 1), ("spin", 1 / 3)))
-    turn, rate = run(times, "theta"), run(times, "spin")
-    power = 1.2 * np.hypot(
-        run(times, "u1") - rate * np.sin(turn) / 2, run(times, "u2") + rate * np.cos(turn) / 2
-    )
-    lost = np.sum((power[1:] + power[:-1]) / 2 * np.diff(times))
-    assert energy[0] - energy[-1] == pytest.approx(lost, abs=1e-8)
 
 
 def of_elements():

@@ -92,7 +92,7 @@ def run(P, C, S, R, W):
     if S.started == 0:
         code = begin(P, C, S, R, W)
     while code >= GO_ON and S.t < C.t_end:
-        if not has_room(R, S):
+        if not has_room(P, R, S):
             return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
             return Outcome.TOO_MANY_STEPS

@@ -258,12 +258,14 @@ class Work(Bundle):
     dh: "f8[gradients]"  # entries of the sparse gradients of the surfaces, then (m + ne) derivatives by time
     mask: "i8[m]"  # multipliers that are solved for
     disc: "f8[4, 5]"  # small matrices of a disc
-    closing_t: "float"  # see surface/closing.py
+    closing_t: "float"  # see step/closing.py
     closing_x: "f8[n]"
     closing_mult: "f8[m]"
+    closing_end: "f8[m]"
     closing_y: "f8[5 + n]"
     closing_new: "f8[5 + n]"
-    closing_k: "f8[13, 5 + n]"
+    closing_look: "f8[5 + n]"
+    closing_k: "f8[16, 5 + n]"
     broken: "int"  # multiplier whose invariant does not hold: invariants.py
     linear: Linear
     step: Step

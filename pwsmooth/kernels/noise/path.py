@@ -250,7 +250,7 @@ def diffuse(P, C, S, R, W, N):
         if code != GO_ON:
             return code
     while N.interval < N.last:
-        if not has_room(R, S):
+        if not has_room(P, R, S):
             return Outcome.OUT_OF_MEMORY
         if S.steps >= C.max_steps:
             return Outcome.TOO_MANY_STEPS

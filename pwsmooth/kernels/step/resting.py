@@ -6,8 +6,8 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import at, call_fields, call_linear
 from ..state import ALGEBRAIC, CLOSING, CONTACT, DISC, HELD, SOLVED, TAPE_STEP
-from ..surface.closing import close, pull_of
 from ..surface.sliding import INSIDE
+from .closing import MOST, MOST_KEPT, close, pull_of, wants
 from .recording import put_on_tape
 from .steps import surface_rows
 
@@ -61,13 +61,6 @@ def _near_rest(P, C, S, W, j):
 
 
 @kernel
-def _is_unseen(P, S, R, latest):
-    """Whether nobody asks for the states on the way: the last moments of a slip leave no polynomial."""
-    wanted = S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= latest
-    return not wanted and (R.dense.shape[0] == 0 or R.dense.shape[1] == P.n + P.m)
-
-
-@kernel
 def _is_alone(P, S, W, j, left):
     """Whether no surface, and no bound of what is solved for, can be met before disc j is at rest."""
     rows, all_rows, far = W.step.rows, surface_rows(P, W.step.kind), _FAR * left
@@ -86,32 +79,45 @@ def _is_alone(P, S, W, j, left):
 
 
 @kernel
-def _close(P, S, R, W, j, square, late, latest):
+def _close(P, C, S, R, W, j, square, late, latest):
     """Moves S to where disc j is at rest, with the direction from which it comes in S.mult; False if it passes by, or
     comes there later than at the `latest`. `late` is as in _near_rest, which has left W.G."""
+    size, tolerance, k = math.sqrt(square), math.sqrt(late) / _NEAR, S.taped
+    most = MOST if square <= late else MOST_KEPT
     for i in range(P.m):
         W.closing_mult[i] = S.mult[i]
-    k = S.taped
     _come_from(P, S, R, W, j)
-    if not close(P, S, W, j, math.sqrt(square), math.sqrt(late) / _NEAR) or S.t >= latest:
-        S.t, S.taped = W.closing_t, k
-        for i in range(P.n):
-            S.x[i] = W.closing_x[i]
-        for i in range(P.m):
-            S.mult[i] = W.closing_mult[i]
-        return False
-    if R.tape.shape[0] > 0:
+    rests = close(P, C, S, R, W, j, size, tolerance, latest, most, False)
+    if rests and R.tape.shape[0] > 0:
         R.tape_x[k, 1] = S.t - W.closing_t
-    return True
+    if rests and not (square > late and wants(P, S, R, S.t)):
+        return True
+    S.t = W.closing_t
+    for i in range(P.n):
+        S.x[i] = W.closing_x[i]
+    for i in range(P.m):
+        S.mult[i] = W.closing_mult[i]
+    if not rests:
+        S.taped = k
+        return False
+    # The same way once more, now that it is known to lead to rest.
+    _take_direction(P, S, W, j)
+    return close(P, C, S, R, W, j, size, tolerance, latest, most, True)
 
 
 @kernel
-def _come_from(P, S, R, W, j):
-    """Disc j begins to come to rest: lambda is what the multipliers of its components say, h/|h|."""
+def _take_direction(P, S, W, j):
+    """Lambda of disc j is from now on what the multipliers of its components say: h/|h|."""
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
     for k in range(j + 1, j + 1 + P.dim[j]):
         S.mult[k] = W.h[k] / math.sqrt(W.h[j])
     S.mult[j] = INSIDE
+
+
+@kernel
+def _come_from(P, S, R, W, j):
+    """Disc j begins to come to rest."""
+    _take_direction(P, S, W, j)
     if R.tape.shape[0] > 0:
         put_on_tape(P, S, R, TAPE_STEP, CLOSING, j, 0, 0.0)
 
@@ -140,9 +146,8 @@ def come_to_rest_in_disc(P, C, S, R, W, h):
         early, late = _near_rest(P, C, S, W, j)
         latest = W.step.stop if square <= late else min(W.step.stop, S.t + _FAR * left)
         fast = -slope >= 2.0 * _FAST * pull_of(P, W, j) * square**0.5  # else its direction is stiff in tau
-        early_too = fast and _is_unseen(P, S, R, S.t + _FAR * left) and _is_alone(P, S, W, j, left)
-        closes = square <= late or (square <= early and early_too)
-        if closes and S.t + left < latest and _close(P, S, R, W, j, square, late, latest):
+        closes = square <= late or (square <= early and fast and _is_alone(P, S, W, j, left))
+        if closes and S.t + left < latest and _close(P, C, S, R, W, j, square, late, latest):
             W.meeting.widest[j] = 0.0  # the next slip has its own scale
             return h, j
         if square <= _ROUNDING * W.meeting.widest[j] or left <= 1e-15 * (1.0 + abs(S.t)):

@@ -1,6 +1,6 @@
 """Deviations where a disc comes to rest and where it begins to slip, which have no Taylor series.
 
-Its last moments, dt = r dtau, are those of surface/closing.py, with the deviations at one tau of all that moves there.
+Its last moments, dt = r dtau, are those of step/closing.py, with the deviations at one tau of all that moves there.
 With a and b for r1 times those of log r and of n (n.b = 0; r1 is where they begin), D for r1 times that of G:
 
     D = Jb + r1 (G_x dx + G_t dT + G_p q),   a' = b.G + n.D,   b' = D - (b.G + n.D) n - (n.G) b
@@ -14,9 +14,10 @@ import math
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields
 from ..state import SOLVED
+from ..step.closing import FARTHEST, error_of, next_step
 from ..step.onset import LAGRANGE, NODES, WEIGHTS
 from ..step.onset import STAGES as COLLOCATED
-from ..surface.closing import FARTHEST, STAGES, error_of, misfit, next_step, stage_point
+from ..surface.pair import STAGES, errors, stage_point
 from ..surface.sparse import solve_dense
 from .flow import invert, number_unknowns
 from .saltation import look
@@ -159,7 +160,7 @@ def _step_error(P, V, d, step):
     direction = min(_DIRECTION, _TOLERANCE * math.exp(-min(y[_LOG], 0.0)))
     for i in range(_X):
         if not d <= i < _LOG:
-            e5, e3 = misfit(k, i)
+            e5, e3 = errors(k, i)
             scale = direction if i <= _LOG else _TOLERANCE
             fifth, third = max(fifth, abs(e5) / scale), max(third, abs(e3) / scale)
     for c in range(columns):
@@ -168,7 +169,7 @@ def _step_error(P, V, d, step):
         for r in range(1 + d):
             size = max(size, abs(y[at + columns * r]), abs(V.closing_new[at + columns * r]))
         for r in range(2 + d):
-            e5, e3 = misfit(k, at + columns * (r if r < 1 + d else _TIME))
+            e5, e3 = errors(k, at + columns * (r if r < 1 + d else _TIME))
             scale = size * (direction if r < 1 + d else _TOLERANCE * V.closing_pace)
             fifth, third = max(fifth, abs(e5) / scale), max(third, abs(e3) / scale)
     return error_of(fifth, third, step) if fifth + third < math.inf else math.inf

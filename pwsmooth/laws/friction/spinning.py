@@ -84,8 +84,17 @@ def factors(shape, B, square=1):
     return tuple(horner(P) + singular * horner(Q) for P, Q in _fitted(shape))
 
 
+class SpinningLaw(Law):
+    """A law of a flat contact that slides and spins; steady without the spin, it is Coulomb's."""
+
+    in_plane = spins = True
+
+    def steady(self, v, p):
+        return p.F_c * sp.sign(v)
+
+
 @law
-class Contensou(Law):
+class Contensou(SpinningLaw):
     """Coulomb friction of a flat contact that slides and spins, exactly: Contensou's force and moment.
 
     A spin weakens the friction against the slide, and a slide that against the spin. At the velocity (v_x, v_y, omega)
@@ -112,7 +121,6 @@ class Contensou(Law):
     """
 
     source = "Contensou 1963; closed form of Farkas, Bartels, Unger, Wolf, PRL 90 (2003) 248302; derived here as means"
-    in_plane = spins = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
     shape: str = parameter(
@@ -128,12 +136,9 @@ class Contensou(Law):
             force=(p.F_c * phi * lam[0], p.F_c * phi * lam[1], p.F_c * p.R * psi * lam[2]), surfaces=surfaces
         )
 
-    def steady(self, v, p):
-        return p.F_c * sp.sign(v)
-
 
 @law
-class LimitEllipsoid(Law):
+class LimitEllipsoid(SpinningLaw):
     """Friction of a contact that slides and spins, with an ellipsoid for the limit surface of force and moment.
 
     (|F|/F_c)^2 + (M/(k F_c R))^2 = 1, and the motion is its normal (the most dissipation): h = (v_x, v_y, k R omega),
@@ -159,7 +164,6 @@ class LimitEllipsoid(Law):
     """
 
     source = "Howe, Cutkosky, Int. J. Robotics Research 15 (1996) 557; k = 2/3 of a disc under uniform pressure"
-    in_plane = spins = True
     F_c: float = parameter(1.0, "N", "Coulomb force")
     R: float = parameter(1.0, "m", "radius of the contact")
     k: float = parameter(2 / 3, "1", "moment of a pure spin over F_c R")
@@ -169,6 +173,3 @@ class LimitEllipsoid(Law):
         surfaces = (first, second, p.k * p.R * spin)
         lam = Disc(at.label("lam"), surfaces)
         return Pieces(force=(p.F_c * lam[0], p.F_c * lam[1], p.k * p.R * p.F_c * lam[2]), surfaces=surfaces)
-
-    def steady(self, v, p):
-        return p.F_c * sp.sign(v)

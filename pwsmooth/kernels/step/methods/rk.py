@@ -9,42 +9,25 @@ import math
 
 import numpy as np
 from numba import types
-from scipy.integrate._ivp import dop853_coefficients as dop
 
 from ...machine.compiling import inlined_kernel, kernel, unit
 from ...machine.pointers import call_fields, call_linear, call_newton
 from ...state import CONTACT, SOLVED, Control, Problem, State
+from ...surface.pair import DEGREE, STAGES, TIMES, errors, interpolant, stage_point
 from ...surface.sliding import mask_solved, surface_size
 from ...work import Work
 
-_A, _B, _C, _D = dop.A.copy(), dop.B.copy(), dop.C.copy(), dop.D.copy()
-_E3, _E5 = dop.E3.copy(), dop.E5.copy()
-_STAGES, _DEGREE = 12, 7
 _MINUTE = 1e-12  # of a surface's size: the height of an arc of a thousand roundings
 _DEFECT = 100.0  # of the tolerance: that of the interpolant, whose order is lower, over a step that is good
-
-
-def _basis():
-    """Coefficients in theta of the interpolant's seven products theta^a (1 - theta)^b."""
-    rows = np.zeros((7, _DEGREE + 1))
-    for i in range(7):
-        product = np.polynomial.Polynomial([0, 1]) ** (i // 2 + 1) * np.polynomial.Polynomial([1, -1]) ** (
-            (i + 1) // 2
-        )
-        rows[i, : len(product.coef)] = product.coef
-    return rows
-
-
-_BASIS = _basis()
-_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
 _BETWEEN = 0.5 - 0.5 * math.cos(
-    math.pi * (_DEGREE - 0.5) / _DEGREE
+    math.pi * (DEGREE - 0.5) / DEGREE
 )  # between the last two: the fit is worst there
 _FIT = np.linalg.inv(np.vander(_NODES, increasing=True))
 # The same with the slope at the start in place of the value at the first node: where a surface has just been left it is
 # small beside the step, and the next root is as good as its slope.
 _POWERS = np.vander(_NODES, increasing=True)
-_POWERS[1] = np.eye(_DEGREE + 1)[1]
+_POWERS[1] = np.eye(DEGREE + 1)[1]
 _FIT_WITH_SLOPE = np.linalg.inv(_POWERS)
 
 
@@ -68,25 +51,15 @@ def _rate(P, S, W, t, out, stage):
 def _try_step(P, C, S, W, h):
     """One step of size h from (pair.x, pair.mult); leaves the end in S.x, S.mult. Returns the scaled error, or nan."""
     n, k, x0, t = P.n, W.pair.k, W.pair.x, S.t
-    for s in range(_STAGES + 1):
+    for s in range(STAGES + 1):
         for i in range(n):
-            total = 0.0
-            if s < _STAGES:
-                for r in range(s):
-                    total += _A[s, r] * k[r, i]
-            else:
-                for r in range(_STAGES):
-                    total += _B[r] * k[r, i]
-            S.x[i] = x0[i] + h * total
-        if not _rate(P, S, W, t + (_C[s] * h if s < _STAGES else h), k, s):
+            S.x[i] = stage_point(x0, k, s, i, h)
+        if not _rate(P, S, W, t + (TIMES[s] * h if s < STAGES else h), k, s):
             return math.nan
     e5, e3 = 0.0, 0.0
     for i in range(n):
         scale = W.step.atol[i] + C.rtol * max(abs(x0[i]), abs(S.x[i]))
-        a, b = 0.0, 0.0
-        for r in range(_STAGES + 1):
-            a += _E5[r] * k[r, i]
-            b += _E3[r] * k[r, i]
+        a, b = errors(k, i)
         e5 += (a / scale) ** 2
         e3 += (b / scale) ** 2
     if e5 == 0.0 and e3 == 0.0:
@@ -118,7 +91,7 @@ def _fit_one(row, fit, q, value):
         row[0] = value
         return
     change = value - row[0]
-    for c in range(1, _DEGREE + 1):
+    for c in range(1, DEGREE + 1):
         row[c] += fit[c, q] * change
 
 
@@ -132,31 +105,14 @@ def _polynomials(P, S, W, h):
         pair.end[i] = S.x[i]
     found = True
     for s in range(3):
-        stage = _STAGES + 1 + s
+        stage = STAGES + 1 + s
         for i in range(n):
-            total = 0.0
-            for r in range(stage):
-                total += _A[stage, r] * k[r, i]
-            S.x[i] = pair.x[i] + h * total
-        found = found and _rate(P, S, W, t + _C[stage] * h, k, stage)
+            S.x[i] = stage_point(pair.x, k, stage, i, h)
+        found = found and _rate(P, S, W, t + TIMES[stage] * h, k, stage)
     for i in range(n):
-        step = pair.end[i] - pair.x[i]
         for c in range(rows.shape[1]):
             rows[i, c] = 0.0
-        for part in range(7):
-            if part == 0:
-                value = step
-            elif part == 1:
-                value = h * k[0, i] - step
-            elif part == 2:
-                value = 2.0 * step - h * (k[_STAGES, i] + k[0, i])
-            else:
-                value = 0.0
-                for r in range(16):
-                    value += _D[part - 3, r] * k[r, i]
-                value *= h
-            for c in range(_DEGREE + 1):
-                rows[i, c] += value * _BASIS[part, c]
+        interpolant(k, i, h, pair.end[i] - pair.x[i], rows[i])
         rows[i, 0] += pair.x[i]
     for r in range(m + surfaces):
         for c in range(rows.shape[1]):
@@ -171,13 +127,13 @@ def _polynomials(P, S, W, h):
         with_slope = with_slope and abs(_slope(P, W, j)) < math.inf
     fit = _FIT_WITH_SLOPE if with_slope else _FIT
     for j in range(surfaces if with_slope else 0):
-        for c in range(_DEGREE + 1):
+        for c in range(DEGREE + 1):
             rows[n + m + j, c] = fit[c, 1] * h * _slope(P, W, j)
-    for q in range(_DEGREE + 1):
+    for q in range(DEGREE + 1):
         theta = _NODES[q]
         for i in range(n):
-            value = rows[i, _DEGREE]
-            for c in range(_DEGREE - 1, -1, -1):
+            value = rows[i, DEGREE]
+            for c in range(DEGREE - 1, -1, -1):
                 value = value * theta + rows[i, c]
             S.x[i] = value
         found = found and _rate(P, S, W, t + theta * h, k, 0) if pair.solves else found
@@ -190,7 +146,7 @@ def _polynomials(P, S, W, h):
             _fit_one(rows[n + m + j], fit, q, W.h[j])
     _restore(P, S, W)
     scale = 1.0
-    for c in range(1, _DEGREE + 1):
+    for c in range(1, DEGREE + 1):
         scale /= h
         for r in range(n + m + surfaces):
             rows[r, c] *= scale
@@ -210,7 +166,7 @@ def _misfit(P, C, S, W, h):
     worst = 0.0 if _rate(P, S, W, S.t + s, W.pair.k, 0) else math.inf
     for i in range(n):
         slope = 0.0
-        for c in range(_DEGREE, 0, -1):
+        for c in range(DEGREE, 0, -1):
             slope = slope * s + c * rows[i, c]
         scale = W.step.atol[i] + C.rtol * max(abs(rows[i, 0]), abs(S.x[i]))
         worst = max(worst, abs(h * (slope - W.dx[i])) / (_DEFECT * scale))
@@ -231,8 +187,8 @@ def _misfit(P, C, S, W, h):
 @kernel
 def _value(row, s):
     """A polynomial of the step at s."""
-    value = row[_DEGREE]
-    for c in range(_DEGREE - 1, -1, -1):
+    value = row[DEGREE]
+    for c in range(DEGREE - 1, -1, -1):
         value = value * s + row[c]
     return value
 
@@ -344,7 +300,7 @@ def step(P, C, S, W, h, refine):
             row = W.step.rows[n + m + refine]
             value = W.h[refine]
         slope = 0.0
-        for c in range(_DEGREE, 0, -1):
+        for c in range(DEGREE, 0, -1):
             slope = slope * h + c * row[c]
         change = value / slope if slope != 0.0 else 0.0
         if not abs(change) < 0.1 * h:

@@ -2,20 +2,18 @@
 
     n' = G - (n.G) n,   (log r)' = n.G,   t' = r,   x' = r f,      h = r n
 
-(Antali and Stepan 2018 for limit directions.) The motion comes to rest, or passes by. The pair 8(5,3) of Dormand and
-Prince as in step/methods/rk.py, here in units of the |h| with which it begins.
+(Antali and Stepan 2018 for limit directions.) The motion comes to rest, or passes by. By the pair 8(5,3), in units of
+the |h| with which it begins.
 """
 
 import math
 
-from scipy.integrate._ivp import dop853_coefficients as dop
-
 from ..machine.compiling import kernel
 from ..machine.pointers import call_fields, call_newton
-from .sliding import INSIDE, mask_solved
+from ..surface.pair import DEGREE, STAGES, errors, interpolant, stage_point
+from ..surface.sliding import INSIDE, mask_solved
+from .recording import keep_dense, sample
 
-_A, _B, _E3, _E5 = dop.A.copy(), dop.B.copy(), dop.E3.copy(), dop.E5.copy()
-STAGES = 12
 _TOLERANCE, _DIRECTION = 1e-9, 1e-6  # of the time, and what is enough of the direction at its end
 _CLOSED = -20.0  # of log(r/r1): what is left does not matter
 _STRAIGHT, _BENT = (
@@ -25,27 +23,8 @@ _STRAIGHT, _BENT = (
 _STEADY = 0.1  # tolerances of h: what the change of n.G on the rest of the way is worth
 _PASSED = 0.5
 FARTHEST = 100.0  # of log(r/r1), where a stage of a step too long may be
-_STEPS = 1000
+MOST, MOST_KEPT = 1000, 200  # steps, and where states on the way may be asked for
 _LOG, _TIME, _X = 3, 4, 5  # places behind n
-
-
-@kernel
-def stage_point(y, k, s, i, step):
-    """Component i of the point at which stage s is taken; stage 12 is the end of the step."""
-    total = 0.0
-    for r in range(min(s, STAGES)):
-        total += (_A[s, r] if s < STAGES else _B[r]) * k[r, i]
-    return y[i] + step * total
-
-
-@kernel
-def misfit(k, i):
-    """Component i of the errors of orders 5 and 3, over the length of the step."""
-    fifth, third = 0.0, 0.0
-    for r in range(STAGES + 1):
-        fifth += _E5[r] * k[r, i]
-        third += _E3[r] * k[r, i]
-    return fifth, third
 
 
 @kernel
@@ -61,6 +40,14 @@ def next_step(step, error):
 
 
 @kernel
+def _stand(P, S, W, size, y):
+    """Puts S at the time and the states of y."""
+    for i in range(P.n):
+        S.x[i] = W.closing_x[i] + size * y[_X + i]
+    S.t = W.closing_t + size * y[_TIME]
+
+
+@kernel
 def _closing_rates(P, S, W, j, size, y, out, stage):
     """Overwrites out[stage] with the rates at y; leaves f in W.dx and S at y; returns n.G."""
     d, along, length = P.dim[j], 0.0, 0.0
@@ -69,9 +56,7 @@ def _closing_rates(P, S, W, j, size, y, out, stage):
     length = math.sqrt(length)
     for i in range(d):
         S.mult[j + 1 + i] = y[i] / length
-    for i in range(P.n):
-        S.x[i] = W.closing_x[i] + size * y[_X + i]
-    S.t = W.closing_t + size * y[_TIME]
+    _stand(P, S, W, size, y)
     if W.layer.masked:
         call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
@@ -95,7 +80,7 @@ def _step_error(W, d, n, step):
     for i in range(_X + n):
         if d <= i < _LOG:
             continue
-        e5, e3 = misfit(k, i)
+        e5, e3 = errors(k, i)
         scale = direction if i <= _LOG else _TOLERANCE
         fifth, third = max(fifth, abs(e5) / scale), max(third, abs(e3) / scale)
         if not fifth + third < math.inf:
@@ -104,17 +89,93 @@ def _step_error(W, d, n, step):
 
 
 @kernel
-def _rest_of_line(P, S, W, left):
+def _keeps_dense(P, R):
+    """Whether dense output is asked for; polynomials that are kept for a tape alone are not of these moments."""
+    return len(R.dense_s) > 0 and R.dense.shape[1] > P.n + P.m
+
+
+@kernel
+def wants(P, S, R, t):
+    """Whether the states on the way to a time are asked for."""
+    return _keeps_dense(P, R) or (S.samples < R.t_eval.shape[0] and R.t_eval[S.samples] <= t)
+
+
+@kernel
+def _leave(P, C, S, R, W, j, t_new):
+    """Keeps what is asked for of the polynomials in W.step, up to a time."""
+    keep, W.step.mult_row, W.end.length = S.mult[j], P.n, W.step.length
+    S.mult[j] = 1.0  # lambda is h/|h| of the states
+    if _keeps_dense(P, R):
+        keep_dense(P, C, S, R, W)
+    sample(P, C, S, R, t_new, W)
+    S.mult[j] = keep
+
+
+@kernel
+def _clear(P, S, W):
+    """Rows of zeros, but for the multipliers, which change evenly from those in W.step.mult to the present ones."""
+    rows, n, m = W.step.rows, P.n, P.m
+    for r in range(n + m + 1):
+        for c in range(rows.shape[1]):
+            rows[r, c] = 0.0
+    for i in range(m):
+        rows[n + i, 0] = W.step.mult[i]
+        rows[n + i, 1] = (S.mult[i] - W.step.mult[i]) / W.step.length
+
+
+@kernel
+def _leave_step(P, C, S, R, W, j, size, step):
+    """Keeps what is asked for of the step from closing_y to closing_new, of which the interpolant's stages are missing;
+    its polynomials are those of (t, x) in its share, as along an arc."""
+    n, m, y, new, k, look, rows = P.n, P.m, W.closing_y, W.closing_new, W.closing_k, W.closing_look, W.step.rows
+    W.step.length, W.step.time_row = 1.0, n + m
+    _clear(P, S, W)
+    for i in range(m):
+        W.closing_end[i] = S.mult[i]
+    for s in range(STAGES + 1, 16):
+        for i in range(_X + n):
+            look[i] = stage_point(y, k, s, i, step)
+        _closing_rates(P, S, W, j, size, look, k, s)
+    for i in range(n + 1):
+        at, row = _X + i if i < n else _TIME, rows[i if i < n else n + m]
+        interpolant(k, at, step, new[at] - y[at], row)
+        for c in range(DEGREE + 1):
+            row[c] *= size
+        row[0] += size * y[at] + (W.closing_x[i] if i < n else W.closing_t)
+    # Back at the end, to the last bit.
+    for i in range(m):
+        S.mult[i] = W.closing_end[i]
+    _stand(P, S, W, size, new)
+    call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    _leave(P, C, S, R, W, j, S.t)
+    W.step.time_row = -1
+
+
+@kernel
+def _rest_of_line(P, C, S, R, W, j, left, leaves):
     """Moves S by a time in which h falls to 0 along a line: the rates change in proportion to it."""
+    first, start = W.closing_new, W.closing_look
+    for i in range(P.m):
+        W.step.mult[i] = S.mult[i]
     for i in range(P.n):
-        W.closing_new[_X + i] = W.dx[i]
+        first[i], start[i] = W.dx[i], S.x[i]
         S.x[i] += left * W.dx[i]
-    S.t += left
+    t, S.t = S.t, S.t + left
     if W.layer.masked:
         call_newton(P.newton_unit, P, S, W)
     call_fields(P.fields, S.t, S.x, S.mult, P.p, W.dx, W.h, W.g)
+    W.step.length = left
+    if leaves:
+        _clear(P, S, W)
     for i in range(P.n):
-        S.x[i] += 0.5 * left * (W.dx[i] - W.closing_new[_X + i])
+        bend = 0.5 * (W.dx[i] - first[i]) / left
+        S.x[i] += left * left * bend
+        if leaves:
+            W.step.rows[i, 0], W.step.rows[i, 1], W.step.rows[i, 2] = start[i], first[i], bend
+    if leaves:
+        end, S.t = S.t, t
+        _leave(P, C, S, R, W, j, end)
+        S.t = end
 
 
 @kernel
@@ -129,10 +190,12 @@ def pull_of(P, W, j):
 
 
 @kernel
-def close(P, S, W, j, size, tolerance):
-    """Moves S from |h| = size of disc j, in the direction in S.mult, to its rest; False, and S anywhere, if it passes.
+def close(P, C, S, R, W, j, size, tolerance, latest, most, leaves):
+    """Moves S from |h| = size of disc j, in the direction in S.mult, to its rest; False, and S anywhere, if it passes,
+    or is there later than at the `latest` or not in so many steps.
 
-    The state before it is left in W.closing_t, W.closing_x; W.G is that of its slip, and `tolerance` that of h.
+    The state before it is left in W.closing_t, W.closing_x; W.G is that of its slip, and `tolerance` that of h. If it
+    `leaves` them, states on the way are kept where they are asked for; W.step is overwritten.
     """
     d, n, y, new, k = P.dim[j], P.n, W.closing_y, W.closing_new, W.closing_k
     mask_solved(P, S, W)
@@ -157,7 +220,9 @@ def close(P, S, W, j, size, tolerance):
     W.layer.pace = 1.0 / fastest
     along = _closing_rates(P, S, W, j, size, y, k, 0)
     step = 0.2 / (W.layer.pace * pull)
-    for _ in range(_STEPS):
+    for i in range(P.m):
+        W.step.mult[i] = S.mult[i]
+    for _ in range(most):
         before = along
         for s in range(1, STAGES + 1):
             for i in range(_X + n):
@@ -168,19 +233,23 @@ def close(P, S, W, j, size, tolerance):
             along = before
             step = next_step(step, error)
             continue
+        if new[_LOG] > _PASSED:
+            return False
+        if leaves:
+            _leave_step(P, C, S, R, W, j, size, step)
         turns = 0.0
         for i in range(_X + n):
             y[i], k[0, i] = new[i], k[STAGES, i]
         for i in range(d):
             turns = max(turns, abs(k[0, i]))
-        if y[_LOG] > _PASSED:
-            return False
+        for i in range(P.m):
+            W.step.mult[i] = S.mult[i]
         # Along a direction that it no longer leaves, and at a rate that it keeps, the rest is a line.
         angle, change = turns / (W.layer.pace * pull), abs(along - before) / (step * abs(k[0, _LOG]))
         straight = angle <= _STRAIGHT and angle * angle * pull <= _BENT * abs(along)
         straight = straight and change * size * math.exp(y[_LOG]) <= _STEADY * tolerance * abs(along)
         if along < 0.0 and (straight or y[_LOG] < _CLOSED):
-            _rest_of_line(P, S, W, size * math.exp(y[_LOG]) / -along)
-            return True
+            _rest_of_line(P, C, S, R, W, j, size * math.exp(y[_LOG]) / -along, leaves)
+            return S.t < latest
         step = next_step(step, error)
     return False
