@@ -22,13 +22,14 @@ from .fixed_points import pinned
 from .impacts import EventImage
 from .multipliers import balanced
 from .normal_forms import flip_coefficient
-from .pieces import Pieces, critical, spectrum, square
+from .pieces import Pieces, by_root, critical, spectrum, square
 from .poincare import Word
 from .segments import Shooting
 from .windows import TOUCHED
 
 _STEP = 6e-6  # DP has some twelve digits: its differences have half of them, enough for Newton's method
 _SOONER = 1e2  # the part of it that is left at least: four digits of slopes are roundings then
+_ROUNDED, _LEFT = 1e-12, 1e-3  # of the entries of DP; of its changes, that may be roundings
 _PART, _LEAST = 1.0, 1e-7  # of the curve's step, and the least of that: five digits are left
 
 
@@ -100,6 +101,10 @@ class Condition:
         """Of c by x, p, q and the extras, (1 + extras, n + 2 + extras), where they are exact."""
         return None
 
+    def bent(self, place: Place) -> tuple[np.ndarray, np.ndarray] | None:
+        """w and v, (n,), where c is one number whose slopes by x, p, q are -w D2F(v, .), of no unknowns of its own."""
+        return None
+
     def unfolding(self, extra: np.ndarray) -> np.ndarray | float:
         """What is added to F, (n,)."""
         return 0.0
@@ -169,6 +174,12 @@ class Critical(Condition):
 
     def value(self, place: Place, extra: np.ndarray) -> np.ndarray:
         return np.array([self.null(place)[2]])
+
+    def bent(self, place: Place) -> tuple[np.ndarray, np.ndarray] | None:
+        if self.extras or isinstance(place.image, EventImage):  # a pencil of two matrices is no slope of one map
+            return None
+        v, w, _ = self.null(place)
+        return by_root(place.map, w, self.root), v
 
     def tests(self, place: Place, extra: np.ndarray, slopes: np.ndarray) -> dict[str, float]:
         v, w, _ = self.null(place)
@@ -328,42 +339,74 @@ def on_circle(mu: np.ndarray) -> bool:
 
 def differences(
     at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray],
-    reach: float = 1.0,
+    reach: float = 1.0, wanted: np.ndarray | None = None,
 ) -> np.ndarray | None:  # fmt: skip
     """Slopes of `value` by the entries of u = (x, p, q), (c, n + 2), within the itinerary of `place`; None without.
 
     From places much nearer than `reach`, the length of the curve's step: beside a square root it bends within that.
+    Of entries that are not `wanted` there are zeros.
     """
-    near = min(_STEP, _PART * max(reach, _LEAST))
-    steps = near * (1 + np.abs(u))
-    if not isinstance(place.image, EventImage):  # a motion from event to event is chosen to be even
-        # What moves the end by much bends the sooner.
-        moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
-        steps = steps / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
+    steps = _steps(place, u, reach)
     columns, middle, first = [], value(place), 0
     # What comes back from everywhere nearby, as v = 0 of a section or segment that begins in a stick, is not moved.
-    stays = pinned(place.image)
+    moves = ~np.append(pinned(place.image), [False, False])
+    moves = moves if wanted is None else moves & wanted
     if isinstance(place.map, Pieces):
-        found = _by_points(place, value, np.where(stays, 0.0, steps[: len(stays)]), stays)
+        found = _by_points(place, value, np.where(moves, steps, 0.0)[: len(place.x)])
         if found is None:
             return None
         columns, first = found, len(place.x)
     for j in range(first, len(u)):
-        if j < len(stays) and stays[j]:
+        if not moves[j]:
             columns.append(np.zeros_like(middle))
             continue
-        h = steps[j]
-        sides = []
-        for step in (h, -h):
-            other = u.copy()
-            other[j] += step
-            beside = at(other)
-            same = beside is not None and beside.image.word == place.image.word
-            sides.append(value(beside) if same and beside is not None else None)
-        if (slope := _slope(sides[0], sides[1], middle, h)) is None:
+        slope = _one(at, place, u, steps[j] * np.eye(len(u))[j], value)
+        if slope is None:
             return None
-        columns.append(slope)
+        columns.append(slope / steps[j])
     return np.array(columns).T
+
+
+def along(
+    at: Callable[[np.ndarray], Place | None], place: Place, u: np.ndarray, value: Callable[[Place], np.ndarray],
+    bent: tuple[np.ndarray, np.ndarray], reach: float = 1.0,
+) -> np.ndarray | None:  # fmt: skip
+    """The same of a value whose slopes are -w D2F(v, .): from two places on the line along v.
+
+    D2F is symmetric, so that the change of the slopes DF along v is the change along all else of DF v. Where roundings
+    of DF are too large a part of that, as w and v of an orbit in many segments have entries of all sizes, it is asked.
+    """
+    w, v = bent[0], np.where(pinned(place.image), 0.0, bent[1])
+    size = float(np.max(np.abs(v) / _steps(place, u, reach)[: len(v)]))
+    moved = _one(at, place, u, np.append(v / size, np.zeros(2)), lambda there: w @ there.DF)
+    if moved is None:
+        return None
+    rough = _ROUNDED * np.abs(w) @ np.abs(place.DF) > _LEFT * np.abs(moved)
+    if not rough.any():
+        return -size * moved[None]
+    asked = differences(at, place, u, value, reach, rough)
+    return None if asked is None else np.where(rough, asked, -size * moved)
+
+
+def _steps(place: Place, u: np.ndarray, reach: float) -> np.ndarray:
+    """How far from u, in each of its entries, the map is asked for its changes."""
+    near = min(_STEP, _PART * max(reach, _LEAST))
+    steps = near * (1 + np.abs(u))
+    if isinstance(place.image, EventImage):  # a motion from event to event is chosen to be even
+        return steps
+    # What moves the end by much bends the sooner.
+    moved = np.abs(place.DF) * (1 + np.abs(u)) / (1 + np.abs(place.x[:, None]))
+    return steps / np.clip(moved.max(axis=0, initial=0.0), 1.0, _SOONER)
+
+
+def _one(at: Any, place: Place, u: np.ndarray, move: np.ndarray, value: Callable[[Place], np.ndarray]) -> Any:
+    """How `value` changes by a move of u, within the itinerary of `place`; None where neither side has it."""
+    sides = []
+    for other in (u + move, u - move):
+        beside = at(other)
+        same = beside is not None and beside.image.word == place.image.word
+        sides.append(value(beside) if same and beside is not None else None)
+    return _slope(sides[0], sides[1], value(place), 1.0)
 
 
 def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray | None:
@@ -376,17 +419,22 @@ def _slope(above: Any, below: Any, middle: np.ndarray, h: float) -> np.ndarray |
 
 
 def _by_points(
-    place: Place, value: Callable[[Place], np.ndarray], steps: np.ndarray, stays: np.ndarray
+    place: Place, value: Callable[[Place], np.ndarray], steps: np.ndarray
 ) -> list[np.ndarray] | None:
-    """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone."""
+    """Slopes of `value` by the points of segments, each of which moves the matrix of its own segment alone.
+
+    Zeros where `steps` is 0.
+    """
     pieces, X, n = place.map, place.x, place.n
-    middle, columns = value(place), {}
+    middle = value(place)
+    columns = [np.zeros_like(middle)] * len(X)
     for i in range(n):
         moves = steps.reshape(-1, n) * np.eye(n)[i]
+        if not moves.any():
+            continue
         sides = [list(pieces.varied(X, place.image, sign * moves, place.names)) for sign in (1, -1)]
         for k, pair in enumerate(zip(*sides)):
-            if stays[k * n + i]:
-                columns[k * n + i] = np.zeros_like(middle)
+            if not steps[k * n + i]:
                 continue
             values = [
                 None if there is None else value(place_of(pieces, there, X, place.names)) for there in pair
@@ -395,4 +443,4 @@ def _by_points(
             if slope is None:
                 return None
             columns[k * n + i] = slope
-    return [columns[j] for j in range(len(X))]
+    return columns

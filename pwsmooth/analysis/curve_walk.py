@@ -19,7 +19,7 @@ import numpy as np
 from . import captures
 from .arclength import EASY, NEAR, Point, Walk, only_way, quiet_time, value_of
 from .captures import AtFold, Capture
-from .conditions import Condition, Place, differences, place_of
+from .conditions import Condition, Place, along, differences, place_of
 from .fixed_points import TOLERANCE, onto_section, orbit_of, pinned
 from .impacts import FromEvent
 from .orbits import refine
@@ -93,9 +93,14 @@ class CurveWalk(Walk):
         exact = condition.slopes(place, extra)
         if exact is not None:
             return exact
-        found = differences(
-            self.place, place, w[: self.n + 2], lambda there: condition.value(there, extra), self.reach
-        )
+        u, bent = w[: self.n + 2], condition.bent(place)
+
+        def value(there: Place) -> np.ndarray:
+            return condition.value(there, extra)
+
+        if bent is not None:
+            return along(self.place, place, u, value, bent, self.reach)
+        found = differences(self.place, place, u, value, self.reach)
         if found is None or not condition.extras:
             return found
         h = 1e-6

@@ -98,6 +98,14 @@ def critical(map_: Any, DP: np.ndarray, root: complex) -> np.ndarray:
     return matrix - np.eye(len(DP))
 
 
+def by_root(map_: Any, left: np.ndarray, root: complex) -> np.ndarray:
+    """A row vector times the matrix by which `critical` has taken the slopes of the map."""
+    if not isinstance(map_, Shooting):
+        return left
+    n = len(left) // map_.number
+    return np.append(left[:n] / root, left[n:])
+
+
 def square(map_: Any, DP: np.ndarray, kappa: float) -> np.ndarray:
     """Singular where kappa +- i sqrt(1 - kappa^2) are multipliers."""
     if not isinstance(map_, Shooting):
