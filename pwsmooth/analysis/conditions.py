@@ -176,7 +176,8 @@ class Critical(Condition):
         return np.array([self.null(place)[2]])
 
     def bent(self, place: Place) -> tuple[np.ndarray, np.ndarray] | None:
-        if self.extras or isinstance(place.image, EventImage):  # a pencil of two matrices is no slope of one map
+        # Of a motion from event to event a pencil of two matrices is critical, no slopes of one map.
+        if self.extras or isinstance(place.image, EventImage):
             return None
         v, w, _ = self.null(place)
         return by_root(place.map, w, self.root), v
