@@ -353,9 +353,10 @@ class Way:
             return False
         aside = np.linalg.norm(to - chord * (to @ chord) / length)
         along = first.way @ chord > 0.8 * np.linalg.norm(first.way) * math.sqrt(length)
-        one, other = (np.abs(s.orbit.map_multipliers) for s in (first, b))
-        same = np.allclose(one, other, rtol=0.1, atol=0.1)
-        return bool(aside < 0.2 * math.sqrt(length) and along and same)
+        # Beside a canard a multiplier changes by much within a step: the first one's is between those of its ends.
+        one, *ends = (np.abs(spot.orbit.map_multipliers) for spot in (first, a, b))
+        beside = np.maximum(np.min(ends, axis=0) - one, one - np.max(ends, axis=0))
+        return bool(aside < 0.2 * math.sqrt(length) and along and np.all(beside <= 0.1 * (1 + one)))
 
 
 def extrapolated(spots: list[Spot], name: str) -> np.ndarray:
