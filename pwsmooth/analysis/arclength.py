@@ -280,13 +280,18 @@ class Walk:
         return self.correct(guess, normal, near.tangent)
 
     def along(self, here: Point, there: Point, part: float, near: Point | None = None) -> Point | None:
-        """The point whose projection on the chord is at a part of it, along the tangent of a near one first."""
+        """The point whose projection on the chord is at a part of it: along the tangent of a near one first, or between
+        those of both."""
         chord = there.u - here.u
-        normal = chord / np.linalg.norm(chord)
+        length = float(np.linalg.norm(chord))
+        normal = chord / length
         target = here.u + part * chord
         guesses = [target]
         if near is not None and abs(slope := near.tangent @ normal) > 0.1:
             guesses.insert(0, near.u + near.tangent * (normal @ (target - near.u)) / slope)
+        elif near is None and min(here.tangent @ normal, there.tangent @ normal) > 0.5:
+            first, last = (p.tangent * length / (p.tangent @ normal) - chord for p in (here, there))
+            guesses.insert(0, target + part * (1 - part) * ((1 - part) * first - part * last))
         for guess in guesses:
             point = self.correct(guess, normal, here.tangent)
             if point is not None:

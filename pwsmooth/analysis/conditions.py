@@ -379,14 +379,17 @@ def along(
     """
     w, v = bent[0], np.where(pinned(place.image), 0.0, bent[1])
     size = float(np.max(np.abs(v) / _steps(place, u, reach)[: len(v)]))
-    moved = _one(at, place, u, np.append(v / size, np.zeros(2)), lambda there: w @ there.DF)
+    moved = _one(at, place, u, np.append(v / size, np.zeros(2)), lambda there: there.DF)
     if moved is None:
         return None
-    rough = _ROUNDED * np.abs(w) @ np.abs(place.DF) > _LEFT * np.abs(moved)
+    slopes = -size * w @ moved
+    # An entry that is the same to the last bit, as of a state that stays, has no rounding.
+    rounding = _ROUNDED * size * np.abs(w) @ np.where(moved == 0, 0.0, np.abs(place.DF))
+    rough = rounding > _LEFT * np.abs(slopes)
     if not rough.any():
-        return -size * moved[None]
+        return slopes[None]
     asked = differences(at, place, u, value, reach, rough)
-    return None if asked is None else np.where(rough, asked, -size * moved)
+    return None if asked is None else np.where(rough, asked, slopes)
 
 
 def _steps(place: Place, u: np.ndarray, reach: float) -> np.ndarray:
