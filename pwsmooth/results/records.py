@@ -334,12 +334,8 @@ class StepPolynomials:
         length = np.append(self.t0[1:], end) - self.t0
         steps = np.flatnonzero(length > 0)
         u, length = places(points, len(steps)), length[steps]
-        rows = np.stack([self.coefficients[steps, k] for k in wanted])
-        return (
-            steps,
-            self.t0[steps, None] + length[:, None] * u,
-            _at_places(rows, length / self.length[steps], u),
-        )
+        ends, t = length / self.length[steps], self.t0[steps, None] + length[:, None] * u
+        return steps, t, np.stack([_at_places(self.coefficients[steps, k], ends, u) for k in wanted])
 
 
 _Placed = tuple[np.ndarray, np.ndarray, np.ndarray]
