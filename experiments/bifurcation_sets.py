@@ -69,7 +69,7 @@ SETS = {  # name -> (view, parameters, ranges, lines)
 class Config:
     """Which planes, the lines of each, starts, and the check."""
 
-    planes: tuple[str, ...] = ("slaved over (omega, sigma)", "slaved over (rho, sigma)")
+    planes: tuple[str, ...] = tuple(SETS)
     drive: tuple[tuple[float, ...], tuple[float, ...]] = (
         (0.5, 0.75, 1, 1.25, 1.5, 2, 2.5),
         (1.4, 2, 3, 4, 4.6),
@@ -83,7 +83,6 @@ class Config:
     longest: int = 2  # periods of the orbits whose branches are followed
     workers: int = 2
     points: int = 50
-    fewer: int = 12  # in the relaxing limit, where z is a state and orbits take longer
     tried: int = 100  # starts at each
     transient: int = 400
     near: float = 1e-3
@@ -195,7 +194,7 @@ def checked(name: str, found, config: Config) -> dict:
     names, random = parameters.split(), np.random.default_rng(config.seed)
     low, high = np.array(ranges).T
     rows, skipped = [], 0
-    while len(rows) < (config.points if view == "slaved" else min(config.fewer, config.points)):
+    while len(rows) < config.points:
         at = low + (high - low) * random.random(2)
         if found.distance(at) < config.near:
             skipped += 1

@@ -20,7 +20,7 @@ from .codimension import Codimension2
 from .curve_starts import SMOOTH, TOUCHES
 from .curve_walk import HARDLY, CurveWalk, Spot, where
 from .emanating import change_along, leads, leads_of_change, of_capture
-from .itineraries import Change, same_itinerary
+from .itineraries import JUMP, Change, same_itinerary
 from .orbits import refine
 from .periodic_orbit import PeriodicOrbit
 from .recutting import touched
@@ -62,7 +62,12 @@ class Way:
                 return self._ended(spots, f"`max_steps` or `max_seconds` are used up at {at}: give more.")
             if not here.alone:
                 return self._ended(spots, f"at {at} no single way leads on: two curves meet there.")
-            there = self._stepped(here, ds)
+            there, change = self._stepped(here, ds), None
+            if there is not None:
+                there, reached = self._within(here, there)
+                if there is None:
+                    return self._ended(spots, f"no orbit was found at {reached}.")
+                there, change = self._next(here, there)
             if there is None:
                 if here is not looked_at and (other := walk.cut(here)) is not None:
                     here = looked_at = other
@@ -75,16 +80,13 @@ class Way:
                 spots.append(here)
                 if said := self._run_out(spots):
                     return self._ended(spots, said)
-                why, change = self._lost(here)
-                beyond = self._beyond(here, change) if self.virtual else None
+                why, lost = self._lost(here)
+                beyond = self._beyond(here, lost) if self.virtual else None
                 if beyond is None:
                     return self._ended(spots, why)
                 here, ds = beyond, step
                 continue
-            there, reached = self._within(here, there)
-            if there is None:
-                return self._ended(spots, f"no orbit was found at {reached}.")
-            if end := self._between(here, there):
+            if end := self._between(here, there, change):
                 last, why = end
                 return self._ended([*spots, last], why)
             spots.append(there)
@@ -163,7 +165,21 @@ class Way:
                 return there, f"{walk.names[k]} = {past * scale:.9g}"
         return there, ""
 
-    def _between(self, here: Spot, there: Spot) -> tuple[Spot, str] | None:
+    def _next(self, here: Spot, there: Spot) -> tuple[Spot | None, Any]:
+        """The next point, with the last and the first one about a change of itinerary on the way and its name.
+
+        None where the orbit jumps: that point is one of another part of the curve, or of another curve.
+        """
+        slow = f"{self.walk.condition.kind} + adding-sliding"
+        if min(abs(spot.tests.get(slow, math.inf)) for spot in (here, there)) < HARDLY:
+            return there, None  # their words are of different motions
+        if here is self.born or same_itinerary(here.orbit, there.orbit):
+            return there, None
+        left, right, _ = change_enclosed(self.walk, here, there)
+        change = change_along(left.orbit, right.orbit)
+        return (None, None) if change.name == JUMP else (there, (left, right, change))
+
+    def _between(self, here: Spot, there: Spot, change: Any) -> tuple[Spot, str] | None:
         """Locates what happens on the way between two points; where and why the curve ends there, if it does."""
         walk, found = self.walk, []
         for name in here.tests:
@@ -197,16 +213,12 @@ class Way:
             why = "from there on it holds at two events at once, as along symmetric orbits: follow these by `symmetry`"
             self.points.append(Codimension2(name, walk.parameters(spot), spot.orbit, why))
             return spot, f"{name} at {where(walk, spot)}: {why}."
-        slow = f"{walk.condition.kind} + adding-sliding"
-        if min(abs(spot.tests.get(slow, math.inf)) for spot in (here, there)) < HARDLY:
-            return None  # their words are of different motions
-        if here is not self.born and not same_itinerary(here.orbit, there.orbit):
-            left, right, _ = change_enclosed(walk, here, there)
-            change = change_along(left.orbit, right.orbit)
-            if not of_no_effect(change, left.orbit, right.orbit):
-                name = f"{walk.condition.kind} + {change.name}"
+        if change is not None:
+            left, right, what = change
+            if not of_no_effect(what, left.orbit, right.orbit):
+                name = f"{walk.condition.kind} + {what.name}"
                 note = "it goes on with another itinerary"
-                begins = leads_of_change(change, left.orbit, right.orbit)
+                begins = leads_of_change(what, left.orbit, right.orbit)
                 self.points.append(Codimension2(name, walk.parameters(left), left.orbit, note, begins))
         return None
 

@@ -3,7 +3,7 @@
 from .drive import t
 from .impact import falling_ball, free_impact, grazing_amplitude, impact_oscillator, pressed_block
 from .planar import bristle_bot, incline, planar_oscillator, pulled_block, shaken_plate
-from .planar_bodies import billiard_ball, gripped_bar, spinning_disc, stacked_plates
+from .planar_bodies import billiard_ball, caster, gripped_bar, spinning_disc, stacked_plates
 from .prescribed import prescribed_motion
 from .scene import Scene, assemble
 from .slider_crank import IdealSliderCrank, slider_crank
@@ -16,6 +16,7 @@ __all__ = [
     "billiard_ball",
     "block_on_belt",
     "bristle_bot",
+    "caster",
     "falling_ball",
     "force_driven",
     "free_impact",

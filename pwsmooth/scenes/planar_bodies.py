@@ -1,4 +1,4 @@
-"""Bodies that slide in the plane and turn, and two on each other: discs, balls, what a gripper holds, stacks.
+"""Bodies that slide in the plane and turn, and two on each other: discs, balls, a caster, what a gripper holds, stacks.
 
 The slip velocity is that of the body's material at the contact: of a ball v + omega x r, of what is gripped its
 velocity at the pad, and of a contact with an area the spin is its third component.
@@ -6,6 +6,7 @@ velocity at the pad, and of a contact with an area the spin is its third compone
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -223,6 +224,67 @@ def billiard_ball(
     begin = dict(zip(rates, (0.0, 0.0, *map(float, velocity), *map(float, spins)), strict=True))
     return scene_of("ball", law, t_span, rates, pieces, (*map(str, rates), *shown), start=begin,
                     parameters={mass: m, about: inertia, weight: g, size: radius}, outputs=shown)  # fmt: skip
+
+
+@door(swivel=checks.number, **dict.fromkeys(("speed", "trail", "radius", "inertia", "wheel", "load"), checks.positive))
+def caster(
+    law: Law, *, speed: float = 1.0, swivel: float = 2.0, trail: float = 0.05, radius: float = 0.05,
+    inertia: float = 0.01, wheel: float = 0.001, load: float = 100.0, t_span: tuple[float, float] = (0.0, 1.0),
+) -> Scene:  # fmt: skip
+    """A caster whose pivot is pulled along at a constant speed: its wheel rolls into line, or skids.
+
+    Parameters
+    ----------
+    law : Law
+        Of friction in the plane between wheel and ground, per unit of the load.
+    speed : float, m/s
+        Of the pivot, > 0.
+    swivel : float, rad
+        Angle between the wheel's heading and the way of the pivot, at the start, at which it rolls.
+    trail : float, m
+        Distance of the wheel's contact behind the pivot, > 0.
+    radius : float, m
+        Of the wheel, > 0.
+    inertia, wheel : float, kg m^2
+        Moments of inertia, about the pivot and of the wheel about its axle, > 0.
+    load : float, N
+        On the wheel, > 0.
+    t_span : (float, float), s
+        Suggested span.
+
+    Returns
+    -------
+    Scene
+        States `swivel`, `swivel_rate`, `wheel_rate` and the law's; outputs `slip_along`, `slip_aside`,
+        `friction_along`, `friction_aside`, of the wheel's heading.
+
+    Notes
+    -----
+    While it rolls tan(swivel/2) falls as exp(-speed t/trail), and the ground holds speed^2 sin(swivel)/trail times
+    (wheel sin(swivel)/radius^2, inertia cos(swivel)/trail^2) along and aside.
+
+    Source: derived here.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwsmooth.laws.friction import Coulomb
+    >>> from pwsmooth.scenes import caster
+    >>> run = caster(Coulomb(F_c=0.5), swivel=2, trail=0.05).solve()
+    >>> print(run.itinerary, np.tan(run["swivel"][-1] / 2) / np.tan(1) * np.exp(20))
+    """
+    angle, rate, wheel_rate = sp.symbols("swivel swivel_rate wheel_rate", real=True)
+    arm, size, about_pivot, of_wheel, pull = sp.symbols("trail radius inertia wheel speed", positive=True)
+    slip = (pull * sp.cos(angle) - size * wheel_rate, -pull * sp.sin(angle) - arm * rate)
+    weight = sp.Symbol("load", positive=True)
+    pieces = law.attach(velocity=slip, normal=weight, time=t)
+    along, aside = pieces.force
+    rates = {angle: rate, rate: arm * aside / about_pivot, wheel_rate: size * along / of_wheel}
+    shown = {"slip_along": slip[0], "slip_aside": slip[1], "friction_along": along, "friction_aside": aside}
+    begin = {angle: swivel, rate: -speed * math.sin(swivel) / trail, wheel_rate: speed * math.cos(swivel) / radius}
+    values = {arm: trail, size: radius, about_pivot: inertia, of_wheel: wheel, pull: speed, weight: load}
+    return scene_of("caster", law, t_span, rates, [pieces], (*map(str, rates), *shown), start=begin,
+                    parameters=values, outputs=shown)  # fmt: skip
 
 
 @door(

@@ -62,6 +62,7 @@ def _radau():
 
 
 NODES, WEIGHTS, LAGRANGE = _radau()
+_RATES = np.linalg.inv(WEIGHTS)
 _BETWEEN = 0.5 * (NODES[-1] + NODES[-2])
 
 
@@ -277,6 +278,12 @@ def _polynomials(P, S, W, h):
     for r in range(n + 2 * m + P.ne):
         for c in range(rows.shape[1]):
             rows[r, c] = 0.0
+    # Rates from the states: the model's own know h/|h| of a slip that has just begun to a rounding over |h| only.
+    for q in range(STAGES):
+        for i in range(n):
+            onset.k[q, i] = 0.0
+            for s in range(STAGES):
+                onset.k[q, i] += _RATES[q, s] * (onset.y[s, i] - onset.x[i]) / h
     for i in range(n):
         rows[i, 0], rows[i, 1] = onset.x[i], onset.first[i]
         scale = 1.0
