@@ -54,7 +54,7 @@ def claims():
             f"mu_s = {mu_s:.4f}",
             f"peak {fast:.4f} for beta = eps/1000, {equal:.4f} for beta = eps, {slow:.4f} for beta = 100 eps "
             "(eps = 0.001, v' = 1)",
-            False,
+            max(abs(top - mu_s) for top in (fast, equal, slow)) < 0.01 * mu_s,
             "the limits do not commute: the passage takes eps/|v'|; the peak is mu_s only if beta << eps, 1 if "
             "beta >> eps, and between these it is higher than mu_s, for z lags behind lam",
             **solid_friction("figure 1, caption"),
