@@ -24,7 +24,8 @@ import sympy as sp
 
 ROOT = Path(__file__).resolve().parent.parent
 MAKERS = ("Claim", "claim", "said", "shown", "quoted")
-PARTS = (ast.expr_context, ast.operator, ast.cmpop, ast.boolop, ast.unaryop)
+COMPUTE = {"abs", "all", "any", "bool", "dict", "float", "int", "len", "list", "map", "math", "max", "min", "np", "range",
+           "round", "set", "sorted", "sum", "tuple", "zip"}  # fmt: skip
 
 
 def altered(value: Any, way: int, count: list[int]) -> Any:
@@ -70,37 +71,39 @@ def changeable(value: Any) -> bool:
     return isinstance(value, (int, float, np.number, np.bool_, str, sp.Number))
 
 
-def scopes(node: ast.expr, path: tuple = ()) -> list[tuple[tuple, ast.expr]]:
-    """Paths of the sub-expressions that have a value of their own: none that a comprehension or a lambda binds."""
-    found = [(path, node)]
-    if isinstance(node, (ast.ListComp, ast.SetComp, ast.GeneratorExp, ast.DictComp)):
-        return found + scopes(node.generators[0].iter, (*path, ("generators", 0), ("iter", None)))
-    if isinstance(node, ast.Lambda):
-        return found
-    for name, field in ast.iter_fields(node):
-        for k, child in enumerate(field if isinstance(field, list) else [field]):
-            if isinstance(child, ast.keyword):
-                at = (*path, (name, k if isinstance(field, list) else None), ("value", None))
-                found += scopes(child.value, at)
-            elif isinstance(child, ast.expr):
-                found += scopes(child, (*path, (name, k if isinstance(field, list) else None)))
-    return found
+def places_of(expression: ast.expr) -> list[ast.expr]:
+    """The values that a verdict is made of: what stands in data, and what functions of the script give.
+
+    Not what is computed from them on the spot, as an absolute value or a maximum: it might be put to what it cannot be.
+    """
+    found: dict[str, ast.expr] = {}
+
+    def look(node: ast.AST) -> None:
+        if isinstance(node, (ast.ListComp, ast.SetComp, ast.GeneratorExp, ast.DictComp)):
+            return look(node.generators[0].iter)
+        if isinstance(node, ast.Lambda):
+            return None
+        if isinstance(node, (ast.Subscript, ast.Attribute)) or (
+            isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[0] not in COMPUTE
+        ):
+            found.setdefault(ast.unparse(node), node)
+        for child in ast.iter_child_nodes(node):
+            look(child)
+
+    look(expression)
+    return [node for text, node in found.items() if any(isinstance(n, ast.Name) for n in ast.walk(node))]
 
 
-def with_name(expression: ast.expr, path: tuple, name: str) -> ast.expr:
-    """The expression with the sub-expression at a path replaced by a name."""
-    new = ast.parse(ast.unparse(expression), mode="eval").body
-    if not path:
-        return ast.Name(name, ast.Load())
-    parent = new
-    for field, k in path[:-1]:
-        parent = getattr(parent, field) if k is None else getattr(parent, field)[k]
-    field, k = path[-1]
-    if k is None:
-        setattr(parent, field, ast.Name(name, ast.Load()))
-    else:
-        getattr(parent, field)[k] = ast.Name(name, ast.Load())
-    return new
+class Instead(ast.NodeTransformer):
+    """A name in place of every occurrence of a sub-expression."""
+
+    def __init__(self, text: str, name: str) -> None:
+        self.text, self.name = text, name
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.expr) and ast.unparse(node) == self.text:
+            return ast.Name(self.name, ast.Load())
+        return self.generic_visit(node)
 
 
 def value_of(expression: ast.expr, scope: dict) -> Any:
@@ -109,46 +112,34 @@ def value_of(expression: ast.expr, scope: dict) -> Any:
 
 
 def turned_by(text: str, scope: dict) -> str:
-    """The sub-expression and the replacement that turn the truth of an expression, or ""."""
+    """What is replaced, and how, to turn the truth of an expression, or ""."""
     expression = ast.parse(text.strip(), mode="eval").body
     truth = bool(value_of(expression, scope))
-    places, values = [], []
-    for path, node in scopes(expression):
-        if isinstance(node, (ast.Constant, ast.Slice)) or isinstance(node, PARTS):
-            continue
-        if isinstance(node, (ast.Compare, ast.BoolOp)) or (
-            isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
-        ):
-            continue
-        if not any(isinstance(n, ast.Name) for n in ast.walk(node)):
-            continue  # a constant of the claim's own
+    tried: list[tuple[str, ast.expr, Any]] = []
+    for node in places_of(expression):
         try:
-            value = value_of(node, scope)
+            tried.append((ast.unparse(node), Instead(ast.unparse(node), "_new").visit(copied(expression)),
+                          value_of(copied(node), scope)))  # fmt: skip
         except Exception:  # noqa: BLE001, S112
             continue
-        if changeable(value) and not isinstance(value, (bool, np.bool_)):
-            places.append((path, node, value))
-            values.append(value)
+    for name in sorted({n.id for n in ast.walk(expression) if isinstance(n, ast.Name)} & scope.keys()):
+        tried.append((name, Instead(name, "_new").visit(copied(expression)), scope[name]))
+    tried = [one for one in tried if changeable(one[2]) and not isinstance(one[2], (bool, np.bool_))]
+    values = [value for *_, value in tried]
     values += [n.value for n in ast.walk(expression) if isinstance(n, ast.Constant)]
-    for path, node, value in reversed(places):
+    for what, changed, value in tried:
         other = [v for v in values if type(v) is type(value) or (np.isscalar(v) and np.isscalar(value))]
         for new in [altered(value, way, [0]) for way in range(WAYS + 1)] + other:
             try:
-                if bool(value_of(with_name(expression, path, "_new"), {**scope, "_new": new})) != truth:
-                    return f"{ast.unparse(node)} = {new!r:.60}"
-            except Exception:  # noqa: BLE001, S112
-                continue
-    # What stands within a comprehension is changed by its name.
-    for name in sorted({n.id for n in ast.walk(expression) if isinstance(n, ast.Name)} & scope.keys()):
-        if not changeable(scope[name]) or isinstance(scope[name], (bool, np.bool_)):
-            continue
-        for way in range(WAYS + 1):
-            try:
-                if bool(value_of(expression, {**scope, name: altered(scope[name], way, [0])})) != truth:
-                    return f"{name}, way {way}"
+                if bool(value_of(copied(changed), {**scope, "_new": new})) != truth:
+                    return f"{what} = {new!r:.60}"
             except Exception:  # noqa: BLE001, S112
                 continue
     return ""
+
+
+def copied(expression: ast.expr) -> ast.expr:
+    return ast.parse(ast.unparse(expression), mode="eval").body
 
 
 class Watch:
@@ -279,7 +270,7 @@ def of_study(name: str, deep: bool = False) -> dict[str, str]:
     module.STUDY.claims(data)
     found = dict(watch.found)
     if deep or not all(found.values()):
-        changed = by_data(importlib.import_module(name).STUDY.claims, data, found)
+        changed = by_data(name, importlib.import_module(name).STUDY.claims, data, found)
         found = {k: (changed[k] if deep else by or changed[k]) for k, by in found.items()}
     return found
 
@@ -289,10 +280,24 @@ def script(name: str) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
-def by_data(claims: Any, data: Any, found: dict[str, str]) -> dict[str, str]:
+def same_strip(data: dict) -> dict:
+    """Proposition 5 as it would have to be: the slaved strip for every beta."""
+    slaved = data["strip"]["slaved"]
+    kept = {A: [width, "by hand"] for A, width in slaved.items()}
+    return {**data, "strip": {beta: slaved if beta == "slaved" else kept for beta in data["strip"]}}
+
+
+# What asks for several values at once to be right: study -> changed data.
+BY_HAND = {"propositions": same_strip}
+
+
+def by_data(name: str, claims: Any, data: Any, found: dict[str, str]) -> dict[str, str]:
     """The same with the data changed, a branch of them at a time, before anything is computed from them."""
     before = [c for c in claims(data) if c.origin != "identity"]
     turned: dict[int, str] = {}
+    if name in BY_HAND:
+        after = [c for c in claims(BY_HAND[name](data)) if c.origin != "identity"]
+        turned = {k: "by hand" for k, (a, b) in enumerate(zip(before, after)) if a.holds != b.holds}
     for path in branches(data):
         for way in range(WAYS + 1):
             try:
