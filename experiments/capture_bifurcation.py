@@ -272,8 +272,12 @@ def run(config):
     points = []
     for one in data["curves"]:
         r, values = one["values"]
-        points += [(one["kind"], one["over"], values[k], r[k]) for k in np.linspace(1, len(r) - 2, 5).astype(int)]
-    exact = parts({f"force {kind} {over} {r}": (from_force, kind, over, value) for kind, over, value, r in points})
+        points += [
+            (one["kind"], one["over"], values[k], r[k]) for k in np.linspace(1, len(r) - 2, 5).astype(int)
+        ]
+    exact = parts(
+        {f"force {kind} {over} {r}": (from_force, kind, over, value) for kind, over, value, r in points}
+    )
     data["forces"] = [
         {"kind": kind, "over": over, "value": value, "curve": r, "force": None if e is None else math.exp(e)}
         for (kind, over, value, r), e in zip(points, exact)
@@ -405,15 +409,23 @@ def verdict(data) -> str:
     )
 
 
+LOOK = {"two sticks": "stick", "one stick": "right", "slip only": "left"}
+DASH = {"two sticks": "-", "one stick": "--", "slip only": ":"}
+
+
 def draw(data):
-    figure = new_figure(11.0, 6.4)
-    (first, second, third), (fourth, fifth, sixth) = figure.subplots(2, 3)
-    look = {"two sticks": "stick", "one stick": "right", "slip only": "left"}
+    return {"": draw_curves(data), "runs": draw_runs(data)}
+
+
+def draw_curves(data):
+    """Curves of captures over both parameters of the drive, and branches to their ends."""
+    figure = new_figure(3.5, 8.2)
+    first, second, third = figure.subplots(3, 1)
     for ax, over in ((first, "sigma"), (second, "omega")):
         for c in data["curves"]:
             if c["over"] == over:
                 r, values = np.array(c["values"])
-                ax.semilogx(r, values, color=COLOUR[look[c["kind"]]], label=c["kind"])
+                ax.semilogx(r, values, DASH[c["kind"]], color=COLOUR[LOOK[c["kind"]]], label=c["kind"])
         at = [f for f in data["forces"] if f["over"] == over and f["force"]]
         ax.plot([f["force"] for f in at], [f["value"] for f in at], "o", color=COLOUR["mark"], markersize=3.5,
                 fillstyle="none", label="from $F_c$ alone")  # fmt: skip
@@ -427,25 +439,31 @@ def draw(data):
     )
     second.legend(fontsize=7, loc="upper left")
     for b in data["branches"]:
-        colour = COLOUR[look[b["kind"]]]
-        third.semilogx(b["r"], b["stick"], "-", color=colour, label=f"{b['kind']}: time stuck")
-        third.semilogx(b["r"], b["multiplier"], "--", color=colour, label="largest multiplier")
+        colour = COLOUR[LOOK[b["kind"]]]
+        width = 1.2 if b["kind"] == "two sticks" else 2.4
+        third.semilogx(b["r"], b["stick"], "-", color=colour, linewidth=width, label=f"{b['kind']}: time stuck")
+        third.semilogx(b["r"], b["multiplier"], "--", color=colour, linewidth=width, label="largest multiplier")
         third.axvline(b["end"], color=colour, linewidth=0.7, linestyle=":")
     third.axhline(1, color=COLOUR["mark"], linewidth=0.7)
-    third.set(xlabel="$r$", title="To their ends, $\\sigma$ = 2.4", ylim=(0, 1.3))
-    third.legend(
-        fontsize=7, loc="center", bbox_to_anchor=(0.6, 0.43), frameon=True, framealpha=1, edgecolor="none"
-    )
+    third.set(xlabel="$r$", title="To their ends, $\\sigma$ = 2.4", ylim=(0, 1.8))
+    third.legend(fontsize=7, loc="upper left")
+    return figure
+
+
+def draw_runs(data):
+    """Basins of smoothed runs, and where slow sweeps change."""
+    figure = new_figure(3.5, 8.2)
+    fourth, fifth, sixth = figure.subplots(3, 1)
     r = np.array([b["r"] for b in data["basins"]])
     for k, kind in enumerate(KINDS):
         counts = np.array([b["counts"][k] for b in data["basins"]])
         number = np.array([sum(b["counts"]) for b in data["basins"]])
         bounds = np.array([wilson(c, n) for c, n in zip(counts, number)]).T
         share = counts / number
-        fourth.errorbar(r, share, [np.maximum(share - bounds[0], 0), np.maximum(bounds[1] - share, 0)], fmt="-o",
-                        color=COLOUR[look[kind]], markersize=3.5, linewidth=0.9, label=kind)  # fmt: skip
+        fourth.errorbar(r, share, [np.maximum(share - bounds[0], 0), np.maximum(bounds[1] - share, 0)], fmt="-" + "os^"[k],
+                        color=COLOUR[LOOK[kind]], markersize=3.5, linewidth=0.9, label=kind)  # fmt: skip
     for b in data["branches"]:
-        fourth.axvline(b["end"], color=COLOUR[look[b["kind"]]], linewidth=0.7, linestyle=":")
+        fourth.axvline(b["end"], color=COLOUR[LOOK[b["kind"]]], linewidth=0.7, linestyle=":")
     fourth.set(xscale="log", xlabel="$r$", ylabel="share of starts", title="Basins, smoothed, $\\sigma$ = 2.4")
     fourth.legend(fontsize=7, loc="center left")
     shades = dict(
@@ -460,9 +478,11 @@ def draw(data):
                            color=COLOUR[shades[ramp_["eps"]]], markersize=5, fillstyle="none")  # fmt: skip
     for up, kind in ((True, "two sticks"), (False, "one stick")):
         end = data["ends"][kind]
-        fifth.axvline(end, color=COLOUR[look[kind]], linewidth=1, label=f"capture of {kind}")
+        fifth.axvline(
+            end, color=COLOUR[LOOK[kind]], linestyle=DASH[kind], linewidth=1, label=f"capture of {kind}"
+        )
         at = [(x["eps"], abs(x["sigma"] - end)) for x in data["ramps"] if x["up"] == up and x["sigma"]]
-        sixth.loglog(*np.array(at).T, "^-" if up else "v-", color=COLOUR[look[kind]], markersize=5, fillstyle="none",
+        sixth.loglog(*np.array(at).T, "^-" if up else "v-", color=COLOUR[LOOK[kind]], markersize=5, fillstyle="none",
                      label=f"sweep {'up' if up else 'down'}")  # fmt: skip
     fifth.set(yscale="log", xlabel="drive $\\sigma$ at the change", ylabel="$\\varepsilon$",
               title=f"Slow sweeps, $r$ = {data['ramp_ratio']:g}")  # fmt: skip

@@ -148,7 +148,8 @@ def captured_by_solver(name, rho_, r):
     beta, force, rho = sp.symbols("beta force rho", positive=True)
     lam = Switch("lam", v)
     contact = System(
-        {v: force - lam * (1 + rho * z), z: (1 - lam**2 - z) / beta}, parameters={beta: 1, force: 1.1, rho: rho_}
+        {v: force - lam * (1 + rho * z), z: (1 - lam**2 - z) / beta},
+        parameters={beta: 1, force: 1.1, rho: rho_},
     )
     view = contact.layered({z: r}, sigmoid=SIGMOIDS[name])
 
@@ -371,8 +372,8 @@ def verdict(data) -> str:
 
 
 def draw(data):
-    figure = new_figure(11.0, 3.4)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 8.2)
+    left, middle, right = figure.subplots(3, 1)
     colours = dict(zip(SIGMOIDS, ("velocity", "exact", "right", "stick", "approximation", "left")))
     r, off = np.array(data["r"]), np.array(data["off"])
     for name in SIGMOIDS:

@@ -436,12 +436,14 @@ def verdict(data) -> str:
     )
 
 
+FILL = {"uniform": "none", "normal": "full", "laplace": "bottom"}  # beside the colours, for print in grey
+
+
 def draw(data):
     from matplotlib.ticker import NullFormatter
 
-    figure = new_figure(11.0, 7.0)
-    grid = figure.add_gridspec(2, 6)
-    left, middle, right = (figure.add_subplot(grid[0, 2 * k : 2 * k + 2]) for k in range(3))
+    figure = new_figure(3.5, 8.8)
+    left, middle, right = figure.subplots(3, 1, height_ratios=(1, 1.4, 1))
     colours = {"uniform": COLOUR["smoothed"], "normal": COLOUR["approximation"], "laplace": COLOUR["velocity"]}
     marks = dict(zip(sorted({(x["force"], x["r"]) for x in data["chain"]}), "os^"))
     for x in data["chain"]:
@@ -467,7 +469,9 @@ def draw(data):
     for law, colour in colours.items():
         x = [x for x in data["thresholds"] if x["law"] == law and x["r"] == 1]
         T, sd, e = np.array([[v["T"], v["sd"], v["error"]] for v in x]).T
-        middle.errorbar(T, sd, 2 * e, fmt="o", color=colour, markersize=3.5, linewidth=0.8, label=law)
+        middle.errorbar(
+            T, sd, 2 * e, fmt="o", color=colour, markersize=3.5, linewidth=0.8, fillstyle=FILL[law], label=law
+        )
         for v in x:
             seen = np.array(v["seen"])
             if law == "normal" and v["T"] in (0.1, 3.0, 30.0, 1000.0):
@@ -488,19 +492,20 @@ def draw(data):
     middle.plot(T[T > 1], last["sd"] * T[T > 1] / T[-1], ":", color=COLOUR["mark"], label="$\\propto T$")
     middle.set(xscale="log", yscale="log", xlabel="spacing $T/\\varepsilon$",
                ylabel="standard deviation$/\\varepsilon$", title="As without static friction from here on")  # fmt: skip
-    middle.legend(loc="upper left", fontsize=6.5)
+    middle.legend(loc="upper left", fontsize=7)
     right.axhline(RATIO, color=COLOUR["mark"], linewidth=0.7)
     right.axhline(1, color=COLOUR["mark"], linewidth=0.7)
     right.set(xscale="log", yscale="log", ylim=(0.8, 3), xlabel="standard deviation / threshold",
               ylabel="mean time over that of $\\rho$ = 0", title="Normal kicks")  # fmt: skip
     if right.get_legend_handles_labels()[0]:
         right.legend(fontsize=7)
-    draw_oscillator(data, figure.add_subplot(grid[1, :3]), figure.add_subplot(grid[1, 3:]), colours)
-    return figure
+    return {"": figure, "oscillator": draw_oscillator(data, colours)}
 
 
-def draw_oscillator(data, left, right, colours):
+def draw_oscillator(data, colours):
     """What is seen at one spacing, and the thresholds of the three measures."""
+    figure = new_figure(3.5, 7.4)
+    left, right = figure.subplots(2, 1)
     last = max((x for x in data["oscillator"] if x["law"] == "normal"), key=lambda x: x["T"])
     looks = {"departure": ("o", "-", "exact"), "stuck": ("s", "--", "stick"), "peak": ("^", ":", "left")}
     words = {
@@ -523,28 +528,28 @@ def draw_oscillator(data, left, right, colours):
     )
     left.axhline(RATIO, color=COLOUR["mark"], linewidth=0.7)
     left.axhline(0.1, color=COLOUR["mark"], linewidth=0.7)
-    left.set(xscale="log", yscale="log", ylim=(0.01, 30), xlabel="standard deviation$/\\varepsilon$",
-             title=f"Oscillator, normal kicks, $T = {last['T']:g}\\varepsilon$, "
-                   f"$\\varepsilon$ = {last['eps']:g}")  # fmt: skip
+    left.set(xscale="log", yscale="log", ylim=(0.01, 1000), xlabel="standard deviation$/\\varepsilon$",
+             title=f"Oscillator, $T = {last['T']:g}\\varepsilon$")  # fmt: skip
     left.legend(fontsize=7, loc="upper left")
     for name, (mark, _, _) in looks.items():
         for law, colour in colours.items():
             points = np.array(oscillators(data, name, law, lambda T: T > 0))
             if points.size:
                 right.errorbar(points[:, 0], points[:, 1], 2 * points[:, 2], fmt=mark, color=colour, markersize=4,
-                               fillstyle="none", linewidth=0.8)  # fmt: skip
+                               fillstyle=FILL[law], linewidth=0.8)  # fmt: skip
         right.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none",
                    label={"departure": "departs as with $\\rho$ = 0", "stuck": "a tenth of the time stuck",
                           "peak": "half of the peaks"}[name])  # fmt: skip
     for law, colour in colours.items():
-        right.plot([], [], "s", color=colour, markersize=4, label=law)
+        right.plot([], [], "s", color=colour, markersize=4, fillstyle=FILL[law], label=law)
     layer_ = np.array(
         [(x["T"], x["sd"]) for x in data["thresholds"] if x["law"] == "normal" and x["r"] == 1 and x["T"]]
     )
     right.plot(*layer_.T, "-", color=COLOUR["mark"], linewidth=0.9, label="constant force, normal")
     right.set(xscale="log", yscale="log", xlabel="spacing $T/\\varepsilon$", ylabel="standard deviation$/\\varepsilon$",
-              title="Oscillator: without static friction from here on")  # fmt: skip
+              title="Oscillator: as without static friction")  # fmt: skip
     right.legend(fontsize=7, loc="upper left")
+    return figure
 
 
 STUDY = Study(

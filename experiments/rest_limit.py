@@ -124,7 +124,9 @@ def limit(field, values, period, low, high):
     orbit = find_orbit(field, {z: 0.6}, period=period, transient=min(transient, 400))
     for most in (60, 120, 500):
         branch = follow(orbit, A, to=high, most=most)
-        narrow = np.ptp(branch.values[-10:]) < ROUNDED  # a canard explosion, over which A does not change any more
+        narrow = (
+            np.ptp(branch.values[-10:]) < ROUNDED
+        )  # a canard explosion, over which A does not change any more
         if branch.bifurcations or narrow or not branch.end.startswith("stopped"):
             break
     if branch.bifurcations:
@@ -451,25 +453,27 @@ def verdict(data) -> str:
 
 
 def draw(data):
-    figure = new_figure(11.0, 3.5)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 8.6)
+    left, middle, right = figure.subplots(3, 1)
     colours = [COLOUR[k] for k in ("velocity", "left", "approximation", "exact", "right", "stick")]
-    for line, colour in zip(data["rows"], colours):
+    dashes = (":", "-", "-.", (0, (8, 2)), "--", (0, (5, 1, 1, 1, 1, 1)))
+    for line, colour, dash in zip(data["rows"], colours, dashes):
         q, x = line[0]["rho"], np.array([r["b"] for r in line])
         mu = fold(q)[0]
         scaled = np.array([r["A"] for r in line]) / mu
-        left.semilogx(x, scaled, color=colour, linewidth=1)
+        left.semilogx(x, scaled, color=colour, linewidth=1, linestyle=dash)
         for how, mark in (("saddle-node", "o"), ("|lam| = 1", "x"), ("canard", ".")):
             at = [i for i, r in enumerate(line) if r["how"] == how]
             left.plot(x[at], scaled[at], mark, color=colour, markersize=3.5, fillstyle="none")
         ends = x[x < 0.2]
         left.plot(ends, [slow(q, s) / mu for s in ends], ":", color=colour, linewidth=2, alpha=0.5)
         left.plot(x[-3:] * 1.7, [fast(q, math.sqrt(2)) / mu] * 3, "-", color=colour, linewidth=2.4, alpha=0.5)
-        left.plot([], [], color=colour, label=f"$\\rho$ = {q:g}")
+        left.plot([], [], color=colour, linestyle=dash, label=f"$\\rho$ = {q:g}")
     for mark, label in (("o", "saddle-node"), ("x", "$|\\lambda|$ = 1"), (".", "canard")):
         left.plot([], [], mark, color=COLOUR["mark"], markersize=4, fillstyle="none", label=label)
     left.set(xlabel="$\\omega\\beta$", ylabel="$A^*/(N\\mu_s)$", title="Largest shaking survived")
-    left.legend(loc="upper left", fontsize=7, ncols=1)
+    left.legend(loc="upper left", fontsize=7, ncols=2)
+    left.set_ylim(0.98, 1.75)
     look = {"saddle-node": ("-", "right"), "|lam| = 1": ("--", "left")}
     for name, curve in data["curves"].items():
         style, colour = look[name]
@@ -482,8 +486,10 @@ def draw(data):
     middle.set(xlabel="$\\rho$", ylabel="$A/N$", title="Both ways, $\\omega\\beta$ = 100")
     middle.legend(fontsize=7)
     crests = np.linspace(1, 2, 101)
-    for q, colour in ((1.0, "left"), (3.0, "right")):
-        right.plot(crests, [fast(q, c) for c in crests], color=COLOUR[colour], label=f"law, $\\rho$ = {q:g}")
+    for q, colour, dash in ((1.0, "left", "--"), (3.0, "right", "-")):
+        right.plot(
+            crests, [fast(q, c) for c in crests], dash, color=COLOUR[colour], label=f"law, $\\rho$ = {q:g}"
+        )
         mine = [s for s in data["shapes"] if s["rho"] == q]
         right.plot([s["crest"] for s in mine], [s["peak"] for s in mine], "o", color=COLOUR[colour], markersize=4,
                    fillstyle="none", label="tones, $\\omega\\beta$ = 100" if q == 3 else None)  # fmt: skip
@@ -497,6 +503,7 @@ def draw(data):
         xlabel="peak / root mean square of the drive", ylabel="largest peak survived, $/N$", title="Any drive"
     )
     right.legend(fontsize=7, loc="upper left")
+    right.set_ylim(None, 4.6)
     return figure
 
 

@@ -135,13 +135,14 @@ def claims():
         -(math.pi**2) / (8 * RHO**2)
     )
     by_quadrature = quad(next(iter(ENVELOPES.values()))[0], 0, 2.0, epsabs=1e-14)[0]
-    factor = 2 * math.exp(RHO**2 / 2) / math.sqrt(2 * math.pi)
+    as_printed = by_quadrature / math.sqrt(2 * math.pi)
+    factor = 2 * math.exp(RHO**2 / 2)
     far = 12.0
     remainder = {
         name: abs(deficit_series(far, coefficient) / deficit(far) - 1)
         for name, coefficient in (("printed", printed_coefficient), ("expanded", expanded_coefficient))
     }
-    sigmoid_tail = (1 - 10 / math.sqrt(101)) * 2 * 100
+    sigmoid_tail = (10 / math.sqrt(101) - 1) * 2 * 100
     heights = [contact_coefficient(np.linspace(0, 1, 200001) / eps).max() for eps in (0.1, 0.01, 0.001)]
     others, far_off = {}, {}
     tail = np.linspace(8, 24, 161)
@@ -159,9 +160,9 @@ def claims():
         Claim(
             "(3) equals Re Erf((v/eps - i rho)/sqrt 2), (37)",
             "equal",
-            f"{by_quadrature / math.sqrt(2 * math.pi):.9f} and {contact_coefficient(2.0):.9f} at v/eps = 2: equal after "
-            f"multiplying (3) by 2 exp(rho^2/2), {factor * by_quadrature:.9f}",
-            abs(by_quadrature / math.sqrt(2 * math.pi) - contact_coefficient(2.0)) < 1e-6,
+            f"{as_printed:.9f} and {contact_coefficient(2.0):.9f} at v/eps = 2: equal after "
+            f"multiplying (3) by 2 exp(rho^2/2), {factor * as_printed:.9f}",
+            abs(as_printed - contact_coefficient(2.0)) < 1e-6,
             "(3) as printed tends to exp(-rho^2/2)/2, not to 1: the normalisation is left to N",
             **solid_friction("(3), (37)"),
         ),
@@ -230,8 +231,8 @@ def claims():
         Claim(
             "(38): Lambda_eps = sign(v) - sum b_n/(i v/eps)^(2n), b_1 = sign(v)/2",
             "1 + eps^2/(2 v^2) + ...",
-            f"1 - {sigmoid_tail:.3f} eps^2/(2 v^2) at v/eps = 10",
-            abs(-sigmoid_tail - 1) < 0.05,
+            f"1 - {-sigmoid_tail:.3f} eps^2/(2 v^2) at v/eps = 10",
+            abs(sigmoid_tail - 1) < 0.05,
             "the sign of the sum is wrong: a sigmoid below 1 cannot have a tail above it",
             **solid_friction("(38)"),
         ),

@@ -43,21 +43,27 @@ def altered(value: Any, way: int, count: list[int]) -> Any:
     if isinstance(value, (bool, np.bool_)):
         return not value
     if isinstance(value, (int, float, np.number, sp.Number)):
-        return value if way == WAYS else (
-            value * (1.5 + 0.3 * wave) + 0.5 + 0.1 * wave,
-            0 * value,
-            -value - 0.1 * wave,
-            value * (1e3 + 100 * wave),
-            value * (1e-3 + 1e-4 * wave),
-            1e-12 * (1 + wave),
-            abs(value) + count[0],
-        )[way]
+        return (
+            value
+            if way == WAYS
+            else (
+                value * (1.5 + 0.3 * wave) + 0.5 + 0.1 * wave,
+                0 * value,
+                -value - 0.1 * wave,
+                value * (1e3 + 100 * wave),
+                value * (1e-3 + 1e-4 * wave),
+                1e-12 * (1 + wave),
+                abs(value) + count[0],
+                1.05 * value,
+                0.95 * value,
+            )[way]
+        )
     if isinstance(value, str):
         return "" if way == WAYS else value + " (altered)"
     return value
 
 
-WAYS = 7
+WAYS = 9
 
 
 def changeable(value: Any) -> bool:
@@ -216,20 +222,24 @@ class Watched(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         name = node.func
-        number = isinstance(name, ast.Attribute) and name.attr == "number" and ast.unparse(name.value) == "Claim"
+        number = (
+            isinstance(name, ast.Attribute) and name.attr == "number" and ast.unparse(name.value) == "Claim"
+        )
         maker = isinstance(name, ast.Name) and name.id in MAKERS
         if not (number or maker):
             return self.generic_visit(node)
         named = {k.arg: k.value for k in node.keywords}
         if number:
             source, ours, tolerance = (
-                [*node.args[1:4], *(named[k] for k in ("source", "ours", "tolerance") if k in named)] + [None] * 3
+                [*node.args[1:4], *(named[k] for k in ("source", "ours", "tolerance") if k in named)]
+                + [None] * 3
             )[:3]
             if tolerance is None:
                 return self.generic_visit(node)
             # What is ours alone is replaced.
-            text = f"(lambda ours, source, tolerance: abs(source - ours) <= tolerance)({ast.unparse(ours)}, " + (
-                f"*(({ast.unparse(source)}), ({ast.unparse(tolerance)}))[:])"
+            text = (
+                f"(lambda ours, source, tolerance: abs(source - ours) <= tolerance)({ast.unparse(ours)}, "
+                + (f"*(({ast.unparse(source)}), ({ast.unparse(tolerance)}))[:])")
             )
             self.generic_visit(node)
             probe = _call("_watch_holds", ast.Constant(None), ast.Constant(text), _scope())
@@ -334,7 +344,10 @@ def replaced(data: Any, path: tuple, way: int) -> Any:
     key, *rest = path
     if key == "*":
         count = [0]
-        return [_with(one, rest[0], altered(one[rest[0]], way, count)) if rest[0] in _keys(one) else one for one in data]
+        return [
+            _with(one, rest[0], altered(one[rest[0]], way, count)) if rest[0] in _keys(one) else one
+            for one in data
+        ]
     return _with(data, key, replaced(data[key], tuple(rest), way))
 
 
@@ -379,7 +392,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="figures and studies; all by default")
     parser.add_argument("--verbose", action="store_true", help="what turns each verdict")
-    parser.add_argument("--deep", action="store_true", help="of studies: by changed data, before claims compute from them")
+    parser.add_argument(
+        "--deep", action="store_true", help="of studies: by changed data, before claims compute from them"
+    )
     options = parser.parse_args()
     number = stuck = 0
     for name in options.names or [*figures(), *studies()]:
