@@ -26,10 +26,10 @@ beyond N, how many half periods have a static peak. For T = 100 to 3000 eps, eps
 Error bars: standard errors of means, over trajectories; of thresholds and exponents, those of weighted lines.
 
 Changed after first runs: the spacings of the two exponents (at T = 10 to 100 eps the local one is 0.7 to 0.8: the
-asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off),
-and the grid of the chain. The oscillator's exponents of departure are held against 1/2 and 1 at 3 standard errors; at
-2, as they were at first, one of six fails (its deviation stands beside it). A fixed 3/2 and another criterion differ in the factor of the threshold, not in the
-exponent 1: for T >> eps only kappa/T is left.
+asymptotic one begins beyond), the distance (20 for 50, beside 4 kappa), the cut-off (short spacings were cut off), and
+the grid of the chain. The oscillator's exponents of departure are held against 1/2 and 1 at 3 standard errors; at 2,
+as they were at first, one of six fails (its deviation stands beside it). A fixed 3/2 and another criterion differ in
+the factor of the threshold, not in the exponent 1: for T >> eps only kappa/T is left.
 
 Usage: python experiments/noise_recapture.py [--fast] [--out DIR] [--draw FILE.json]
 """
@@ -339,8 +339,8 @@ def oscillator_claims(data) -> list[Claim]:
         claim(
             "oscillator: it departs as without static friction from kappa ~ eps (T/eps)^a on",
             "a = 1/2 for T << eps, 1 for T >> eps, within 3 standard errors",
-            f"T <= {FEW:g} eps and T >= {MANY:g} eps: {'; '.join(told)}; off by {off:.2f} standard errors at most", off < 3,
-            "other exponents",
+            f"T <= {FEW:g} eps and T >= {MANY:g} eps: {'; '.join(told)}; off by {off:.2f} standard errors at most",
+            off < 3, "other exponents",
         ),
         claim(
             f"oscillator: at T = {dense[0]['T']:g} eps only the intensity counts for its departure, not the law",

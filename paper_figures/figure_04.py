@@ -98,7 +98,7 @@ def claims():
         Claim(
             "appendix B: attracting for |zeta| < max(1, lam_s)",
             "max(1, lam_s)",
-            f"at rho = 3 d lam'/d lam is {growth.max():.3g} at |zeta| = {abs(zeta[np.argmax(growth)]):.3g}, and repelling "
+            f"at rho = 3 d lam'/d lam is {growth.max():.3g} at |zeta| = {abs(zeta[np.argmax(growth)]):.3g}, repelling "
             + (f"from {np.abs(repelled).min():.3f} on" if repelled.size else "nowhere")
             + f"; for |zeta| < min(1, lam_s) it is {kept:.1e} at most",
             not repelled.size,

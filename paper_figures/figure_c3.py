@@ -136,7 +136,7 @@ def claims(found):
 
 
 def _rebound(eta):
-    """Rebound over impact of F = K delta^n (1 + eta v/v0), of an eta < 0 too: eta (1 + e) = log((1 + eta)/(1 - eta e))."""
+    """Rebound over impact of F = K delta^n (1 + eta v/v0), eta < 0 too: eta (1 + e) = log((1 + eta)/(1 - eta e))."""
     return brentq(lambda e: eta * (1 + e) - math.log((1 + eta) / (1 - eta * e)), 0.5, 50)
 
 
