@@ -461,7 +461,8 @@ def draw_runs(data):
         bounds = np.array([wilson(c, n) for c, n in zip(counts, number)]).T
         share = counts / number
         fourth.errorbar(r, share, [np.maximum(share - bounds[0], 0), np.maximum(bounds[1] - share, 0)],
-                        fmt="-" + "os^"[k], color=COLOUR[LOOK[kind]], markersize=3.5, linewidth=0.9, label=kind)  # fmt: skip
+                        fmt="-" + "os^"[k], color=COLOUR[LOOK[kind]], markersize=3.5, linewidth=0.9,
+                        label=kind)  # fmt: skip
     for b in data["branches"]:
         fourth.axvline(b["end"], color=COLOUR[LOOK[b["kind"]]], linewidth=0.7, linestyle=":")
     fourth.set(xscale="log", xlabel="$r$", ylabel="share of starts", title="Basins, smoothed, $\\sigma$ = 2.4")
