@@ -279,8 +279,8 @@ def claims(data):
 
 def draw(data):
     """Drift, elements, restitution over speed."""
-    figure = new_figure(6.8, 2.7)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 7.4)
+    left, middle, right = figure.subplots(3, 1)
     for (name, path), colour, dash in zip(data["drift"].items(), ("right", "left"), ("-", "--")):
         left.plot(1e6 * np.array(path), dash, color=COLOUR[colour], label=name)
     left.set(xlabel="cycles", ylabel="displacement (µm)", title="drift")

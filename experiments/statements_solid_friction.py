@@ -326,8 +326,8 @@ def claims(data):
 
 def draw(data):
     """Peaks over rho, the path of a stick, hysteresis over beta."""
-    figure = new_figure(6.8, 2.7)
-    left, middle, right = figure.subplots(1, 3)
+    figure = new_figure(3.5, 7.4)
+    left, middle, right = figure.subplots(3, 1)
     u = np.linspace(0, 6, 601)
     for rho, shade, dash in zip((1.0, 1.5, 2.0), ("#4292C6", "#08519C", "#08204A"), (":", "--", "-")):
         left.plot(u, contact_coefficient(u, rho), dash, color=shade, label=rf"$\rho={rho:g}$")
